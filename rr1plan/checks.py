@@ -1,0 +1,93 @@
+"""Border checks: public functions call these once, private functions trust."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.errors import InputError, UnknownNameError
+
+Array = NDArray[np.float64]
+Seed = np.random.Generator | int | None
+
+
+def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
+    """A new float64 array of `value`, checked for shape and finiteness.
+
+    Args:
+        name: How the message calls it.
+        value: Anything numpy can turn into numbers.
+        shape: Expected shape; None stands for any length.
+
+    Raises:
+        InputError: not numbers, wrong shape, NaN or infinite.
+    """
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is not an array of numbers: {value!r}") from error
+    if array.ndim != len(shape) or any(
+        want is not None and got != want for got, want in zip(array.shape, shape, strict=True)
+    ):
+        wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
+        raise InputError(f"{name} has shape {array.shape}, expected {wanted}")
+    if not np.isfinite(array).all():
+        bad = np.argwhere(~np.isfinite(array))[0]
+        index = ", ".join(str(i) for i in bad)
+        raise InputError(f"{name}[{index}] is {array[tuple(bad)]}, expected a finite number")
+    return array
+
+
+def finite_number(name: str, value: Any) -> float:
+    """`value` as a finite float.
+
+    Raises:
+        InputError: not a number, NaN or infinite.
+    """
+    return float(finite_array(name, value, ()))
+
+
+def positive_number(name: str, value: Any) -> float:
+    """`value` as a finite float above zero.
+
+    Raises:
+        InputError: not a number, NaN, infinite, zero or negative.
+    """
+    number = finite_number(name, value)
+    if number <= 0.0:
+        raise InputError(f"{name} is {number}, expected a number above zero")
+    return number
+
+
+def known_name(kind: str, name: str, known: Iterable[str]) -> str:
+    """`name`, if it is one of `known`.
+
+    Raises:
+        UnknownNameError: it is not; the message lists the near ones.
+    """
+    names = tuple(known)
+    if name not in names:
+        raise UnknownNameError(kind, name, names)
+    return name
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array, no longer writeable."""
+    array.setflags(write=False)
+    return array
+
+
+def as_generator(rng: Seed) -> np.random.Generator:
+    """A numpy Generator from a Generator, a seed or None (fresh entropy).
+
+    Raises:
+        InputError: a negative seed or something else.
+    """
+    if isinstance(rng, np.random.Generator):
+        return rng
+    if rng is None or (isinstance(rng, int | np.integer) and not isinstance(rng, bool) and rng >= 0):
+        return np.random.default_rng(rng)
+    raise InputError(f"rng is {rng!r}, expected a numpy Generator, a seed >= 0 or None")

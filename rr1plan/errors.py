@@ -1,0 +1,88 @@
+"""Every exception rr1plan raises on purpose, in one tree.
+
+    Rr1PlanError
+    ├── InputError (ValueError)       a wrong call: says what, got, expected, what to try
+    │   ├── UnknownNameError          a name nobody knows; lists the near ones
+    │   └── FormatError               a file that cannot be read as what it claims to be
+    ├── NoPlanError                   "no answer", only when asked for as an exception
+    ├── RetimingError                 a path that cannot be given times under the limits
+    ├── MissingPackageError (ImportError)   an optional package; names the extra to install
+    └── BackendError                  a library failed in a way we did not foresee
+
+"No answer" is a value (`PlanResult.status`), a wrong call is an exception.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class Rr1PlanError(Exception):
+    """Base of everything rr1plan raises on purpose."""
+
+
+class InputError(Rr1PlanError, ValueError):
+    """A wrong call: the message names the thing, what was got and what was expected."""
+
+
+class UnknownNameError(InputError):
+    """A name nobody knows.
+
+    Args:
+        kind: What the name should have named, e.g. "joint".
+        name: The name that was given.
+        known: All names that would have been right.
+    """
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        self.kind = kind
+        self.name = name
+        self.known = tuple(known)
+        near = difflib.get_close_matches(str(name), self.known, n=3, cutoff=0.5)
+        hint = f" Did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
+        listed = ", ".join(self.known[:30]) + (", ..." if len(self.known) > 30 else "")
+        super().__init__(f"unknown {kind} {name!r}.{hint} Known: {listed or 'none'}.")
+
+
+class FormatError(InputError):
+    """A file that cannot be read as what it claims to be.
+
+    Args:
+        message: What is wrong, and what to try.
+        file: The file, when there is one.
+        line: The line [1-based], when it is known.
+    """
+
+    def __init__(self, message: str, file: str | Path | None = None, line: int | None = None) -> None:
+        self.file = None if file is None else str(file)
+        self.line = line
+        where = "" if file is None else f"{file}{'' if line is None else f':{line}'}: "
+        super().__init__(where + message)
+
+
+class NoPlanError(Rr1PlanError):
+    """Raised by `path_or_raise` when there is no path; the message is the planner's reason."""
+
+
+class RetimingError(Rr1PlanError):
+    """A path that cannot be given times under the limits; names the joint or the place."""
+
+
+class MissingPackageError(Rr1PlanError, ImportError):
+    """An optional package is not installed.
+
+    Args:
+        package: The package that is missing.
+        extra: The rr1plan extra that brings it, when there is one.
+        purpose: What it is needed for.
+    """
+
+    def __init__(self, package: str, purpose: str, extra: str | None = None) -> None:
+        what = f"rr1plan[{extra}]" if extra else package
+        super().__init__(f"{purpose} needs the package {package!r}; try: pip install '{what}'")
+
+
+class BackendError(Rr1PlanError):
+    """A library failed in a way we did not foresee; raised `from` the original."""

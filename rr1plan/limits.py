@@ -1,0 +1,76 @@
+"""Joint limits: what the referee holds every motion to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array, read_only
+from rr1plan.errors import InputError
+
+_POSITIVE = ("velocity", "acceleration", "jerk", "effort")
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Limits of n joints; infinity stands for "no limit known".
+
+    Args:
+        lower: Lowest position [rad or m], shape (n,).
+        upper: Highest position [rad or m], shape (n,).
+        velocity: Highest speed [rad/s or m/s], shape (n,).
+        acceleration: Highest acceleration [rad/s² or m/s²], shape (n,).
+        jerk: Highest jerk [rad/s³ or m/s³], shape (n,).
+        effort: Highest torque or force [Nm or N], shape (n,).
+
+    Raises:
+        InputError: NaN, different lengths, lower above upper, a rate that is not above zero.
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    effort: Array
+
+    def __post_init__(self) -> None:
+        n = np.shape(self.lower)
+        for name in ("lower", "upper", *_POSITIVE):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if array.ndim != 1 or array.shape != n or np.isnan(array).any():
+                raise InputError(f"limits: {name} is {array}, expected {n} numbers without NaN")
+            object.__setattr__(self, name, read_only(array))
+        if (self.lower > self.upper).any():
+            j = int(np.argmax(self.lower > self.upper))
+            raise InputError(f"limits: joint {j} has lower {self.lower[j]} above upper {self.upper[j]}")
+        for name in _POSITIVE:
+            array = getattr(self, name)
+            if (array <= 0).any():
+                j = int(np.argmax(array <= 0))
+                raise InputError(f"limits: {name} of joint {j} is {array[j]}, expected a number above zero")
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for name in ("lower", "upper", *_POSITIVE):
+            read_only(getattr(self, name))
+
+    def __len__(self) -> int:
+        return len(self.lower)
+
+    def scaled(self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
+        """The same limits with the rates multiplied by factors above zero."""
+        return replace(
+            self,
+            velocity=self.velocity * velocity,
+            acceleration=self.acceleration * acceleration,
+            jerk=self.jerk * jerk,
+        )
+
+    @staticmethod
+    def stack(parts: list[Limits]) -> Limits:
+        """The limits of several arms, one after the other."""
+        names = ("lower", "upper", *_POSITIVE)
+        return Limits(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})

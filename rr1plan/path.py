@@ -1,0 +1,80 @@
+"""A path: waypoints in joint space, straight lines between them, no time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array, finite_array, read_only
+from rr1plan.errors import InputError
+
+
+def check_joint_names(joint_names: Any) -> tuple[str, ...]:
+    """Column names as a tuple of distinct strings.
+
+    Raises:
+        InputError: not strings, or one of them twice.
+    """
+    names = tuple(joint_names)
+    if not all(isinstance(name, str) and name for name in names):
+        raise InputError(f"joint_names is {names!r}, expected names")
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"joint_names has {twice!r} twice")
+    return names
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Waypoints joined by straight lines in joint space.
+
+    Args:
+        joint_names: Name of each column, "arm/joint", length nq.
+        waypoints: Configurations [rad or m], shape (n, nq), n >= 1.
+
+    Raises:
+        InputError: shapes that do not fit, NaN, no waypoint, a name twice.
+    """
+
+    joint_names: tuple[str, ...]
+    waypoints: Array
+
+    def __post_init__(self) -> None:
+        names = check_joint_names(self.joint_names)
+        waypoints = finite_array("waypoints", self.waypoints, (None, len(names)))
+        if len(waypoints) < 1:
+            raise InputError("a path has at least one waypoint, got none")
+        object.__setattr__(self, "joint_names", names)
+        object.__setattr__(self, "waypoints", read_only(waypoints))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        read_only(self.waypoints)
+
+    def __len__(self) -> int:
+        return len(self.waypoints)
+
+    @property
+    def length(self) -> float:
+        """Euclidean length in joint space [rad]."""
+        return float(np.linalg.norm(np.diff(self.waypoints, axis=0), axis=1).sum())
+
+    def allclose(self, other: Path, atol: float = 1e-12) -> bool:
+        """The same joints and the same waypoints within `atol` [rad]."""
+        return (
+            self.joint_names == other.joint_names
+            and self.waypoints.shape == other.waypoints.shape
+            and bool(np.allclose(self.waypoints, other.waypoints, rtol=0.0, atol=atol))
+        )
+
+    def sample(self, step: float) -> Array:
+        """Configurations along the path, at most `step` [rad] apart in any joint, shape (m, nq)."""
+        if not step > 0.0:
+            raise InputError(f"step is {step}, expected a number above zero")
+        pieces = [self.waypoints[:1]]
+        for a, b in zip(self.waypoints[:-1], self.waypoints[1:], strict=True):
+            count = max(1, int(np.ceil(np.abs(b - a).max(initial=0.0) / step)))
+            pieces.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
+        return np.concatenate(pieces)

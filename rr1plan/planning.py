@@ -1,0 +1,131 @@
+"""What every planner takes and gives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Protocol
+
+from rr1plan.checks import Array, Seed
+from rr1plan.errors import InputError, NoPlanError
+from rr1plan.path import Path
+from rr1plan.problem import Problem
+
+
+class PlanStatus(Enum):
+    """How a planning query ended."""
+
+    SOLVED = "solved"
+    TIMEOUT = "timeout"
+    INVALID_START = "invalid_start"
+    INVALID_GOAL = "invalid_goal"
+    INFEASIBLE = "infeasible"
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True)
+class Budget:
+    """When a planner has to stop, whichever comes first.
+
+    Args:
+        seconds: Wall time [s], above zero (inf: no limit).
+        iterations: Termination checks of the planner; None: no limit. A budget of iterations
+            alone (seconds=inf) makes a plan reproducible to the byte.
+
+    Raises:
+        InputError: a budget of zero or less, NaN, or no limit at all.
+    """
+
+    seconds: float = 10.0
+    iterations: int | None = None
+
+    def __post_init__(self) -> None:
+        if not self.seconds > 0.0:
+            raise InputError(f"budget of {self.seconds} seconds, expected more than zero")
+        if self.iterations is not None and self.iterations < 1:
+            raise InputError(f"budget of {self.iterations} iterations, expected at least one")
+        if math.isinf(self.seconds) and self.iterations is None:
+            raise InputError("a budget needs seconds or iterations, got neither")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a planner says while it works: seconds so far, fraction of the budget used, best cost so far."""
+
+    stage: str
+    seconds: float
+    fraction: float
+    best_cost: float | None = None
+
+
+ProgressCallback = Callable[[Progress], None]
+
+
+@dataclass(frozen=True, eq=False)
+class SearchTree:
+    """What a planner explored: configurations (n, nq) and edges between them (m, 2)."""
+
+    vertices: Array
+    edges: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """The answer of a planner.
+
+    Args:
+        status: How it ended; a path exists exactly for SOLVED.
+        path: The path, every edge certified free, start exact, end at a goal; or None.
+        reason: Why there is none, in words (which links touch what, which joint is out by how much).
+        planner: Name of the planner.
+        seed: Seed that gives this answer again under the same budget of iterations.
+        seconds: Wall time [s].
+        iterations: Termination checks made.
+        edges_checked: Edges given to the collision checker.
+        cost_history: (seconds, path length) whenever the best path improved.
+        tree: What was explored, when asked for.
+    """
+
+    status: PlanStatus
+    path: Path | None
+    reason: str = ""
+    planner: str = ""
+    seed: int = 0
+    seconds: float = 0.0
+    iterations: int = 0
+    edges_checked: int = 0
+    cost_history: tuple[tuple[float, float], ...] = field(default_factory=tuple)
+    tree: SearchTree | None = None
+
+    @property
+    def solved(self) -> bool:
+        """There is a path."""
+        return self.status is PlanStatus.SOLVED
+
+    def path_or_raise(self) -> Path:
+        """The path.
+
+        Raises:
+            NoPlanError: there is none; the message is the reason.
+        """
+        if self.path is None:
+            raise NoPlanError(f"{self.planner}: {self.status.value}: {self.reason}")
+        return self.path
+
+
+class Planner(Protocol):
+    """Settings in the constructor, data in the verb."""
+
+    name: str
+
+    def plan(
+        self,
+        problem: Problem,
+        budget: Budget | None = None,
+        rng: Seed = None,
+        progress: ProgressCallback | None = None,
+    ) -> PlanResult:
+        """Answer a problem; see `rr1plan.plan`."""
+        ...

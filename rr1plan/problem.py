@@ -1,0 +1,227 @@
+"""A problem: a scene, the arms that move, where each starts and where each has to get to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array, finite_array, known_name, positive_number, read_only
+from rr1plan.errors import InputError
+from rr1plan.robot import Robot
+from rr1plan.scene import Scene
+from rr1plan.transforms import as_pose, rotation_from_quaternion
+
+
+@dataclass(frozen=True, eq=False)
+class JointGoal:
+    """Get to a configuration.
+
+    Args:
+        q: A configuration's name, or its numbers [rad or m], shape (nq,).
+    """
+
+    q: Any
+
+
+@dataclass(frozen=True, eq=False)
+class PoseGoal:
+    """Bring a frame to a position, or to a full pose, in the world.
+
+    Args:
+        frame: A link of the arm, or "tool" for the robot's tool.
+        position: Where its origin has to be [m], shape (3,); or a full T_world_frame, shape (4, 4).
+        quaternion: How it has to be turned, wxyz; None leaves the orientation free.
+        position_tolerance: [m].
+        orientation_tolerance: [rad].
+
+    Raises:
+        InputError: not finite, wrong shape, or the orientation given twice.
+    """
+
+    frame: str
+    position: Any
+    quaternion: Any = None
+    position_tolerance: float = 1e-4
+    orientation_tolerance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if np.shape(self.position) == (4, 4):
+            if self.quaternion is not None:
+                raise InputError("PoseGoal got a full pose and a quaternion, expected one of them")
+            T = as_pose(self.position, "goal pose")
+            rotation: Array | None = T[:3, :3]
+            position = T[:3, 3].copy()
+        else:
+            position = finite_array("goal position", self.position, (3,))
+            rotation = None if self.quaternion is None else rotation_from_quaternion(self.quaternion)
+        positive_number("position_tolerance", self.position_tolerance)
+        positive_number("orientation_tolerance", self.orientation_tolerance)
+        object.__setattr__(self, "position", read_only(position))
+        object.__setattr__(self, "_rotation", None if rotation is None else read_only(np.array(rotation)))
+
+    @property
+    def rotation(self) -> Array | None:
+        """Wanted rotation matrix R_world_frame (3, 3), or None when any will do."""
+        rotation: Array | None = self._rotation  # type: ignore[attr-defined]  # set in __post_init__
+        return rotation
+
+
+@dataclass(frozen=True, eq=False)
+class RegionGoal:
+    """Bring a frame's origin anywhere into a box of the world.
+
+    Args:
+        frame: A link of the arm, or "tool" for the robot's tool.
+        lower: Lowest corner [m], shape (3,).
+        upper: Highest corner [m], shape (3,).
+        quaternion: How the frame has to be turned, wxyz; None leaves the orientation free.
+        orientation_tolerance: [rad].
+
+    Raises:
+        InputError: not finite, wrong shape, or lower above upper.
+    """
+
+    frame: str
+    lower: Any
+    upper: Any
+    quaternion: Any = None
+    orientation_tolerance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        lower = finite_array("region lower", self.lower, (3,))
+        upper = finite_array("region upper", self.upper, (3,))
+        if (lower > upper).any():
+            raise InputError(f"region has lower {lower.tolist()} above upper {upper.tolist()}")
+        if self.quaternion is not None:
+            rotation_from_quaternion(self.quaternion)
+        positive_number("orientation_tolerance", self.orientation_tolerance)
+        object.__setattr__(self, "lower", read_only(lower))
+        object.__setattr__(self, "upper", read_only(upper))
+
+
+Goal = JointGoal | PoseGoal | RegionGoal
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A planning question.
+
+    Args:
+        scene: Where it happens. Arms that do not move hold their posture of the scene.
+        start: Where the moving arms start: for one arm a configuration's name or numbers (nq,); for
+            several a mapping by arm (an arm that is not in it starts in its posture of the scene).
+            None: the postures of the scene.
+        goal: Where they have to get to: for one arm a goal, a configuration's name or numbers, or a
+            list of those (any one of them); for several a mapping from arm to one of those.
+        arms: The arms that move. Default: the arms of a goal mapping, or the only arm.
+
+    After construction `start` is the composite configuration (nq,), `goal` a mapping from arm to a
+    tuple of alternatives, `arms` the moving arms in the order of the scene. An arm that moves
+    without a goal of its own has to come back to its start.
+
+    Raises:
+        InputError, UnknownNameError: names, shapes or numbers that do not fit the scene.
+    """
+
+    scene: Scene
+    start: Any
+    goal: Any
+    arms: Any = None
+
+    def __post_init__(self) -> None:
+        arms = self._moving_arms()
+        object.__setattr__(self, "arms", arms)
+        object.__setattr__(self, "start", read_only(self._start(arms)))
+        object.__setattr__(self, "goal", MappingProxyType(self._goals(arms)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"scene": self.scene, "start": self.start, "goal": dict(self.goal), "arms": self.arms}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, MappingProxyType(value) if name == "goal" else value)
+        read_only(self.start)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Column names "arm/joint" of the moving arms."""
+        return self.scene.joint_names(self.arms)
+
+    @property
+    def nq(self) -> int:
+        """Number of columns."""
+        return len(self.start)
+
+    def _moving_arms(self) -> tuple[str, ...]:
+        if self.arms is not None:
+            return self.scene.arm_names([self.arms] if isinstance(self.arms, str) else list(self.arms))
+        if isinstance(self.goal, Mapping):
+            return self.scene.arm_names(list(self.goal))
+        return (self.scene.only_arm(),)
+
+    def _start(self, arms: tuple[str, ...]) -> Array:
+        robots = {name: self.scene.arms[name].robot for name in arms}
+        if self.start is None:
+            given: Mapping[str, Any] = {}
+        elif isinstance(self.start, Mapping):
+            given = self.start
+            for name in given:
+                known_name("moving arm", name, arms)
+        elif len(arms) == 1:
+            given = {arms[0]: self.start}
+        elif isinstance(self.start, str):
+            given = dict.fromkeys(arms, self.start)
+        else:
+            values = finite_array("start", self.start, (sum(r.nq for r in robots.values()),))
+            given = {name: q for name, q in self.scene.split(values, arms).items() if name in arms}
+        return np.concatenate(
+            [robots[n].configuration(given[n], f"start of {n!r}") if n in given else self.scene.arms[n].q for n in arms]
+        )
+
+    def _goals(self, arms: tuple[str, ...]) -> dict[str, tuple[Goal, ...]]:
+        if isinstance(self.goal, Mapping):
+            given = dict(self.goal)
+            for name in given:
+                known_name("moving arm", name, arms)
+        elif len(arms) == 1:
+            given = {arms[0]: self.goal}
+        else:
+            raise InputError(f"{len(arms)} arms move ({', '.join(arms)}); expected a goal mapping from arm to goal")
+        starts = self.scene.split(self.start, arms)
+        return {name: self._alternatives(name, given.get(name, starts[name])) for name in arms}
+
+    def _alternatives(self, arm: str, goal: Any) -> tuple[Goal, ...]:
+        robot = self.scene.arms[arm].robot
+        several = isinstance(goal, Sequence) and not isinstance(goal, str) and not _is_numbers(goal)
+        alternatives = tuple(_one_goal(robot, arm, g) for g in (goal if several else [goal]))
+        if not alternatives:
+            raise InputError(f"the goal of {arm!r} is an empty list, expected at least one goal")
+        return alternatives
+
+
+def _is_numbers(value: Sequence[Any]) -> bool:
+    return len(value) > 0 and all(isinstance(v, int | float | np.number) for v in value)
+
+
+def _one_goal(robot: Robot, arm: str, goal: Any) -> Goal:
+    """A checked goal from a goal, a configuration's name or its numbers."""
+    if isinstance(goal, PoseGoal | RegionGoal):
+        robot.link(frame_link(robot, goal.frame))
+        return goal
+    q = goal.q if isinstance(goal, JointGoal) else goal
+    return JointGoal(robot.configuration(q, f"goal of {arm!r}"))
+
+
+def frame_link(robot: Robot, frame: str) -> str:
+    """The link a goal's frame means: "tool" stands for the robot's tool unless a link has that name.
+
+    Raises:
+        UnknownNameError: there is no such link.
+    """
+    if frame == "tool" and frame not in robot.link_names:
+        return robot.tool
+    return known_name("frame", frame, robot.link_names)

@@ -1,0 +1,330 @@
+"""A robot: one arm's description, immutable and shared by all its copies.
+
+Pure values: links, joints, shapes, limits, named configurations and the pairs of links that
+may touch. Pinocchio, Coal, MuJoCo and the viewer are each built from this same description,
+so they cannot disagree about the robot. The forward kinematics here is the plain one, in numpy;
+`rr1plan.kinematics` has the fast one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+
+from rr1plan.checks import Array, finite_array, finite_number, known_name, read_only
+from rr1plan.errors import InputError
+from rr1plan.limits import Limits
+from rr1plan.shapes import Mesh, PointCloud, Shape
+from rr1plan.transforms import identity, rotation_about
+
+JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
+Color = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """Mass [kg], centre of mass (3,) [m] in the link frame, inertia (3, 3) [kg m²] about it in link axes."""
+
+    mass: float
+    com: Array
+    inertia: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """A shape at a pose (4, 4) in the frame of its link or obstacle, with a colour (rgba, 0..1) or None."""
+
+    name: str
+    shape: Shape
+    pose: Array = field(default_factory=identity)
+    color: Color | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid body: what it weighs, how it looks, what it hits."""
+
+    name: str
+    inertial: Inertial | None = None
+    visuals: tuple[Geometry, ...] = ()
+    collisions: tuple[Geometry, ...] = ()
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """This joint's value is multiplier * (value of `joint`) + offset."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """How a child link moves against its parent.
+
+    Args:
+        name: Joint name.
+        kind: Revolute, continuous (no position limits), prismatic or fixed.
+        parent: Parent link.
+        child: Child link.
+        origin: T_parent_joint, shape (4, 4).
+        axis: Unit axis in the joint frame, shape (3,).
+        lower, upper: Position limits [rad or m]; -inf and inf for a continuous joint.
+        velocity: Highest speed [rad/s or m/s].
+        effort: Highest torque or force [Nm or N].
+        damping: Viscous friction [Nm s/rad].
+        friction: Coulomb friction [Nm].
+        mimic: The joint this one follows, or None.
+    """
+
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    origin: Array = field(default_factory=identity)
+    axis: Array = field(default_factory=lambda: read_only(np.array([0.0, 0.0, 1.0])))
+    lower: float = -np.inf
+    upper: float = np.inf
+    velocity: float = np.inf
+    effort: float = np.inf
+    damping: float = 0.0
+    friction: float = 0.0
+    mimic: Mimic | None = None
+
+    def motion(self, value: float) -> Array:
+        """T_joint_child at a joint value [rad or m], shape (4, 4)."""
+        T = np.eye(4)
+        if self.kind == "prismatic":
+            T[:3, 3] = value * self.axis
+        elif self.kind != "fixed":
+            T[:3, :3] = rotation_about(self.axis, value)
+        return T
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """One arm's description. Build it with `rr1plan.load_robot` or `rr1plan.formats`.
+
+    Args:
+        name: Name of the robot.
+        links: All links, the base first.
+        joints: All joints, each after the joint that moves its parent link.
+        joint_names: The planning joints: the columns of q, in order.
+        limits: Limits of the planning joints, in that order.
+        configurations: Named configurations of the planning joints, each (nq,); has "home".
+        held: Values of the actuated joints that are not planned for (a gripper), by name.
+        never_collide: Pairs of links that may touch or never can (SRDF `disable_collisions`).
+        tool: The link whose frame pose goals mean when they name none.
+        presets: Other limits by name, e.g. "sim" and "hardware".
+        named_held: Named values of held joints, e.g. {"open": {"finger_joint": 0.0}}.
+        source: Where the description came from, for messages.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    joint_names: tuple[str, ...]
+    limits: Limits
+    configurations: Mapping[str, Array]
+    held: Mapping[str, float]
+    never_collide: frozenset[frozenset[str]]
+    tool: str
+    presets: Mapping[str, Limits] = field(default_factory=dict)
+    named_held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("configurations", "held", "presets", "named_held"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        configurations = {
+            name: read_only(finite_array(f"configuration {name!r}", q, (self.nq,)))
+            for name, q in self.configurations.items()
+        }
+        object.__setattr__(self, "configurations", MappingProxyType(configurations))
+        if "home" not in self.configurations:
+            raise InputError(f"robot {self.name!r} has no configuration 'home'")
+        if len(self.limits) != self.nq:
+            raise InputError(f"robot {self.name!r} has limits for {len(self.limits)} of {self.nq} joints")
+        known_name("link", self.tool, self.link_names)
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = {k: v for k, v in self.__dict__.items() if k in self.__dataclass_fields__}
+        return {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in state.items()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
+        for q in self.configurations.values():
+            read_only(q)
+
+    # ---- reading -----------------------------------------------------------------------
+
+    @property
+    def nq(self) -> int:
+        """Number of planning joints."""
+        return len(self.joint_names)
+
+    @property
+    def home(self) -> Array:
+        """The configuration named "home", shape (nq,)."""
+        return self.configurations["home"]
+
+    @property
+    def base(self) -> str:
+        """Name of the base link."""
+        return self.links[0].name
+
+    @cached_property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of all links (every one is a frame)."""
+        return tuple(link.name for link in self.links)
+
+    @cached_property
+    def continuous(self) -> Array:
+        """Which planning joints have no position limits (they wrap around), shape (nq,) of 0 and 1."""
+        return read_only(np.array([float(self.joint(n).kind == "continuous") for n in self.joint_names]))
+
+    def joint(self, name: str) -> Joint:
+        """A joint by name.
+
+        Raises:
+            UnknownNameError: there is no such joint.
+        """
+        return self._joints[known_name("joint", name, self._joints)]
+
+    def link(self, name: str) -> Link:
+        """A link by name.
+
+        Raises:
+            UnknownNameError: there is no such link.
+        """
+        return self._links[known_name("link", name, self._links)]
+
+    def configuration(self, value: Any, name: str = "configuration") -> Array:
+        """A configuration from its name or its numbers, shape (nq,), read-only.
+
+        Raises:
+            UnknownNameError: no configuration of that name.
+            InputError: wrong shape or not finite.
+        """
+        if isinstance(value, str):
+            return self.configurations[known_name("configuration", value, self.configurations)]
+        if np.shape(value) != (self.nq,):
+            raise InputError(
+                f"{name} has shape {np.shape(value)}, expected ({self.nq},): one value for each of {', '.join(self.joint_names)}"
+            )
+        try:
+            return read_only(finite_array(name, value, (self.nq,)))
+        except InputError as error:
+            bad = [n for n, v in zip(self.joint_names, value, strict=True) if not np.isfinite(float(v))]
+            raise InputError(f"{name}: {error} (joint {', '.join(bad)})") from None
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 of everything that plans depend on: joints, limits, shapes, masses (hex)."""
+        digest = hashlib.sha256()
+        _feed(digest, (self.name, self.joint_names, dict(self.held), sorted(sorted(p) for p in self.never_collide)))
+        _feed(digest, [[getattr(self.limits, n) for n in self.limits.__dataclass_fields__]])
+        for joint in self.joints:
+            _feed(digest, [getattr(joint, n) for n in joint.__dataclass_fields__])
+        for link in self.links:
+            inertial = link.inertial
+            _feed(digest, (link.name, () if inertial is None else (inertial.mass, inertial.com, inertial.inertia)))
+            for g in link.collisions:
+                _feed(digest, (g.name, g.pose, g.shape))
+        return digest.hexdigest()
+
+    # ---- other values of the same robot -------------------------------------------------
+
+    def with_limits(self, limits: Limits | str) -> Robot:
+        """The same robot under other limits: a `Limits`, or the name of a preset.
+
+        Raises:
+            UnknownNameError: no preset of that name.
+        """
+        if isinstance(limits, str):
+            limits = self.presets[known_name("limit preset", limits, self.presets)]
+        return replace(self, limits=limits)
+
+    def with_held(self, values: Mapping[str, float] | str) -> Robot:
+        """The same robot with its gripper elsewhere: joint values, or the name of a state, e.g. "open".
+
+        Raises:
+            UnknownNameError: no such state or no such held joint.
+            InputError: a value that is not finite or out of the joint's limits.
+        """
+        if isinstance(values, str):
+            values = self.named_held[known_name("gripper state", values, self.named_held)]
+        held = dict(self.held)
+        for name, value in values.items():
+            joint = self.joint(known_name("held joint", name, self.held))
+            number = finite_number(f"joint {name!r}", value)
+            if not joint.lower - 1e-9 <= number <= joint.upper + 1e-9:
+                raise InputError(f"joint {name!r} is {number}, outside [{joint.lower}, {joint.upper}]")
+            held[name] = number
+        return replace(self, held=held)
+
+    # ---- plain kinematics ---------------------------------------------------------------
+
+    def joint_values(self, q: Array) -> dict[str, float]:
+        """The value of every movable joint [rad or m]: planned, held and mimicking."""
+        values = dict(zip(self.joint_names, (float(v) for v in q), strict=True)) | dict(self.held)
+        for joint in self.joints:
+            if joint.kind != "fixed" and joint.name not in values:
+                values[joint.name] = self._resolve(joint, values)
+        return values
+
+    def _resolve(self, joint: Joint, values: Mapping[str, float], depth: int = 0) -> float:
+        """The value of a mimic joint, following a chain of mimics."""
+        if joint.name in values:
+            return values[joint.name]
+        if joint.mimic is None or depth > len(self.joints):
+            raise InputError(
+                f"joint {joint.name!r} of robot {self.name!r} has no value and mimics no joint that has one"
+            )
+        leader = self._resolve(self.joint(joint.mimic.joint), values, depth + 1)
+        return joint.mimic.multiplier * leader + joint.mimic.offset
+
+    def link_poses(self, q: Any) -> dict[str, Array]:
+        """T_base_link of every link at q (nq,), by plain numpy.
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        values = self.joint_values(self.configuration(q))
+        poses = {self.base: np.eye(4)}
+        for joint in self.joints:
+            poses[joint.child] = poses[joint.parent] @ joint.origin @ joint.motion(values.get(joint.name, 0.0))
+        return poses
+
+    @cached_property
+    def _joints(self) -> dict[str, Joint]:
+        return {joint.name: joint for joint in self.joints}
+
+    @cached_property
+    def _links(self) -> dict[str, Link]:
+        return {link.name: link for link in self.links}
+
+
+def _feed(digest: Any, value: Any) -> None:
+    """Feed a nest of plain values, arrays and shapes to a hash, each with its type and length."""
+    if isinstance(value, Mesh | PointCloud):
+        _feed(digest, [type(value).__name__, *(getattr(value, n) for n in value.__dataclass_fields__)])
+    elif isinstance(value, np.ndarray):
+        digest.update(f"array{value.shape}{value.dtype.str}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, list | tuple):
+        digest.update(f"list{len(value)}".encode())
+        for item in value:
+            _feed(digest, item)
+    elif isinstance(value, dict):
+        _feed(digest, sorted(value.items()))
+    else:
+        digest.update(f"{type(value).__name__}:{value!r};".encode())

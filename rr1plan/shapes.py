@@ -1,0 +1,182 @@
+"""The shapes that links and obstacles are made of: small immutable values, SI units.
+
+Each shape is centred in its own frame; cylinders and capsules run along z; a half-space is
+the matter below its plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, finite_array, finite_number, positive_number, read_only
+from rr1plan.errors import InputError
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box.
+
+    Args:
+        size: Full edge lengths [m], shape (3,).
+
+    Raises:
+        InputError: a size that is not finite or not above zero.
+    """
+
+    size: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        size = finite_array("box size", self.size, (3,))
+        x, y, z = (positive_number("box size", s) for s in size)
+        object.__setattr__(self, "size", (x, y, z))
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere.
+
+    Args:
+        radius: Radius [m].
+
+    Raises:
+        InputError: a radius that is not finite or not above zero.
+    """
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", positive_number("sphere radius", self.radius))
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder along z.
+
+    Args:
+        radius: Radius [m].
+        length: Length [m].
+
+    Raises:
+        InputError: a measure that is not finite or not above zero.
+    """
+
+    radius: float
+    length: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", positive_number("cylinder radius", self.radius))
+        object.__setattr__(self, "length", positive_number("cylinder length", self.length))
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """A capsule along z: all points within `radius` of a segment of `length`.
+
+    Args:
+        radius: Radius [m].
+        length: Length of the segment, without the round ends [m].
+
+    Raises:
+        InputError: a measure that is not finite or not above zero.
+    """
+
+    radius: float
+    length: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", positive_number("capsule radius", self.radius))
+        object.__setattr__(self, "length", positive_number("capsule length", self.length))
+
+
+@dataclass(frozen=True)
+class HalfSpace:
+    """All points p with normal . p <= offset; the ground is `HalfSpace((0, 0, 1), 0)`.
+
+    Args:
+        normal: Outward direction, normalised here, shape (3,).
+        offset: Distance of the plane from the origin along the normal [m].
+
+    Raises:
+        InputError: a normal of length zero, or numbers that are not finite.
+    """
+
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        n = finite_array("half-space normal", self.normal, (3,))
+        length = float(np.linalg.norm(n))
+        if length < 1e-9:
+            raise InputError("half-space normal has length zero, expected a direction")
+        x, y, z = (float(c) for c in n / length)
+        object.__setattr__(self, "normal", (x, y, z))
+        object.__setattr__(self, "offset", finite_number("half-space offset", self.offset))
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A triangle mesh.
+
+    Args:
+        vertices: Points [m], shape (n, 3).
+        faces: Indices of each triangle's corners, counter-clockwise from outside, shape (m, 3).
+        convex: The mesh is the boundary of its own convex hull (set by the hull builder only).
+
+    Raises:
+        InputError: fewer than 4 vertices, an index out of range, numbers that are not finite.
+    """
+
+    vertices: Array
+    faces: NDArray[np.int32]
+    convex: bool = False
+
+    def __post_init__(self) -> None:
+        vertices = finite_array("mesh vertices", self.vertices, (None, 3))
+        faces = np.array(self.faces, dtype=np.int32)
+        if len(vertices) < 4 or faces.ndim != 2 or faces.shape[1:] != (3,) or len(faces) < 1:
+            raise InputError(
+                f"mesh has {len(vertices)} vertices and faces of shape {faces.shape}, expected >= 4 and (m, 3)"
+            )
+        if faces.min() < 0 or faces.max() >= len(vertices):
+            raise InputError(f"mesh face index {int(faces.max())} is out of range, it has {len(vertices)} vertices")
+        object.__setattr__(self, "vertices", read_only(vertices))
+        object.__setattr__(self, "faces", read_only(faces))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        read_only(self.vertices)
+        read_only(self.faces)
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Points with a thickness: a cube of side `resolution` is solid around each point (an octree's leaf).
+
+    Args:
+        points: Points [m], shape (n, 3).
+        resolution: Side of an octree leaf [m].
+
+    Raises:
+        InputError: no point, a point that is not finite, a resolution not above zero.
+    """
+
+    points: Array
+    resolution: float = 0.02
+
+    def __post_init__(self) -> None:
+        points = finite_array("point cloud", self.points, (None, 3))
+        if len(points) == 0:
+            raise InputError("point cloud has no points, expected at least one")
+        object.__setattr__(self, "points", read_only(points))
+        object.__setattr__(self, "resolution", positive_number("point cloud resolution", self.resolution))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        read_only(self.points)
+
+
+Shape = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh | PointCloud

@@ -1,0 +1,197 @@
+"""A trajectory: a piecewise polynomial in time, on one clock for all its arms.
+
+Everything a retiming produces is exactly a piecewise polynomial (straight lines and parabolic
+blends under a constant path acceleration, Ruckig's cubic phases), so nothing is lost by
+storing just that, limits can be checked between samples, and merging arms is arithmetic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array, finite_array, known_name, read_only
+from rr1plan.errors import InputError
+from rr1plan.path import check_joint_names
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Position as a function of time: q(t) = sum_k coefficients[i, k] (t - breaks[i])^k on piece i.
+
+    Outside its time span a trajectory rests at its ends (rates are zero there).
+
+    Args:
+        joint_names: Name of each column, "arm/joint", length nq.
+        breaks: Strictly increasing times [s], shape (m + 1,), m >= 1; or shape (1,) for a
+            trajectory of duration zero.
+        coefficients: Local polynomial coefficients, lowest power first, shape (m, degree + 1, nq);
+            (1, degree + 1, nq) for a duration of zero.
+
+    Raises:
+        InputError: shapes that do not fit, NaN, a clock that does not strictly increase.
+    """
+
+    joint_names: tuple[str, ...]
+    breaks: Array
+    coefficients: Array
+
+    def __post_init__(self) -> None:
+        names = check_joint_names(self.joint_names)
+        breaks = finite_array("breaks", self.breaks, (None,))
+        coefficients = finite_array("coefficients", self.coefficients, (None, None, len(names)))
+        if len(breaks) < 1 or len(coefficients) != max(1, len(breaks) - 1) or coefficients.shape[1] < 1:
+            raise InputError(f"{len(breaks)} breaks do not fit coefficients of shape {coefficients.shape}")
+        if (np.diff(breaks) <= 0.0).any():
+            i = int(np.argmax(np.diff(breaks) <= 0.0))
+            raise InputError(f"breaks[{i + 1}] = {breaks[i + 1]} is not after breaks[{i}] = {breaks[i]}")
+        object.__setattr__(self, "joint_names", names)
+        object.__setattr__(self, "breaks", read_only(breaks))
+        object.__setattr__(self, "coefficients", read_only(coefficients))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        read_only(self.breaks)
+        read_only(self.coefficients)
+
+    # ---- construction ------------------------------------------------------------------
+
+    @staticmethod
+    def rest(joint_names: tuple[str, ...], q: Any, start: float = 0.0, duration: float = 0.0) -> Trajectory:
+        """Standing still at q (nq,) for `duration` [s]."""
+        q = finite_array("q", q, (len(joint_names),))
+        breaks = [start] if duration == 0.0 else [start, start + duration]
+        return Trajectory(joint_names, np.array(breaks), q[None, None, :])
+
+    @staticmethod
+    def merge(*parts: Trajectory) -> Trajectory:
+        """One trajectory of all the joints of `parts` on their common clock; who is done rests.
+
+        Raises:
+            InputError: no parts, or a joint in two of them.
+        """
+        if not parts:
+            raise InputError("merge got no trajectories")
+        names = check_joint_names([name for part in parts for name in part.joint_names])
+        breaks = np.unique(np.concatenate([part.breaks for part in parts]))
+        degree = max(part.coefficients.shape[1] for part in parts)
+        return Trajectory(names, breaks, np.concatenate([part._on(breaks, degree) for part in parts], axis=2))
+
+    def select(self, arm: str) -> Trajectory:
+        """The part of one arm, on the same clock.
+
+        Raises:
+            UnknownNameError: no column belongs to that arm.
+        """
+        known_name("arm", arm, self.arms)
+        columns = [i for i, name in enumerate(self.joint_names) if name.split("/", 1)[0] == arm]
+        return Trajectory(tuple(self.joint_names[i] for i in columns), self.breaks, self.coefficients[:, :, columns])
+
+    def stretched(self, factor: float) -> Trajectory:
+        """The same motion, `factor` times as long (rates fall by factor, factor², factor³)."""
+        if not factor > 0.0:
+            raise InputError(f"factor is {factor}, expected a number above zero")
+        powers = factor ** -np.arange(self.coefficients.shape[1])
+        start = self.breaks[0]
+        return Trajectory(
+            self.joint_names, start + (self.breaks - start) * factor, self.coefficients * powers[None, :, None]
+        )
+
+    def shifted(self, seconds: float) -> Trajectory:
+        """The same motion, `seconds` later."""
+        return Trajectory(self.joint_names, self.breaks + seconds, self.coefficients)
+
+    # ---- reading -----------------------------------------------------------------------
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Names of the arms that have columns here, in order."""
+        return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
+
+    @property
+    def start_time(self) -> float:
+        """First instant [s]."""
+        return float(self.breaks[0])
+
+    @property
+    def end_time(self) -> float:
+        """Last instant [s]."""
+        return float(self.breaks[-1])
+
+    @property
+    def duration(self) -> float:
+        """Time from start to end [s]."""
+        return self.end_time - self.start_time
+
+    def __call__(self, t: Any, derivative: int = 0) -> Array:
+        """Position (or a derivative of it) at time t.
+
+        Args:
+            t: Time [s], a number or an array of any shape.
+            derivative: 0 position, 1 velocity, 2 acceleration, 3 jerk. At a break the piece that
+                begins there is used (the last piece at the end).
+
+        Returns:
+            Shape (*t.shape, nq) [rad/s^derivative].
+        """
+        times = np.asarray(t, dtype=np.float64)
+        flat = times.ravel()
+        if not np.isfinite(flat).all():
+            raise InputError("t is not finite")
+        piece = np.clip(np.searchsorted(self.breaks, flat, side="right") - 1, 0, len(self.coefficients) - 1)
+        local = np.clip(flat, self.breaks[0], self.breaks[-1]) - self.breaks[piece]
+        coefficients = self.derivative_coefficients(derivative)[piece]
+        value = np.zeros((len(flat), len(self.joint_names)))
+        for k in range(coefficients.shape[1] - 1, -1, -1):
+            value = value * local[:, None] + coefficients[:, k]
+        if derivative > 0:
+            value[(flat < self.breaks[0]) | (flat > self.breaks[-1])] = 0.0
+        return value.reshape(*times.shape, -1)
+
+    def derivative_coefficients(self, derivative: int) -> Array:
+        """Local coefficients of a derivative, lowest power first, shape (m, degree + 1 - derivative or 1, nq)."""
+        c = self.coefficients
+        for _ in range(derivative):
+            c = c[:, 1:] * np.arange(1, c.shape[1])[None, :, None] if c.shape[1] > 1 else np.zeros_like(c)
+        return c
+
+    def sample_times(self, dt: float) -> Array:
+        """Times start, start + dt, ..., and the end [s]."""
+        if not dt > 0.0:
+            raise InputError(f"dt is {dt}, expected a number above zero")
+        count = int(np.floor(self.duration / dt + 1e-9))
+        times = self.start_time + dt * np.arange(count + 1)
+        return times if self.end_time - times[-1] < 1e-9 * max(1.0, dt) else np.append(times, self.end_time)
+
+    def sample(self, dt: float) -> tuple[Array, Array]:
+        """Times (n,) [s] every dt and at the end, and positions (n, nq) there."""
+        times = self.sample_times(dt)
+        return times, self(times)
+
+    def allclose(self, other: Trajectory, atol: float = 1e-12) -> bool:
+        """The same joints, clock and polynomials within `atol`."""
+        return (
+            self.joint_names == other.joint_names
+            and self.breaks.shape == other.breaks.shape
+            and self.coefficients.shape == other.coefficients.shape
+            and bool(np.allclose(self.breaks, other.breaks, rtol=0.0, atol=atol))
+            and bool(np.allclose(self.coefficients, other.coefficients, rtol=0.0, atol=atol))
+        )
+
+    def _on(self, breaks: Array, degree: int) -> Array:
+        """Coefficients re-expanded on a finer clock that holds all of ours, shape (m, degree, nq)."""
+        starts = breaks[:-1] if len(breaks) > 1 else breaks
+        out = np.zeros((len(starts), degree, len(self.joint_names)))
+        inside = (starts >= self.breaks[0]) & (starts < self.breaks[-1])
+        piece = np.clip(np.searchsorted(self.breaks, starts, side="right") - 1, 0, len(self.coefficients) - 1)
+        old = self.coefficients[piece]
+        shift = starts - self.breaks[piece]
+        for k in range(old.shape[1]):
+            for j in range(k, old.shape[1]):
+                out[:, k] += comb(j, k) * old[:, j] * (shift ** (j - k))[:, None]
+        out[~inside] = 0.0
+        out[~inside, 0] = self(np.where(starts < self.breaks[0], self.breaks[0], self.breaks[-1]))[~inside]
+        return out

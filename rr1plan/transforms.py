@@ -1,0 +1,135 @@
+"""Rigid transforms as read-only 4x4 arrays, quaternions as wxyz.
+
+`T_world_tool` maps tool coordinates to world coordinates. Another quaternion order lives
+inside the one adapter that needs it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array, finite_array, read_only
+from rr1plan.errors import InputError
+
+
+def identity() -> Array:
+    """The identity transform, shape (4, 4)."""
+    return read_only(np.eye(4))
+
+
+def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
+    """Rotation matrix of URDF's fixed-axis roll, pitch, yaw [rad], shape (3, 3)."""
+    cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (np.cos, np.sin))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def rotation_about(axis: Array, angle: float) -> Array:
+    """Rotation matrix about a unit axis (3,) by an angle [rad] (Rodrigues), shape (3, 3)."""
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K))
+
+
+def rotation_from_quaternion(wxyz: Any) -> Array:
+    """Rotation matrix of a quaternion wxyz, normalised first, shape (3, 3).
+
+    Raises:
+        InputError: not four finite numbers, or a norm too near zero to have a direction.
+    """
+    q = finite_array("quaternion wxyz", wxyz, (4,))
+    norm = float(np.linalg.norm(q))
+    if norm < 1e-6:
+        raise InputError(f"quaternion wxyz {q.tolist()} has norm {norm:.3g}, expected about 1")
+    w, x, y, z = q / norm
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion_from_rotation(R: Array) -> Array:
+    """Unit quaternion wxyz with w >= 0 of a rotation matrix (3, 3) (Shepperd 1978), shape (4,)."""
+    trace = float(np.trace(R))
+    squares = np.array([trace, R[0, 0], R[1, 1], R[2, 2]])
+    largest = int(np.argmax(squares))
+    root = np.sqrt(max(0.0, 1.0 + 2.0 * squares[largest] - trace))
+    w = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
+    if largest == 0:
+        q = np.array([root * root, *w])
+    else:
+        i = largest - 1
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q = np.empty(4)
+        q[0] = w[i]
+        q[1 + i] = root * root
+        q[1 + j] = R[i, j] + R[j, i]
+        q[1 + k] = R[i, k] + R[k, i]
+    q /= np.linalg.norm(q)
+    return np.asarray(-q if q[0] < 0 else q)
+
+
+def pose(xyz: Any = (0.0, 0.0, 0.0), *, rpy: Any = None, quaternion: Any = None) -> Array:
+    """A transform from a position and one of the two ways to write a rotation.
+
+    Args:
+        xyz: Position [m], shape (3,).
+        rpy: Roll, pitch, yaw [rad], shape (3,).
+        quaternion: Quaternion wxyz, shape (4,).
+
+    Returns:
+        Transform, shape (4, 4), read-only.
+
+    Raises:
+        InputError: not finite, wrong shape, or both rotations given.
+    """
+    if rpy is not None and quaternion is not None:
+        raise InputError("pose got both rpy and quaternion, expected at most one of them")
+    T = np.eye(4)
+    T[:3, 3] = finite_array("xyz", xyz, (3,))
+    if rpy is not None:
+        T[:3, :3] = rotation_from_rpy(*finite_array("rpy", rpy, (3,)))
+    elif quaternion is not None:
+        T[:3, :3] = rotation_from_quaternion(quaternion)
+    return read_only(T)
+
+
+def as_pose(value: Any, name: str = "pose") -> Array:
+    """A checked read-only transform from a (4, 4) array, a position (3,) or None (identity).
+
+    Raises:
+        InputError: another shape, not finite, or not a rigid transform.
+    """
+    if value is None:
+        return identity()
+    if np.shape(value) == (3,):
+        return pose(finite_array(name, value, (3,)))
+    T = finite_array(name, value, (4, 4))
+    R = T[:3, :3]
+    if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0 or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
+        raise InputError(f"{name} is not a rigid transform: its rotation part is not a rotation matrix")
+    return read_only(T)
+
+
+def inverse(T: Array) -> Array:
+    """The inverse of a rigid transform, shape (4, 4)."""
+    out = np.eye(4)
+    out[:3, :3] = T[:3, :3].T
+    out[:3, 3] = -T[:3, :3].T @ T[:3, 3]
+    return out
+
+
+def rotation_angle(R: Array) -> float:
+    """The angle [rad], 0..pi, of a rotation matrix (3, 3)."""
+    sine = 0.5 * np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    return float(np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)))
