@@ -1,0 +1,133 @@
+"""rr1plan: certified motion planning for robot arms, from a question to a replayed, visible motion.
+
+    import rr1plan as rp
+
+    scene = rp.load_scene("rr1_table")
+    problem = rp.Problem(scene, start="home", goal=rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
+    motion = rp.plan_motion(problem, rng=0)
+    print(motion.report)
+    motion.show()
+
+Every name below is loaded on first use, so `import rr1plan` stays light.
+"""
+
+from __future__ import annotations
+
+import logging
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rr1plan import multi as multi
+    from rr1plan import playback as playback
+    from rr1plan import retiming as retiming
+    from rr1plan import transforms as transforms
+    from rr1plan.collision import CollisionChecker as CollisionChecker
+    from rr1plan.collision import MotionChecker as MotionChecker
+    from rr1plan.errors import BackendError as BackendError
+    from rr1plan.errors import FormatError as FormatError
+    from rr1plan.errors import InputError as InputError
+    from rr1plan.errors import MissingPackageError as MissingPackageError
+    from rr1plan.errors import NoPlanError as NoPlanError
+    from rr1plan.errors import RetimingError as RetimingError
+    from rr1plan.errors import Rr1PlanError as Rr1PlanError
+    from rr1plan.errors import UnknownNameError as UnknownNameError
+    from rr1plan.kinematics import Kinematics as Kinematics
+    from rr1plan.kinematics import solve_ik as solve_ik
+    from rr1plan.library import load_robot as load_robot
+    from rr1plan.library import load_scene as load_scene
+    from rr1plan.library import robot_names as robot_names
+    from rr1plan.library import scene_names as scene_names
+    from rr1plan.limits import Limits as Limits
+    from rr1plan.multi import place_grid as place_grid
+    from rr1plan.multi import place_ring as place_ring
+    from rr1plan.path import Path as Path
+    from rr1plan.pipeline import MotionPlan as MotionPlan
+    from rr1plan.pipeline import plan_motion as plan_motion
+    from rr1plan.planners import make_planner as make_planner
+    from rr1plan.planners import plan as plan
+    from rr1plan.planners import planner_names as planner_names
+    from rr1plan.planners.shortcut import shorten as shorten
+    from rr1plan.planning import Budget as Budget
+    from rr1plan.planning import PlanResult as PlanResult
+    from rr1plan.planning import PlanStatus as PlanStatus
+    from rr1plan.playback import cspace as cspace
+    from rr1plan.playback import save_html as save_html
+    from rr1plan.playback import show as show
+    from rr1plan.playback import simulate as simulate
+    from rr1plan.problem import JointGoal as JointGoal
+    from rr1plan.problem import PoseGoal as PoseGoal
+    from rr1plan.problem import Problem as Problem
+    from rr1plan.problem import RegionGoal as RegionGoal
+    from rr1plan.report import Report as Report
+    from rr1plan.report import Violation as Violation
+    from rr1plan.retiming import retime as retime
+    from rr1plan.robot import Robot as Robot
+    from rr1plan.scene import Arm as Arm
+    from rr1plan.scene import Scene as Scene
+    from rr1plan.shapes import Box as Box
+    from rr1plan.shapes import Capsule as Capsule
+    from rr1plan.shapes import Cylinder as Cylinder
+    from rr1plan.shapes import HalfSpace as HalfSpace
+    from rr1plan.shapes import Mesh as Mesh
+    from rr1plan.shapes import PointCloud as PointCloud
+    from rr1plan.shapes import Sphere as Sphere
+    from rr1plan.trajectory import Trajectory as Trajectory
+    from rr1plan.validation import validate as validate
+
+__version__ = "0.1.0"
+
+# A name here and a line above; a test holds the two together.
+_EXPORTS = {
+    "rr1plan.collision": ("CollisionChecker", "MotionChecker"),
+    "rr1plan.errors": (
+        "BackendError",
+        "FormatError",
+        "InputError",
+        "MissingPackageError",
+        "NoPlanError",
+        "RetimingError",
+        "Rr1PlanError",
+        "UnknownNameError",
+    ),
+    "rr1plan.kinematics": ("Kinematics", "solve_ik"),
+    "rr1plan.library": ("load_robot", "load_scene", "robot_names", "scene_names"),
+    "rr1plan.limits": ("Limits",),
+    "rr1plan.multi": ("place_grid", "place_ring"),
+    "rr1plan.path": ("Path",),
+    "rr1plan.pipeline": ("MotionPlan", "plan_motion"),
+    "rr1plan.planners": ("make_planner", "plan", "planner_names"),
+    "rr1plan.planners.shortcut": ("shorten",),
+    "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus"),
+    "rr1plan.playback": ("cspace", "save_html", "show", "simulate"),
+    "rr1plan.problem": ("JointGoal", "PoseGoal", "Problem", "RegionGoal"),
+    "rr1plan.report": ("Report", "Violation"),
+    "rr1plan.retiming": ("retime",),
+    "rr1plan.robot": ("Robot",),
+    "rr1plan.scene": ("Arm", "Scene"),
+    "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Sphere"),
+    "rr1plan.trajectory": ("Trajectory",),
+    "rr1plan.validation": ("validate",),
+}
+_SUBMODULES = ("multi", "playback", "retiming", "transforms")
+_HOME = {name: module for module, names in _EXPORTS.items() for name in names}
+
+__all__ = ["__version__", *_SUBMODULES, *_HOME]  # noqa: PLE0604 - one list, written once, in _EXPORTS
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name on first use."""
+    if name in _SUBMODULES:
+        return import_module(f"rr1plan.{name}")
+    if name not in _HOME:
+        raise AttributeError(f"module 'rr1plan' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """All public names, loaded or not."""
+    return sorted(__all__)

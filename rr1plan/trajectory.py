@@ -155,7 +155,7 @@ class Trajectory:
         """Local coefficients of a derivative, lowest power first, shape (m, degree + 1 - derivative or 1, nq)."""
         c = self.coefficients
         for _ in range(derivative):
-            c = c[:, 1:] * np.arange(1, c.shape[1])[None, :, None] if c.shape[1] > 1 else np.zeros_like(c)
+            c = np.asarray(c[:, 1:] * np.arange(1, c.shape[1])[None, :, None] if c.shape[1] > 1 else np.zeros_like(c))
         return c
 
     def sample_times(self, dt: float) -> Array:
