@@ -112,7 +112,9 @@ class HalfSpace:
         length = float(np.linalg.norm(n))
         if length < 1e-9:
             raise InputError("half-space normal has length zero, expected a direction")
-        x, y, z = (float(c) for c in n / length)
+        if abs(length - 1.0) > 1e-15:  # a unit normal is kept to the last bit, so that files read back equal
+            n = n / length
+        x, y, z = (float(c) for c in n)
         object.__setattr__(self, "normal", (x, y, z))
         object.__setattr__(self, "offset", finite_number("half-space offset", self.offset))
 
