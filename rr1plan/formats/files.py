@@ -1,0 +1,92 @@
+"""Reading with a size limit, writing in one step.
+
+A file is written next to its place, flushed to the disk and renamed over it, so a crash leaves
+the old file or the new one, never half of one.
+"""
+
+from __future__ import annotations
+
+import gzip
+import os
+import tempfile
+import zlib
+from pathlib import Path
+
+from rr1plan.errors import FormatError, InputError
+
+MAX_BYTES = 256 * 1024 * 1024
+
+
+def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
+    """A file's content, unpacked when its name ends in ".gz".
+
+    Args:
+        file: The file.
+        max_bytes: Refuse more than this, packed or unpacked.
+
+    Raises:
+        FormatError: not there, not readable, too large, or a damaged archive.
+    """
+    path = Path(file)
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
+            data = stream.read(max_bytes + 1)
+    except FileNotFoundError as error:
+        raise FormatError("there is no such file", file) from error
+    except (OSError, EOFError, zlib.error) as error:
+        raise FormatError(f"cannot be read: {error}", file) from error
+    if len(data) > max_bytes:
+        raise FormatError(f"is larger than {max_bytes} bytes, the most that is read", file)
+    return data
+
+
+def read_text(file: str | Path, max_bytes: int = MAX_BYTES) -> str:
+    """A UTF-8 file's text; see `read_bytes`.
+
+    Raises:
+        FormatError: as `read_bytes`, or not UTF-8.
+    """
+    try:
+        return read_bytes(file, max_bytes).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise FormatError(f"is not UTF-8 text (byte {error.start})", file) from error
+
+
+def write_text(file: str | Path, text: str) -> Path:
+    """Write a UTF-8 file in one step and return its path; see `write_bytes`."""
+    return write_bytes(file, text.encode("utf-8"))
+
+
+def write_bytes(file: str | Path, data: bytes) -> Path:
+    """Write a file in one step and return its path.
+
+    Raises:
+        InputError: the folder is not there or not writeable; an old file is left as it was.
+    """
+    path = Path(file)
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        Path(temporary).chmod(_new_file_mode(path))
+        Path(temporary).replace(path)
+    except BaseException as error:
+        Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise InputError(f"cannot write {path}: {error.strerror}") from error
+        raise
+    return path
+
+
+def _new_file_mode(path: Path) -> int:
+    """The mode of the file that is replaced, or what the umask grants (a temporary file has 0600)."""
+    if path.exists():
+        return path.stat().st_mode & 0o777
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask

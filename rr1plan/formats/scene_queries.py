@@ -1,0 +1,121 @@
+"""Named queries of a scene file, both ways.
+
+    [queries.reach]
+    start = "home"                                              # or numbers; default: the scene's posture
+    goal = { frame = "tool", position = [-0.3, 0.25, 0.2] }     # a goal, a name, numbers, or a list of those
+
+    [queries.swap]                                              # several arms
+    starts = { left = "home" }
+    goals = { left = [0.1, 0, 0, 0, 1, 0], right = "home" }
+
+A goal table has `frame` and either `position` (and `quaternion`, wxyz) or the corners `lower` and
+`upper` of a region.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rr1plan.formats.tables import Table, check_numbers, is_number
+from rr1plan.problem import Goal, JointGoal, PoseGoal, Problem, RegionGoal
+from rr1plan.scene import Scene
+from rr1plan.transforms import quaternion_from_rotation, rotation_from_quaternion
+
+
+def read_queries(queries: Table, scene: Scene) -> dict[str, Problem]:
+    """The problems of a table of queries."""
+    return {name: read_query(queries.table(name), scene) for name in queries.names()}
+
+
+def read_query(entry: Table, scene: Scene) -> Problem:
+    """One problem."""
+    if entry.one_of({"goal": None, "goals": None}) == "goal":
+        goal, start = _read_goal(entry, "goal"), _read_start(entry, "start")
+    else:
+        goals, starts = entry.table("goals"), entry.table("starts")
+        goal = {arm: _read_goal(goals, arm) for arm in goals.names()}
+        start = {arm: _read_start(starts, arm) for arm in starts.names()}
+    arms = entry.strings("arms") or None
+    entry.finish()
+    with entry.blame():
+        return Problem(scene, start, goal, arms)
+
+
+def problem_entries(problem: Problem) -> dict[str, Any]:
+    """Entries from which `read_query` makes the same problem again."""
+    starts = problem.scene.split(problem.start, problem.arms)
+    goals = {arm: [_goal_entry(goal) for goal in alternatives] for arm, alternatives in problem.goal.items()}
+    arms = list(problem.arms)
+    if len(arms) > 1:
+        return {"arms": arms, "starts": {arm: starts[arm].tolist() for arm in arms}, "goals": goals}
+    only = goals[arms[0]]
+    return {"arms": arms, "start": problem.start.tolist(), "goal": only[0] if len(only) == 1 else only}
+
+
+def _read_start(entry: Table, key: str) -> Any:
+    value = entry.raw(key)
+    if value is None or isinstance(value, str):
+        return value
+    return entry.numbers(key, (None,))
+
+
+def _read_goal(entry: Table, key: str) -> Any:
+    value = entry.required(key)
+    if isinstance(value, list) and value and not all(is_number(v) for v in value):
+        return [_one_goal(entry, f"{key}[{i}]", item) for i, item in enumerate(value)]
+    return _one_goal(entry, key, value)
+
+
+def _one_goal(entry: Table, place: str, value: Any) -> Any:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, list):
+        check_numbers(value, lambda message: entry.error(message, place))
+        return [float(v) if is_number(v) else v for v in value]
+    table = Table(value, entry.file, (*entry.path, place), entry.text)
+    frame = table.string("frame", "tool")
+    quaternion = table.numbers("quaternion", (4,)) if "quaternion" in table else None
+    tolerance = table.number("orientation_tolerance", 1e-3)
+    goal: PoseGoal | RegionGoal
+    with table.blame():
+        if table.one_of({"position": None, "lower": None}) == "position":
+            rotation = table.numbers("rotation", (3, 3)) if "rotation" in table else None
+            target = _target(table.numbers("position", (3,)), rotation)
+            goal = PoseGoal(frame, target, quaternion, table.number("position_tolerance", 1e-4), tolerance)
+        else:
+            goal = RegionGoal(frame, table.numbers("lower", (3,)), table.numbers("upper", (3,)), quaternion, tolerance)
+    table.finish()
+    return goal
+
+
+def _target(position: Any, rotation: Any) -> Any:
+    if rotation is None:
+        return position
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation, position
+    return T
+
+
+def _goal_entry(goal: Goal) -> Any:
+    if isinstance(goal, JointGoal):
+        return goal.q.tolist()
+    entry: dict[str, Any] = {"frame": goal.frame}
+    if isinstance(goal, PoseGoal):
+        entry["position"] = goal.position.tolist()
+        entry["position_tolerance"] = goal.position_tolerance
+        entry |= _rotation_entry(goal.rotation)
+    else:
+        entry |= {"lower": goal.lower.tolist(), "upper": goal.upper.tolist()}
+        if goal.quaternion is not None:
+            entry["quaternion"] = [float(v) for v in goal.quaternion]
+    return entry | {"orientation_tolerance": goal.orientation_tolerance}
+
+
+def _rotation_entry(R: Any) -> dict[str, Any]:
+    if R is None:
+        return {}
+    quaternion = quaternion_from_rotation(R)
+    exact = np.array_equal(rotation_from_quaternion(quaternion), R)
+    return {"quaternion": quaternion.tolist()} if exact else {"rotation": R.tolist()}

@@ -1,0 +1,247 @@
+"""Scene files: arms, obstacles, held objects, rules and named queries as readable TOML.
+
+    description = "An RR1 on a table."
+
+    [arms.rr1]
+    robot = "rr1"                      # a name, or a file relative to this one
+    xyz = [0, 0, 0]                    # and rpy, quaternion (wxyz) or rotation (rows)
+    q = "home"                         # or numbers
+
+    [obstacles.box]
+    xyz = [-0.4, 0.1, 0.1]
+    box = [0.1, 0.1, 0.2]              # see `scene_shapes` for the others
+    color = "#8a9ba8"
+
+    [queries.reach]
+    goal = { frame = "tool", position = [-0.3, 0.25, 0.2] }
+
+The reader is strict: an unknown key, a wrong type, NaN or a missing entry is an error with its place.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rr1plan.errors import FormatError
+from rr1plan.formats.files import read_text, write_text
+from rr1plan.formats.scene_queries import problem_entries, read_queries
+from rr1plan.formats.scene_shapes import geometries_entries, pose_entries, read_geometries, read_pose
+from rr1plan.formats.tables import Table, is_number
+from rr1plan.formats.toml_writer import to_toml
+from rr1plan.limits import Limits
+from rr1plan.problem import Problem
+from rr1plan.robot import Robot
+from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
+
+RobotLoader = Callable[[str, str | None], Robot]
+_VERSION = 1
+_MAX_BYTES = 64 * 1024 * 1024
+_LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFile:
+    """What a scene file holds.
+
+    Args:
+        scene: The scene.
+        problems: Its named queries, as problems in that scene.
+    """
+
+    scene: Scene
+    problems: Mapping[str, Problem] = field(default_factory=dict)
+
+
+def read_scene(file: str | Path, load_robot: RobotLoader) -> SceneFile:
+    """Read a scene file.
+
+    Args:
+        file: The file; paths in it are relative to its folder and stay inside it.
+        load_robot: Gives a robot by its name or by an absolute path, and the name of a joint group or None.
+
+    Raises:
+        FormatError: not TOML, or not a scene; names the place and the line.
+    """
+    text = read_text(file, _MAX_BYTES)
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        line = re.search(r"at line (\d+)", str(error))
+        raise FormatError(f"is not TOML: {error}", file, int(line[1]) if line else None) from error
+    except RecursionError as error:
+        raise FormatError("is nested too deeply", file) from error
+    top = Table(data, file, text=text)
+    if top.raw("version", _VERSION) != _VERSION:
+        raise top.error(f"is version {top.raw('version')!r}, expected {_VERSION}", "version")
+    folder = Path(file).absolute().parent
+    scene = Scene(name=top.string("name", Path(file).stem), description=top.string("description", ""))
+    scene = replace(scene, arms=_read_arms(top.table("arms"), folder, load_robot))
+    scene = _with_objects(scene, top, folder)
+    scene = _with_rules(scene, top)
+    problems = read_queries(top.table("queries"), scene)
+    top.finish()
+    return SceneFile(scene, problems)
+
+
+def write_scene(
+    file: str | Path,
+    scene: Scene,
+    problems: Mapping[str, Problem] | None = None,
+    robots: Mapping[str, str] | None = None,
+) -> Path:
+    """Write a scene file that reads back as the same scene, to the last bit.
+
+    Args:
+        file: The file; it is replaced in one step.
+        scene: The scene. Meshes and point clouds are written into the file.
+        problems: Named queries in that scene.
+        robots: How the file calls the robot of each arm (default: the robot's name).
+
+    Raises:
+        InputError: the folder is not there or not writeable.
+    """
+    data: dict[str, Any] = {"version": _VERSION, "name": scene.name, "description": scene.description}
+    if scene.padding:
+        data["padding"] = scene.padding
+    if scene.allowed:
+        data["allowed"] = sorted(_both(p) for p in scene.allowed)
+    if scene.pair_padding:
+        rows = sorted((_both(p), distance) for p, distance in scene.pair_padding.items())
+        data["pair_padding"] = [{"between": both, "distance": distance} for both, distance in rows]
+    names = robots or {}
+    data["arms"] = {n: _arm_entries(arm, names.get(n, arm.robot.name)) for n, arm in scene.arms.items()}
+    data["obstacles"] = {
+        n: pose_entries(o.pose) | geometries_entries(n, o.geometries) for n, o in scene.obstacles.items()
+    }
+    data["attachments"] = {n: _attachment_entries(n, held) for n, held in scene.attachments.items()}
+    data["queries"] = {n: problem_entries(problem) for n, problem in (problems or {}).items()}
+    return write_text(file, to_toml(data))
+
+
+def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, Arm]:
+    return {name: _read_arm(arms.table(name), folder, load_robot) for name in arms.names()}
+
+
+def _read_arm(entry: Table, folder: Path, load_robot: RobotLoader) -> Arm:
+    name, group = entry.string("robot"), entry.string("group", "") or None
+    with entry.blame("robot"):
+        robot = load_robot(_robot_reference(name, folder), group)
+    if "limits" in entry:
+        robot = _with_limits(robot, entry)
+    if "held" in entry:
+        robot = _with_held(robot, entry)
+    base = read_pose(entry)
+    q = entry.raw("q", "home")
+    if not isinstance(q, str):
+        q = entry.numbers("q", (None,))
+    with entry.blame("q"):
+        arm = Arm(robot, base, q)
+    entry.finish()
+    return arm
+
+
+def _robot_reference(name: str, folder: Path) -> str:
+    """A file is meant when the name has a suffix or a slash."""
+    return str((folder / name).resolve()) if "/" in name or Path(name).suffix else name
+
+
+def _with_limits(robot: Robot, entry: Table) -> Robot:
+    if isinstance(entry.raw("limits"), str):
+        with entry.blame("limits"):
+            return robot.with_limits(entry.string("limits"))
+    table = entry.table("limits")
+    values = {name: table.required(name) for name in _LIMITS}
+    for name, value in values.items():
+        if not isinstance(value, list) or len(value) != robot.nq or not all(is_number(v) for v in value):
+            raise table.error(f"expected {robot.nq} numbers", name)
+    table.finish()
+    with entry.blame("limits"):
+        return robot.with_limits(Limits(**values))
+
+
+def _with_held(robot: Robot, entry: Table) -> Robot:
+    with entry.blame("held"):
+        if isinstance(entry.raw("held"), str):
+            return robot.with_held(entry.string("held"))
+        table = entry.table("held")
+        return robot.with_held({joint: table.number(joint) for joint in table.names()})
+
+
+def _with_objects(scene: Scene, top: Table, folder: Path) -> Scene:
+    obstacles, attachments = top.table("obstacles"), top.table("attachments")
+    for name in obstacles.names():
+        entry = obstacles.table(name)
+        obstacle = Obstacle(read_geometries(entry, name, folder), read_pose(entry))
+        entry.finish()
+        with entry.blame():
+            scene = replace(scene, obstacles={**scene.obstacles, name: obstacle})
+    for name in attachments.names():
+        entry = attachments.table(name)
+        with entry.blame():
+            scene = _with_attachment(scene, name, entry, folder)
+        entry.finish()
+    return scene
+
+
+def _with_attachment(scene: Scene, name: str, entry: Table, folder: Path) -> Scene:
+    arm = scene.only_arm(entry.string("arm") if "arm" in entry else None)
+    robot = scene.arm(arm).robot
+    link = robot.link(entry.string("link", robot.tool)).name
+    touch = frozenset(robot.link(other).name for other in entry.strings("touch"))
+    held = Attachment(read_geometries(entry, name, folder), arm, link, read_pose(entry), touch)
+    return replace(scene, attachments={**scene.attachments, name: held})
+
+
+def _with_rules(scene: Scene, top: Table) -> Scene:
+    padding = top.number("padding", 0.0)
+    allowed: set[Pair] = {_read_pair(top, "allowed", both) for both in top.raw("allowed", [])}
+    distances: dict[Pair, float] = {}
+    for entry in top.tables("pair_padding"):
+        distances[_read_pair(entry, "between", entry.required("between"))] = entry.number("distance")
+        entry.finish()
+    with top.blame("allowed"):
+        scene = replace(scene, allowed=frozenset(allowed))
+    with top.blame("padding"):
+        return replace(scene, padding=padding, pair_padding=distances)
+
+
+def _read_pair(table: Table, key: str, value: Any) -> Pair:
+    if not isinstance(value, list) or len(value) != 2 or not all(isinstance(name, str) for name in value):
+        raise table.error(f"expected pairs of names, got {value!r}", key)
+    return pair(*value)
+
+
+def _both(names: Pair) -> list[str]:
+    """The two names of a pair, in order; twice the same for a pair of one element with itself."""
+    return sorted(names) * (2 if len(names) == 1 else 1)
+
+
+def _arm_entries(arm: Arm, robot: str) -> dict[str, Any]:
+    entries: dict[str, Any] = {"robot": robot} | pose_entries(arm.base)
+    named = [name for name, q in arm.robot.configurations.items() if np.array_equal(q, arm.q)]
+    entries["q"] = named[0] if named else arm.q.tolist()
+    entries["limits"] = _limits_entry(arm.robot)
+    if arm.robot.held:
+        entries["held"] = dict(arm.robot.held)
+    return entries
+
+
+def _limits_entry(robot: Robot) -> Any:
+    for name, preset in robot.presets.items():
+        if all(np.array_equal(getattr(preset, n), getattr(robot.limits, n)) for n in _LIMITS):
+            return name
+    return {name: getattr(robot.limits, name).tolist() for name in _LIMITS}
+
+
+def _attachment_entries(name: str, held: Attachment) -> dict[str, Any]:
+    entries: dict[str, Any] = {"arm": held.arm, "link": held.link} | pose_entries(held.pose)
+    if held.touch:
+        entries["touch"] = sorted(held.touch)
+    return entries | geometries_entries(name, held.geometries)

@@ -1,0 +1,190 @@
+"""A strict view of nested tables from TOML, YAML or JSON: every key is asked for, or it is an error.
+
+Every error names the file, the line where it can be found, and the place, e.g.
+"scene.toml:12: obstacles.shelf: unknown key 'boxx'. Did you mean 'box'?".
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array, finite_array
+from rr1plan.errors import FormatError, InputError, UnknownNameError
+
+
+class Table:
+    """One table of a file; remembers which keys were asked for.
+
+    Args:
+        data: The parsed mapping.
+        file: The file, for messages.
+        path: Keys from the top to this table.
+        text: The file's text, to find lines in.
+    """
+
+    def __init__(self, data: Any, file: str | Path, path: tuple[str, ...] = (), text: str = "") -> None:
+        self.file = file
+        self.path = path
+        self.text = text
+        if not isinstance(data, Mapping) or not all(isinstance(key, str) for key in data):
+            raise self.error(f"expected a table with named entries, got {_shown(data)}")
+        self._data = data
+        self._asked: set[str] = set()
+
+    def __contains__(self, key: str) -> bool:
+        self._asked.add(key)
+        return key in self._data
+
+    def names(self) -> tuple[str, ...]:
+        """All keys, without asking for them."""
+        return tuple(self._data)
+
+    def raw(self, key: str, default: Any = None) -> Any:
+        """The value as parsed."""
+        return self._data[key] if key in self else default
+
+    def required(self, key: str) -> Any:
+        """The value as parsed.
+
+        Raises:
+            FormatError: it is not there.
+        """
+        if key not in self:
+            raise self.error(f"has no {key!r}, which is required")
+        return self._data[key]
+
+    def string(self, key: str, default: str | None = None) -> str:
+        """Text; required when there is no default."""
+        value = self.required(key) if default is None else self.raw(key, default)
+        if not isinstance(value, str):
+            raise self.error(f"expected text, got {_shown(value)}", key)
+        return value
+
+    def number(self, key: str, default: float | None = None) -> float:
+        """A finite number; required when there is no default."""
+        value = self.required(key) if default is None else self.raw(key, default)
+        if not is_number(value):
+            raise self.error(f"expected a number, got {_shown(value)}", key)
+        if not math.isfinite(value):
+            raise self.error(f"expected a finite number, got {value}", key)
+        return float(value)
+
+    def boolean(self, key: str, default: bool = False) -> bool:
+        """True or false."""
+        value = self.raw(key, default)
+        if not isinstance(value, bool):
+            raise self.error(f"expected true or false, got {_shown(value)}", key)
+        return value
+
+    def numbers(self, key: str, shape: tuple[int | None, ...]) -> Array:
+        """An array of finite numbers of a shape (None stands for any length); required."""
+        value = self.required(key)
+        check_numbers(value, lambda message: self.error(message, key))
+        with self.blame(key):
+            return finite_array(key, value, shape)
+
+    def strings(self, key: str) -> tuple[str, ...]:
+        """A list of texts, empty when it is not there."""
+        value = self.raw(key, [])
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            raise self.error(f"expected a list of texts, got {_shown(value)}", key)
+        return tuple(value)
+
+    def table(self, key: str) -> Table:
+        """A table within this one, empty when it is not there."""
+        return Table(self.raw(key, {}), self.file, (*self.path, key), self.text)
+
+    def tables(self, key: str) -> list[Table]:
+        """A list of tables, empty when it is not there."""
+        value = self.raw(key, [])
+        if not isinstance(value, list):
+            raise self.error(f"expected a list of tables, got {_shown(value)}", key)
+        return [Table(item, self.file, (*self.path, f"{key}[{i}]"), self.text) for i, item in enumerate(value)]
+
+    def one_of(self, kinds: Mapping[str, Any]) -> str:
+        """The single key of `kinds` that is there.
+
+        Raises:
+            FormatError: none of them or several.
+        """
+        present = [kind for kind in kinds if kind in self]
+        if len(present) != 1:
+            got = " and ".join(present) if present else f"none (it has {', '.join(self._data) or 'no keys'})"
+            raise self.error(f"expected exactly one of {', '.join(kinds)}; got {got}")
+        return present[0]
+
+    def finish(self) -> None:
+        """Refuse keys that nobody asked for.
+
+        Raises:
+            FormatError: names the first of them and the near ones that are known.
+        """
+        for key in self._data:
+            if key not in self._asked:
+                raise self.error(str(UnknownNameError("key", key, sorted(self._asked))), key)
+
+    def error(self, message: str, key: str | None = None) -> FormatError:
+        """A FormatError that says where."""
+        place = (*self.path, key) if key is not None else self.path
+        where = ".".join(place) + ": " if place else ""
+        return FormatError(where + message, self.file, line_of(self.text, place))
+
+    @contextmanager
+    def blame(self, key: str | None = None) -> Iterator[None]:
+        """Re-raise what the values themselves refuse as an error of this place."""
+        try:
+            yield
+        except FormatError:
+            raise
+        except InputError as error:
+            raise self.error(str(error), key) from error
+
+
+def is_number(value: Any) -> bool:
+    """A number that is not a truth value (`yes` is one in YAML)."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def check_numbers(value: Any, error: Callable[[str], FormatError]) -> None:
+    """Refuse a nest of lists with anything but numbers in it (numpy would take "1" and True)."""
+    if isinstance(value, list):
+        for item in value:
+            check_numbers(item, error)
+    elif not is_number(value):
+        raise error(f"expected a list of numbers, got {_shown(value)} in it")
+
+
+def line_of(text: str, place: tuple[str, ...]) -> int | None:
+    """The line [1-based] of a TOML table or key, as near as a look at the text can tell."""
+    for depth in range(len(place), 0, -1):
+        header = r"\s*\.\s*".join(_key_pattern(part) for part in place[:depth])
+        found = re.search(rf"^\s*\[\[?\s*{header}\s*\]", text, re.MULTILINE)
+        if found is None:
+            continue
+        start = text.count("\n", 0, found.end()) + 1
+        if depth == len(place):
+            return start
+        body = text[found.end() :]
+        following = re.search(r"^\s*\[", body, re.MULTILINE)
+        body = body[: following.start()] if following else body
+        inner = re.search(rf"^\s*{_key_pattern(place[depth])}\s*[.=]", body, re.MULTILINE)
+        return start if inner is None else start + body.count("\n", 0, inner.start(0) + len(inner[0]))
+    top = re.search(rf"^\s*{_key_pattern(place[0])}\s*[.=]", text, re.MULTILINE) if place else None
+    return None if top is None else text.count("\n", 0, top.end()) + 1
+
+
+def _key_pattern(part: str) -> str:
+    name = re.escape(re.sub(r"\[\d+\]$", "", part))
+    return rf"[\"']?{name}[\"']?"
+
+
+def _shown(value: Any) -> str:
+    shown = repr(value.tolist() if isinstance(value, np.ndarray) else value)
+    return shown if len(shown) <= 80 else shown[:77] + "..."
