@@ -1,0 +1,230 @@
+"""Where the arms are and how they move: poses, Jacobians, torques, all as functions of the planning q.
+
+Pinocchio computes, our affine map (`SceneModel.full`) takes q to its configuration and the results
+back, so mimic joints count in every Jacobian and torque and held joints and resting arms are still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rr1plan.checks import Array, finite_array
+from rr1plan.errors import InputError
+from rr1plan.model import SceneModel
+from rr1plan.problem import frame_link
+from rr1plan.robot import Robot
+from rr1plan.scene import Arm, Scene
+
+_WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+class Kinematics:
+    """Forward kinematics, Jacobians and inverse dynamics of the moving arms of a scene.
+
+    A frame is "arm/link" or "arm/tool" (the robot's tool); where one arm moves, "link" or "tool" will do.
+    An instance keeps scratch memory: use one per thread.
+
+    Args:
+        scene_or_robot: A scene; or a robot, which then stands alone in the world as the arm "arm".
+        arms: The arms that move (default: all); the others rest in their posture of the scene.
+
+    Raises:
+        UnknownNameError: no such arm.
+        InputError: neither a scene nor a robot.
+    """
+
+    def __init__(self, scene_or_robot: Scene | Robot, arms: Sequence[str] | None = None) -> None:
+        scene = Scene({"arm": Arm(scene_or_robot)}) if isinstance(scene_or_robot, Robot) else scene_or_robot
+        self.scene_model = SceneModel(scene, arms)
+        self._model = self.scene_model.model
+        self._data = self._model.createData()
+        self._own: dict[str, Kinematics] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickles as its scene; the model is built again."""
+        return Kinematics, (self.scene, self.arms)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.scene_model.scene
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """The arms that move, in the order of the scene."""
+        return self.scene_model.arms
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Columns of q, "arm/joint"."""
+        return self.scene_model.joint_names
+
+    @property
+    def nq(self) -> int:
+        """Number of columns of q."""
+        return self.scene_model.nq
+
+    def frame(self, frame: str) -> str:
+        """The full name "arm/link" of a frame.
+
+        Raises:
+            UnknownNameError: no such arm or link.
+            InputError: no arm given where several move.
+        """
+        if not isinstance(frame, str):
+            raise InputError(f"frame is {frame!r}, expected a name")
+        arm, _, link = frame.rpartition("/")
+        if not arm and len(self.arms) != 1:
+            raise InputError(
+                f"frame {frame!r} could be of {', '.join(self.arms)}; say which, e.g. '{self.arms[0]}/{frame}'"
+            )
+        arm = arm or self.arms[0]
+        return f"{arm}/{frame_link(self.scene.arm(arm).robot, link)}"
+
+    def for_arm(self, arm: str | None = None) -> Kinematics:
+        """The kinematics of one moving arm alone (this one if nothing else is in the scene).
+
+        Raises:
+            UnknownNameError: no such arm.
+            InputError: None where several arms move.
+        """
+        if arm is None and len(self.arms) != 1:
+            raise InputError(f"{len(self.arms)} arms move ({', '.join(self.arms)}); say which one")
+        arm = self.scene.only_arm(arm or self.arms[0])
+        if tuple(self.scene.arms) == self.arms == (arm,):
+            return self
+        if arm not in self._own:
+            self._own[arm] = Kinematics(Scene({arm: self.scene.arms[arm]}))
+        return self._own[arm]
+
+    # ---- poses -----------------------------------------------------------------------------
+
+    def pose(self, q: Any, frame: str = "tool") -> Array:
+        """T_world_frame at q (nq,) [rad or m], shape (4, 4).
+
+        Raises:
+            UnknownNameError: no such frame.
+            InputError: wrong shape or not finite.
+        """
+        index = self._index(frame)
+        pin.forwardKinematics(self._model, self._data, self._full(q))
+        return self._placement(index)
+
+    def poses(self, q: Any, frames: Iterable[str]) -> dict[str, Array]:
+        """T_world_frame of several frames at q (nq,), each (4, 4), by the names given.
+
+        Raises:
+            UnknownNameError: no such frame.
+            InputError: wrong shape or not finite.
+        """
+        indices = {frame: self._index(frame) for frame in frames}
+        pin.forwardKinematics(self._model, self._data, self._full(q))
+        return {frame: self._placement(index) for frame, index in indices.items()}
+
+    def poses_batch(self, qs: Any, frame: str = "tool") -> Array:
+        """T_world_frame at each of qs (n, nq), shape (n, 4, 4).
+
+        Raises:
+            UnknownNameError: no such frame.
+            InputError: wrong shape or not finite.
+        """
+        index = self._index(frame)
+        configurations = self.scene_model.full(finite_array("qs", qs, (None, self.nq)))
+        out = np.empty((len(configurations), 4, 4))
+        for i, full in enumerate(configurations):
+            pin.forwardKinematics(self._model, self._data, full)
+            out[i] = self._placement(index)
+        return out
+
+    # ---- velocities ------------------------------------------------------------------------
+
+    def jacobian(self, q: Any, frame: str = "tool") -> Array:
+        """Takes qd to the frame's twist (linear; angular) in world axes, shape (6, nq).
+
+        Raises:
+            UnknownNameError: no such frame.
+            InputError: wrong shape or not finite.
+        """
+        index = self._index(frame)
+        return self.pose_and_jacobian(finite_array("q", q, (self.nq,)), index)[2]
+
+    def pose_and_jacobian(self, q: Array, index: int) -> tuple[Array, Array, Array]:
+        """Position (3,), rotation (3, 3) and Jacobian (6, nq) of a frame by Pinocchio's index; unchecked."""
+        pin.computeJointJacobians(self._model, self._data, self.scene_model.full(q))
+        T = pin.updateFramePlacement(self._model, self._data, index)
+        J = pin.getFrameJacobian(self._model, self._data, index, _WORLD_AXES)
+        return T.translation.copy(), T.rotation.copy(), np.asarray(J @ self.scene_model.selection)
+
+    def manipulability(self, q: Any, frame: str = "tool") -> float:
+        """Yoshikawa's measure: the product of the Jacobian's singular values; 0 where the arm is singular.
+
+        For fewer than six joints it is that of the motions the arm has: sqrt(det(J^T J)).
+        Source: Yoshikawa, Manipulability of robotic mechanisms, IJRR 1985.
+
+        Raises:
+            UnknownNameError: no such frame.
+            InputError: wrong shape or not finite.
+        """
+        return float(np.prod(np.linalg.svd(self.jacobian(q, frame), compute_uv=False)))
+
+    # ---- forces ----------------------------------------------------------------------------
+
+    def inverse_dynamics(self, q: Any, qd: Any, qdd: Any) -> Array:
+        """Torques [Nm or N] that make the motion (q, qd, qdd) under gravity, without friction.
+
+        Args:
+            q: Configurations [rad or m], shape (nq,) or (n, nq).
+            qd: Velocities [rad/s or m/s], same shape.
+            qdd: Accelerations [rad/s² or m/s²], same shape.
+
+        Returns:
+            Torques of the planning joints (a mimic joint's load counts at its leader), same shape.
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        shape = (self.nq,) if np.ndim(q) == 1 else (None, self.nq)
+        q, qd, qdd = (finite_array(name, a, shape) for name, a in (("q", q), ("qd", qd), ("qdd", qdd)))
+        if not q.shape == qd.shape == qdd.shape:
+            raise InputError(f"q, qd and qdd have shapes {q.shape}, {qd.shape}, {qdd.shape}, expected the same")
+        model = self.scene_model
+        rows = zip(
+            *(np.atleast_2d(a) for a in (model.full(q), model.full_velocity(qd), model.full_velocity(qdd))), strict=True
+        )
+        taus = [pin.rnea(self._model, self._data, *row) @ model.selection for row in rows]
+        return np.array(taus).reshape(q.shape)
+
+    def gravity(self, q: Any) -> Array:
+        """Torques [Nm or N] that hold the arms still at q, shape (nq,) or (n, nq).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        zero = np.zeros(np.shape(q))
+        return self.inverse_dynamics(q, zero, zero)
+
+    def mass_matrix(self, q: Any) -> Array:
+        """Joint-space inertia at q (nq,), shape (nq, nq).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        M = np.triu(pin.crba(self._model, self._data, self._full(q)))
+        S = self.scene_model.selection
+        return np.asarray(S.T @ (M + np.triu(M, 1).T) @ S)
+
+    # ---- inside ----------------------------------------------------------------------------
+
+    def _index(self, frame: str) -> int:
+        return self.scene_model.frame_id(self.frame(frame))
+
+    def _full(self, q: Any) -> Array:
+        return self.scene_model.full(finite_array("q", q, (self.nq,)))
+
+    def _placement(self, index: int) -> Array:
+        T: Array = pin.updateFramePlacement(self._model, self._data, index).homogeneous
+        return T

@@ -1,0 +1,66 @@
+"""Whole turns: which joint values are the same place, and which of them is meant.
+
+A rotary joint at x and at x + 2 pi puts the arm in the same place. A continuous joint has all
+these copies, a joint with wide limits (a UR5's reach over two turns each way) has several.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.robot import Robot
+
+TURN = 2.0 * np.pi
+_SLACK = 1e-12
+
+
+def rotary(robot: Robot) -> NDArray[np.bool_]:
+    """Which planning joints turn (and do not slide), shape (nq,)."""
+    return np.array([robot.joint(name).kind != "prismatic" for name in robot.joint_names], dtype=np.bool_)
+
+
+def nearest_copy(robot: Robot, q: Array, near: Array) -> Array:
+    """The configuration of the same place that is nearest to `near` and within the limits, shape (nq,).
+
+    Joints that slide, and joints with no copy within the limits, keep their value.
+    """
+    lower, upper = robot.limits.lower, robot.limits.upper
+    fewest = np.ceil((lower - _SLACK - q) / TURN)
+    most = np.floor((upper + _SLACK - q) / TURN)
+    has_copy = rotary(robot) & (fewest <= most)
+    turns = np.where(has_copy, np.clip(np.round((near - q) / TURN), fewest, most), 0.0)
+    return np.where(turns == 0.0, q, np.clip(q + turns * TURN, lower, upper))
+
+
+def copies_within_limits(robot: Robot, q: Array, near: Array, reach: float = TURN) -> Array:
+    """All configurations of the same place within the limits, nearest to `near` first, shape (k, nq).
+
+    Args:
+        robot: The robot.
+        q: A configuration [rad or m], shape (nq,).
+        near: Configuration to be near to [rad or m], shape (nq,).
+        reach: How far a copy of a rotary joint may be from `near` [rad]; the nearest one always counts.
+    """
+    first = nearest_copy(robot, q, near)
+    lower, upper = robot.limits.lower - _SLACK, robot.limits.upper + _SLACK
+    choices = []
+    for j, turns in enumerate(rotary(robot)):
+        values = [first[j]]
+        for step in (-TURN, TURN) if turns else ():
+            value = first[j] + step
+            while lower[j] <= value <= upper[j] and abs(value - near[j]) <= reach:
+                values.append(float(np.clip(value, robot.limits.lower[j], robot.limits.upper[j])))
+                value += step
+        choices.append(values)
+    copies = np.array(list(product(*choices))).reshape(-1, robot.nq)
+    return np.asarray(copies[np.argsort(np.linalg.norm(copies - near, axis=1), kind="stable")])
+
+
+def difference(robot: Robot, a: Array, b: Array) -> Array:
+    """The smallest a - b of the same two places, whole turns of rotary joints taken off, shape (..., nq)."""
+    d = a - b
+    return np.where(rotary(robot), d - TURN * np.round(d / TURN), d)
