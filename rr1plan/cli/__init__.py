@@ -1,0 +1,47 @@
+"""The command line: parse, run one command, turn every outcome into an exit code.
+
+Exit codes: 0 done, 2 bad input, 3 no plan, 4 an invalid plan, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from rr1plan.cli.console import Console
+from rr1plan.cli.parser import build_parser
+from rr1plan.errors import NoPlanError, RetimingError, Rr1PlanError
+
+OK, BAD_INPUT, NO_PLAN, INVALID_PLAN, INTERRUPTED = 0, 2, 3, 4, 130
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command.
+
+    Args:
+        arguments: What stands after `rr1plan`.
+
+    Returns:
+        The exit code.
+    """
+    options = build_parser().parse_args(list(arguments))
+    console = Console(as_json=options.json, quiet=options.quiet)
+    try:
+        code: int = options.command(options, console)
+    except KeyboardInterrupt:
+        return _fail(console, "interrupted", INTERRUPTED)
+    except (NoPlanError, RetimingError) as error:
+        return _fail(console, str(error), NO_PLAN)
+    except Rr1PlanError as error:
+        return _fail(console, str(error), BAD_INPUT)
+    except BrokenPipeError:
+        # The reader of our output has left (`| head`); nothing more can be said to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+    return code
+
+
+def _fail(console: Console, message: str, code: int) -> int:
+    console.error(message, code)
+    return code

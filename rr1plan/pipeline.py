@@ -1,0 +1,178 @@
+"""From a question to a proven motion: plan, shorten, retime, validate.
+
+Every stage is a function of its own that can be called alone; this file only says in which order,
+what happens when a stage refuses, and how long each took.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import Any, TypeVar
+
+from rr1plan.checks import Seed, as_generator
+from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.errors import NoPlanError
+from rr1plan.path import Path
+from rr1plan.planners import plan
+from rr1plan.planners.shortcut import shorten as shorten_path
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.problem import Problem
+from rr1plan.report import Report
+from rr1plan.retiming import retime
+from rr1plan.trajectory import Trajectory
+from rr1plan.validation import validate
+
+
+@dataclass(frozen=True, eq=False)
+class MotionPlan:
+    """The answer to a problem, with all that led to it.
+
+    Asking a plan that failed for its path, trajectory or report raises `NoPlanError` with the
+    planner's reason; `solved` and `status` can be asked first.
+
+    Args:
+        problem: The question.
+        result: The planner's answer.
+        seconds: Wall time of each stage [s], in order.
+    """
+
+    problem: Problem
+    result: PlanResult
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    _path: Path | None = None
+    _trajectory: Trajectory | None = None
+    _report: Report | None = None
+
+    @property
+    def status(self) -> PlanStatus:
+        """How planning ended."""
+        return self.result.status
+
+    @property
+    def solved(self) -> bool:
+        """There is a trajectory, and the referee found nothing wrong with it."""
+        return self._report is not None and self._report.valid
+
+    @property
+    def path(self) -> Path:
+        """The path, shortened."""
+        return self._path if self._path is not None else self.result.path_or_raise()
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The timed motion."""
+        return _present(self._trajectory, self.result)
+
+    @property
+    def report(self) -> Report:
+        """The referee's verdict on the trajectory."""
+        return _present(self._report, self.result)
+
+    def __str__(self) -> str:
+        if self._report is None:
+            return f"no plan ({self.result.planner}, {self.status.value}): {self.result.reason}"
+        stages = ", ".join(f"{name} {1e3 * seconds:.1f} ms" for name, seconds in self.seconds.items())
+        return f"{len(self.path)} waypoints, {self.path.length:.2f} rad long; {stages}\n{self._report}"
+
+    def show(self, **options: Any) -> Any:
+        """Open the motion in a live Meshcat page; options as in `rr1plan.playback.show`."""
+        from rr1plan import playback
+
+        return playback.show(self.problem.scene, self.trajectory, **self._picture(), **options)
+
+    def save_html(self, file: str | FilePath, **options: Any) -> FilePath:
+        """Write one self-contained page that plays the motion offline; options as in `save_html`."""
+        from rr1plan import playback
+
+        return playback.save_html(file, self.problem.scene, self.trajectory, **self._picture(), **options)
+
+    def save(self, file: str | FilePath) -> FilePath:
+        """Write problem, path, trajectory and report to one JSON file; read it with `rr1plan.load_motion`."""
+        from rr1plan.formats.plan_files import save_motion
+
+        return save_motion(file, self.problem.scene, self.path, self.trajectory, self.report)
+
+    def _picture(self) -> dict[str, Any]:
+        return {"path": self.path, "problem": self.problem, "report": self._report}
+
+
+_T = TypeVar("_T")
+
+
+def _present(value: _T | None, result: PlanResult) -> _T:
+    if value is None:
+        result.path_or_raise()
+        raise NoPlanError(f"{result.planner}: there is a path, but it was not timed")
+    return value
+
+
+def plan_motion(
+    problem: Problem,
+    *,
+    planner: str = "rrt_connect",
+    retiming: str = "blend",
+    shorten: bool = True,
+    torque_limits: bool = False,
+    budget: Budget | None = None,
+    rng: Seed = None,
+    progress: ProgressCallback | None = None,
+) -> MotionPlan:
+    """Plan, shorten, retime and validate: the whole line, in that order.
+
+    When the referee refuses the timed motion (a blend that grazes an obstacle too closely to decide),
+    the path is timed again with a stop at each waypoint, which stays on the certified edges.
+
+    Args:
+        problem: The question.
+        planner: A name of `planner_names()`.
+        retiming: A name of `retiming_names()`.
+        shorten: Whether to shorten the path; the Cartesian planner's is left as it is.
+        torque_limits: Whether the motion also has to keep the joints' effort limits.
+        budget: When the planner has to stop (default: 10 s).
+        rng: Seed; the same seed and a budget of iterations give the same motion.
+        progress: Called about ten times a second.
+
+    Returns:
+        A `MotionPlan`; `solved` says whether there is a proven trajectory.
+
+    Raises:
+        UnknownNameError: a planner or retiming nobody knows.
+        RetimingError: the path cannot be timed under the limits (a torque limit below gravity).
+    """
+    seconds: dict[str, float] = {}
+    generator = as_generator(rng)
+    with _timed(seconds, "plan"):
+        result = plan(problem, planner, budget, generator, progress)
+    if result.path is None:
+        return MotionPlan(problem, result, seconds)
+    path = result.path
+    checker = CollisionChecker(problem.scene, problem.arms)
+    motions = MotionChecker(checker)
+    if shorten and planner != "cartesian":
+        with _timed(seconds, "shorten"):
+            path = shorten_path(path, motions, rng=generator)
+    trajectory, report = None, None
+    for method in dict.fromkeys((retiming, "stop")):
+        with _timed(seconds, "retime"):
+            trajectory = retime(path, problem.scene, method, checker=motions, torque_limits=torque_limits)
+        with _timed(seconds, "validate"):
+            report = validate(
+                trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=method == "ruckig"
+            )
+        if report.valid:
+            break
+    return MotionPlan(problem, result, seconds, path, trajectory, report)
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    """Add the wall time of a stage to the table."""
+    started = time.perf_counter()
+    try:
+        yield
+    finally:
+        seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - started

@@ -1,0 +1,257 @@
+"""A MuJoCo model made from our own Scene, so that the simulator cannot disagree about the robot.
+
+Idea: every link is a body (frames included, nothing is fused), every collision shape a geom whose
+name tells its element, every movable joint has a servo, and the pairs that may touch are excluded
+one by one while MuJoCo's own parent-child filter is off: what MuJoCo reports as contact is exactly
+what `Scene.checked_pairs` forbids.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.formats.convex import convex_pieces
+from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.transforms import quaternion_from_rotation
+
+# A moving body needs some mass in MuJoCo; a frame that has none gets this much [kg, kg m²].
+_NO_MASS = 1e-9
+# Input signature of the `pid` actuator: position, velocity and feed-forward [MuJoCo's mjtCtrlInput].
+_POSITION_VELOCITY_FEEDFORWARD = 7
+
+
+@dataclass(frozen=True, eq=False)
+class MujocoScene:
+    """A compiled model and the way from our names to its numbers.
+
+    Args:
+        spec: The editable model, e.g. for `spec.to_xml()`.
+        model: The compiled model.
+        joint_names: "arm/joint" of every movable joint, in the order of qpos, qvel and actuators.
+        geom_elements: The scene element each geom belongs to, by geom id.
+    """
+
+    spec: Any
+    model: Any
+    joint_names: tuple[str, ...]
+    geom_elements: tuple[str, ...]
+
+
+def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80.0) -> MujocoScene:
+    """Build and compile a scene's MuJoCo model.
+
+    Args:
+        scene: The scene; arms start in their postures.
+        timestep: Step of the integrator [s].
+        stiffness: Natural frequency of the joint servos [rad/s]; gains follow from the inertia each
+            joint carries in the scene's posture (kp = stiffness² M_jj), critically damped.
+
+    Returns:
+        The model with one `pid` actuator (position, velocity, feed-forward) for each movable joint.
+    """
+    builder = _Builder(scene, timestep)
+    spec = builder.spec
+    model = spec.compile()
+    inertia = _joint_inertia(model, _qpos(scene, builder.joints))
+    for joint, carried in zip(builder.joints, inertia, strict=True):
+        _add_servo(spec, joint, stiffness, float(carried))
+    model = spec.compile()
+    elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
+    return MujocoScene(spec, model, tuple(j.name for j in builder.joints), elements)
+
+
+@dataclass(frozen=True, eq=False)
+class _PlacedJoint:
+    """A movable joint under its scene name."""
+
+    name: str
+    arm: str
+    joint: Joint
+
+
+class _Builder:
+    """Fills an MjSpec from a scene."""
+
+    def __init__(self, scene: Scene, timestep: float) -> None:
+        self.scene = scene
+        self.spec = mujoco.MjSpec()
+        self.spec.modelname = scene.name
+        self.spec.option.timestep = timestep
+        self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        self.spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+        self.spec.compiler.balanceinertia = True
+        self.joints: list[_PlacedJoint] = []
+        self.elements: dict[str, str] = {}
+        self.meshes: dict[int, list[str]] = {}
+        for name, arm in scene.arms.items():
+            self._add_arm(name, arm.robot, arm.base)
+        for name, held in scene.attachments.items():
+            body = self._add_body(self.spec.body(f"{held.arm}/{held.link}"), name, held.pose)
+            self._add_geoms(body, name, held.geometries)
+        for name, obstacle in scene.obstacles.items():
+            body = self._add_body(self.spec.worldbody, name, obstacle.pose)
+            self._add_geoms(body, name, obstacle.geometries)
+        for a, b in _excluded_pairs(scene):
+            self.spec.add_exclude(bodyname1=a, bodyname2=b)
+
+    def _add_arm(self, arm: str, robot: Robot, base: Array) -> None:
+        self._add_link(self.spec.worldbody, arm, robot.links[0], base)
+        for joint in robot.joints:
+            body = self._add_link(self.spec.body(f"{arm}/{joint.parent}"), arm, robot.link(joint.child), joint.origin)
+            if joint.kind != "fixed":
+                self._add_joint(body, arm, joint)
+
+    def _add_link(self, parent: Any, arm: str, link: Link, pose: Array) -> Any:
+        body = self._add_body(parent, f"{arm}/{link.name}", pose)
+        body.explicitinertial = True
+        if link.inertial is not None and link.inertial.mass > 0.0:
+            inertia = link.inertial.inertia
+            body.mass = link.inertial.mass
+            body.ipos = link.inertial.com
+            body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+        else:
+            body.mass = _NO_MASS
+            body.inertia = [_NO_MASS] * 3
+        self._add_geoms(body, f"{arm}/{link.name}", link.collisions)
+        return body
+
+    def _add_body(self, parent: Any, name: str, pose: Array) -> Any:
+        return parent.add_body(name=name, pos=pose[:3, 3], quat=quaternion_from_rotation(pose[:3, :3]))
+
+    def _add_joint(self, body: Any, arm: str, joint: Joint) -> None:
+        slides = joint.kind == "prismatic"
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
+        name = f"{arm}/{joint.name}"
+        # Limits are the referee's to hold; in the simulator they would only push back softly.
+        body.add_joint(name=name, type=kind, axis=joint.axis, limited=mujoco.mjtLimited.mjLIMITED_FALSE)
+        self.joints.append(_PlacedJoint(name, arm, joint))
+
+    def _add_geoms(self, body: Any, element: str, geometries: tuple[Geometry, ...]) -> None:
+        for index, geometry in enumerate(geometries):
+            for part, options in enumerate(self._geom_options(geometry.shape)):
+                name = f"{element}#{index}.{part}"
+                T = geometry.pose @ _offset(options.pop("offset", None))
+                quat = quaternion_from_rotation(T[:3, :3] @ options.pop("turn", np.eye(3)))
+                color = geometry.color or (0.6, 0.6, 0.6, 1.0)
+                body.add_geom(name=name, pos=T[:3, 3], quat=quat, rgba=color, mass=0.0, **options)
+                self.elements[name] = element
+
+    def _geom_options(self, shape: Shape) -> Iterator[dict[str, Any]]:
+        kinds = mujoco.mjtGeom
+        match shape:
+            case Box():
+                yield {"type": kinds.mjGEOM_BOX, "size": np.array(shape.size) / 2}
+            case Sphere():
+                yield {"type": kinds.mjGEOM_SPHERE, "size": [shape.radius, 0, 0]}
+            case Cylinder():
+                yield {"type": kinds.mjGEOM_CYLINDER, "size": [shape.radius, shape.length / 2, 0]}
+            case Capsule():
+                yield {"type": kinds.mjGEOM_CAPSULE, "size": [shape.radius, shape.length / 2, 0]}
+            case HalfSpace():
+                normal = np.array(shape.normal)
+                yield {
+                    "type": kinds.mjGEOM_PLANE,
+                    "size": [1, 1, 1],
+                    "offset": normal * shape.offset,
+                    "turn": _frame_along(normal),
+                }
+            case Mesh():
+                for name in self._mesh_names(shape):
+                    yield {"type": kinds.mjGEOM_MESH, "meshname": name}
+            case PointCloud():
+                for center in leaf_centers(shape):
+                    yield {"type": kinds.mjGEOM_BOX, "size": [shape.resolution / 2] * 3, "offset": center}
+
+    def _mesh_names(self, mesh: Mesh) -> list[str]:
+        if id(mesh) not in self.meshes:
+            names = []
+            for piece in [mesh] if mesh.convex else convex_pieces(mesh):
+                name = f"mesh{sum(map(len, self.meshes.values())) + len(names)}"
+                self.spec.add_mesh(
+                    name=name,
+                    uservert=piece.vertices.ravel(),
+                    userface=piece.faces.ravel(),
+                    inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+                )
+                names.append(name)
+            self.meshes[id(mesh)] = names
+        return self.meshes[id(mesh)]
+
+
+def leaf_centers(cloud: PointCloud) -> Array:
+    """Centres of the octree leaves that hold a point, shape (n, 3)."""
+    cells = np.unique(np.floor(cloud.points / cloud.resolution), axis=0)
+    return np.asarray((cells + 0.5) * cloud.resolution)
+
+
+def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Pairs of bodies that may touch: an arm's own, and what the scene allows between arms and things."""
+    owned: dict[str | None, list[str]] = {}
+    for element in scene.element_names:
+        owned.setdefault(scene.owner(element), []).append(element)
+    for arm in scene.arms:
+        yield from ((a, b) for a, b in combinations(owned.get(arm, ()), 2) if scene.may_touch(a, b))
+    seen = set()
+    for rule in scene.allowed:
+        first, second = (owned.get(name, [name]) if name in scene.arms else [name] for name in (min(rule), max(rule)))
+        for a in first:
+            for b in second:
+                same_arm = scene.owner(a) is not None and scene.owner(a) == scene.owner(b)
+                if a != b and not same_arm and frozenset((a, b)) not in seen:
+                    seen.add(frozenset((a, b)))
+                    yield a, b
+
+
+def _offset(xyz: Any) -> Array:
+    T = np.eye(4)
+    if xyz is not None:
+        T[:3, 3] = xyz
+    return T
+
+
+def _frame_along(normal: Array) -> Array:
+    """A rotation matrix whose z axis is `normal` (3,)."""
+    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    x = np.cross(helper, normal)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(normal, x), normal])
+
+
+def _qpos(scene: Scene, joints: list[_PlacedJoint]) -> Array:
+    values = {name: arm.robot.joint_values(arm.q) for name, arm in scene.arms.items()}
+    return np.array([values[j.arm][j.joint.name] for j in joints])
+
+
+def _joint_inertia(model: Any, qpos: Array) -> Array:
+    """Inertia that each joint carries at qpos, the diagonal of the mass matrix, shape (nv,)."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    return np.asarray(mass_matrix(model, data).diagonal())
+
+
+def mass_matrix(model: Any, data: Any) -> Array:
+    """The joint-space mass matrix of a model whose position stage has run, shape (nv, nv)."""
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    return M
+
+
+def _add_servo(spec: Any, placed: _PlacedJoint, stiffness: float, inertia: float) -> None:
+    inertia = max(inertia, 1e-4)
+    actuator = spec.add_actuator(name=placed.name, target=placed.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    actuator.set_to_pid(
+        kp=stiffness**2 * inertia, kv=2.0 * stiffness * inertia, ctrlspec=_POSITION_VELOCITY_FEEDFORWARD
+    )
+    if np.isfinite(placed.joint.effort):
+        actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        actuator.forcerange = [-placed.joint.effort, placed.joint.effort]

@@ -1,0 +1,116 @@
+"""What a replay in the simulator showed: tracking, contacts, torques, speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array, read_only
+
+
+@dataclass(frozen=True)
+class ReplayContact:
+    """Two elements that touched for a while.
+
+    Args:
+        pair: The two elements, e.g. ("arm/hand_link", "shelf").
+        first: When they began to touch [s].
+        last: When they last touched [s].
+        depth: Deepest penetration [m].
+    """
+
+    pair: tuple[str, str]
+    first: float
+    last: float
+    depth: float
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """The outcome of `simulate`.
+
+    Args:
+        mode: "dynamic" (servos move the arms) or "kinematic" (the arms are put where they should be).
+        joint_names: Columns of the arrays below, "arm/joint", as in the trajectory.
+        times: Instants of the record [s], shape (n,).
+        desired: Positions that were asked for [rad], shape (n, nq).
+        actual: Positions that were reached [rad], shape (n, nq).
+        max_error: Largest tracking error of each joint over all steps [rad], shape (nq,).
+        rms_error: Root mean square tracking error of each joint over all steps [rad], shape (nq,).
+        peak_effort: Largest share of the effort limit each joint used, shape (nq,).
+        contacts: Contacts that the scene forbids, in order of time.
+        steps: Steps of the simulator.
+        timestep: Length of a step [s].
+        wall_seconds: Time the replay took [s].
+        settings: Version and options that made it, for a record.
+    """
+
+    mode: str
+    joint_names: tuple[str, ...]
+    times: Array
+    desired: Array
+    actual: Array
+    max_error: Array
+    rms_error: Array
+    peak_effort: Array
+    contacts: tuple[ReplayContact, ...]
+    steps: int
+    timestep: float
+    wall_seconds: float
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("times", "desired", "actual", "max_error", "rms_error", "peak_effort"):
+            read_only(getattr(self, name))
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds for each second it took."""
+        return self.steps * self.timestep / max(self.wall_seconds, 1e-12)
+
+    @property
+    def worst_error(self) -> float:
+        """Largest tracking error of any joint [rad]."""
+        return float(self.max_error.max(initial=0.0))
+
+    @property
+    def free(self) -> bool:
+        """No contact that the scene forbids."""
+        return not self.contacts
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.mode} replay: {self.steps} steps of {self.timestep * 1e3:g} ms, "
+            f"{self.real_time_factor:.0f} times real time"
+        ]
+        if self.mode == "dynamic":
+            worst = int(np.argmax(self.max_error))
+            lines.append(f"  tracking error: {self.worst_error:.2e} rad at most ({self.joint_names[worst]})")
+            busiest = int(np.argmax(self.peak_effort))
+            lines.append(f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})")
+        lines += [
+            f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
+            for c in self.contacts
+        ]
+        return "\n".join(lines if self.contacts else [*lines, "  contacts: none"])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The summary as plain values, for JSON (without the recorded positions)."""
+        joints = zip(self.joint_names, self.max_error, self.rms_error, self.peak_effort, strict=True)
+        return {
+            "mode": self.mode,
+            "steps": self.steps,
+            "timestep": self.timestep,
+            "wall_seconds": self.wall_seconds,
+            "real_time_factor": self.real_time_factor,
+            "joints": {
+                name: {"max_error": float(worst), "rms_error": float(rms), "peak_effort": float(effort)}
+                for name, worst, rms, effort in joints
+            },
+            "contacts": [
+                {"pair": list(c.pair), "first": c.first, "last": c.last, "depth": c.depth} for c in self.contacts
+            ],
+            "settings": dict(self.settings),
+        }
