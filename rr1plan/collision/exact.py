@@ -1,0 +1,365 @@
+"""Exact answers about one configuration, from Coal through Pinocchio's broad phase.
+
+Every shape is solid. Two elements collide when their distance is at most their padding (0: when
+they touch). Joint limits are another question: see `CollisionChecker.limit_violations`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, finite_array, read_only
+from rr1plan.collision.solids import coal_geometry, convex_pieces
+from rr1plan.limits import Limits
+from rr1plan.model import SceneModel
+from rr1plan.scene import Scene
+from rr1plan.shapes import Shape
+
+# Coal's distances of cylinders are this sharp, not 1e-5 m as with its own default.
+_GJK_TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """Two elements that touch, or come nearer than their padding.
+
+    Args:
+        a, b: The elements.
+        depth: Padding less distance [m], >= 0.
+        point: Halfway between the two deepest points, in the world [m], shape (3,).
+    """
+
+    a: str
+    b: str
+    depth: float
+    point: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Nearest:
+    """The two elements that are nearest to each other.
+
+    Args:
+        distance: Their distance [m], negative where they overlap; inf when no pair is checked.
+        pair: The elements; empty when no pair is checked.
+        point_a, point_b: The nearest points in the world [m], shape (3,).
+    """
+
+    distance: float
+    pair: tuple[str, ...]
+    point_a: Array
+    point_b: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """One convex piece (or point cloud) of one element, carried by a joint of the model.
+
+    Args:
+        element: The element it is a part of.
+        shape: A shape Coal takes as solid.
+        joint: Index of the Pinocchio joint that carries it; 0 is the world.
+        placement: T_joint_solid, shape (4, 4).
+    """
+
+    element: str
+    shape: Shape
+    joint: int
+    placement: Array
+
+
+class CollisionChecker:
+    """Which elements of a scene touch, and how far apart they are, at a configuration.
+
+    An instance keeps scratch memory: give each thread its own (they pickle, as scene and arms).
+
+    Args:
+        scene: The scene.
+        arms: The arms that move (default: all); the others rest in their posture of the scene.
+
+    Attributes:
+        model: The scene's `SceneModel`.
+        pairs: All pairs of elements that must not touch.
+        solids: The convex pieces of all elements.
+        solid_pairs: Pairs of solids [index] whose relative pose depends on q, shape (m, 2).
+        solid_padding: Padding of each of those [m], shape (m,).
+        solid_owner: For each of those the index in `pairs`, shape (m,).
+
+    Raises:
+        UnknownNameError: no such arm.
+        InputError: a shape that cannot be made solid.
+    """
+
+    def __init__(self, scene: Scene, arms: Sequence[str] | None = None) -> None:
+        self.model = SceneModel(scene, arms)
+        self.pairs = scene.checked_pairs
+        self.solids = _solids(self.model)
+        self._padding = read_only(np.array([scene.padding_of(a, b) for a, b in self.pairs], dtype=np.float64))
+        index, owner = _solid_pairs(self.pairs, self.solids)
+        moving = _relative_motion(self.model, self.solids, index)
+        self.solid_pairs = read_only(index[moving])
+        self.solid_owner = read_only(owner[moving])
+        self.solid_padding = read_only(self._padding[self.solid_owner])
+        self._geometry = _geometry_model(self.model, self.solids, self.solid_pairs)
+        self._data = self.model.model.createData()
+        self._scratch = _geometry_data(self._geometry, self.solid_padding)
+        self._manager = pin.BroadPhaseManager_NaiveCollisionManager(self.model.model, self._geometry, self._scratch)
+        self._callback = pin.CollisionCallBackDefault(self._geometry, self._scratch)
+        self._callback.stopAtFirstCollision = True
+        self._resting = self._answer_resting_pairs(index[~moving], owner[~moving])
+        self._resting_is_free = not any(depth >= 0.0 for _, depth, _ in self._resting)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickles as its scene and arms."""
+        return CollisionChecker, (self.scene, self.arms)
+
+    # ---- what it is about ----------------------------------------------------------------
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.model.scene
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """The arms that move."""
+        return self.model.arms
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Columns of q, "arm/joint"."""
+        return self.model.joint_names
+
+    @property
+    def nq(self) -> int:
+        """Number of columns of q."""
+        return self.model.nq
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of those columns."""
+        return self.model.limits
+
+    @property
+    def resting_is_free(self) -> bool:
+        """No two elements collide that do not move against each other."""
+        return self._resting_is_free
+
+    def limit_violations(self, q: Any) -> tuple[tuple[str, float], ...]:
+        """Joints outside their position limits, each with how far [rad or m].
+
+        Raises:
+            InputError: q has the wrong shape or is not finite.
+        """
+        q = self.checked(q)
+        excess = np.maximum(self.limits.lower - q, q - self.limits.upper)
+        return tuple((self.joint_names[j], float(excess[j])) for j in np.flatnonzero(excess > 0.0))
+
+    def within_limits(self, q: Any) -> bool:
+        """Every joint is within its position limits; `limit_violations` says which are not."""
+        return not self.limit_violations(q)
+
+    # ---- one configuration ---------------------------------------------------------------
+
+    def is_free(self, q: Any) -> bool:
+        """No checked pair is nearer than its padding.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        self._place(q)
+        self._manager.update(False)
+        self._callback.init()
+        return self._resting_is_free and not pin.computeCollisions(self._manager, self._callback)
+
+    def contacts(self, q: Any) -> tuple[Contact, ...]:
+        """All pairs of elements that touch or are nearer than their padding, the deepest first.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        self._place(q)
+        pin.computeCollisions(self._geometry, self._scratch, False)
+        touching = [(k, d, p) for k, d, p in self._resting if d >= 0.0]
+        for i, owner in enumerate(self.solid_owner):
+            if self._scratch.collisionResults[i].isCollision():
+                distance, a, b = self._distance(i)
+                touching.append((int(owner), max(0.0, float(self.solid_padding[i]) - distance), 0.5 * (a + b)))
+        deepest: dict[int, tuple[float, Array]] = {}
+        for owner, depth, point in touching:
+            if owner not in deepest or depth > deepest[owner][0]:
+                deepest[owner] = (depth, point)
+        ordered = sorted(deepest.items(), key=lambda item: (-item[1][0], item[0]))
+        return tuple(Contact(*self.pairs[k], depth, read_only(point)) for k, (depth, point) in ordered)
+
+    def distances(self, q: Any) -> Array:
+        """Distance of every checked pair [m], negative where they overlap, shape (n_pairs,).
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        out = np.full(len(self.pairs), np.inf)
+        for owner, depth, _ in self._resting:
+            out[owner] = min(out[owner], self._padding[owner] - depth)
+        np.minimum.at(out, self.solid_owner, self.solid_distances(q))
+        return out
+
+    def nearest(self, q: Any) -> Nearest:
+        """The nearest of all checked pairs.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        found = Nearest(np.inf, (), np.zeros(3), np.zeros(3))
+        distances = self.solid_distances(q)
+        if len(distances):
+            i = int(np.argmin(distances))
+            distance, a, b = self._distance(i)
+            found = Nearest(distance, self._ordered(i), *self._ordered_points(i, a, b))
+        for owner, depth, point in self._resting:
+            distance = float(self._padding[owner]) - depth
+            if distance < found.distance:
+                found = Nearest(distance, self.pairs[owner], point, point)
+        return found
+
+    # ---- for the motion checker -----------------------------------------------------------
+
+    def solid_distances(self, q: Any) -> Array:
+        """Distance of every pair in `solid_pairs` [m], negative where they overlap, shape (m,)."""
+        self._place(q)
+        pin.computeDistances(self._geometry, self._scratch)
+        return np.array([r.min_distance for r in self._scratch.distanceResults], dtype=np.float64)
+
+    def solid_distance(self, q: Any, pair: int) -> float:
+        """Distance of one pair in `solid_pairs` [m], negative where they overlap."""
+        self._place(q)
+        return self._distance(pair)[0]
+
+    def checked(self, q: Any) -> Array:
+        """q as an array of finite numbers, shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        if type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (self.nq,) and np.isfinite(q).all():
+            return q
+        return finite_array("q", q, (self.nq,))
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _place(self, q: Any) -> None:
+        q = self.model.full(self.checked(q))
+        pin.updateGeometryPlacements(self.model.model, self._data, self._geometry, self._scratch, q)
+
+    def _distance(self, pair: int) -> tuple[float, Array, Array]:
+        result = pin.computeDistance(self._geometry, self._scratch, pair)
+        return float(result.min_distance), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+
+    def _ordered(self, pair: int) -> tuple[str, str]:
+        return self.pairs[self.solid_owner[pair]]
+
+    def _ordered_points(self, pair: int, a: Array, b: Array) -> tuple[Array, Array]:
+        """The nearest points in the order of the elements of the pair."""
+        first = self.solids[self.solid_pairs[pair, 0]].element == self._ordered(pair)[0]
+        return (read_only(a), read_only(b)) if first else (read_only(b), read_only(a))
+
+    def _answer_resting_pairs(self, index: NDArray[np.int64], owner: NDArray[np.int64]) -> list[Any]:
+        """(index in `pairs`, padding - distance, point) of pairs whose relative pose is the same for every q."""
+        if len(index) == 0:
+            return []
+        geometry = _geometry_model(self.model, self.solids, index)
+        scratch = _geometry_data(geometry, self._padding[owner])
+        q = self.model.full(np.zeros(self.nq))
+        pin.updateGeometryPlacements(self.model.model, self._data, geometry, scratch, q)
+        pin.computeDistances(geometry, scratch)
+        return [
+            (
+                int(k),
+                float(self._padding[k] - r.min_distance),
+                0.5 * (np.array(r.getNearestPoint1()) + np.array(r.getNearestPoint2())),
+            )
+            for k, r in zip(owner, scratch.distanceResults, strict=True)
+        ]
+
+
+def _solids(model: SceneModel) -> tuple[Solid, ...]:
+    return tuple(
+        Solid(g.element, piece, g.joint, g.placement)
+        for g in model.element_geometries
+        for piece in convex_pieces(g.geometry.shape)
+    )
+
+
+def _solid_pairs(
+    pairs: tuple[tuple[str, str], ...], solids: tuple[Solid, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pairs of solids (m, 2) and the pair of elements each belongs to (m,)."""
+    parts: dict[str, list[int]] = {}
+    for i, solid in enumerate(solids):
+        parts.setdefault(solid.element, []).append(i)
+    rows = [(i, j, k) for k, (a, b) in enumerate(pairs) for i in parts[a] for j in parts[b]]
+    table = np.array(rows, dtype=np.int64).reshape(-1, 3)
+    return table[:, :2].copy(), table[:, 2].copy()
+
+
+def joints_between(model: SceneModel, a: int, b: int) -> tuple[list[int], list[int]]:
+    """The joints above joint a only and above joint b only (themselves included), root first."""
+    chains = []
+    for joint in (a, b):
+        chain = []
+        while joint:
+            chain.append(joint)
+            joint = int(model.model.parents[joint])
+        chains.append(chain[::-1])
+    shared = set(chains[0]) & set(chains[1])
+    return [j for j in chains[0] if j not in shared], [j for j in chains[1] if j not in shared]
+
+
+def _relative_motion(model: SceneModel, solids: tuple[Solid, ...], index: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """For each pair of solids whether any column of q moves one against the other, shape (m,)."""
+    driven = np.concatenate([[False], (model.columns >= 0) & (model.gains != 0.0)])
+    joints = sorted({s.joint for s in solids})
+    moves = {
+        (a, b): any(driven[j] for chain in joints_between(model, a, b) for j in chain) for a in joints for b in joints
+    }
+    return np.array([moves[solids[i].joint, solids[j].joint] for i, j in index], dtype=np.bool_)
+
+
+def _geometry_model(model: SceneModel, solids: tuple[Solid, ...], index: NDArray[np.int64]) -> Any:
+    geometry = pin.GeometryModel()
+    for k, solid in enumerate(solids):
+        placement = pin.SE3(np.array(solid.placement))
+        name = f"{k} {solid.element}"
+        geometry.addGeometryObject(pin.GeometryObject(name, solid.joint, placement, coal_geometry(solid.shape)))
+    for i, j in index:
+        geometry.addCollisionPair(pin.CollisionPair(int(i), int(j)))
+    return geometry
+
+
+def _geometry_data(geometry: Any, padding: Array) -> Any:
+    data = pin.GeometryData(geometry)
+    for k, distance in enumerate(padding):
+        data.collisionRequests[k].security_margin = float(distance)
+    for request in data.distanceRequests:
+        request.gjk_tolerance = _GJK_TOLERANCE
+        request.enable_signed_distance = True
+        request.enable_nearest_points = True
+    return data
