@@ -1,0 +1,102 @@
+"""Where a URDF's meshes may be: only inside folders that belong to the robot.
+
+`package://name/rest` is `rest` in the package's folder: one of the given `package_dirs` or of
+ROS_PACKAGE_PATH (either the package itself or the folder that holds it), or a folder of that name
+beside the URDF or above it. A plain or `file://` name is relative to the URDF. Whatever leads out
+of these folders is refused, symbolic links included.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from urllib.parse import unquote
+
+from rr1plan.errors import FormatError
+
+SUFFIXES = (".stl", ".obj", ".dae")
+_LEVELS = 5
+
+
+class MeshLookup:
+    """Finds mesh files.
+
+    Args:
+        package_dirs: Folders given by the user, first in the order.
+        file: The URDF, or None where it is not a file.
+    """
+
+    def __init__(self, package_dirs: Sequence[str | Path], file: str | Path | None) -> None:
+        given = [Path(folder) for folder in package_dirs]
+        path = os.environ.get("ROS_PACKAGE_PATH", "")
+        self._packages = given + [Path(folder) for folder in path.split(os.pathsep) if folder]
+        self._beside = None if file is None else Path(file).resolve().parent
+        self._above = [] if self._beside is None else _folders_above(self._beside)
+        self._allowed = [folder.resolve() for folder in (*self._packages, *self._above)]
+
+    def find(self, name: str) -> Path:
+        """The file a URDF calls `name`.
+
+        Raises:
+            FormatError: an unknown suffix or scheme, a way out of the folders, or no such file;
+                the message lists every place that was tried.
+        """
+        if "\0" in name:
+            raise FormatError(f"mesh {name!r} is not a file name")
+        if Path(name).suffix.lower() not in SUFFIXES:
+            raise FormatError(f"mesh {name!r} has an unknown suffix, expected one of {', '.join(SUFFIXES)}")
+        tried: list[Path] = []
+        outside = False
+        for place in self._places(name):
+            tried.append(place)
+            if not place.is_file():
+                continue
+            if self._is_allowed(place):
+                return place
+            outside = True
+        why = "is outside the robot's folders" if outside else "is not there"
+        listed = ", ".join(str(place) for place in tried) or "nowhere"
+        raise FormatError(f"mesh {name!r} {why}; tried {listed}; try package_dirs=[...] with the folder it is in")
+
+    def _is_allowed(self, place: Path) -> bool:
+        resolved = place.resolve()
+        return any(resolved.is_relative_to(folder) for folder in self._allowed)
+
+    def _places(self, name: str) -> Iterator[Path]:
+        scheme, separator, rest = name.partition("://")
+        if separator and scheme in ("package", "model"):
+            yield from self._package_places(rest)
+        elif separator and scheme != "file":
+            raise FormatError(f"mesh {name!r} has the unknown scheme {scheme!r}, expected package or file")
+        else:
+            path = Path(unquote(rest) if separator else name)
+            folders = [self._beside] if self._beside is not None else self._packages
+            yield from (folder / path for folder in folders)
+
+    def _package_places(self, rest: str) -> Iterator[Path]:
+        package, _, inside = rest.partition("/")
+        if ".." in Path(rest).parts:
+            raise FormatError(f"mesh 'package://{rest}' leads out of its package")
+        for folder in self._packages:
+            yield folder / package / inside
+            if folder.name == package or (folder / "package.xml").is_file():
+                yield folder / inside
+        for folder in self._above:
+            yield folder / package / inside
+            if folder.name == package:
+                yield folder / inside
+
+
+def _folders_above(folder: Path) -> list[Path]:
+    """The URDF's folder and those above it that may hold its meshes.
+
+    Five levels, but never the home folder, the file system's root or what holds them.
+    """
+    home = Path.home().resolve()
+    found = [folder]
+    for parent in list(folder.parents)[:_LEVELS]:
+        if parent == home or len(parent.parts) <= 2 or home.is_relative_to(parent):
+            break
+        found.append(parent)
+    return found

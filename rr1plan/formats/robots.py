@@ -1,0 +1,192 @@
+"""From a URDF's tree and an SRDF's meaning to a `Robot`: which joints are planned for, and the rest."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rr1plan.checks import Array, known_name
+from rr1plan.errors import InputError
+from rr1plan.formats.srdf import Semantics
+from rr1plan.formats.srdf_proposal import adjacent_pairs, rigid_pairs
+from rr1plan.formats.urdf import Tree
+from rr1plan.limits import Limits
+from rr1plan.robot import Joint, Robot
+
+log = logging.getLogger(__name__)
+
+UNKNOWN_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.25}
+SECONDS_TO_VELOCITY = 0.25
+SECONDS_TO_ACCELERATION = 0.1
+_TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a caller may choose about a robot; None leaves it to the files.
+
+    Args:
+        group: The SRDF group to plan for.
+        joints: The joints to plan for, in this order.
+        tool: The link whose frame goals mean.
+        name: The robot's name.
+    """
+
+    group: str | None = None
+    joints: Sequence[str] | None = None
+    tool: str | None = None
+    name: str | None = None
+
+
+def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
+    """A robot from what its files say.
+
+    Args:
+        tree: The URDF.
+        semantics: The SRDF, or None.
+        choice: What the caller chose.
+
+    Raises:
+        UnknownNameError: no such group, joint or link.
+        InputError: no joint to plan for, or one that cannot be.
+    """
+    known = semantics or Semantics()
+    joints = {joint.name: joint for joint in tree.joints}
+    group, names = _planning_joints(joints, known, choice)
+    limits = urdf_limits([joints[n] for n in names])
+    held = {
+        j.name: float(np.clip(0.0, j.lower, j.upper))
+        for j in tree.joints
+        if j.kind != "fixed" and j.mimic is None and j.name not in names
+    }
+    pairs = adjacent_pairs(tree.joints) if semantics is None else semantics.disabled
+    return Robot(
+        name=choice.name or tree.name,
+        links=tree.links,
+        joints=tree.joints,
+        joint_names=names,
+        limits=limits,
+        configurations=_configurations(known, group, names, limits),
+        held=held,
+        never_collide=pairs | rigid_pairs(tree.joints),
+        tool=_tool(tree, known, group, names, choice.tool),
+        named_held=_held_states(known, held),
+        source=tree.source,
+    )
+
+
+def urdf_limits(joints: Sequence[Joint]) -> Limits:
+    """The limits that joints come with, and careful ones where URDF knows none.
+
+    A velocity that is missing becomes 1 rad/s (0.25 m/s); the acceleration is what reaches the
+    velocity in 0.25 s, the jerk what reaches that acceleration in 0.1 s.
+    """
+    velocity = np.array([j.velocity if np.isfinite(j.velocity) else UNKNOWN_VELOCITY[j.kind] for j in joints])
+    unknown = [j.name for j in joints if not np.isfinite(j.velocity)]
+    if unknown:
+        log.warning("no velocity limit for %s: 1 rad/s (0.25 m/s) is taken", ", ".join(unknown))
+    acceleration = velocity / SECONDS_TO_VELOCITY
+    return Limits(
+        lower=np.array([j.lower for j in joints]),
+        upper=np.array([j.upper for j in joints]),
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=acceleration / SECONDS_TO_ACCELERATION,
+        effort=np.array([j.effort for j in joints]),
+    )
+
+
+def _planning_joints(
+    joints: Mapping[str, Joint], known: Semantics, choice: Choice
+) -> tuple[str | None, tuple[str, ...]]:
+    """The group, where one was taken, and the joints to plan for."""
+    if choice.joints is not None:
+        names = tuple(choice.joints)
+        _check_chosen(names, joints)
+        return choice.group, names
+    movable = tuple(n for n, j in joints.items() if _is_driven(j) and n not in known.passive)
+    group = choice.group
+    if group is not None:
+        known_name("group", group, known.groups)
+    else:
+        group = _default_group(known)
+    names = movable if group is None else tuple(n for n in known.groups[group] if n in movable)
+    if not names:
+        where = "" if group is None else f" in group {group!r}"
+        raise InputError(f"there is no joint to plan for{where}, expected at least one that moves by itself")
+    return group, names
+
+
+def _is_driven(joint: Joint) -> bool:
+    return joint.kind != "fixed" and joint.mimic is None
+
+
+def _check_chosen(names: tuple[str, ...], joints: Mapping[str, Joint]) -> None:
+    if not names or len(set(names)) != len(names):
+        raise InputError(f"joints is {list(names)}, expected at least one name and none twice")
+    for name in names:
+        if not _is_driven(joints[known_name("joint", name, joints)]):
+            raise InputError(f"joint {name!r} is fixed or mimics another, it cannot be planned for")
+
+
+def _default_group(known: Semantics) -> str | None:
+    """The arm that carries an end effector, else the first group with joints that is no gripper."""
+    carriers = [e.parent_group for e in known.end_effectors if e.parent_group]
+    grippers = {e.group for e in known.end_effectors}
+    others = [name for name, names in known.groups.items() if names and name not in grippers]
+    return next((name for name in (*carriers, *others) if name in known.groups and known.groups[name]), None)
+
+
+def _configurations(known: Semantics, group: str | None, names: tuple[str, ...], limits: Limits) -> dict[str, Array]:
+    """The named states that fix every planning joint; "home" is made where none is given."""
+    own_first = sorted(known.states.items(), key=lambda item: item[0][0] != group)
+    found: dict[str, Array] = {}
+    for (_, state), values in own_first:
+        if set(names) <= set(values):
+            q = np.array([values[n] for n in names])
+            found.setdefault(state, q)
+            if (q < limits.lower - 1e-9).any() or (q > limits.upper + 1e-9).any():
+                log.warning("the state %r is outside the joints' limits", state)
+    if "home" not in found:
+        found["home"] = found.get("ready", next(iter(found.values()), _middle(limits)))
+    return found
+
+
+def _middle(limits: Limits) -> Array:
+    """Zero where it is well inside a joint's range, else the middle of the range."""
+    with np.errstate(invalid="ignore"):
+        middle = 0.5 * (limits.lower + limits.upper)
+    inside = (limits.lower < 0.0) & (limits.upper > 0.0)
+    return np.where(inside, 0.0, middle)
+
+
+def _held_states(known: Semantics, held: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """The named states of joints that are not planned for, e.g. of a gripper."""
+    found: dict[str, dict[str, float]] = {}
+    for (_, state), values in known.states.items():
+        mine = {name: value for name, value in values.items() if name in held}
+        if mine:
+            found.setdefault(state, {}).update(mine)
+    return found
+
+
+def _tool(tree: Tree, known: Semantics, group: str | None, names: tuple[str, ...], chosen: str | None) -> str:
+    """The chosen link, the tip of the group's chain, or the end of what hangs on the last joint."""
+    links = [link.name for link in tree.links]
+    if chosen is not None:
+        return known_name("link", chosen, links)
+    if group in known.chains:
+        return known.chains[group][1]
+    for effector in known.end_effectors:
+        if effector.parent_group == group:
+            return effector.parent_link
+    link = next(j.child for j in tree.joints if j.name == names[-1])
+    while True:
+        below = [j.child for j in tree.joints if j.parent == link and j.kind == "fixed"]
+        named = [child for child in below if child in _TOOL_NAMES]
+        if not named and len(below) != 1:
+            return link
+        link = (named or below)[0]

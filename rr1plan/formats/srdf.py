@@ -1,0 +1,186 @@
+"""SRDF: groups of joints, named states, end effectors and pairs of links that need no check.
+
+A strict reader: a name the URDF does not have, a value that is no number or a group that contains
+itself is an error with file and line. A robot name that differs from the URDF's is a warning, as
+many shipped files differ there.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rr1plan.errors import FormatError
+from rr1plan.formats.urdf import Tree
+from rr1plan.formats.xml import Element, parse_xml, parse_xml_file
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class EndEffector:
+    """A gripper: its group, the link it sits on and the group of the arm that carries it."""
+
+    name: str
+    group: str
+    parent_link: str
+    parent_group: str | None = None
+
+
+@dataclass(frozen=True)
+class Semantics:
+    """What an SRDF says about a robot.
+
+    Args:
+        groups: Names of the movable joints of each group, in the robot's order.
+        chains: (base link, tip link) of each group that is one chain.
+        states: Joint values of each named state, by group and state.
+        end_effectors: The grippers.
+        passive: Joints that nobody drives.
+        disabled: Pairs of links that need no check.
+    """
+
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    chains: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    states: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
+    end_effectors: tuple[EndEffector, ...] = ()
+    passive: frozenset[str] = frozenset()
+    disabled: frozenset[frozenset[str]] = frozenset()
+
+
+def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None = None) -> Semantics:
+    """Read an SRDF.
+
+    Args:
+        source: A file's path, or the document itself: bytes, or text starting with "<".
+        tree: The robot it is about.
+        file: Where a document given as text came from, for messages.
+
+    Raises:
+        FormatError: a name the robot does not have, a value that is no number, or bad XML.
+    """
+    if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
+        root = parse_xml(source.encode() if isinstance(source, str) else source, "robot", file)
+    else:
+        root = parse_xml_file(Path(source), "robot")
+    if root.text("name") != tree.name:
+        log.warning("%s is for the robot %r, the URDF's is %r", root.file or "SRDF", root.text("name"), tree.name)
+    return _Reader(root, tree).read()
+
+
+class _Reader:
+    """Reads one document against one robot."""
+
+    def __init__(self, root: Element, tree: Tree) -> None:
+        self.root = root
+        self.links = {link.name for link in tree.links}
+        self.joints = {joint.name: joint for joint in tree.joints}
+        self.above = {joint.child: joint for joint in tree.joints}
+        self.order = [joint.name for joint in tree.joints if joint.kind != "fixed"]
+        self.groups = self._group_elements()
+
+    def read(self) -> Semantics:
+        return Semantics(
+            groups={name: self._in_order(self._members(name, ())) for name in self.groups},
+            chains=self._chains(),
+            states=self._states(),
+            end_effectors=tuple(self._end_effector(e) for e in self.root.all("end_effector")),
+            passive=frozenset(self._joint(e, "name") for e in self.root.all("passive_joint")),
+            disabled=self._disabled(),
+        )
+
+    # ---- names -------------------------------------------------------------------------
+
+    def _link(self, element: Element, attribute: str) -> str:
+        return self._known(element, attribute, "link", self.links)
+
+    def _joint(self, element: Element, attribute: str) -> str:
+        return self._known(element, attribute, "joint", self.joints)
+
+    def _group(self, element: Element, attribute: str) -> str:
+        return self._known(element, attribute, "group", self.groups)
+
+    @staticmethod
+    def _known(element: Element, attribute: str, kind: str, known: object) -> str:
+        name = element.text(attribute)
+        if name not in known:  # type: ignore[operator]
+            raise element.error(f"<{element.tag}> names the unknown {kind} {name!r}")
+        return name
+
+    # ---- groups ------------------------------------------------------------------------
+
+    def _group_elements(self) -> dict[str, Element]:
+        found: dict[str, Element] = {}
+        for element in self.root.all("group"):
+            name = element.text("name")
+            if name in found:
+                raise element.error(f"group {name!r} is there twice, first in line {found[name].line}")
+            found[name] = element
+        return found
+
+    def _members(self, name: str, above: tuple[str, ...]) -> set[str]:
+        """The movable joints of a group, those of its subgroups included."""
+        group = self.groups[name]
+        if name in above:
+            raise group.error(f"group {name!r} contains itself")
+        joints = {self._joint(e, "name") for e in group.all("joint")}
+        joints |= {self.above[n].name for e in group.all("link") if (n := self._link(e, "name")) in self.above}
+        for chain in group.all("chain"):
+            joints |= set(self._chain_joints(chain))
+        for sub in group.all("group"):
+            joints |= self._members(self._group(sub, "name"), (*above, name))
+        return {n for n in joints if self.joints[n].kind != "fixed"}
+
+    def _in_order(self, names: set[str]) -> tuple[str, ...]:
+        return tuple(n for n in self.order if n in names)
+
+    def _chain_joints(self, chain: Element) -> list[str]:
+        base, tip = self._link(chain, "base_link"), self._link(chain, "tip_link")
+        names: list[str] = []
+        link = tip
+        while link != base:
+            if link not in self.above:
+                raise chain.error(f"<chain> tip {tip!r} is not below its base {base!r}")
+            names.append(self.above[link].name)
+            link = self.above[link].parent
+        return names
+
+    def _chains(self) -> dict[str, tuple[str, str]]:
+        found = {}
+        for name, group in self.groups.items():
+            chains = list(group.all("chain"))
+            if len(chains) == 1 and len(group.children) == 1:
+                found[name] = (chains[0].text("base_link"), chains[0].text("tip_link"))
+        return found
+
+    # ---- the rest ----------------------------------------------------------------------
+
+    def _states(self) -> dict[tuple[str, str], dict[str, float]]:
+        found: dict[tuple[str, str], dict[str, float]] = {}
+        for element in self.root.all("group_state"):
+            key = (self._group(element, "group"), element.text("name"))
+            if key in found:
+                raise element.error(f"state {key[1]!r} of group {key[0]!r} is there twice")
+            found[key] = {self._joint(e, "name"): e.number("value") for e in element.all("joint")}
+        return found
+
+    def _end_effector(self, element: Element) -> EndEffector:
+        parent_group = self._group(element, "parent_group") if "parent_group" in element.attributes else None
+        return EndEffector(
+            element.text("name"), self._group(element, "group"), self._link(element, "parent_link"), parent_group
+        )
+
+    def _disabled(self) -> frozenset[frozenset[str]]:
+        """Links off by default, then the pairs switched off, then the pairs switched on again."""
+        off = {self._link(e, "link") for e in self.root.all("disable_default_collisions")}
+        pairs = {frozenset((a, b)) for a in off for b in self.links if a != b}
+        pairs |= {self._pair(e) for e in self.root.all("disable_collisions")}
+        return frozenset(pairs - {self._pair(e) for e in self.root.all("enable_collisions")})
+
+    def _pair(self, element: Element) -> frozenset[str]:
+        a, b = self._link(element, "link1"), self._link(element, "link2")
+        if a == b:
+            raise element.error(f"<{element.tag}> names the link {a!r} twice, expected two links")
+        return frozenset((a, b))

@@ -1,0 +1,163 @@
+"""The links of a URDF: masses, shapes and colours."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+
+from rr1plan.checks import read_only
+from rr1plan.errors import InputError
+from rr1plan.formats.convex import Convexity, convex_shapes
+from rr1plan.formats.mesh_lookup import MeshLookup
+from rr1plan.formats.meshes import MeshPart, read_mesh
+from rr1plan.formats.urdf_joints import read_origin
+from rr1plan.formats.xml import Element
+from rr1plan.robot import Color, Geometry, Inertial, Link
+from rr1plan.shapes import Box, Capsule, Cylinder, Shape, Sphere
+
+log = logging.getLogger(__name__)
+
+_SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
+
+
+class LinkReader:
+    """Reads links one after the other, each mesh file once.
+
+    Args:
+        root: The document, for its shared materials.
+        lookup: Where meshes may be.
+        convex: What a collision mesh that is not convex becomes.
+
+    Raises:
+        FormatError: a bad shared material.
+    """
+
+    def __init__(self, root: Element, lookup: MeshLookup, convex: Convexity) -> None:
+        self._lookup = lookup
+        self._convex = convex
+        self._materials = self._shared_materials(root)
+        self._meshes: dict[tuple[str, tuple[float, ...]], tuple[MeshPart, ...]] = {}
+
+    def link(self, element: Element) -> Link:
+        """One link.
+
+        Raises:
+            FormatError: an impossible mass, shape or colour, or a mesh that cannot be read.
+        """
+        name = element.text("name")
+        inertial = element.child("inertial")
+        visuals = [g for i, e in enumerate(element.all("visual")) for g in self._visual(e, f"{name}/visual{i}")]
+        collisions = [
+            g for i, e in enumerate(element.all("collision")) for g in self._collision(e, f"{name}/collision{i}")
+        ]
+        return Link(name, None if inertial is None else _inertial(inertial, name), tuple(visuals), tuple(collisions))
+
+    # ---- shapes ------------------------------------------------------------------------
+
+    def _visual(self, element: Element, name: str) -> list[Geometry]:
+        pose, color = read_origin(element), self._color(element)
+        shape = _shape_element(element)
+        if shape.tag != "mesh":
+            return [Geometry(name, _primitive(shape), pose, color)]
+        parts = self._mesh(shape)
+        names = [name] if len(parts) == 1 else [f"{name}.{k}" for k in range(len(parts))]
+        return [Geometry(n, p.mesh, pose, color or p.color) for n, p in zip(names, parts, strict=True)]
+
+    def _collision(self, element: Element, name: str) -> list[Geometry]:
+        pose = read_origin(element)
+        shape = _shape_element(element)
+        if shape.tag != "mesh":
+            return [Geometry(name, _primitive(shape), pose)]
+        try:
+            shapes = convex_shapes([p.mesh for p in self._mesh(shape)], self._convex)
+        except InputError as error:
+            raise shape.error(str(error)) from error
+        names = [name] if len(shapes) == 1 else [f"{name}.{k}" for k in range(len(shapes))]
+        return [Geometry(n, s, pose) for n, s in zip(names, shapes, strict=True)]
+
+    def _mesh(self, element: Element) -> tuple[MeshPart, ...]:
+        scale = element.vector("scale", 3, (1.0, 1.0, 1.0))
+        if any(s <= 0.0 for s in scale):
+            raise element.error(f"<mesh> scale={element.attributes['scale']!r}, expected numbers above zero")
+        key = (element.text("filename"), scale)
+        if key not in self._meshes:
+            try:
+                self._meshes[key] = read_mesh(self._lookup.find(key[0]), scale)
+            except InputError as error:
+                raise element.error(str(error)) from error
+        return self._meshes[key]
+
+    # ---- colours -----------------------------------------------------------------------
+
+    def _shared_materials(self, root: Element) -> dict[str, Color | None]:
+        """The materials by name; those inside links count too, as in other readers."""
+        inner = (m for e in root.all("link") for v in e.all("visual") for m in v.all("material"))
+        found: dict[str, Color | None] = {}
+        for material in (*root.all("material"), *inner):
+            color = _rgba(material)
+            name = material.attributes.get("name", "")
+            if name and (color is not None or material.child("texture") is not None):
+                found.setdefault(name, color)
+        return found
+
+    def _color(self, element: Element) -> Color | None:
+        material = element.child("material")
+        if material is None:
+            return None
+        color = _rgba(material)
+        name = material.attributes.get("name", "")
+        if color is None and name and name not in self._materials:
+            log.warning("%s:%d: material %r is nowhere defined, the default colour is used", *_at(material), name)
+        return color or self._materials.get(name)
+
+
+def _at(element: Element) -> tuple[str, int]:
+    return element.file or "URDF", element.line
+
+
+def _rgba(material: Element) -> Color | None:
+    color = material.child("color")
+    if color is None:
+        return None
+    r, g, b, a = color.vector("rgba", 4)
+    if not all(0.0 <= c <= 1.0 for c in (r, g, b, a)):
+        raise color.error(f"<color> rgba={color.attributes['rgba']!r}, expected numbers from 0 to 1")
+    return r, g, b, a
+
+
+def _shape_element(element: Element) -> Element:
+    geometry = element.required("geometry")
+    if len(geometry.children) != 1 or geometry.children[0].tag not in _SHAPES:
+        got = ", ".join(f"<{e.tag}>" for e in geometry.children) or "nothing"
+        raise geometry.error(f"<geometry> holds {got}, expected one of {', '.join(_SHAPES)}")
+    return geometry.children[0]
+
+
+def _primitive(element: Element) -> Shape:
+    if element.tag == "box":
+        x, y, z = element.vector("size", 3)
+        if min(x, y, z) <= 0.0:
+            raise element.error(f"<box> size={element.attributes['size']!r}, expected numbers above zero")
+        return Box((x, y, z))
+    radius = element.positive("radius")
+    if element.tag == "sphere":
+        return Sphere(radius)
+    length = element.positive("length")
+    return Cylinder(radius, length) if element.tag == "cylinder" else Capsule(radius, length)
+
+
+def _inertial(element: Element, link: str) -> Inertial:
+    """Mass, centre and inertia, turned into the link's axes."""
+    pose = read_origin(element)
+    mass = element.required("mass").positive("value")
+    tensor = element.required("inertia")
+    xx, xy, xz, yy, yz, zz = (tensor.number(n) for n in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments = np.linalg.eigvalsh(inertia)
+    if moments[0] <= 0.0:
+        raise tensor.error(f"link {link!r} has an inertia that is not positive definite: moments {moments.tolist()}")
+    if moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
+        log.warning("%s:%d: link %r has an inertia no body can have: %s", *_at(tensor), link, moments.tolist())
+    R = pose[:3, :3]
+    return Inertial(mass, read_only(pose[:3, 3].copy()), read_only(R @ inertia @ R.T))
