@@ -5,7 +5,7 @@ sphere = 0.05                                radius [m]
 cylinder = { radius = 0.03, length = 0.12 }  along z
 capsule = { radius = 0.03, length = 0.12 }   length without the round ends
 half_space = { normal = [0, 0, 1], offset = 0 }
-mesh = { file = "chair.stl", scale = 1.0, as = "pieces" }    or vertices and faces
+mesh = { file = "chair.stl", scale = 1.0, convex = "pieces" } or vertices and faces
 points = { file = "scan.npy", resolution = 0.02 }            or points
 """
 
@@ -18,15 +18,18 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, read_only
+from rr1plan.checks import Array, known_name, read_only
 from rr1plan.errors import FormatError
+from rr1plan.formats.convex import convex_shapes
 from rr1plan.formats.files import read_bytes, read_text
+from rr1plan.formats.meshes import read_mesh
 from rr1plan.formats.tables import Table, is_number
 from rr1plan.robot import Color, Geometry
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.transforms import pose, quaternion_from_rotation, rotation_from_quaternion
 
 _FLAT_TOLERANCE = 1e-7
+_CONVEX = ("hull", "pieces")
 
 
 def read_pose(table: Table) -> Array:
@@ -179,7 +182,15 @@ def _read_mesh(table: Table, folder: Path) -> tuple[Shape, ...]:
 
 
 def _mesh_from_file(entry: Table, folder: Path) -> tuple[Shape, ...]:
-    raise entry.error("mesh files come later")
+    """The convex pieces of a mesh file (or their hull): convex solids are what is checked exactly."""
+    path = _inside(entry, folder)
+    scale = entry.raw("scale", 1.0)
+    factors = entry.numbers("scale", (3,)) if isinstance(scale, list) else np.full(3, entry.number("scale", 1.0))
+    convex = entry.string("convex", "pieces")
+    entry.finish()
+    x, y, z = factors.tolist()
+    parts = [part.mesh for part in read_mesh(path, (x, y, z))]
+    return tuple(convex_shapes(parts, "hull" if known_name("convex", convex, _CONVEX) == "hull" else "pieces"))
 
 
 def _is_convex(mesh: Mesh) -> bool:

@@ -3,7 +3,7 @@
     description = "An RR1 on a table."
 
     [arms.rr1]
-    robot = "rr1"                      # a name, or a file relative to this one
+    robot = "rr1"                      # a name, or a file relative to this one (and srdf, group, tool)
     xyz = [0, 0, 0]                    # and rpy, quaternion (wxyz) or rotation (rows)
     q = "home"                         # or numbers
 
@@ -22,10 +22,10 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -40,7 +40,17 @@ from rr1plan.problem import Problem
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
 
-RobotLoader = Callable[[str, str | None], Robot]
+
+class RobotLoader(Protocol):
+    """What reads robots for the scene: `rr1plan.load_robot` is one."""
+
+    def __call__(
+        self, name_or_file: str, /, *, srdf: str | None = None, group: str | None = None, tool: str | None = None
+    ) -> Robot:
+        """A robot by name or by the absolute path of its file."""
+        ...
+
+
 _VERSION = 1
 _MAX_BYTES = 64 * 1024 * 1024
 _LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
@@ -63,8 +73,8 @@ def read_scene(file: str | Path, load_robot: RobotLoader) -> SceneFile:
     """Read a scene file.
 
     Args:
-        file: The file; paths in it are relative to its folder and stay inside it.
-        load_robot: Gives a robot by its name or by an absolute path, and the name of a joint group or None.
+        file: The file; paths in it are relative to its folder, and meshes and points stay inside it.
+        load_robot: Reads the robots; called once for each that is named.
 
     Raises:
         FormatError: not TOML, or not a scene; names the place and the line.
@@ -126,13 +136,21 @@ def write_scene(
 
 
 def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, Arm]:
-    return {name: _read_arm(arms.table(name), folder, load_robot) for name in arms.names()}
+    loaded: dict[tuple[str | None, ...], Robot] = {}
+    arms_by_name = {}
+    for name in arms.names():
+        entry = arms.table(name)
+        key = _robot_reference(entry, folder)
+        if key not in loaded:
+            robot, srdf, group, tool = key
+            assert robot is not None
+            with entry.blame("robot"):
+                loaded[key] = load_robot(robot, srdf=srdf, group=group, tool=tool)
+        arms_by_name[name] = _read_arm(entry, loaded[key])
+    return arms_by_name
 
 
-def _read_arm(entry: Table, folder: Path, load_robot: RobotLoader) -> Arm:
-    name, group = entry.string("robot"), entry.string("group", "") or None
-    with entry.blame("robot"):
-        robot = load_robot(_robot_reference(name, folder), group)
+def _read_arm(entry: Table, robot: Robot) -> Arm:
     if "limits" in entry:
         robot = _with_limits(robot, entry)
     if "held" in entry:
@@ -147,9 +165,17 @@ def _read_arm(entry: Table, folder: Path, load_robot: RobotLoader) -> Arm:
     return arm
 
 
-def _robot_reference(name: str, folder: Path) -> str:
-    """A file is meant when the name has a suffix or a slash."""
-    return str((folder / name).resolve()) if "/" in name or Path(name).suffix else name
+def _robot_reference(entry: Table, folder: Path) -> tuple[str | None, ...]:
+    """Robot, SRDF, group and tool; a file is meant when the robot's name has a suffix or a slash."""
+    name, srdf = entry.string("robot"), entry.string("srdf", "")
+    if "/" in name or Path(name).suffix:
+        name = str((folder / name).resolve())
+    return (
+        name,
+        str((folder / srdf).resolve()) if srdf else None,
+        entry.string("group", "") or None,
+        entry.string("tool", "") or None,
+    )
 
 
 def _with_limits(robot: Robot, entry: Table) -> Robot:
