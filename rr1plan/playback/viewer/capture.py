@@ -1,0 +1,146 @@
+"""Pictures of the page, taken by a real browser without a window."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path as FilePath
+from time import monotonic
+from typing import Any
+
+from rr1plan.checks import finite_number
+from rr1plan.errors import BackendError, InputError, MissingPackageError
+from rr1plan.playback.viewer.live import Viewer
+from rr1plan.playback.viewer.page import check_size
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+# A browser that draws without a graphics card and speaks to nobody.
+_FLAGS = [
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+
+
+def find_browser() -> str | None:
+    """The file of a Chromium on this machine, or None."""
+    return next((found for name in _BROWSERS if (found := shutil.which(name))), None)
+
+
+@contextmanager
+def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
+    """A headless browser, as playwright's browser context; it is gone afterwards.
+
+    Raises:
+        MissingPackageError: playwright or a Chromium is not installed.
+        BackendError: the browser does not start.
+    """
+    try:
+        from playwright.sync_api import Error, sync_playwright
+    except ImportError as error:
+        raise MissingPackageError("playwright", "taking a picture of the page", "dev") from error
+    binary = find_browser()
+    if binary is None:
+        raise MissingPackageError("chromium", "taking a picture of the page (a browser of the system)")
+    width, height = size
+    with (
+        tempfile.TemporaryDirectory(prefix="rr1plan-browser-", ignore_cleanup_errors=True) as folder,
+        sync_playwright() as playwright,
+    ):
+        try:
+            context = playwright.chromium.launch_persistent_context(
+                folder, executable_path=binary, args=_FLAGS, viewport={"width": width, "height": height}
+            )
+        except Error as error:
+            raise BackendError(f"{binary} does not start: {error}") from error
+        try:
+            yield context
+        finally:
+            context.close()
+
+
+def screenshot(
+    source: str | os.PathLike[str] | Viewer,
+    file: str | os.PathLike[str],
+    size: tuple[int, int] = (1280, 800),
+    *,
+    time: float | None = None,
+    bare: bool = False,
+) -> FilePath:
+    """A PNG of a page, for slides and galleries.
+
+    Args:
+        source: A page that `save_html` wrote, or a live viewer.
+        file: The picture to write.
+        size: Width and height [px].
+        time: The moment of the motion [s]; None takes it as it opens, at the start.
+        bare: Without the cards around the picture.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: no such page, or a size or time that makes no sense.
+        MissingPackageError: playwright or a Chromium is not installed.
+        BackendError: the browser does not start, or the page does not.
+    """
+    if time is not None:
+        time = finite_number("time", time)
+    url = source.url if isinstance(source, Viewer) else _file_url(source)
+    with open_browser(check_size(size)) as context:
+        page = context.pages[0]
+        page.goto(url + ("#bare" if bare else ""))
+        settle_page(page, time)
+        try:
+            page.screenshot(path=file)
+        except OSError as error:
+            raise InputError(f"cannot write {str(file)!r}: {error.strerror}") from error
+    return FilePath(file)
+
+
+def settle_page(page: Any, time: float | None = None, timeout: float = 60.0) -> None:
+    """Wait until the page stands, stop it at a moment, and wait until that is drawn.
+
+    Raises:
+        BackendError: the page does not come up.
+    """
+    wait_until(page, "Boolean(window.RR1 && RR1.ready)", timeout)
+    page.evaluate("t => { RR1.pause(); RR1.seek(t === null ? RR1.player.start : t); RR1.look(); }", time)
+    frames = page.evaluate("RR1.frames")
+    wait_until(page, f"RR1.frames > {frames} + 3", timeout)
+
+
+def wait_until(page: Any, expression: str, timeout: float = 60.0) -> None:
+    """Ask the page until a JavaScript expression is true (playwright's own way needs `eval`, which the page forbids).
+
+    Raises:
+        BackendError: it is not true after `timeout` [s], or the page is gone.
+    """
+    from playwright.sync_api import Error
+
+    end = monotonic() + timeout
+    try:
+        while not page.evaluate(expression):
+            if monotonic() > end:
+                raise BackendError(f"the page does not come up: waited {timeout:g} s for {expression}")
+            page.wait_for_timeout(30)
+    except Error as error:
+        raise BackendError(f"the page does not come up: {error}") from error
+
+
+def _file_url(file: str | os.PathLike[str]) -> str:
+    found = FilePath(file)
+    if not found.is_file():
+        raise InputError(f"there is no page {str(file)!r}; write it with save_html first")
+    return found.resolve().as_uri()

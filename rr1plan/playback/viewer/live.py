@@ -1,0 +1,221 @@
+"""A page that follows the running program."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import webbrowser
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import finite_array, finite_number, positive_number
+from rr1plan.path import Path
+from rr1plan.playback.replay import Replay
+from rr1plan.playback.viewer.document import Document, view_document
+from rr1plan.playback.viewer.page import Panel, embed_html, page_html
+from rr1plan.playback.viewer.server import PageServer
+from rr1plan.problem import Problem
+from rr1plan.report import Report
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+
+class Viewer:
+    """A live page. `show` makes one; it is also a context manager that closes it.
+
+    Args:
+        scene: The arms and obstacles.
+        document: What `view_document` made of the scene and the rest.
+        panels: Panels beside the 3-D view.
+        view: Direction of the world from which it is looked at first.
+        port: First port to try.
+
+    Raises:
+        InputError: a port that is no port, panels that do not fit.
+        BackendError: no free port.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        document: Document,
+        panels: Sequence[Panel] = (),
+        view: Any = None,
+        port: int | None = None,
+    ) -> None:
+        self._scene = scene
+        self._document = document
+        self._panels = tuple(panels)
+        self._view = view
+        self._ended = threading.Event()
+        page_html(document, self._panels, view=view)
+        self._server = PageServer(self._html, port)
+        self._server.set_document(document)
+
+    @property
+    def url(self) -> str:
+        """Address of the page, for browsers of this machine."""
+        return self._server.url
+
+    @property
+    def pages(self) -> int:
+        """How many pages look on."""
+        return self._server.pages
+
+    @property
+    def closed(self) -> bool:
+        """The page is served no longer."""
+        return not self._server.running
+
+    def load(
+        self,
+        scene: Scene,
+        trajectory: Trajectory | None = None,
+        *,
+        path: Path | None = None,
+        problem: Problem | None = None,
+        report: Report | None = None,
+        replay: Replay | None = None,
+        title: str | None = None,
+    ) -> None:
+        """Show something else on the same page; the arguments are those of `show`.
+
+        Raises:
+            UnknownNameError: a column that is no joint of the scene.
+            InputError: the viewer is closed.
+        """
+        document = view_document(
+            scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title
+        )
+        self._scene, self._document = scene, document
+        self._server.set_document(document)
+
+    def update(self, q: Any) -> None:
+        """Put the arms somewhere, at once and as often as you like; pages show the newest.
+
+        Args:
+            q: Configuration of all arms of the scene [rad or m], shape (nq,), or a mapping from arm
+                to its configuration or a configuration's name (the others stay as the scene has them).
+
+        Raises:
+            UnknownNameError: no such arm or configuration.
+            InputError: wrong shape, not finite, or the viewer is closed.
+        """
+        if isinstance(q, Mapping):
+            postures = {n: self._scene.arm(n).robot.configuration(v, f"posture of {n!r}") for n, v in q.items()}
+            q = np.concatenate([postures.get(name, arm.q) for name, arm in self._scene.arms.items()])
+        values = finite_array("q", q, (len(self._document["columns"]),))
+        self._server.set_frame(values.astype("<f8").tobytes())
+
+    def play(self) -> None:
+        """Let the motion run."""
+        self._server.command("play")
+
+    def pause(self) -> None:
+        """Stop the clock."""
+        self._server.command("pause")
+
+    def seek(self, t: float) -> None:
+        """Show a moment of the motion [s].
+
+        Raises:
+            InputError: not a finite number.
+        """
+        self._server.command("seek", finite_number("t", t))
+
+    def set_speed(self, speed: float) -> None:
+        """Play so many times as fast as real time.
+
+        Raises:
+            InputError: not a number above zero.
+        """
+        self._server.command("speed", positive_number("speed", speed))
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Keep the program alive until Ctrl-C or `close`, or for `timeout` [s].
+
+        Returns:
+            False when the time ran out.
+        """
+        try:
+            return self._ended.wait(timeout)
+        except KeyboardInterrupt:
+            return True
+
+    def close(self) -> None:
+        """Serve the page no longer; more than once is fine."""
+        self._server.close()
+        self._ended.set()
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<Viewer {'closed' if self.closed else self.url}>"
+
+    def _repr_html_(self) -> str:
+        """In a notebook: the page itself, without a server, so that it works far from this machine too."""
+        return embed_html(page_html(self._document, self._panels, view=self._view))
+
+    def _html(self, version: int) -> str:
+        return page_html(self._document, self._panels, live=True, version=version, view=self._view)
+
+
+def show(
+    scene: Scene,
+    trajectory: Trajectory | None = None,
+    *,
+    path: Path | None = None,
+    problem: Problem | None = None,
+    report: Report | None = None,
+    replay: Replay | None = None,
+    title: str | None = None,
+    panels: Sequence[Panel] = (),
+    view: Any = None,
+    port: int | None = None,
+    open_browser: bool = True,
+) -> Viewer:
+    """Open a live page in the browser of this machine.
+
+    The page is served as long as the program runs: end a script with `viewer.wait()`.
+
+    Args:
+        scene: The arms and obstacles.
+        trajectory: The motion to play; its columns are joints of the scene.
+        path: A path without times: drawn, and played at a steady speed when there is no trajectory.
+        problem: The question: its start and goal are drawn as ghosts.
+        report: The referee's verdict on the trajectory, shown as a badge.
+        replay: What a simulation made of the trajectory.
+        title: Headline of the page (default: the scene's name).
+        panels: Panels beside the 3-D view.
+        view: Direction of the world from which it is looked at first, shape (3,); None chooses one.
+        port: First port to try, the next free one is taken; None: 7000.
+        open_browser: Open the page in a browser, where there is a screen.
+
+    Raises:
+        UnknownNameError: a column that is no joint of the scene.
+        InputError: a port that is no port, data JSON cannot hold.
+        BackendError: no free port.
+        MissingPackageError: Meshcat is not installed.
+    """
+    document = view_document(scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title)
+    viewer = Viewer(scene, document, panels, view, port)
+    if open_browser and _has_screen():
+        webbrowser.open(viewer.url)
+    return viewer
+
+
+def _has_screen() -> bool:
+    """Without one, Python would start a browser inside the terminal."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

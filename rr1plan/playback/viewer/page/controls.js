@@ -1,0 +1,270 @@
+// Everything around the picture. Texts from files are only ever set as text.
+
+const ICONS = {
+  play: "M8 5.5v13l11-6.5z",
+  pause: "M7 5h3.6v14H7zM13.4 5H17v14h-3.6z",
+  loop: "M7 7h9.2l-2-2 1.4-1.4L20 8l-4.4 4.4-1.4-1.4 2-2H9v3H7zM17 17H7.8l2 2-1.4 1.4L4 16l4.4-4.4 1.4 1.4-2 2H15v-3h2z",
+  home: "M4 4h6v2H6v4H4zM14 4h6v6h-2V6h-4zM4 14h2v4h4v2H4zM18 14h2v6h-6v-2h4z",
+};
+
+function icon(name) {
+  const space = "http://www.w3.org/2000/svg";
+  const svg = document.createElementNS(space, "svg"), path = document.createElementNS(space, "path");
+  svg.setAttribute("viewBox", "0 0 24 24");
+  svg.setAttribute("aria-hidden", "true");
+  path.setAttribute("d", ICONS[name]);
+  path.setAttribute("fill", "currentColor");
+  svg.append(path);
+  return svg;
+}
+
+function element(tag, text, name) {
+  const node = document.createElement(tag);
+  if (text !== undefined) node.textContent = text;
+  if (name) node.className = name;
+  return node;
+}
+
+const find = (id) => document.getElementById(id);
+const css = (rgb) => `rgb(${rgb.map((v) => Math.round(255 * v)).join(",")})`;
+
+function fillPart(slider) {
+  const low = Number(slider.min), high = Number(slider.max);
+  slider.style.setProperty("--part", `${(100 * (Number(slider.value) - low)) / (high - low || 1)}%`);
+}
+
+/** Length of a motion, or a moment in it. */
+const seconds = (t) => `${t.toFixed(2)} s`;
+
+class Controls {
+  constructor(viewer) {
+    this.viewer = viewer;
+    this.rows = [];
+    this.wireBar();
+    this.wireKeys();
+    find("fold").onclick = () => this.fold();
+  }
+
+  // ---- once ------------------------------------------------------------------------------
+
+  wireBar() {
+    const { viewer } = this;
+    find("loop").append(icon("loop"));
+    find("home").append(icon("home"));
+    find("play").onclick = () => viewer.toggle();
+    find("scrub").oninput = (event) => { viewer.pause(); viewer.seek(Number(event.target.value)); };
+    find("speed").onchange = (event) => viewer.setSpeed(Number(event.target.value));
+    find("loop").onclick = () => viewer.setLoop(!viewer.player.loop);
+    find("home").onclick = () => viewer.look();
+  }
+
+  wireKeys() {
+    const { viewer } = this;
+    const step = (event) => (event.shiftKey ? 10 : 1) / 60;
+    const keys = {
+      " ": () => viewer.toggle(),
+      ArrowLeft: (e) => { viewer.pause(); viewer.seek(viewer.time - step(e)); },
+      ArrowRight: (e) => { viewer.pause(); viewer.seek(viewer.time + step(e)); },
+      ArrowUp: () => this.nextSpeed(1),
+      ArrowDown: () => this.nextSpeed(-1),
+      Home: () => viewer.seek(viewer.player.start),
+      End: () => viewer.seek(viewer.player.end),
+      l: () => viewer.setLoop(!viewer.player.loop),
+      r: () => viewer.look(),
+      h: () => this.fold(),
+    };
+    window.addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      const at = event.target;
+      if (at.tagName === "SELECT" || at.tagName === "TEXTAREA" || (at.tagName === "INPUT" && at.id !== "scrub")) return;
+      if (event.key === " " && at.tagName === "BUTTON") return;
+      const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+      if (!act) return;
+      event.preventDefault();
+      act(event);
+    });
+  }
+
+  nextSpeed(direction) {
+    const menu = find("speed");
+    const index = Math.min(Math.max(menu.selectedIndex + direction, 0), menu.options.length - 1);
+    menu.selectedIndex = index;
+    this.viewer.setSpeed(Number(menu.value));
+  }
+
+  fold() {
+    document.body.classList.toggle("folded");
+  }
+
+  // ---- for each document -------------------------------------------------------------------
+
+  load(doc) {
+    document.title = doc.title;
+    find("title").textContent = doc.title;
+    find("description").textContent = doc.description;
+    this.fillFacts(doc);
+    this.fillReport(doc.report);
+    this.fillToggles(doc);
+    this.fillJoints();
+    const { player } = this.viewer;
+    find("bar").classList.toggle("still", player.end <= player.start);
+    const scrub = find("scrub");
+    scrub.min = player.start;
+    scrub.max = player.end;
+    find("length").textContent = `/ ${seconds(player.end)}`;
+    this.shownPlaying = null;
+    this.refresh();
+  }
+
+  fillFacts(doc) {
+    const facts = find("facts");
+    const rows = [];
+    const margins = doc.report ? doc.report.margins : {};
+    if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.duration)] : ["Path", "no times yet, shown at 1 rad/s"]);
+    for (const [name, value] of Object.entries(margins)) if (/clearance/.test(name)) rows.push(["Clearance", length(value)]);
+    if (doc.replay) {
+      const { worst_error: worst, contacts, mode } = doc.replay.summary;
+      rows.push(["MuJoCo", `${mode === "dynamic" ? `off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contacts` : "no contact"}`]);
+    }
+    facts.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
+  }
+
+  fillReport(report) {
+    const badge = find("badge"), box = find("report");
+    badge.hidden = !report;
+    box.hidden = true;
+    badge.setAttribute("aria-expanded", "false");
+    if (!report) return;
+    const rank = report.certified ? "good" : report.valid ? "open" : "bad";
+    badge.className = rank;
+    badge.textContent = { good: "Certified free in continuous time", open: "Valid, collisions not checked", bad: `Invalid: ${report.violations.length} found` }[rank];
+    badge.onclick = () => {
+      box.hidden = !box.hidden;
+      badge.setAttribute("aria-expanded", String(!box.hidden));
+    };
+    if (rank === "bad") badge.onclick();
+    const rows = [];
+    for (const violation of report.violations) {
+      const button = element("button", violation.message);
+      button.type = "button";
+      button.onclick = () => this.viewer.point(violation.time, violation.subject);
+      rows.push(button);
+    }
+    for (const [name, value] of Object.entries(report.margins)) if (!/clearance/.test(name)) rows.push(meter(name, value));
+    rows.push(element("p", `Checked: ${report.checked.join(", ")}.`));
+    for (const [name, why] of Object.entries(report.not_checked)) rows.push(element("p", `Not checked: ${name} (${why}).`));
+    box.replaceChildren(...rows);
+  }
+
+  fillToggles(doc) {
+    const { viewer } = this;
+    const names = {
+      robots: "Robot", obstacles: "Obstacles", start: "Start", goal: "Goal", toolpath: "Tool path",
+      path: "Waypoints", replay: "Simulated", collisions: "Collision shapes",
+    };
+    const chips = Object.entries(names).filter(([layer]) => viewer.hasLayer(layer)).map(([layer, label]) => {
+      const chip = element("button", label, "chip");
+      chip.type = "button";
+      chip.dataset.layer = layer;
+      const sync = () => chip.setAttribute("aria-pressed", String(viewer.isShown(layer)));
+      chip.onclick = () => { viewer.setShown(layer, !viewer.isShown(layer)); sync(); };
+      sync();
+      return chip;
+    });
+    if (doc.arms.length > 1) {
+      const chip = element("button", "Arm colours", "chip");
+      chip.type = "button";
+      chip.dataset.layer = "armcolours";
+      const sync = () => chip.setAttribute("aria-pressed", String(viewer.byArm));
+      chip.onclick = () => { viewer.setByArm(!viewer.byArm); sync(); };
+      sync();
+      chips.push(chip);
+    }
+    find("toggles").replaceChildren(...chips);
+  }
+
+  /** One fold an arm; its sliders are made when it is first opened. */
+  fillJoints() {
+    const { arms } = this.viewer.kinematics;
+    this.rows = [];
+    const folds = arms.map((arm, index) => {
+      const fold = element("details"), summary = element("summary");
+      const swatch = element("span", "", "swatch");
+      swatch.style.background = css(armColor(index, arms.length));
+      summary.append(swatch, element("span", arm.name));
+      fold.append(summary);
+      const row = { fold, arm, joints: null };
+      fold.addEventListener("toggle", () => { this.fillArm(row); this.refreshJoints(); });
+      if (arms.length <= 2) { fold.open = true; this.fillArm(row); }
+      this.rows.push(row);
+      return fold;
+    });
+    find("joints").replaceChildren(...folds);
+  }
+
+  fillArm(row) {
+    if (row.joints) return;
+    const { arm } = row;
+    row.joints = arm.robot.names.map((name, i) => {
+      const line = element("div", undefined, "joint"), label = element("label", name), out = element("output");
+      const slider = element("input");
+      const column = arm.firstColumn + i;
+      const [low, high] = arm.robot.limits[i];
+      Object.assign(slider, { type: "range", min: low === null ? -Math.PI : low, max: high === null ? Math.PI : high, step: "any", id: `joint-${column}` });
+      label.htmlFor = slider.id;
+      label.title = name;
+      slider.oninput = () => this.viewer.setJoint(column, Number(slider.value));
+      line.append(label, out, slider);
+      row.fold.append(line);
+      return { slider, out, column, straight: arm.robot.kinds[i] === "prismatic" };
+    });
+  }
+
+  // ---- at each frame -----------------------------------------------------------------------
+
+  refresh() {
+    const { player, manual } = this.viewer;
+    const scrub = find("scrub");
+    scrub.value = player.time;
+    fillPart(scrub);
+    find("clock").textContent = manual ? "by hand" : seconds(player.time);
+    if (this.shownPlaying !== player.playing) {
+      this.shownPlaying = player.playing;
+      find("play").replaceChildren(icon(player.playing ? "pause" : "play"));
+      find("play").setAttribute("aria-label", player.playing ? "Pause" : "Play");
+    }
+    find("loop").setAttribute("aria-pressed", String(player.loop));
+    const menu = find("speed");
+    if (Number(menu.value) !== player.speed) menu.value = String(player.speed);
+    this.refreshJoints();
+  }
+
+  refreshJoints() {
+    const { q } = this.viewer;
+    for (const { fold, joints } of this.rows) {
+      if (!fold.open || !joints) continue;
+      for (const { slider, out, column, straight } of joints) {
+        slider.value = q[column];
+        fillPart(slider);
+        out.textContent = straight ? `${(1000 * q[column]).toFixed(1)} mm` : `${((180 / Math.PI) * q[column]).toFixed(1)}°`;
+      }
+    }
+  }
+
+  status(text) {
+    find("status").hidden = !text;
+    find("status").textContent = text || "";
+  }
+}
+
+const length = (metres) => (Math.abs(metres) < 0.1 ? `${(1000 * metres).toFixed(1)} mm` : `${metres.toFixed(3)} m`);
+
+/** How much of a limit is used: 1 is all of it. */
+function meter(name, used) {
+  const row = element("div", undefined, used > 1 ? "meter over" : "meter");
+  const groove = element("i"), bar = element("b");
+  bar.style.width = `${Math.min(100, 100 * used)}%`;
+  groove.append(bar);
+  row.append(element("span", name), groove, element("span", `${(100 * used).toFixed(0)} %`));
+  return row;
+}

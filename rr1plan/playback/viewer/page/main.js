@@ -1,0 +1,230 @@
+// The viewer: what panels and tests talk to, as `viewer` in a panel's script and `RR1` on the page.
+//
+//   viewer.q  viewer.joints  viewer.limits       the configuration shown, its columns ("arm/joint"), [low, high]
+//   viewer.setQ(q)  viewer.setJoint(column, v)    show a configuration; the clock stops
+//   viewer.time  viewer.duration  viewer.playing  the clock [s]
+//   viewer.play()  .pause()  .toggle()  .seek(t)  .setSpeed(s)  .setLoop(on)
+//   viewer.at(t)                                  the configuration of the motion at a time (null without one)
+//   viewer.on("change", f)                        f(q, time, manual) whenever the configuration shown changes
+//   viewer.on("load", f)                          f(document) after a document was loaded
+//   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column after column
+//   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
+//   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, collisions
+//   viewer.look(direction)                        frame everything, seen from a direction of the world
+//   viewer.add(name, object3d)  viewer.redraw()   put something of three.js (viewer.THREE) into the world, z up
+//   viewer.unpack(packed)                         {values, shape} of an array sent with rr1plan's `pack`
+
+class Viewer {
+  constructor() {
+    this.THREE = THREE;
+    this.unpack = unpack;
+    this.listeners = { change: [], load: [] };
+    this.hidden = new Set(["collisions", "replay"]);
+    this.byArm = true;
+    this.stage = new Stage(find("pane"));
+    this.controls = new Controls(this);
+    this.frames = 0;
+    this.slow = 0;
+    this.meshcat = this.stage.meshcat;
+  }
+
+  // ---- documents ---------------------------------------------------------------------------
+
+  /** Shows a document; with keep, from where the camera is. */
+  load(doc, keep = false) {
+    if (this.world) this.world.dispose();
+    this.document = doc;
+    this.kinematics = new Kinematics(doc);
+    this.joints = doc.columns;
+    this.limits = this.kinematics.arms.flatMap((a) => a.robot.limits);
+    const track = doc.track ? new Track(doc.track) : null;
+    this.replayTrack = doc.replay ? new Track(doc.replay) : null;
+    const speed = this.player ? this.player.speed : 1;
+    this.player = new Player(track);
+    this.player.speed = speed;
+    this.manual = false;
+    this.q = this.kinematics.rest();
+    if (track) track.at(track.start, this.q);
+    this.world = new World(doc, this.kinematics);
+    this.build(track);
+    this.controls.load(doc);
+    this.show();
+    if (!keep || !this.framed) this.look();
+    for (const f of this.listeners.load) f(doc);
+  }
+
+  build(track) {
+    const { world, kinematics, document: doc } = this;
+    const samples = [kinematics.rest(), this.q];
+    if (track) for (let i = 0; i <= 12; i++) samples.push(track.at(track.start + (i / 12) * (track.end - track.start), kinematics.rest()));
+    this.box = world.extent(samples);
+    const radius = this.box.getSize(new THREE.Vector3()).length() / 2;
+    const thin = Math.min(Math.max(0.0022 * radius, 0.0012), 0.008);
+    if (track) {
+      this.toolPath = new ToolPath(kinematics, track, thin);
+      world.group("toolpath").add(this.toolPath.group);
+    } else this.toolPath = null;
+    if (doc.path) world.group("path").add(waypointLines(kinematics, doc.path, 1.6 * thin));
+    if (doc.targets.length) world.group("goal").add(targetMarks(doc.targets, 2 * thin));
+    world.paint(this.byArm && doc.arms.length > 1);
+    for (const [name, layer] of Object.entries(world.layers)) layer.visible = !this.hidden.has(name);
+    this.stage.show("world", world.root);
+    this.stage.furnish(this.box, world.floor === null ? Math.min(0, this.box.min.z) : world.floor);
+  }
+
+  // ---- the configuration -------------------------------------------------------------------
+
+  setQ(q) {
+    this.player.pause();
+    this.manual = true;
+    this.q.set(q);
+    this.show();
+  }
+
+  setJoint(column, value) {
+    const q = this.q.slice();
+    q[column] = value;
+    this.setQ(q);
+  }
+
+  at(t) {
+    return this.player.track ? this.player.track.at(t, this.kinematics.rest()) : null;
+  }
+
+  linkPose(name) {
+    return this.poses(this.q)[name];
+  }
+
+  poses(q) {
+    const flat = this.kinematics.forwardAll(q, new Float64Array(16 * this.kinematics.links)), out = {};
+    for (const arm of this.kinematics.arms) {
+      arm.robot.links.forEach((link, i) => {
+        const at = 16 * (arm.firstLink + i);
+        out[`${arm.name}/${link}`] = Array.from(flat.subarray(at, at + 16));
+      });
+    }
+    return out;
+  }
+
+  /** Draws the configuration and tells everyone. */
+  show() {
+    const { player, world } = this;
+    world.update(this.q);
+    if (this.replayTrack) world.updateReplay(this.replayTrack.at(player.time, this.kinematics.rest()));
+    if (this.toolPath) this.toolPath.show(this.manual ? 1 : player.fraction);
+    this.controls.refresh();
+    this.redraw();
+    for (const f of this.listeners.change) f(this.q, player.time, this.manual);
+  }
+
+  // ---- the clock ---------------------------------------------------------------------------
+
+  get time() { return this.player.time; }
+  get duration() { return this.player.end - this.player.start; }
+  get playing() { return this.player.playing; }
+
+  play() { this.manual = false; this.player.play(); this.follow(); }
+  pause() { this.player.pause(); this.controls.refresh(); }
+  toggle() { if (this.playing) this.pause(); else this.play(); }
+  seek(t) { this.manual = false; this.player.seek(t); this.follow(); }
+  setSpeed(speed) { this.player.speed = Math.min(Math.max(Number(speed) || 1, 0.01), 100); this.controls.refresh(); }
+  setLoop(on) { this.player.loop = Boolean(on); this.controls.refresh(); }
+
+  /** The configuration of the clock's time. */
+  follow() {
+    const { track } = this.player;
+    if (track) track.at(this.player.time, this.q);
+    this.show();
+  }
+
+  // ---- what is seen ------------------------------------------------------------------------
+
+  hasLayer(layer) { return this.world.has(layer); }
+  isShown(layer) { return !this.hidden.has(layer); }
+
+  setShown(layer, on) {
+    if (on) this.hidden.delete(layer); else this.hidden.add(layer);
+    if (this.world.layers[layer]) this.world.layers[layer].visible = on;
+    this.show();
+  }
+
+  setByArm(on) {
+    this.byArm = on;
+    this.world.paint(on && this.kinematics.arms.length > 1, this.touched);
+    this.redraw();
+  }
+
+  /** Goes to a moment and paints some elements red. */
+  point(time, elements) {
+    this.touched = elements;
+    this.world.paint(this.byArm && this.kinematics.arms.length > 1, elements);
+    this.pause();
+    if (time !== null) this.seek(time);
+    this.redraw();
+  }
+
+  look(direction) {
+    this.framed = true;
+    this.stage.look(this.box, direction || this.lastDirection || this.frontDirection());
+    if (direction) this.lastDirection = direction;
+  }
+
+  /** Half from the side of where the arms reach to. */
+  frontDirection() {
+    const poses = new Float64Array(16 * this.kinematics.links);
+    this.kinematics.forwardAll(this.q, poses);
+    let x = 0, y = 0;
+    for (const arm of this.kinematics.arms) {
+      const tool = 16 * this.kinematics.toolIndex(arm), base = 16 * arm.firstLink;
+      x += poses[tool + 12] - poses[base + 12];
+      y += poses[tool + 13] - poses[base + 13];
+    }
+    const length = Math.hypot(x, y);
+    if (length < 0.05 * this.kinematics.arms.length || !length) return [-0.5, -0.87, 0.52];
+    const turn = (48 * Math.PI) / 180, c = Math.cos(turn), s = Math.sin(turn);
+    return [(c * x - s * y) / length, (s * x + c * y) / length, 0.5];
+  }
+
+  add(name, object) { this.stage.show(`panel-${name}`, object); }
+  redraw() { this.meshcat.set_dirty(); }
+  on(event, listener) { this.listeners[event].push(listener); }
+
+  // ---- frames ------------------------------------------------------------------------------
+
+  run() {
+    const frame = (now) => {
+      requestAnimationFrame(frame);
+      this.pace(now);
+      if (this.live) this.live.flush();
+      if (this.player.tick(now)) this.follow();
+      this.stage.draw();
+      this.frames += 1;
+    };
+    requestAnimationFrame(frame);
+  }
+
+  /** Where drawing is slow, fine pixels are given up, then fine shadows. */
+  pace(now) {
+    const passed = now - (this.lastFrame || now);
+    this.lastFrame = now;
+    this.slow = this.playing && passed > 70 && passed < 1000 ? this.slow + 1 : Math.max(0, this.slow - 0.5);
+    if (this.slow < 25) return;
+    this.slow = 0;
+    const { renderer } = this.stage;
+    if (renderer.getPixelRatio() > 1) renderer.setPixelRatio(1);
+    else if (this.stage.key.shadow.mapSize.x > 1024) this.stage.coarseShadows();
+  }
+}
+
+const settings = JSON.parse(find("settings").textContent);
+const viewer = new Viewer();
+window.RR1 = viewer;
+viewer.load(JSON.parse(find("document").textContent));
+if (settings.view) viewer.look(settings.view);
+for (const panel of settings.panels) mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
+if (settings.live) viewer.live = new Live(viewer, settings.version);
+const wishes = new URLSearchParams(location.hash.slice(1));
+if (wishes.has("bare")) document.body.classList.add("bare");
+viewer.run();
+if (settings.play) viewer.play();
+viewer.ready = true;

@@ -1,0 +1,129 @@
+// Transforms are 16 numbers, column after column, in flat arrays; motions are polynomials.
+
+const ARRAYS = { f4: Float32Array, f8: Float64Array, u4: Uint32Array };
+
+/** A packed array: {values, shape}. */
+function unpack(packed) {
+  const text = atob(packed.data);
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  return { values: new ARRAYS[packed.dtype](bytes.buffer), shape: packed.shape };
+}
+
+/** out[o..] = a[i..] * b[j..], rigid or affine; out is neither a nor b. */
+function multiply(out, o, a, i, b, j) {
+  for (let c = 0; c < 4; c++) {
+    const k = j + 4 * c;
+    const x = b[k], y = b[k + 1], z = b[k + 2], w = b[k + 3];
+    for (let r = 0; r < 4; r++) {
+      out[o + 4 * c + r] = a[i + r] * x + a[i + 4 + r] * y + a[i + 8 + r] * z + a[i + 12 + r] * w;
+    }
+  }
+}
+
+function identity() {
+  return Float64Array.of(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1);
+}
+
+/** T_joint_child of a joint at a value [rad or m]. */
+function jointMotion(out, joint, value) {
+  out.set(identity());
+  const [x, y, z] = joint.axis;
+  if (joint.kind === 1) {
+    out[12] = value * x; out[13] = value * y; out[14] = value * z;
+  } else if (joint.kind === 2) {
+    const s = Math.sin(value), c = Math.cos(value), u = 1 - c;
+    out[0] = c + x * x * u; out[1] = x * y * u + z * s; out[2] = x * z * u - y * s;
+    out[4] = x * y * u - z * s; out[5] = c + y * y * u; out[6] = y * z * u + x * s;
+    out[8] = x * z * u + y * s; out[9] = y * z * u - x * s; out[10] = c + z * z * u;
+  }
+}
+
+/** Where every link of every arm is. Links are numbered arm after arm, columns of q likewise. */
+class Kinematics {
+  constructor(doc) {
+    this.arms = [];
+    this.links = 0;
+    this.columns = 0;
+    for (const row of doc.arms) {
+      const robot = doc.robots[row.robot];
+      this.arms.push({
+        name: row.name, robot, base: Float64Array.from(row.base),
+        firstLink: this.links, firstColumn: this.columns, q: Float64Array.from(row.q),
+      });
+      this.links += robot.links.length;
+      this.columns += robot.names.length;
+    }
+    this.motion = identity();
+    this.step = identity();
+  }
+
+  /** All arms standing as the scene has them. */
+  rest() {
+    const q = new Float64Array(this.columns);
+    for (const arm of this.arms) q.set(arm.q, arm.firstColumn);
+    return q;
+  }
+
+  linkIndex(arm, link) {
+    return arm.firstLink + arm.robot.links.indexOf(link);
+  }
+
+  toolIndex(arm) {
+    return arm.firstLink + arm.robot.tool;
+  }
+
+  /** Poses of one arm's links into poses, at 16 * its first link. */
+  forward(arm, q, poses) {
+    const first = arm.firstLink;
+    poses.set(arm.base, 16 * first);
+    for (const joint of arm.robot.joints) {
+      const value = joint.offset + (joint.column < 0 ? 0 : joint.factor * q[arm.firstColumn + joint.column]);
+      jointMotion(this.motion, joint, value);
+      multiply(this.step, 0, joint.origin, 0, this.motion, 0);
+      multiply(poses, 16 * (first + joint.child), poses, 16 * (first + joint.parent), this.step, 0);
+    }
+  }
+
+  forwardAll(q, poses) {
+    for (const arm of this.arms) this.forward(arm, q, poses);
+    return poses;
+  }
+}
+
+/** Piecewise polynomials of time: sum_k c[piece][k] (t - start of the piece)^k. */
+class Track {
+  constructor(row) {
+    this.columns = row.columns;
+    this.breaks = unpack(row.breaks).values;
+    const { values, shape } = unpack(row.coefficients);
+    this.coefficients = values;
+    this.pieces = shape[0];
+    this.terms = shape[1];
+    this.width = shape[2];
+    this.start = this.breaks[0];
+    this.end = this.breaks[this.breaks.length - 1];
+  }
+
+  piece(t) {
+    let low = 0, high = this.pieces - 1;
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (this.breaks[middle] <= t) low = middle; else high = middle - 1;
+    }
+    return low;
+  }
+
+  /** Writes the columns of this motion into q. */
+  at(t, q) {
+    t = Math.min(Math.max(t, this.start), this.end);
+    const i = this.piece(t), local = t - this.breaks[i];
+    const { coefficients, terms, width } = this;
+    for (let j = 0; j < width; j++) {
+      let value = 0;
+      for (let k = terms - 1; k >= 0; k--) value = value * local + coefficients[(i * terms + k) * width + j];
+      q[this.columns[j]] = value;
+    }
+    return q;
+  }
+}

@@ -1,0 +1,182 @@
+// Meshcat's viewer, lit and framed: floor, lights, camera. The world's z is up.
+
+/** A point of the world (z up) as three.js' camera has it (y up). */
+function cameraPoint(x, y, z) {
+  return new THREE.Vector3(x, z, -y);
+}
+
+class Stage {
+  constructor(pane) {
+    this.pane = pane;
+    const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    renderer.shadowMap.enabled = true;
+    renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+    renderer.outputEncoding = THREE.sRGBEncoding;
+    renderer.toneMapping = THREE.ACESFilmicToneMapping;
+    renderer.toneMappingExposure = 1.12;
+    this.meshcat = new MeshCat.Viewer(pane, false, renderer);
+    renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    pane.appendChild(renderer.domElement);
+    this.renderer = renderer;
+    this.meshcat.set_3d_pane_size = () => this.resize();
+    for (const path of [["Lights"], ["Grid"], ["Axes"]]) this.meshcat.delete_path(path);
+    this.meshcat.set_property(["Background"], "visible", false);
+    this.meshcat.hide_background();
+    this.meshcat.scene.environment = this.surroundings();
+    this.addCamera();
+    this.addLights();
+    new ResizeObserver(() => this.resize()).observe(pane);
+    this.resize();
+  }
+
+  /** A room of soft lamps to be mirrored in everything. */
+  surroundings() {
+    const room = new THREE.Scene();
+    const lamp = (color, w, h, x, y, z) => {
+      const m = new THREE.Mesh(new THREE.PlaneGeometry(w, h), new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide }));
+      m.position.set(x, y, z);
+      m.lookAt(0, 0, 0);
+      m.material.color.multiplyScalar(6);
+      room.add(m);
+    };
+    const walls = new THREE.Mesh(new THREE.SphereGeometry(20, 24, 16), new THREE.MeshBasicMaterial({ color: 0x8d949c, side: THREE.BackSide }));
+    room.add(walls);
+    lamp(0xffffff, 9, 9, 0, 12, 0);
+    lamp(0xfff1e0, 4, 8, 11, 4, 5);
+    lamp(0xe4eeff, 4, 8, -11, 5, -4);
+    const generator = new THREE.PMREMGenerator(this.renderer);
+    const texture = generator.fromScene(room, 0.03).texture;
+    generator.dispose();
+    return texture;
+  }
+
+  addCamera() {
+    this.camera = new THREE.PerspectiveCamera(34, 1, 0.01, 200);
+    this.meshcat.controls.dispose();
+    this.meshcat.set_object(["Cameras", "default", "rotated"], this.camera);
+    this.meshcat.set_camera(this.camera);
+    this.controls = this.meshcat.controls;
+    this.controls.enableDamping = true;
+    this.controls.dampingFactor = 0.12;
+    this.controls.maxPolarAngle = Math.PI * 0.98;
+  }
+
+  addLights() {
+    const lights = new THREE.Group();
+    this.key = new THREE.DirectionalLight(0xfff6ec, 1.55);
+    this.key.castShadow = true;
+    this.key.shadow.mapSize.set(2048, 2048);
+    this.key.shadow.radius = 3.2;
+    this.key.shadow.normalBias = 0.012;
+    this.key.shadow.bias = -0.0004;
+    const fill = new THREE.DirectionalLight(0xdfeaff, 0.35);
+    fill.position.set(3, 4, 2);
+    lights.add(this.key, this.key.target, fill, new THREE.HemisphereLight(0xffffff, 0xb9c0c9, 0.32));
+    this.meshcat.set_object(["rr1plan", "lights"], lights);
+  }
+
+  /** Puts floor, shadow and light around a box of the world. */
+  furnish(box, floor) {
+    const centre = box.getCenter(new THREE.Vector3()), radius = Math.max(0.3, box.getSize(new THREE.Vector3()).length() / 2);
+    this.key.target.position.copy(centre);
+    this.key.position.copy(centre).add(new THREE.Vector3(-0.55, -0.75, 1.5).multiplyScalar(2.2 * radius));
+    const lens = this.key.shadow.camera;
+    Object.assign(lens, { left: -1.35 * radius, right: 1.35 * radius, top: 1.35 * radius, bottom: -1.35 * radius, near: 0.1 * radius, far: 8 * radius });
+    lens.updateProjectionMatrix();
+    this.key.shadow.normalBias = 0.006 * radius;
+    this.meshcat.set_object(["rr1plan", "floor"], this.floor(centre, radius, floor));
+  }
+
+  floor(centre, radius, height) {
+    const group = new THREE.Group();
+    const size = 14 * radius;
+    const shade = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.ShadowMaterial({ opacity: 0.24 }));
+    shade.receiveShadow = true;
+    shade.material.depthWrite = false;
+    const step = 10 ** Math.floor(Math.log10(radius * 0.5));
+    const grid = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.ShaderMaterial({
+      transparent: true, depthWrite: false, side: THREE.DoubleSide,
+      extensions: { derivatives: true },
+      uniforms: { step: { value: step }, reach: { value: 4.2 * radius }, centre: { value: new THREE.Vector2(centre.x, centre.y) } },
+      vertexShader: `
+        varying vec2 place; uniform vec2 centre;
+        void main() { place = position.xy + centre; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }`,
+      fragmentShader: `
+        varying vec2 place; uniform float step; uniform float reach; uniform vec2 centre;
+        float lines(float gap) {
+          vec2 at = place / gap;
+          vec2 wide = fwidth(at);
+          vec2 near = abs(fract(at - 0.5) - 0.5) / max(wide, vec2(1e-6));
+          float line = 1.0 - min(min(near.x, near.y), 1.0);
+          return line * clamp(1.0 - 2.2 * max(wide.x, wide.y), 0.0, 1.0);
+        }
+        void main() {
+          float fade = 1.0 - smoothstep(0.15, 1.0, length(place - centre) / reach);
+          float ink = max(0.16 * lines(step), 0.34 * lines(step * 10.0)) * fade;
+          gl_FragColor = vec4(0.33, 0.38, 0.45, ink);
+        }`,
+    }));
+    group.add(shade, grid);
+    group.position.set(centre.x, centre.y, height - 0.0008);
+    shade.renderOrder = 1;
+    grid.renderOrder = 0;
+    return group;
+  }
+
+  /** Looks at a box of the world from a direction of the world, so that all of it is seen. */
+  look(box, direction) {
+    const d = new THREE.Vector3(...direction).normalize();
+    const eye = cameraPoint(d.x, d.y, d.z), up = Math.abs(d.z) > 0.999 ? cameraPoint(0, 1, 0) : new THREE.Vector3(0, 1, 0);
+    const right = new THREE.Vector3().crossVectors(up, eye).normalize(), above = new THREE.Vector3().crossVectors(eye, right);
+    const middle = box.getCenter(new THREE.Vector3()), centre = cameraPoint(middle.x, middle.y, middle.z);
+    const [left, rightEdge, top, bottom] = this.margins();
+    const tall = Math.tan((this.camera.fov * Math.PI) / 360), wide = tall * this.camera.aspect;
+    let distance = 0.2;
+    for (let i = 0; i < 8; i++) {
+      const c = cameraPoint(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y, i & 4 ? box.max.z : box.min.z).sub(centre);
+      const depth = c.dot(eye);
+      distance = Math.max(distance,
+        depth + Math.abs(c.dot(right)) / (wide * (1 - (left + rightEdge))), depth + Math.abs(c.dot(above)) / (tall * (1 - (top + bottom))));
+    }
+    distance *= 1.04;
+    // What floats over the picture moves its middle.
+    centre.addScaledVector(right, (rightEdge - left) * wide * distance).addScaledVector(above, (top - bottom) * tall * distance);
+    this.controls.target.copy(centre);
+    this.camera.position.copy(centre).addScaledVector(eye, distance);
+    this.camera.near = distance / 200;
+    this.camera.far = distance * 60;
+    this.controls.update();
+    this.meshcat.set_dirty();
+  }
+
+  /** Shares of the picture's halves that cards cover: left, right, top, bottom. */
+  margins() {
+    const width = this.pane.clientWidth, height = this.pane.clientHeight;
+    if (document.body.classList.contains("bare") || width < 700) return [0.02, 0.02, 0.05, 0.08];
+    const side = document.body.classList.contains("folded") ? 0 : 290;
+    return [0.06, 0.02 + side / width, 0.04, 0.04 + 90 / height];
+  }
+
+  resize() {
+    const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1;
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setSize(width, height);
+    this.meshcat.set_dirty();
+  }
+
+  coarseShadows() {
+    this.key.shadow.mapSize.set(1024, 1024);
+    if (this.key.shadow.map) { this.key.shadow.map.dispose(); this.key.shadow.map = null; }
+  }
+
+  show(name, group) {
+    this.meshcat.set_object(["rr1plan", name], group);
+    this.meshcat.set_dirty();
+  }
+
+  draw() {
+    this.controls.update();
+    if (this.meshcat.needs_render) this.meshcat.render();
+  }
+}

@@ -1,0 +1,395 @@
+// The document as a picture: robots, obstacles, ghosts, paths, floor and light.
+
+const LINK_GREY = [0.77, 0.79, 0.82];
+const OBSTACLE = [0.58, 0.65, 0.74];
+const HELD = [0.96, 0.73, 0.27];
+const TOUCHED = [0.86, 0.08, 0.2];
+const GHOSTS = { start: [0.25, 0.47, 0.85], goal: [0.1, 0.62, 0.42], replay: [0.62, 0.3, 0.78] };
+const IDENTITY = identity();
+
+/** Colours of arms, far apart from each other. */
+function armColor(index, count) {
+  if (count === 1) return [0.894, 0.314, 0.055];
+  const color = new THREE.Color().setHSL((0.055 + index * 0.381966) % 1, 0.72, index % 2 ? 0.42 : 0.53);
+  return [color.r, color.g, color.b];
+}
+
+class World {
+  constructor(doc, kinematics) {
+    this.doc = doc;
+    this.kinematics = kinematics;
+    this.poses = new Float64Array(16 * kinematics.links);
+    this.root = new THREE.Group();
+    this.layers = {};
+    const rest = kinematics.rest();
+    kinematics.forwardAll(rest, this.poses);
+    this.robots = this.layer("robots", new Bodies(this.linkItems("visuals", LINK_GREY), { roughness: 0.5 }));
+    this.held = this.layer("robots", new Bodies(this.heldItems(), {}));
+    this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.2, 0.55, 0.9]), { opacity: 0.32, order: 6 }));
+    this.collisions.recolor = false;
+    this.moving = [this.robots, this.held, this.collisions];
+    this.obstacles = this.layer("obstacles", new Bodies(this.obstacleItems(), { roughness: 0.75 }));
+    this.obstacles.update(this.poses);
+    this.addEdges();
+    this.addSpecials();
+    this.addGhosts();
+    this.update(rest);
+  }
+
+  layer(name, bodies) {
+    this.group(name).add(bodies.group);
+    return bodies;
+  }
+
+  group(name) {
+    if (!this.layers[name]) {
+      this.layers[name] = new THREE.Group();
+      this.root.add(this.layers[name]);
+    }
+    return this.layers[name];
+  }
+
+  has(name) {
+    const layer = this.layers[name];
+    return Boolean(layer) && layer.children.some((c) => c.children.length > 0 || !c.isGroup);
+  }
+
+  // ---- what is drawn ---------------------------------------------------------------------
+
+  linkItems(kind, fallback, arms = this.kinematics.arms) {
+    const items = [];
+    for (const arm of arms) {
+      for (const part of arm.robot[kind]) {
+        items.push(this.item(part, part.pose, arm.firstLink + part.link, fallback,
+          `${arm.name}/${arm.robot.links[part.link]}`, this.kinematics.arms.indexOf(arm)));
+      }
+    }
+    return items;
+  }
+
+  item(part, pose, frame, fallback, element, arm) {
+    const color = part.color || [...fallback, 1];
+    return {
+      shape: this.doc.shapes[part.shape], pose, frame, element, arm,
+      color: color.slice(0, 3), opacity: color[3] === undefined ? 1 : Math.max(0.05, color[3]),
+    };
+  }
+
+  objectItems(object, frame, fallback, arm) {
+    return object.parts.map((part) => {
+      const pose = identity();
+      multiply(pose, 0, object.pose, 0, part.pose, 0);
+      return this.item(part, pose, frame, fallback, object.name, arm);
+    });
+  }
+
+  obstacleItems() {
+    return this.doc.obstacles.flatMap((o) => this.objectItems(o, -1, OBSTACLE, -1));
+  }
+
+  heldItems() {
+    return this.doc.attachments.flatMap((held) => {
+      const index = this.kinematics.arms.findIndex((a) => a.name === held.arm);
+      return this.objectItems(held, this.kinematics.linkIndex(this.kinematics.arms[index], held.link), HELD, index);
+    });
+  }
+
+  /** Thin dark edges: boxes in front of boxes stay readable. */
+  addEdges() {
+    const points = [];
+    const v = new THREE.Vector3(), T = new THREE.Matrix4();
+    const known = new Map();
+    for (const { items, drawn } of this.obstacles.sets) {
+      if (drawn.geometry === unit.sphere || drawn.geometry.attributes.position.count > 30000) continue;
+      if (!known.has(drawn.geometry)) known.set(drawn.geometry, new THREE.EdgesGeometry(drawn.geometry, 40).attributes.position);
+      const edges = known.get(drawn.geometry);
+      for (const item of items) {
+        T.fromArray(item.local);
+        for (let i = 0; i < edges.count; i++) {
+          v.fromBufferAttribute(edges, i).applyMatrix4(T);
+          points.push(v.x, v.y, v.z);
+        }
+      }
+    }
+    if (!points.length) return;
+    const geometry = new THREE.BufferGeometry().setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
+    const material = new THREE.LineBasicMaterial({ color: 0x1b2430, transparent: true, opacity: 0.28 });
+    this.group("obstacles").add(new THREE.LineSegments(geometry, material));
+  }
+
+  /** Half-spaces and point clouds, which are not solids with a surface of their own. */
+  addSpecials() {
+    this.floor = null;
+    for (const object of this.doc.obstacles) {
+      for (const part of object.parts) {
+        const shape = this.doc.shapes[part.shape];
+        const pose = identity();
+        multiply(pose, 0, object.pose, 0, part.pose, 0);
+        if (shape.kind === "halfspace") this.addHalfSpace(shape, pose, part);
+        if (shape.kind === "cloud") this.addCloud(shape, pose, part);
+      }
+    }
+  }
+
+  addHalfSpace(shape, pose, part) {
+    const T = new THREE.Matrix4().fromArray(pose);
+    const normal = new THREE.Vector3(...shape.normal);
+    const point = normal.clone().multiplyScalar(shape.offset).applyMatrix4(T);
+    normal.transformDirection(T);
+    if (normal.z > 0.9999) { this.floor = Math.max(this.floor === null ? -Infinity : this.floor, point.z); return; }
+    const color = light(part.color || OBSTACLE);
+    const plane = new THREE.Mesh(new THREE.PlaneGeometry(4, 4), new THREE.MeshStandardMaterial({
+      color, transparent: true, opacity: 0.25, side: THREE.DoubleSide, depthWrite: false,
+    }));
+    plane.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
+    plane.position.copy(point);
+    this.group("obstacles").add(plane);
+  }
+
+  addCloud(shape, pose, part) {
+    const points = unpack(shape.points).values, count = points.length / 3;
+    const cloud = new THREE.InstancedMesh(once("box"), new THREE.MeshStandardMaterial({ roughness: 0.9 }), count);
+    cloud.frustumCulled = false;
+    cloud.castShadow = cloud.receiveShadow = true;
+    let low = Infinity, high = -Infinity;
+    for (let i = 2; i < points.length; i += 3) { low = Math.min(low, points[i]); high = Math.max(high, points[i]); }
+    const T = new THREE.Matrix4().fromArray(pose), P = new THREE.Matrix4(), color = new THREE.Color();
+    for (let i = 0; i < count; i++) {
+      P.makeScale(shape.resolution, shape.resolution, shape.resolution).setPosition(points[3 * i], points[3 * i + 1], points[3 * i + 2]);
+      cloud.setMatrixAt(i, P.premultiply(T));
+      if (part.color) color.copy(light(part.color));
+      else color.setHSL(0.62 - 0.5 * ((points[3 * i + 2] - low) / (high - low || 1)), 0.5, 0.52).convertSRGBToLinear();
+      cloud.setColorAt(i, color);
+    }
+    this.group("obstacles").add(cloud);
+  }
+
+  // ---- ghosts: the same arms elsewhere -----------------------------------------------------
+
+  addGhosts() {
+    const q = this.kinematics.rest();
+    for (const ghost of this.doc.ghosts) {
+      const arm = this.kinematics.arms.find((a) => a.name === ghost.arm);
+      q.set(ghost.q, arm.firstColumn);
+      const poses = new Float64Array(this.poses.length);
+      this.kinematics.forward(arm, q, poses);
+      this.ghost(ghost.kind, [arm]).update(poses);
+    }
+    const track = this.doc.replay;
+    if (!track) return;
+    const moved = this.kinematics.arms.filter((a) => track.columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
+    this.replay = this.ghost("replay", moved);
+    this.replayPoses = Float64Array.from(this.poses);
+  }
+
+  ghost(kind, arms) {
+    const items = this.linkItems("visuals", LINK_GREY, arms).map((item) => ({ ...item, color: GHOSTS[kind], opacity: 1 }));
+    return this.layer(kind, new Bodies(items, { opacity: 0.26, order: kind === "start" ? 3 : 4 }));
+  }
+
+  // ---- motion ------------------------------------------------------------------------------
+
+  update(q) {
+    this.kinematics.forwardAll(q, this.poses);
+    for (const bodies of this.moving) if (bodies.group.parent.visible) bodies.update(this.poses);
+  }
+
+  updateReplay(q) {
+    if (!this.replay || !this.layers.replay.visible) return;
+    this.kinematics.forwardAll(q, this.replayPoses);
+    this.replay.update(this.replayPoses);
+  }
+
+  /** Colours by arm (on coloured parts only: grey and black parts stay), and touching elements in red. */
+  paint(byArm, touched = []) {
+    const count = this.kinematics.arms.length, hsl = {};
+    const choose = (item) => {
+      if (touched.includes(item.element)) return TOUCHED;
+      if (!byArm || item.arm < 0) return item.color;
+      const { s, l } = new THREE.Color(...item.color).getHSL(hsl);
+      if (s < 0.25) return item.color;
+      const own = armColor(item.arm, count), shade = 0.6 + 0.8 * l;
+      return own.map((v) => Math.min(1, v * shade));
+    };
+    this.robots.paint(choose);
+    this.held.paint((item) => (touched.includes(item.element) ? TOUCHED : item.color));
+    this.obstacles.paint((item) => (touched.includes(item.element) ? TOUCHED : item.color));
+  }
+
+  // ---- extent ------------------------------------------------------------------------------
+
+  /** The box around all that is finite: arms along the motion, obstacles, targets. */
+  extent(samples) {
+    const box = new THREE.Box3(), p = new THREE.Vector3();
+    const poses = new Float64Array(this.poses.length);
+    for (const q of samples) {
+      this.kinematics.forwardAll(q, poses);
+      for (let i = 0; i < poses.length; i += 16) box.expandByPoint(p.set(poses[i + 12], poses[i + 13], poses[i + 14]));
+    }
+    if (!box.isEmpty()) box.expandByScalar(0.06);
+    const obstacles = new THREE.Box3(), T = new THREE.Matrix4();
+    for (const { drawn, items } of this.obstacles.sets) {
+      drawn.geometry.computeBoundingBox();
+      for (const item of items) obstacles.union(drawn.geometry.boundingBox.clone().applyMatrix4(T.fromArray(item.local)));
+    }
+    for (const object of this.doc.obstacles) {
+      for (const part of object.parts) {
+        const shape = this.doc.shapes[part.shape];
+        if (shape.kind !== "cloud") continue;
+        T.fromArray(object.pose).multiply(new THREE.Matrix4().fromArray(part.pose));
+        obstacles.union(new THREE.Box3().setFromArray(unpack(shape.points).values).applyMatrix4(T));
+      }
+    }
+    box.union(obstacles);
+    if (box.isEmpty()) box.set(p.set(-0.5, -0.5, 0).clone(), p.set(0.5, 0.5, 0.5).clone());
+    return box;
+  }
+
+  dispose() {
+    this.root.traverse((o) => {
+      if (o.geometry && !Object.values(unit).includes(o.geometry)) o.geometry.dispose();
+      if (o.material) o.material.dispose();
+      if (o.isInstancedMesh) o.dispose();
+    });
+  }
+}
+
+// ---- where the tools go ------------------------------------------------------------------------
+
+/** Positions of the tools of the arms that move, at each of the configurations: one Float32Array an arm. */
+function toolLines(kinematics, columns, configurations) {
+  const poses = new Float64Array(16 * kinematics.links);
+  const arms = kinematics.arms.filter((a) => columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
+  return arms.map((arm) => {
+    const points = [];
+    const at = 16 * kinematics.toolIndex(arm);
+    for (const q of configurations) {
+      kinematics.forward(arm, q, poses);
+      points.push(new THREE.Vector3(poses[at + 12], poses[at + 13], poses[at + 14]));
+    }
+    return { arm, points };
+  });
+}
+
+/** A tube through points whose index runs along its length, so a part of it can be drawn. */
+function tube(points, radius) {
+  const sides = 7, positions = [], normals = [], indices = [];
+  const tangent = new THREE.Vector3(1, 0, 0), u = new THREE.Vector3(), w = new THREE.Vector3(), n = new THREE.Vector3();
+  points.forEach((p, i) => {
+    const d = points[Math.min(i + 1, points.length - 1)].clone().sub(points[Math.max(i - 1, 0)]);
+    if (d.lengthSq() > 1e-14) tangent.copy(d).normalize();
+    if (u.lengthSq() === 0) u.set(Math.abs(tangent.z) < 0.9 ? 0 : 1, 0, Math.abs(tangent.z) < 0.9 ? 1 : 0);
+    u.addScaledVector(tangent, -u.dot(tangent)).normalize();
+    w.crossVectors(tangent, u);
+    for (let k = 0; k < sides; k++) {
+      const a = (2 * Math.PI * k) / sides;
+      n.copy(u).multiplyScalar(Math.cos(a)).addScaledVector(w, Math.sin(a));
+      positions.push(p.x + radius * n.x, p.y + radius * n.y, p.z + radius * n.z);
+      normals.push(n.x, n.y, n.z);
+    }
+    if (i === 0) return;
+    for (let k = 0; k < sides; k++) {
+      const a = (i - 1) * sides + k, b = (i - 1) * sides + ((k + 1) % sides);
+      indices.push(a, b, a + sides, b, b + sides, a + sides);
+    }
+  });
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.Float32BufferAttribute(positions, 3));
+  geometry.setAttribute("normal", new THREE.Float32BufferAttribute(normals, 3));
+  geometry.setIndex(indices);
+  geometry.perPiece = 6 * sides;
+  return geometry;
+}
+
+/** The tools' ways: faint as a whole, bright as far as the motion has come. */
+class ToolPath {
+  constructor(kinematics, track, radius) {
+    this.group = new THREE.Group();
+    this.done = [];
+    const most = Math.max(60, Math.min(400, Math.floor(6000 / kinematics.arms.length)));
+    this.pieces = Math.max(2, Math.min(most, Math.ceil(60 * (track.end - track.start))));
+    const rows = [];
+    for (let i = 0; i <= this.pieces; i++) {
+      rows.push(track.at(track.start + (i / this.pieces) * (track.end - track.start), kinematics.rest()));
+    }
+    for (const { arm, points } of toolLines(kinematics, track.columns, rows)) {
+      const color = light(armColor(kinematics.arms.indexOf(arm), kinematics.arms.length));
+      const whole = tube(points, radius);
+      const part = new THREE.BufferGeometry();
+      for (const name of ["position", "normal"]) part.setAttribute(name, whole.attributes[name]);
+      part.setIndex(whole.index);
+      this.group.add(new THREE.Mesh(whole, new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.22, depthWrite: false })));
+      this.group.add(new THREE.Mesh(part, new THREE.MeshStandardMaterial({ color, roughness: 0.6, emissive: color, emissiveIntensity: 0.25 })));
+      this.done.push([part, whole.perPiece]);
+    }
+  }
+
+  show(fraction) {
+    for (const [part, perPiece] of this.done) part.setDrawRange(0, perPiece * Math.round(fraction * this.pieces));
+  }
+}
+
+/** A path without times: thin dark lines of the tools, a dot at each waypoint. */
+function waypointLines(kinematics, row, radius) {
+  const { values, shape } = unpack(row.waypoints);
+  const at = (i, share) => {
+    const q = kinematics.rest(), j = Math.min(i + 1, shape[0] - 1);
+    row.columns.forEach((column, k) => {
+      q[column] = (1 - share) * values[i * shape[1] + k] + share * values[j * shape[1] + k];
+    });
+    return q;
+  };
+  const pieces = Math.max(2, Math.min(24, Math.floor(2000 / shape[0])));
+  const rows = [];
+  for (let i = 0; i + 1 < shape[0]; i++) for (let k = 0; k < pieces; k++) rows.push(at(i, k / pieces));
+  rows.push(at(shape[0] - 1, 0));
+  const group = new THREE.Group();
+  const material = new THREE.LineBasicMaterial({ color: 0x1b2430, transparent: true, opacity: 0.55 });
+  for (const { points } of toolLines(kinematics, row.columns, rows)) {
+    group.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), material));
+    const dots = new THREE.InstancedMesh(solid({ kind: "sphere", radius: 1 }).geometry, new THREE.MeshBasicMaterial({ color: 0x1b2430 }), shape[0]);
+    dots.frustumCulled = false;
+    for (let i = 0; i < shape[0]; i++) {
+      const p = points[Math.min(i * pieces, points.length - 1)];
+      dots.setMatrixAt(i, new THREE.Matrix4().makeScale(radius, radius, radius).setPosition(p));
+    }
+    group.add(dots);
+  }
+  return group;
+}
+
+/** Goals that are places: a ball, with axes when it is turned; a region as a clear box. */
+function targetMarks(targets, radius) {
+  const group = new THREE.Group();
+  const green = light(GHOSTS.goal);
+  for (const target of targets) {
+    if (target.kind === "region") {
+      const low = new THREE.Vector3(...target.lower), size = new THREE.Vector3(...target.upper).sub(low);
+      const box = new THREE.BoxGeometry(...size.toArray().map((v) => Math.max(v, 1e-3)));
+      const clear = new THREE.Mesh(box, new THREE.MeshBasicMaterial({ color: green, transparent: true, opacity: 0.14, depthWrite: false }));
+      clear.add(new THREE.LineSegments(new THREE.EdgesGeometry(box), new THREE.LineBasicMaterial({ color: green })));
+      clear.position.copy(low).addScaledVector(size, 0.5);
+      clear.renderOrder = 5;
+      group.add(clear);
+      continue;
+    }
+    const mark = new THREE.Group();
+    mark.applyMatrix4(new THREE.Matrix4().fromArray(target.pose));
+    mark.add(new THREE.Mesh(new THREE.SphereGeometry(2.6 * radius, 24, 16), new THREE.MeshStandardMaterial({ color: green, emissive: green, emissiveIntensity: 0.4 })));
+    if (target.turned) mark.add(axes(22 * radius, radius));
+    group.add(mark);
+  }
+  return group;
+}
+
+function axes(length, radius) {
+  const group = new THREE.Group();
+  [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((d, i) => {
+    const color = [0xd6336c, 0x2b8a3e, 0x1c7ed6][i];
+    const rod = new THREE.Mesh(new THREE.CylinderGeometry(0.6 * radius, 0.6 * radius, length, 12), new THREE.MeshBasicMaterial({ color }));
+    rod.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), new THREE.Vector3(...d));
+    rod.position.set(...d).multiplyScalar(length / 2);
+    group.add(rod);
+  });
+  return group;
+}

@@ -1,0 +1,64 @@
+"""Shapes as the page draws them: each different one is described once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from typing import Any, assert_never
+
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+
+Pack = Callable[..., dict[str, Any]]
+
+
+class ShapeTable:
+    """Collects shapes and gives equal ones the same index.
+
+    Args:
+        pack: Turns an array into what JSON can hold.
+    """
+
+    def __init__(self, pack: Pack) -> None:
+        self.rows: list[dict[str, Any]] = []
+        self._pack = pack
+        self._known: dict[Any, int] = {}
+
+    def index(self, shape: Shape) -> int:
+        """The index of a shape in `rows`, adding it when it is new."""
+        key = _key(shape)
+        if key not in self._known:
+            self._known[key] = len(self.rows)
+            self.rows.append(self._row(shape))
+        return self._known[key]
+
+    def _row(self, shape: Shape) -> dict[str, Any]:
+        match shape:
+            case Box():
+                return {"kind": "box", "size": list(shape.size)}
+            case Sphere():
+                return {"kind": "sphere", "radius": shape.radius}
+            case Cylinder():
+                return {"kind": "cylinder", "radius": shape.radius, "length": shape.length}
+            case Capsule():
+                return {"kind": "capsule", "radius": shape.radius, "length": shape.length}
+            case HalfSpace():
+                return {"kind": "halfspace", "normal": list(shape.normal), "offset": shape.offset}
+            case Mesh():
+                return {
+                    "kind": "mesh",
+                    "vertices": self._pack(shape.vertices),
+                    "faces": self._pack(shape.faces, "u4"),
+                }
+            case PointCloud():
+                return {"kind": "cloud", "points": self._pack(shape.points), "resolution": shape.resolution}
+            case _:
+                assert_never(shape)
+
+
+def _key(shape: Shape) -> Any:
+    if isinstance(shape, Mesh):
+        digest = hashlib.sha256(shape.vertices.tobytes() + shape.faces.tobytes()).digest()
+        return ("mesh", shape.vertices.shape, digest)
+    if isinstance(shape, PointCloud):
+        return ("cloud", shape.resolution, hashlib.sha256(shape.points.tobytes()).digest())
+    return shape
