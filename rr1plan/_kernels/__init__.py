@@ -1,0 +1,1 @@
+"""Compiled loops on plain arrays. They trust their input; the Python above them checks it once."""

@@ -1,5 +1,6 @@
 """Exact answers about configurations (Coal), certified answers about motions."""
 
 from rr1plan.collision.exact import CollisionChecker, Contact, Nearest
+from rr1plan.collision.motion import FirstContact, MotionChecker
 
-__all__ = ["CollisionChecker", "Contact", "Nearest"]
+__all__ = ["CollisionChecker", "Contact", "FirstContact", "MotionChecker", "Nearest"]

@@ -254,7 +254,7 @@ class CollisionChecker:
         return self._distance(pair)[0]
 
     def checked(self, q: Any) -> Array:
-        """q as an array of finite numbers, shape (nq,).
+        """The configuration q as an array of finite numbers, shape (nq,).
 
         Raises:
             InputError: wrong shape or not finite.

@@ -1,0 +1,173 @@
+"""Certified motions: a whole edge or curve is proven free, not sampled.
+
+The proof is in `rr1plan._kernels.motion`. It leaves no gap between samples for a thin obstacle to
+slip through. What passes at less than `tolerance` beyond the padding is not proven, so it is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rr1plan._kernels.motion import FREE, certify
+from rr1plan.checks import Array, finite_array, finite_number, positive_number, read_only
+from rr1plan.collision.exact import CollisionChecker
+from rr1plan.collision.tables import build_tables
+from rr1plan.errors import InputError
+from rr1plan.scene import Scene
+
+TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class FirstContact:
+    """Where an edge first touches something.
+
+    Args:
+        fraction: The edge is certified free up to this part of it, 0..1.
+        q: The configuration there, shape (nq,).
+        pair: The elements that touch.
+    """
+
+    fraction: float
+    q: Array
+    pair: tuple[str, str]
+
+
+class MotionChecker:
+    """Certifies edges and curves of a scene's moving arms.
+
+    An instance keeps scratch memory: give each thread its own (they pickle, as scene and arms).
+    Joint limits are another question, and so is a continuous joint's shorter way round: an edge is the
+    straight line between the numbers it is given.
+
+    Args:
+        checker: A collision checker, or a scene.
+        arms: The arms that move, when a scene is given (default: all).
+        tolerance: Motions that pass at less than this beyond the padding are refused [m].
+
+    Attributes:
+        checker: The collision checker.
+        edges_checked: Edges and curves looked at so far.
+        configurations_checked: Configurations looked at so far.
+        gaps_checked: Distances of pairs computed finely so far.
+
+    Raises:
+        UnknownNameError: no such arm.
+        InputError: a scene that cannot be checked.
+    """
+
+    def __init__(
+        self, checker: CollisionChecker | Scene, arms: Sequence[str] | None = None, *, tolerance: float = TOLERANCE
+    ) -> None:
+        if isinstance(checker, Scene):
+            checker = CollisionChecker(checker, arms)
+        elif arms is not None:
+            raise InputError("MotionChecker takes arms with a scene only; a checker has its own")
+        self.checker = checker
+        self.tolerance = positive_number("tolerance", tolerance)
+        self._tables = build_tables(checker)
+        self._edge = np.zeros((2, checker.nq))
+        self.edges_checked = 0
+        self.configurations_checked = 0
+        self.gaps_checked = 0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickles as its checker; the counters begin anew."""
+        return _rebuild, (self.checker, self.tolerance)
+
+    def edge_is_free(self, q0: Any, q1: Any) -> bool:
+        """Every configuration on the straight line from q0 to q1 is free.
+
+        Args:
+            q0, q1: Ends [rad or m], shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        self._take_edge(self.checker.checked(q0), self.checker.checked(q1))
+        return self._certify(self._edge, 1.0)[0] == FREE
+
+    def path_is_free(self, waypoints: Any) -> bool:
+        """Every edge between consecutive waypoints is free; a single waypoint is an edge of length zero.
+
+        Args:
+            waypoints: Configurations [rad or m], shape (n, nq).
+
+        Raises:
+            InputError: wrong shape, no waypoint, or not finite.
+        """
+        points = finite_array("waypoints", waypoints, (None, self.checker.nq))
+        if len(points) == 0:
+            raise InputError("a path has at least one waypoint, got none")
+        if len(points) == 1:
+            return self.edge_is_free(points[0], points[0])
+        return all(self.edge_is_free(a, b) for a, b in zip(points[:-1], points[1:], strict=True))
+
+    def polynomial_is_free(self, coefficients: Any, duration: float) -> bool:
+        """Every configuration on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, is free.
+
+        Args:
+            coefficients: c_k [rad/s^k or m/s^k], shape (k + 1, nq).
+            duration: End of the curve [s], >= 0.
+
+        Raises:
+            InputError: wrong shape, no coefficient, not finite, or a negative duration.
+        """
+        curve = finite_array("coefficients", coefficients, (None, self.checker.nq))
+        duration = finite_number("duration", duration)
+        if len(curve) == 0 or duration < 0.0:
+            raise InputError(f"a curve of {len(curve)} coefficients and duration {duration}, expected >= 1 and >= 0")
+        return self._certify(curve, duration)[0] == FREE
+
+    def first_contact(self, q0: Any, q1: Any) -> FirstContact | None:
+        """Where the straight line from q0 to q1 first touches something, or None when it is free.
+
+        Args:
+            q0, q1: Ends [rad or m], shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        q0, q1 = self.checker.checked(q0), self.checker.checked(q1)
+        self._take_edge(q0, q1)
+        status, _, pair = self._certify(self._edge, 1.0)
+        if status == FREE:
+            return None
+        free, blocked = 0.0, 1.0
+        while blocked - free > 1e-9:
+            middle = 0.5 * (free + blocked)
+            self._take_edge(q0 + free * (q1 - q0), q0 + middle * (q1 - q0))
+            status, _, found = self._certify(self._edge, 1.0)
+            if status == FREE:
+                free = middle
+            else:
+                blocked, pair = middle, found
+        return FirstContact(free, read_only(q0 + free * (q1 - q0)), self._names(pair))
+
+    def _take_edge(self, q0: Array, q1: Array) -> None:
+        self._edge[0] = q0
+        np.subtract(q1, q0, out=self._edge[1])
+
+    def _certify(self, curve: Array, duration: float) -> tuple[int, float, int]:
+        """Status, where, and which pair of solids (-1: one that rests)."""
+        self.edges_checked += 1
+        if not self.checker.resting_is_free:
+            return FREE + 1, 0.0, -1
+        status, where, pair, seen, fine = certify(curve, duration, self.tolerance, *self._tables)
+        self.configurations_checked += seen
+        self.gaps_checked += fine
+        return status, where, pair
+
+    def _names(self, pair: int) -> tuple[str, str]:
+        if pair >= 0:
+            return self.checker.pairs[self.checker.solid_owner[pair]]
+        contact = self.checker.contacts(np.zeros(self.checker.nq))[0]
+        return contact.a, contact.b
+
+
+def _rebuild(checker: CollisionChecker, tolerance: float) -> MotionChecker:
+    return MotionChecker(checker, tolerance=tolerance)
