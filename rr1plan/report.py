@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from types import MappingProxyType
+from typing import Any, Literal, get_args
+
+from rr1plan.errors import FormatError
 
 ViolationKind = Literal[
     "collision",
@@ -17,9 +21,11 @@ ViolationKind = Literal[
     "start",
     "goal",
     "clock",
+    "finite",
     "continuity",
     "rest",
 ]
+_KINDS: tuple[str, ...] = get_args(ViolationKind)
 
 
 @dataclass(frozen=True)
@@ -28,7 +34,7 @@ class Violation:
 
     Args:
         kind: Which rule is broken.
-        subject: The joint ("arm/joint") or the pair ("arm/link", "obstacle") it is about.
+        subject: The joint ("arm/joint",) or the pair ("arm/link", "obstacle") it is about.
         time: When it is worst [s], or None when no time applies.
         value: What was found, in the unit of the rule.
         limit: What was allowed, in the unit of the rule.
@@ -44,13 +50,39 @@ class Violation:
 
 
 @dataclass(frozen=True)
+class Margin:
+    """How near a motion comes to one of its limits.
+
+    Args:
+        value: A clearance [m], or the ratio of a limit that is used (1 is the limit).
+        unit: "m", or "" for a ratio.
+        subject: The joint or the pair where it is tightest.
+        time: When it is tightest [s], or None when no time applies.
+    """
+
+    value: float
+    unit: str = ""
+    subject: tuple[str, ...] = ()
+    time: float | None = None
+
+    def __float__(self) -> float:
+        return self.value
+
+    def __str__(self) -> str:
+        amount = _meters(self.value) if self.unit == "m" else f"{100.0 * self.value:.4g} % of the limit"
+        where = f"  {' - '.join(self.subject)}" if self.subject else ""
+        return amount + where + ("" if self.time is None else f" at {self.time:.4f} s")
+
+
+@dataclass(frozen=True)
 class Report:
     """The referee's verdict on one trajectory.
 
     Args:
         violations: All that was found, worst of each kind and subject.
-        margins: What is left up to each limit: ratios used of velocity, acceleration, jerk and
-            torque (1 is the limit), smallest clearance [m].
+        margins: What is left up to each limit, by name: "clearance", "clearance_start" and
+            "clearance_end" [m]; "position", "velocity", "acceleration", "jerk" and "torque" as the
+            ratio used (1 is the limit).
         checked: The rules that were checked.
         not_checked: The rules that were not, each with the reason.
         duration: Length of the motion [s].
@@ -58,11 +90,22 @@ class Report:
     """
 
     violations: tuple[Violation, ...]
-    margins: Mapping[str, float]
+    margins: Mapping[str, Margin]
     checked: tuple[str, ...]
     not_checked: Mapping[str, str] = field(default_factory=dict)
     duration: float = 0.0
     statistics: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("margins", "not_checked", "statistics"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in self.__dict__.items()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
 
     @property
     def valid(self) -> bool:
@@ -75,11 +118,17 @@ class Report:
         return self.valid and "collision" in self.checked
 
     def __str__(self) -> str:
-        head = "certified free in continuous time" if self.certified else ("valid" if self.valid else "INVALID")
-        lines = [f"{head}: {self.duration:.3f} s, checked {', '.join(self.checked)}"]
-        lines += [f"  {name}: {value:.6g}" for name, value in self.margins.items()]
-        lines += [f"  violation: {v.message}" for v in self.violations]
-        lines += [f"  not checked: {name} ({why})" for name, why in self.not_checked.items()]
+        if self.valid:
+            head = "VALID" + (", certified free of collision in continuous time" if self.certified else "")
+        else:
+            count = len(self.violations)
+            head = f"INVALID, {count} violation{'s' if count > 1 else ''}"
+        lines = [f"{head} ({self.duration:.3f} s of motion)"]
+        lines += [f"  violation    {v.kind}: {v.message}" for v in self.violations]
+        width = max((len(name) for name in self.margins), default=0)
+        lines += [f"  margin       {name:<{width}}  {margin}" for name, margin in self.margins.items()]
+        lines.append(f"  checked      {', '.join(self.checked) or 'nothing'}")
+        lines += [f"  not checked  {name}: {why}" for name, why in self.not_checked.items()]
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
@@ -88,7 +137,10 @@ class Report:
             "valid": self.valid,
             "certified": self.certified,
             "duration": self.duration,
-            "margins": dict(self.margins),
+            "margins": {
+                name: {"value": m.value, "unit": m.unit, "subject": list(m.subject), "time": m.time}
+                for name, m in self.margins.items()
+            },
             "checked": list(self.checked),
             "not_checked": dict(self.not_checked),
             "statistics": dict(self.statistics),
@@ -104,3 +156,95 @@ class Report:
                 for v in self.violations
             ],
         }
+
+    @staticmethod
+    def from_dict(data: Any) -> Report:
+        """The report that `to_dict` wrote.
+
+        Raises:
+            FormatError: a key that is missing, unknown or of the wrong type, a number that is not
+                finite, or a verdict that does not follow from the violations.
+        """
+        keys = ("valid", "certified", "duration", "margins", "checked", "not_checked", "statistics", "violations")
+        given = _fields("report", data, keys)
+        margins = _mapping("margins", given["margins"])
+        report = Report(
+            violations=tuple(_violation(v) for v in _list("violations", given["violations"])),
+            margins={name: _margin(name, value) for name, value in margins.items()},
+            checked=_texts("checked", given["checked"]),
+            not_checked={k: _text(k, v) for k, v in _mapping("not_checked", given["not_checked"]).items()},
+            duration=_number("duration", given["duration"]),
+            statistics={k: _number(k, v) for k, v in _mapping("statistics", given["statistics"]).items()},
+        )
+        for name in ("valid", "certified"):
+            if given[name] is not getattr(report, name):
+                raise FormatError(f"report says {name} = {given[name]!r}, but what it holds says otherwise")
+        return report
+
+
+def _meters(value: float) -> str:
+    return f"{1000.0 * value:.3f} mm" if abs(value) < 0.1 else f"{value:.4f} m"
+
+
+def _violation(data: Any) -> Violation:
+    given = _fields("violation", data, ("kind", "subject", "time", "value", "limit", "message"))
+    if given["kind"] not in _KINDS:
+        raise FormatError(f"violation kind is {given['kind']!r}, expected one of {', '.join(_KINDS)}")
+    return Violation(
+        given["kind"],
+        _texts("subject", given["subject"]),
+        _time(given["time"]),
+        _number("value", given["value"]),
+        _number("limit", given["limit"]),
+        _text("message", given["message"]),
+    )
+
+
+def _margin(name: str, data: Any) -> Margin:
+    given = _fields(f"margin {name!r}", data, ("value", "unit", "subject", "time"))
+    return Margin(
+        _number("value", given["value"]),
+        _text("unit", given["unit"]),
+        _texts("subject", given["subject"]),
+        _time(given["time"]),
+    )
+
+
+def _fields(what: str, data: Any, keys: tuple[str, ...]) -> Mapping[str, Any]:
+    given = _mapping(what, data)
+    if set(given) != set(keys):
+        wrong = sorted(set(given) ^ set(keys))
+        raise FormatError(f"{what} has the wrong keys ({', '.join(map(repr, wrong))}), expected {', '.join(keys)}")
+    return given
+
+
+def _mapping(what: str, data: Any) -> Mapping[str, Any]:
+    if not isinstance(data, Mapping) or not all(isinstance(key, str) for key in data):
+        raise FormatError(f"{what} is {type(data).__name__}, expected a mapping with text keys")
+    return data
+
+
+def _list(what: str, data: Any) -> list[Any]:
+    if not isinstance(data, list):
+        raise FormatError(f"{what} is {type(data).__name__}, expected a list")
+    return data
+
+
+def _text(what: str, data: Any) -> str:
+    if not isinstance(data, str):
+        raise FormatError(f"{what} is {data!r}, expected text")
+    return data
+
+
+def _texts(what: str, data: Any) -> tuple[str, ...]:
+    return tuple(_text(what, item) for item in _list(what, data))
+
+
+def _time(data: Any) -> float | None:
+    return None if data is None else _number("time", data)
+
+
+def _number(what: str, data: Any) -> float:
+    if isinstance(data, bool) or not isinstance(data, int | float) or not math.isfinite(data):
+        raise FormatError(f"{what} is {data!r}, expected a finite number")
+    return float(data)

@@ -1,0 +1,288 @@
+"""The referee: everything that must hold for a motion, checked again from nothing but the scene.
+
+No planner's, retiming's or collision checker's code is used here, so a mistake there cannot hide
+itself.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import fields
+
+import numpy as np
+
+from rr1plan.checks import Array, positive_number
+from rr1plan.errors import InputError
+from rr1plan.limits import Limits
+from rr1plan.path import Path
+from rr1plan.planning import Progress, ProgressCallback
+from rr1plan.problem import Problem
+from rr1plan.report import Margin, Report, Violation
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+from rr1plan.validation.bodies import Bodies
+from rr1plan.validation.certificate import TOUCH, Certificate, Findings
+from rr1plan.validation.goals import check_goal, check_start
+from rr1plan.validation.limits import Ledger, check_continuity, check_positions, check_rates, check_rest
+from rr1plan.validation.motion import SceneMotion
+from rr1plan.validation.torque import check_torques
+
+_MOST_DISTANCES = 1_000_000
+
+
+def validate(
+    trajectory: Trajectory,
+    scene: Scene,
+    problem: Problem | None = None,
+    *,
+    torque_limits: bool = False,
+    jerk_limits: bool = False,
+    clearance_tolerance: float = 1e-3,
+    progress: ProgressCallback | None = None,
+) -> Report:
+    """Check a trajectory against a scene: collisions in continuous time, limits between samples.
+
+    Arms that are not in the trajectory rest in their posture of the scene; an arm whose part of
+    the motion is over rests where it ended.
+
+    Args:
+        trajectory: The motion, with all joints of each of its arms.
+        scene: Where it happens.
+        problem: Check the start and the goals of this problem too.
+        torque_limits: Check torques (sampled every millisecond) too.
+        jerk_limits: Check jerk limits too; a jump of acceleration is then an infinite jerk.
+        clearance_tolerance: The smallest clearance is found to this [m], and so is the worst depth.
+        progress: Called while the collision certificate is worked out.
+
+    Returns:
+        The report; `report.valid` and `report.certified` are the verdict, `print(report)` explains it.
+
+    Raises:
+        UnknownNameError: a joint that the scene does not have.
+        InputError: an arm with only some of its joints, or a scene whose shapes cannot be compared.
+    """
+    positive_number("clearance_tolerance", clearance_tolerance)
+    _check_columns(trajectory, scene)
+    ledger = Ledger()
+    if not _check_values(ledger, trajectory):
+        for rule in ("collision", "limits", "start", "goal"):
+            ledger.not_checked[rule] = "the numbers of the trajectory make no motion"
+        return _report(ledger, 0.0)
+    motion = _motion(trajectory, scene)
+    _check_collisions(ledger, motion, clearance_tolerance, progress)
+    names, units = trajectory.joint_names, _units(trajectory.joint_names, scene)
+    breaks, coefficients = motion.breaks, motion.coefficients
+    limits = _limits(trajectory, scene)
+    check_positions(ledger, names, units, limits, breaks, coefficients)
+    check_continuity(ledger, names, units, breaks, coefficients)
+    check_rest(ledger, names, units, breaks, coefficients)
+    check_rates(ledger, names, units, limits, breaks, coefficients, jerk_limits)
+    if torque_limits:
+        check_torques(ledger, trajectory, scene)
+    else:
+        ledger.not_checked["torque"] = "not asked for (torque_limits=True checks it)"
+    _check_ends(ledger, trajectory, scene, motion, problem)
+    return _report(ledger, trajectory.duration)
+
+
+def certify_path(
+    path: Path,
+    scene: Scene,
+    *,
+    clearance_tolerance: float = 1e-3,
+    progress: ProgressCallback | None = None,
+) -> Report:
+    """Check the straight lines of a path: collisions in between, position limits.
+
+    Times in the report are arc lengths along the path, with the largest joint moving at 1 rad/s.
+
+    Args:
+        path: The path, with all joints of each of its arms.
+        scene: Where it happens.
+        clearance_tolerance: The smallest clearance is found to this [m].
+        progress: Called while the collision certificate is worked out.
+
+    Raises:
+        UnknownNameError: a joint that the scene does not have.
+        InputError: an arm with only some of its joints, or a scene whose shapes cannot be compared.
+    """
+    positive_number("clearance_tolerance", clearance_tolerance)
+    trajectory = _unit_speed(path)
+    _check_columns(trajectory, scene)
+    ledger = Ledger()
+    motion = _motion(trajectory, scene)
+    _check_collisions(ledger, motion, clearance_tolerance, progress)
+    names, units = trajectory.joint_names, _units(trajectory.joint_names, scene)
+    check_positions(ledger, names, units, _limits(trajectory, scene), motion.breaks, motion.coefficients)
+    for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
+        ledger.not_checked[rule] = "a path has no times"
+    return _report(ledger, trajectory.duration)
+
+
+def _unit_speed(path: Path) -> Trajectory:
+    """The path with its fastest joint at 1 rad/s; repeated waypoints take no time."""
+    steps = np.diff(path.waypoints, axis=0)
+    lengths = np.abs(steps).max(axis=1, initial=0.0)
+    moves = lengths > 0.0
+    if not moves.any():
+        return Trajectory.rest(path.joint_names, path.waypoints[0])
+    breaks = np.concatenate([[0.0], np.cumsum(lengths[moves])])
+    widths = np.diff(breaks)
+    if not (widths > 0.0).all():
+        raise InputError("the path has steps that are too short beside its length to be told apart")
+    coefficients = np.stack([path.waypoints[:-1][moves], steps[moves] / widths[:, None]], axis=1)
+    return Trajectory(path.joint_names, breaks, coefficients)
+
+
+def _check_columns(trajectory: Trajectory, scene: Scene) -> None:
+    """The columns are joints of the scene's arms, and of each arm all of them."""
+    for arm in trajectory.arms:
+        scene.arm(arm)
+    wanted = scene.joint_names(trajectory.arms) if trajectory.arms else ()
+    missing = [name for name in wanted if name not in trajectory.joint_names]
+    extra = [name for name in trajectory.joint_names if name not in wanted]
+    if extra or len(set(trajectory.joint_names)) != len(trajectory.joint_names):
+        raise InputError(f"the trajectory has columns {', '.join(extra or trajectory.joint_names)}, "
+                         f"expected each once of {', '.join(wanted)}")  # fmt: skip
+    if missing:
+        raise InputError(f"the trajectory has no column for {', '.join(missing)}; it must hold all joints of an arm")
+
+
+def _check_values(ledger: Ledger, trajectory: Trajectory) -> bool:
+    """The numbers make a motion: a value that was unpickled or forged has passed no constructor."""
+    ledger.checked += ["clock", "finite"]
+    breaks, coefficients = trajectory.breaks, trajectory.coefficients
+    shape = (max(1, np.size(breaks) - 1), len(trajectory.joint_names))
+    if np.ndim(breaks) != 1 or np.ndim(coefficients) != 3 or coefficients.shape[::2] != shape or not np.size(breaks):
+        message = f"breaks of shape {np.shape(breaks)} do not fit coefficients of shape {np.shape(coefficients)}"
+        ledger.violations.append(Violation("clock", (), None, float(np.size(breaks)), float(shape[0] + 1), message))
+        return False
+    bad = [name for j, name in enumerate(trajectory.joint_names) if not np.isfinite(coefficients[:, :, j]).all()]
+    for name in bad:
+        message = f"{name} has a coefficient that is not a finite number"
+        ledger.violations.append(Violation("finite", (name,), None, 0.0, 0.0, message))
+    if not np.isfinite(breaks).all():
+        ledger.violations.append(Violation("finite", (), None, 0.0, 0.0, "the clock has a time that is not finite"))
+        return False
+    steps = np.diff(breaks)
+    if (steps <= 0.0).any():
+        i = int(np.argmin(steps))
+        message = (
+            f"the clock goes from {breaks[i]:.9g} s to {breaks[i + 1]:.9g} s, expected times that strictly increase"
+        )
+        ledger.violations.append(Violation("clock", (), float(breaks[i]), float(steps[i]), 0.0, message))
+        return False
+    return not bad
+
+
+def _motion(trajectory: Trajectory, scene: Scene) -> SceneMotion:
+    return SceneMotion(scene, trajectory.joint_names, trajectory.breaks, trajectory.coefficients)
+
+
+def _limits(trajectory: Trajectory, scene: Scene) -> Limits:
+    """Limits of the columns, in their order."""
+    if not trajectory.arms:
+        return Limits(*([np.zeros(0)] * 6))
+    stacked, names = scene.limits(trajectory.arms), scene.joint_names(trajectory.arms)
+    order = [names.index(name) for name in trajectory.joint_names]
+    return Limits(*(getattr(stacked, f.name)[order] for f in fields(Limits)))
+
+
+def _units(names: tuple[str, ...], scene: Scene) -> tuple[str, ...]:
+    """rad or m, for each column."""
+    kinds = [scene.arms[arm].robot.joint(joint).kind for arm, joint in (name.split("/", 1) for name in names)]
+    return tuple("m" if kind == "prismatic" else "rad" for kind in kinds)
+
+
+def _check_collisions(ledger: Ledger, motion: SceneMotion, tolerance: float, progress: ProgressCallback | None) -> None:
+    began = clock.perf_counter()
+    bodies = Bodies(motion.scene, motion)
+    certificate = Certificate(motion, bodies, tolerance, _MOST_DISTANCES, _teller(progress))
+    found = certificate.run()
+    ledger.checked.append("collision")
+    for k, pair in enumerate(bodies.pairs):
+        if np.isfinite(found.first_contact[k]) or found.undecided[k]:
+            ledger.violations.append(_contact(pair, float(bodies.padding[k]), found, k))
+    _clearance_margins(ledger, certificate, bodies, found)
+    ledger.statistics |= found.statistics | {"collision_seconds": clock.perf_counter() - began}
+    if not bodies.pairs:
+        ledger.not_checked["clearance"] = "the scene has no pair of elements that must not touch"
+
+
+def _contact(pair: tuple[str, str], padding: float, found: Findings, k: int) -> Violation:
+    """A contact, or what could not be told from one."""
+    value, time, first = float(found.clearance[k]), float(found.time[k]), float(found.first_contact[k])
+    a, b = pair
+    kept = f", of which {1000.0 * padding:.3g} mm is padding" if padding > 0.0 else ""
+    if value <= 0.0:
+        since = "" if time - first < 1e-5 else f"; first contact at {first:.5f} s"
+        message = f"{a} and {b} overlap by {-1000.0 * value:.3f} mm at {time:.5f} s{kept}{since}"
+        return Violation("collision", pair, time, value, 0.0, message)
+    if np.isfinite(first):
+        message = f"{a} and {b} come within {1e6 * value:.3g} µm at {time:.5f} s, too near to tell from contact{kept}"
+    else:
+        message = f"{a} and {b} could not be decided; the smallest clearance seen is {value:.3g} m"
+    return Violation("undecided", pair, time, value if np.isfinite(value) else 0.0, TOUCH, message)
+
+
+def _clearance_margins(ledger: Ledger, certificate: Certificate, bodies: Bodies, found: Findings) -> None:
+    if not np.isfinite(found.clearance).any():
+        return
+    k = int(np.argmin(found.clearance))
+    ledger.margins["clearance"] = Margin(float(found.clearance[k]), "m", bodies.pairs[k], float(found.time[k]))
+    ends = certificate.ends
+    for name, (value, pair, time) in zip(("clearance_start", "clearance_end"), ends, strict=True):
+        if np.isfinite(value):
+            ledger.margins[name] = Margin(value, "m", bodies.pairs[pair], time)
+    sure = found.proven[~(np.isfinite(found.first_contact) | found.undecided)]
+    if len(sure) == len(bodies.pairs):
+        ledger.margins["clearance_proven"] = Margin(float(sure.min()), "m")
+
+
+def _teller(progress: ProgressCallback | None) -> Callable[[float], None] | None:
+    if progress is None:
+        return None
+    began = clock.perf_counter()
+    return lambda fraction: progress(Progress("certify", clock.perf_counter() - began, fraction))
+
+
+def _check_ends(
+    ledger: Ledger, trajectory: Trajectory, scene: Scene, motion: SceneMotion, problem: Problem | None
+) -> None:
+    if problem is None:
+        ledger.not_checked["start"] = ledger.not_checked["goal"] = "no problem was given"
+        return
+    ends = np.array([motion.breaks[0], motion.breaks[-1]])
+    q = motion.positions(*motion.locate(ends))
+    # The last piece holds at the end, and locate gives the later piece at a break: there is none after it.
+    columns = {name: i for i, name in enumerate(trajectory.joint_names)}
+    postures = [{arm: _posture(scene, arm, columns, row) for arm in (*scene.arms,)} for row in q]
+    for arm in problem.arms:
+        scene.arm(arm)
+    check_start(ledger, problem, postures[0], float(ends[0]))
+    frames = motion.frames(q[1:])
+    poses = {}
+    for name, i in motion.links.items():
+        poses[name] = np.eye(4)
+        poses[name][:3, :3], poses[name][:3, 3] = frames.rotation[0, i], frames.origin[0, i]
+    check_goal(ledger, problem, postures[1], poses, float(ends[1]))
+
+
+def _posture(scene: Scene, arm: str, columns: dict[str, int], q: Array) -> Array:
+    """Where an arm's joints are: in its columns, or resting."""
+    names = [f"{arm}/{joint}" for joint in scene.arms[arm].robot.joint_names]
+    if names and names[0] in columns:
+        return np.array([q[columns[name]] for name in names])
+    return np.asarray(scene.arms[arm].q)
+
+
+def _report(ledger: Ledger, duration: float) -> Report:
+    return Report(
+        tuple(ledger.violations),
+        ledger.margins,
+        tuple(dict.fromkeys(ledger.checked)),
+        ledger.not_checked,
+        duration,
+        ledger.statistics,
+    )
