@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.formats.convex import convex_pieces
+from rr1plan.formats.convex import convex_shapes
 from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
@@ -174,7 +174,7 @@ class _Builder:
     def _mesh_names(self, mesh: Mesh) -> list[str]:
         if id(mesh) not in self.meshes:
             names = []
-            for piece in [mesh] if mesh.convex else convex_pieces(mesh):
+            for piece in [mesh] if mesh.convex else convex_shapes([mesh], "pieces"):
                 name = f"mesh{sum(map(len, self.meshes.values())) + len(names)}"
                 self.spec.add_mesh(
                     name=name,

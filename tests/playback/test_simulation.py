@@ -1,0 +1,180 @@
+"""MuJoCo replay: the model agrees with Pinocchio, and what the report says is what happened."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.library import load_robot, load_scene, robot_names
+from rr1plan.model import SceneModel
+from rr1plan.playback.mujoco_model import build_mujoco, mass_matrix
+from rr1plan.playback.simulation import JointTargets
+from rr1plan.transforms import pose
+
+
+def quintic(scene: rp.Scene, start: np.ndarray, goal: np.ndarray, seconds: float) -> rp.Trajectory:
+    """A smooth rest-to-rest move of all arms, straight in joint space."""
+    powers = np.array([0, 0, 0, 10 / seconds**3, -15 / seconds**4, 6 / seconds**5])
+    coefficients = powers[:, None] * (goal - start)[None, :]
+    coefficients[0] = start
+    return rp.Trajectory(scene.joint_names(), np.array([0.0, seconds]), coefficients[None])
+
+
+def random_q(scene: rp.Scene, rng: np.random.Generator) -> np.ndarray:
+    limits = scene.limits()
+    low, high = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
+    return rng.uniform(low, high)
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_mujoco_and_pinocchio_agree_on_every_frame_mass_matrix_and_gravity(name: str) -> None:
+    scene = rp.Scene(arms={"arm": rp.Arm(load_robot(name), pose([0.1, -0.2, 0.3], rpy=[0.1, -0.2, 0.7]))})
+    world = build_mujoco(scene)
+    built = SceneModel(scene)
+    order = [world.joint_names.index(joint) for joint in built.model.names[1:]]
+    rng = np.random.default_rng(0)
+    targets = JointTargets(rp.Trajectory.rest(scene.joint_names(), scene.configuration()), scene)
+    assert targets.names == world.joint_names
+    for _ in range(20):
+        q = random_q(scene, rng)
+        full = built.full(q)
+        data, reference = mujoco.MjData(world.model), built.model.createData()
+        data.qpos[order] = full
+        mujoco.mj_forward(world.model, data)
+        pin.framesForwardKinematics(built.model, reference, full)
+        for link in scene.arms["arm"].robot.link_names:
+            T = reference.oMf[built.frame_id(f"arm/{link}")].homogeneous
+            body = data.body(f"arm/{link}")
+            np.testing.assert_allclose(body.xpos, T[:3, 3], atol=1e-12)
+            np.testing.assert_allclose(body.xmat.reshape(3, 3), T[:3, :3], atol=1e-12)
+        M = mass_matrix(world.model, data)[np.ix_(order, order)]
+        expected = pin.crba(built.model, reference, full)
+        expected = np.triu(expected) + np.triu(expected, 1).T
+        np.testing.assert_allclose(M, expected, atol=1e-7)
+        gravity = pin.computeGeneralizedGravity(built.model, reference, full)
+        np.testing.assert_allclose(data.qfrc_bias[order], gravity, atol=1e-7)
+
+
+def test_contacts_are_exactly_the_forbidden_pairs_that_coal_finds(rr1_table: rp.Scene) -> None:
+    """A third opinion on thousands of contacts; only grazing ones may differ."""
+    checker = CollisionChecker(rr1_table)
+    rng = np.random.default_rng(1)
+    qs = np.array([random_q(rr1_table, rng) for _ in range(300)])
+    colliding = 0
+    for q in qs:
+        contacts = checker.contacts(q)
+        expected = {tuple(sorted((c.a, c.b))) for c in contacts if c.depth > 1e-4}
+        possible = {tuple(sorted((c.a, c.b))) for c in contacts}
+        replay = rp.simulate(rp.Trajectory.rest(rr1_table.joint_names(), q), rr1_table, "kinematic")
+        found = {c.pair for c in replay.contacts if c.depth > 1e-4}
+        near = {tuple(sorted(p)) for p, d in zip(checker.pairs, checker.distances(q), strict=True) if d < 1e-4}
+        assert expected <= {c.pair for c in replay.contacts} | (possible - expected)
+        assert found <= possible | near
+        colliding += bool(found)
+    assert 20 < colliding < 290
+
+
+def test_tracking_of_a_gentle_move_is_within_a_milliradian(rr1_table: rp.Scene) -> None:
+    start = rr1_table.configuration()
+    goal = start + np.array([0.3, 0.05, -0.2, 0.2, 0.1, 0.3])
+    replay = rp.simulate(quintic(rr1_table, start, goal, 2.0), rr1_table)
+    assert replay.free
+    assert replay.worst_error < 1e-3
+    assert 0.0 < replay.peak_effort.max() < 1.0
+    assert replay.steps == 1000
+    np.testing.assert_allclose(replay.actual[-1], goal, atol=1e-3)
+    assert "tracking error" in str(replay)
+    assert replay.to_dict()["joints"].keys() == set(rr1_table.joint_names())
+
+
+def test_an_arm_that_is_driven_into_a_wall_reports_the_contact_with_time_and_pair(rr1: rp.Robot) -> None:
+    scene = rp.Scene(arms={"arm": rp.Arm(rr1)})
+    tool = scene.link_poses()[f"arm/{rr1.tool}"][:3, 3]
+    q = scene.configuration()
+    goal = q + np.array([0.8, 0, 0, 0, 0, 0])
+    end = scene.link_poses({"arm": goal})[f"arm/{rr1.tool}"][:3, 3]
+    scene = scene.with_obstacle("wall", rp.Sphere(0.04), 0.5 * (tool + end))
+    replay = rp.simulate(quintic(scene, q, goal, 1.0), scene)
+    assert not replay.free
+    contact = replay.contacts[0]
+    assert "wall" in contact.pair
+    assert 0.1 < contact.first < 0.9
+    assert contact.depth > 0.0
+    assert replay.worst_error > 1e-3, "the wall is in the way, the arm cannot track"
+    kinematic = rp.simulate(quintic(scene, q, goal, 1.0), scene, "kinematic")
+    assert {"wall"} <= {name for c in kinematic.contacts for name in c.pair}
+    assert kinematic.worst_error == 0.0
+
+
+def test_a_resting_arm_is_held_and_a_second_run_is_identical(rr1: rp.Robot) -> None:
+    scene = rp.Scene(arms={"left": rp.Arm(rr1, pose([0, 1, 0])), "right": rp.Arm(rr1)})
+    q = scene.arms["left"].q
+    move = quintic(rp.Scene(arms={"left": scene.arms["left"]}), q, q + 0.1, 1.0)
+    first, second = rp.simulate(move, scene), rp.simulate(move, scene)
+    assert first.joint_names == move.joint_names
+    assert np.array_equal(first.actual, second.actual)
+    assert first.free
+
+
+def test_attached_objects_and_every_shape_reach_the_simulator(rr1: rp.Robot) -> None:
+    cube = np.array([[x, y, z] for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)])
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    scene = rp.Scene(arms={"arm": rp.Arm(rr1)})
+    tool = scene.link_poses()[f"arm/{rr1.tool}"]
+    shapes = {
+        "box": rp.Box((0.1, 0.1, 0.1)),
+        "ball": rp.Sphere(0.05),
+        "can": rp.Cylinder(0.05, 0.1),
+        "pill": rp.Capsule(0.05, 0.1),
+        "mesh": rp.Mesh(cube, faces, convex=True),
+        "cloud": rp.PointCloud(np.zeros((1, 3)), 0.1),
+        "ground": rp.HalfSpace((0, 0, 1), 0.0),
+    }
+    for name, shape in shapes.items():
+        touching = scene.with_obstacle(name, shape, tool[:3, 3])
+        replay = rp.simulate(rp.Trajectory.rest(scene.joint_names(), scene.configuration()), touching, "kinematic")
+        assert any(name in c.pair for c in replay.contacts), name
+        away = scene.with_obstacle(name, shape, [0.0, 0.0, -1.0])
+        replay = rp.simulate(rp.Trajectory.rest(scene.joint_names(), scene.configuration()), away, "kinematic")
+        assert not any(name in c.pair for c in replay.contacts), name
+    held = scene.with_obstacle("stick", rp.Box((0.02, 0.02, 0.3)), tool[:3, 3]).attach("stick", touch=rr1.link_names)
+    held = held.with_obstacle("post", rp.Sphere(0.02), tool[:3, 3] + [0, 0, -0.14])
+    replay = rp.simulate(rp.Trajectory.rest(held.joint_names(), held.configuration()), held, "kinematic")
+    assert ("post", "stick") in {c.pair for c in replay.contacts}
+
+
+def test_bad_arguments_are_named(rr1_table: rp.Scene) -> None:
+    rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration())
+    with pytest.raises(UnknownNameError, match="replay mode 'dynamical'"):
+        rp.simulate(rest, rr1_table, "dynamical")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="timestep is 0"):
+        rp.simulate(rest, rr1_table, timestep=0.0)
+    with pytest.raises(InputError, match="hold is -1"):
+        rp.simulate(rest, rr1_table, hold=-1.0)
+    with pytest.raises(UnknownNameError, match="joint 'arm/ghost'"):
+        rp.simulate(rp.Trajectory.rest(("arm/ghost",), [0.0]), rr1_table)
+    first = rr1_table.joint_names()[:2]
+    with pytest.raises(InputError, match="has no column for"):
+        rp.simulate(rp.Trajectory.rest(first, [0.0, 0.0]), rr1_table)
+
+
+def test_progress_tells_fractions(rr1_table: rp.Scene) -> None:
+    told: list[float] = []
+    rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration(), duration=20.0)
+    rp.simulate(rest, rr1_table, progress=told.append)
+    assert all(0.0 <= fraction <= 1.0 for fraction in told)
+    assert told == sorted(told)
+
+
+@pytest.mark.parametrize("scene_name", ["rr1_twelve"])
+def test_twelve_arms_are_replayed_together(scene_name: str) -> None:
+    scene = load_scene(scene_name)
+    rest = rp.Trajectory.rest(scene.joint_names(), scene.configuration(), duration=0.2)
+    replay = rp.simulate(rest, scene)
+    assert replay.free
+    assert replay.worst_error < 1e-4
