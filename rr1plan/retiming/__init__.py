@@ -1,0 +1,21 @@
+"""Retiming: from a path to a trajectory under the limits of its joints."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rr1plan.retiming.methods import retime, retiming_names
+
+if TYPE_CHECKING:
+    from rr1plan.retiming.ruckig_ import point_to_point as point_to_point
+
+__all__ = ["point_to_point", "retime", "retiming_names"]
+
+
+def __getattr__(name: str) -> Any:
+    # Ruckig is loaded when it is first asked for
+    if name == "point_to_point":
+        from rr1plan.retiming.ruckig_ import point_to_point
+
+        return point_to_point
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,206 @@
+"""The verb `retime` and the methods behind it.
+
+    blend          lines with parabolic corners in certified clearance, TOPPRA along them (default)
+    stop           straight lines, rest at every waypoint, velocity and acceleration limits
+    ruckig         straight lines, rest at every waypoint, jerk limits too
+    ruckig_direct  as `ruckig`, but off the straight line where the faster motion is certified free
+
+`blend` and `stop` do not limit jerk: acceleration jumps where lines meet parabolas and where the
+path speed switches. A new method is one function (`Work` to pieces) and one row of `_METHODS`.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from rr1plan.checks import Array, finite_number, known_name, positive_number
+from rr1plan.errors import InputError, RetimingError
+from rr1plan.kinematics import Kinematics
+from rr1plan.limits import Limits
+from rr1plan.path import Path
+from rr1plan.retiming.blends import Curve, CurveChecker, blend_sizes, clean, curves
+from rr1plan.retiming.finite import check_limits
+from rr1plan.retiming.pieces import Pieces, as_trajectory, concatenate
+from rr1plan.retiming.speed import time_line
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+logger = logging.getLogger(__name__)
+
+InverseDynamics = Callable[[Array, Array, Array], Array]
+
+
+class Work(NamedTuple):
+    """What a method gets: cleaned waypoints (n >= 2), limits, who certifies, and torques if they count."""
+
+    points: Array
+    limits: Limits
+    max_blend: float
+    checker: Callable[[], CurveChecker]
+    inverse_dynamics: InverseDynamics | None
+
+
+def retime(
+    path: Path,
+    scene: Scene,
+    method: str = "blend",
+    *,
+    checker: CurveChecker | None = None,
+    torque_limits: bool = False,
+    velocity_scale: float = 1.0,
+    acceleration_scale: float = 1.0,
+    max_blend: float = 0.3,
+) -> Trajectory:
+    """Give a path times under the limits of its arms, from rest to rest.
+
+    Velocity and acceleration (and jerk, for the `ruckig` methods) keep their limits between
+    samples too: their exact peaks are measured and time is stretched by what they exceed. The
+    straight lines of the path are taken as they are; whatever leaves them is certified first.
+
+    Args:
+        path: The path, of some arms of the scene.
+        scene: Gives the limits and what may be hit.
+        method: One of `retiming_names()`.
+        checker: What certifies blends (default: a `MotionChecker` of the scene, its other arms at rest).
+        torque_limits: Keep the effort limits too, by inverse dynamics.
+        velocity_scale: Share of the velocity limits to use, above 0, at most 1.
+        acceleration_scale: Share of the acceleration limits to use, above 0, at most 1.
+        max_blend: How far from its corner a blend may begin [rad, Euclidean], >= 0; the motion
+            leaves the polyline by half of it at most.
+
+    Returns:
+        The trajectory, starting at time zero; of duration zero where nothing moves.
+
+    Raises:
+        UnknownNameError: no such method, or a joint's arm is not in the scene.
+        InputError: the path's joints are not those of the scene's arms, a scale or size out of range.
+        RetimingError: a moving joint without a limit, gravity above an effort limit, or a
+            solver that fails; names the joint or the place.
+    """
+    known_name("retiming method", method, _METHODS)
+    arms = _arms(path, scene)
+    scales = [_share("velocity_scale", velocity_scale), _share("acceleration_scale", acceleration_scale)]
+    if not finite_number("max_blend", max_blend) >= 0.0:
+        raise InputError(f"max_blend is {max_blend}, expected a size >= 0")
+    limits = scene.limits(arms).scaled(*scales)
+    points = clean(path.waypoints)
+    if len(points) == 1:
+        return Trajectory.rest(path.joint_names, points[0])
+    check_limits(path.joint_names, points, limits, jerk=method in _JERK_LIMITED)
+    dynamics = Kinematics(scene, arms).inverse_dynamics if torque_limits else None
+    work = Work(points, limits, max_blend, lambda: checker or _certifier(scene, arms), dynamics)
+    parts = [part.within(limits, jerk=method in _JERK_LIMITED) for part in _METHODS[method](work)]
+    if dynamics is not None:
+        from rr1plan.retiming.torque import within_torque
+
+        parts = [within_torque(part, path.joint_names, limits.effort, dynamics) for part in parts]
+    return as_trajectory(path.joint_names, concatenate(parts))
+
+
+def retiming_names() -> tuple[str, ...]:
+    """Names of all retiming methods."""
+    return tuple(_METHODS)
+
+
+def _arms(path: Path, scene: Scene) -> tuple[str, ...]:
+    arms = scene.arm_names(tuple(dict.fromkeys(name.split("/", 1)[0] for name in path.joint_names)))
+    expected = scene.joint_names(arms)
+    if path.joint_names != expected:
+        raise InputError(f"the path's joints are {path.joint_names}, expected those of the arms in order: {expected}")
+    return arms
+
+
+def _certifier(scene: Scene, arms: tuple[str, ...]) -> CurveChecker:
+    from rr1plan.collision import MotionChecker
+
+    return MotionChecker(scene, arms)
+
+
+def _share(name: str, value: float) -> float:
+    if positive_number(name, value) > 1.0:
+        raise InputError(f"{name} is {value}, expected at most 1 (higher limits belong into the robot)")
+    return float(value)
+
+
+# ---- methods -------------------------------------------------------------------------------
+
+
+def _blend(work: Work) -> list[Pieces]:
+    """TOPPRA along blends; where that fails or is slower, rest at the corners."""
+    checker = work.checker() if len(work.points) > 2 and work.max_blend > 0.0 else None
+    sizes = blend_sizes(work.points, work.max_blend, checker)
+    parts: list[Pieces] = []
+    for curve in curves(work.points, sizes):
+        parts += _blended(work, curve)
+    return parts
+
+
+def _blended(work: Work, curve: Curve) -> list[Pieces]:
+    if curve.is_line:
+        return [_line(work, curve)]
+    from rr1plan.retiming.toppra_ import time_curve
+
+    begin, end = curve.corners
+    stops = curves(work.points[begin : end + 1], np.zeros(end + 1 - begin))
+    try:
+        smooth = time_curve(curve, work.limits, work.inverse_dynamics).within(work.limits)
+    except RetimingError as error:
+        logger.info("resting at waypoints %d to %d: %s", begin, end, error)
+        return [_line(work, line) for line in stops]
+    if work.inverse_dynamics is not None:
+        return [smooth]
+    if smooth.duration <= sum(time_line(line, work.limits).duration for line in stops):
+        return [smooth]
+    return [_line(work, line) for line in stops]
+
+
+def _stop(work: Work) -> list[Pieces]:
+    return [_line(work, line) for line in curves(work.points, np.zeros(len(work.points)))]
+
+
+def _line(work: Work, line: Curve) -> Pieces:
+    if work.inverse_dynamics is None:
+        return time_line(line, work.limits)
+    from rr1plan.retiming.toppra_ import time_curve
+
+    return time_curve(line, work.limits, work.inverse_dynamics)
+
+
+def _ruckig(work: Work) -> list[Pieces]:
+    from rr1plan.retiming.ruckig_ import time_line_smoothly
+
+    return [time_line_smoothly(line, work.limits) for line in curves(work.points, np.zeros(len(work.points)))]
+
+
+def _ruckig_direct(work: Work) -> list[Pieces]:
+    from rr1plan.retiming.ruckig_ import time_line_smoothly, time_state_to_state
+
+    checker, parts = work.checker(), []
+    for i, line in enumerate(curves(work.points, np.zeros(len(work.points)))):
+        straight = time_line_smoothly(line, work.limits)
+        place = f"between waypoints {i} and {i + 1}"
+        direct = time_state_to_state(work.points[i], work.points[i + 1], work.limits, place)
+        faster = direct.duration < straight.duration * (1.0 - 1e-9)
+        parts.append(direct if faster and _is_free(direct, checker) else straight)
+    return parts
+
+
+def _is_free(pieces: Pieces, checker: CurveChecker) -> bool:
+    return all(
+        checker.polynomial_is_free(coefficients, float(duration))
+        for duration, coefficients in zip(pieces.durations, pieces.coefficients, strict=True)
+    )
+
+
+_METHODS: dict[str, Callable[[Work], list[Pieces]]] = {
+    "blend": _blend,
+    "stop": _stop,
+    "ruckig": _ruckig,
+    "ruckig_direct": _ruckig_direct,
+}
+
+_JERK_LIMITED = ("ruckig", "ruckig_direct")

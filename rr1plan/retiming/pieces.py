@@ -1,0 +1,63 @@
+"""Timed pieces before they get a clock: polynomials and how long each lasts."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.limits import Limits
+from rr1plan.retiming.extrema import peaks
+from rr1plan.trajectory import Trajectory
+
+SHORTEST = 1e-11
+"""Pieces that last less [s] are left out: less than rounding of the clock would move them."""
+
+
+class Pieces(NamedTuple):
+    """Polynomials q(t) = sum_k coefficients[i, k] t^k for 0 <= t <= durations[i].
+
+    Args:
+        durations: Length of each piece [s], shape (m,).
+        coefficients: Lowest power first, shape (m, k + 1, nq).
+    """
+
+    durations: Array
+    coefficients: Array
+
+    @property
+    def duration(self) -> float:
+        """All of it [s]."""
+        return float(self.durations.sum())
+
+    def stretched(self, factor: float) -> Pieces:
+        """The same motion, `factor` times as long."""
+        powers = factor ** -np.arange(self.coefficients.shape[1], dtype=np.float64)
+        return Pieces(self.durations * factor, self.coefficients * powers[None, :, None])
+
+    def within(self, limits: Limits, *, jerk: bool = False) -> Pieces:
+        """The same motion, stretched as much as the exact peaks of its rates ask for, never shortened."""
+        factor = max(1.0, self._excess(1, limits.velocity), self._excess(2, limits.acceleration) ** (1 / 2))
+        if jerk:
+            factor = max(factor, self._excess(3, limits.jerk) ** (1 / 3))
+        return self if factor == 1.0 else self.stretched(factor)
+
+    def _excess(self, derivative: int, limit: Array) -> float:
+        return float((peaks(self.coefficients, self.durations, derivative) / limit).max(initial=0.0))
+
+
+def concatenate(parts: list[Pieces]) -> Pieces:
+    """One motion after the other."""
+    degree = max(part.coefficients.shape[1] for part in parts)
+    padded = [np.pad(p.coefficients, ((0, 0), (0, degree - p.coefficients.shape[1]), (0, 0))) for p in parts]
+    return Pieces(np.concatenate([p.durations for p in parts]), np.concatenate(padded))
+
+
+def as_trajectory(joint_names: tuple[str, ...], pieces: Pieces) -> Trajectory:
+    """The pieces on a clock that starts at zero."""
+    kept = pieces.durations > SHORTEST
+    if not kept.any():
+        return Trajectory.rest(joint_names, pieces.coefficients[0, 0])
+    breaks = np.concatenate([[0.0], np.cumsum(pieces.durations[kept])])
+    return Trajectory(joint_names, breaks, pieces.coefficients[kept])

@@ -1,0 +1,157 @@
+"""Jerk-limited motion from rest to rest, by Ruckig: seven phases of constant jerk, exact cubic pieces.
+
+Ruckig solves states, not paths, so the motion rests at every waypoint. On a straight line it
+solves one number, the way along the line, and every joint stays on the line exactly. Ruckig
+itself gets distances of one and durations near one: its tolerances are absolute (1e-8) and its
+limits end at 1e9. Its intermediate waypoints are never used: they ask a service on the network.
+Berscheid, Kröger, "Jerk-limited Real-time Trajectory Generation with Arbitrary Target States",
+RSS 2021.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import ruckig
+
+from rr1plan.checks import Array, finite_array
+from rr1plan.errors import InputError, RetimingError
+from rr1plan.limits import Limits
+from rr1plan.path import check_joint_names
+from rr1plan.retiming.blends import Curve
+from rr1plan.retiming.finite import check_limits
+from rr1plan.retiming.pieces import SHORTEST, Pieces, as_trajectory
+from rr1plan.retiming.speed import line_rates
+from rr1plan.trajectory import Trajectory
+
+# In units of distance and duration near one: higher limits change nothing measurable, but leave Ruckig's range.
+_CAPS = np.array([1e1, 1e4, 1e8])
+
+
+def time_line_smoothly(curve: Curve, limits: Limits) -> Pieces:
+    """A straight line from rest to rest under velocity, acceleration and jerk limits, exactly on the line.
+
+    Raises:
+        RetimingError: Ruckig fails.
+    """
+    length = float(curve.lengths[0])
+    start, direction = curve.coefficients[0, 0], curve.coefficients[0, 1]
+    rates = np.array(line_rates(direction, limits))[:, None]
+    durations, way = _solve(np.array([length]), rates, f"between waypoints {curve.corners[0]} and {curve.corners[1]}")
+    coefficients = way * direction
+    coefficients[:, 0] += start
+    return Pieces(durations, coefficients)
+
+
+def time_state_to_state(start: Array, end: Array, limits: Limits, place: str = "") -> Pieces:
+    """All joints from rest to rest in the same time, each within its limits; not on a straight line.
+
+    Raises:
+        RetimingError: Ruckig fails.
+    """
+    moving = start != end
+    delta = (end - start)[moving]
+    rates = np.array([limits.velocity[moving], limits.acceleration[moving], limits.jerk[moving]])
+    durations, way = _solve(delta, rates, place)
+    coefficients = np.zeros((len(durations), 4, len(start)))
+    coefficients[:, :, moving] = way
+    coefficients[:, 0] += start
+    return Pieces(durations, coefficients)
+
+
+def point_to_point(joint_names: tuple[str, ...], start: Any, end: Any, limits: Limits) -> Trajectory:
+    """The fastest jerk-limited motion between two configurations, all joints arriving together.
+
+    It leaves the straight line between them (each joint moves monotonically, so it stays in
+    their box): nothing has checked it for collision. Certify each polynomial of the result with
+    `MotionChecker.polynomial_is_free`, or let `retime(..., method="ruckig_direct")` do so.
+
+    Args:
+        joint_names: Name of each joint, length nq.
+        start: Configuration [rad or m], shape (nq,).
+        end: Configuration [rad or m], shape (nq,).
+        limits: Velocity, acceleration and jerk limits of the same joints.
+
+    Raises:
+        InputError: shapes that do not fit, NaN.
+        RetimingError: a joint that moves has an infinite limit (named), or Ruckig fails.
+    """
+    names = check_joint_names(joint_names)
+    q0, q1 = (finite_array(name, q, (len(names),)) for name, q in (("start", start), ("end", end)))
+    if len(limits) != len(names):
+        raise InputError(f"limits are of {len(limits)} joints, expected {len(names)}")
+    check_limits(names, np.array([q0, q1]), limits, jerk=True)
+    if (q0 == q1).all():
+        return Trajectory.rest(names, q0)
+    return as_trajectory(names, time_state_to_state(q0, q1, limits).within(limits, jerk=True))
+
+
+def _solve(delta: Array, rates: Array, place: str) -> tuple[Array, Array]:
+    """Cubic pieces of n motions by delta (n,) from rest to rest, all as long as the slowest.
+
+    Args:
+        delta: How far [rad], not zero, shape (n,).
+        rates: Highest velocity, acceleration, jerk, shape (3, n).
+        place: Where, for the message.
+
+    Returns:
+        Durations (m,) [s] and coefficients (m, 4, n) from zero to delta.
+    """
+    size = np.abs(delta)
+    unit = float(np.max([size / rates[0], 2.0 * np.sqrt(size / rates[1]), np.cbrt(32.0 * size / rates[2])]))
+    scaled = rates * unit ** np.array([[1], [2], [3]]) / size
+    profiles = _call_ruckig(np.minimum(scaled, _CAPS[:, None]), place)
+    ends = np.concatenate([np.cumsum(profile.t) for profile in profiles])
+    breaks = _distinct(np.sort(np.concatenate([[0.0], ends])))
+    way = np.stack([_on(profile, breaks) for profile in profiles], axis=2)
+    powers = unit ** -np.arange(4.0)
+    return np.diff(breaks) * unit, way * powers[None, :, None] * delta
+
+
+def _call_ruckig(rates: Array, place: str) -> list[Any]:
+    """Ruckig's profile of each motion from zero to one."""
+    n = rates.shape[1]
+    given = ruckig.InputParameter(n)
+    given.current_position, given.target_position = [0.0] * n, [1.0] * n
+    given.max_velocity, given.max_acceleration, given.max_jerk = (row.tolist() for row in rates)
+    answer = ruckig.Trajectory(n)
+    try:
+        result = ruckig.Ruckig(n).calculate(given, answer)
+    except (ruckig.RuckigError, ValueError) as error:
+        raise RetimingError(f"Ruckig fails {place}: {error}") from error
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+        raise RetimingError(f"Ruckig fails {place}: {result.name}")
+    profiles = list(answer.profiles[0])
+    if any(profile.brake.duration != 0.0 or not np.isfinite(profile.t).all() for profile in profiles):
+        raise RetimingError(f"Ruckig fails {place}: its motion does not begin at rest")
+    return profiles
+
+
+def _distinct(times: Array) -> Array:
+    """Sorted times without those that follow another by rounding only; the last stays."""
+    kept = np.asarray(times[np.concatenate([[True], np.diff(times) > SHORTEST])])
+    kept[-1] = times[-1]
+    return kept
+
+
+def _on(profile: Any, breaks: Array) -> Array:
+    """Coefficients (m, 4) of a profile on a clock that holds its switching times."""
+    t, j, a, v, p = (np.asarray(getattr(profile, name)) for name in "tjavp")
+    starts = np.concatenate([[0.0], np.cumsum(t)])
+    middle = 0.5 * (breaks[:-1] + breaks[1:])
+    phase = np.clip(np.searchsorted(starts, middle, side="right") - 1, 0, len(t))
+    done = phase == len(t)
+    phase = np.minimum(phase, len(t) - 1)
+    h, j, a, v, p = breaks[:-1] - starts[phase], j[phase], a[phase], v[phase], p[phase]
+    rows = np.stack(
+        [
+            p + h * (v + h * (a / 2.0 + h * j / 6.0)),
+            v + h * (a + h * j / 2.0),
+            (a + h * j) / 2.0,
+            j / 6.0,
+        ],
+        axis=1,
+    )
+    rows[done] = [1.0, 0.0, 0.0, 0.0]
+    return np.asarray(rows)
