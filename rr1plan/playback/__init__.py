@@ -9,6 +9,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rr1plan.playback.configuration_space import CSpace as CSpace
+    from rr1plan.playback.configuration_space import cspace as cspace
     from rr1plan.playback.replay import Replay as Replay
     from rr1plan.playback.simulation import simulate as simulate
     from rr1plan.playback.viewer import Panel as Panel
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer import show as show
 
 _EXPORTS = {
+    "rr1plan.playback.configuration_space": ("CSpace", "cspace"),
     "rr1plan.playback.replay": ("Replay",),
     "rr1plan.playback.simulation": ("simulate",),
     "rr1plan.playback.viewer": ("Panel", "Viewer", "pack", "save_html", "screenshot", "show"),

@@ -246,12 +246,12 @@ def _draw_ends(axes: Any, cspace: CSpace) -> None:
     def mark(q: Array, label: str, **style: Any) -> None:
         i, j = cspace.grid.cell(q)
         x, y = cspace.grid.axes[0][i], cspace.grid.axes[1][j]
-        axes.plot(x, y, markersize=10, markeredgecolor="white", markeredgewidth=1.4, zorder=6, **style)
+        axes.plot(x, y, **{"markersize": 10, "markeredgecolor": "white", "markeredgewidth": 1.2, "zorder": 6, **style})
         text = axes.annotate(label, (x, y), xytext=(9, 7), textcoords="offset points", fontsize=9, color=_INK, zorder=7)
         text.set_bbox({"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.2})
 
     for k, goal in enumerate(cspace.goals, 1):
-        mark(goal, "goal" if len(cspace.goals) == 1 else f"goal, elbow {k}", marker="*", color=_GOAL)
+        mark(goal, "goal" if len(cspace.goals) == 1 else f"goal, elbow {k}", marker="*", color=_GOAL, markersize=16)
     if cspace.start is not None:
         mark(cspace.start, "start", marker="o", color=_START)
 

@@ -1,0 +1,226 @@
+"""The configuration space: every cell agrees with Coal, components know the torus, pictures are written."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.library import load_problems
+from rr1plan.playback.cspace_figure import layer_image, wrapped_pieces
+from rr1plan.playback.cspace_grid import LIMITS, SELF, compute_grid, label_components
+from rr1plan.playback.outlines import bounding_radius, silhouette
+
+
+@pytest.fixture(scope="module")
+def lesson() -> rp.Scene:
+    return rp.load_scene("planar2r_path")
+
+
+@pytest.fixture(scope="module")
+def question() -> rp.Problem:
+    return next(iter(load_problems("planar2r_path").values()))
+
+
+@pytest.fixture(scope="module")
+def hopeless() -> rp.Problem:
+    return next(iter(load_problems("planar2r_no_path").values()))
+
+
+@pytest.mark.parametrize("name", ["planar2r_path", "planar2r_no_path"])
+def test_every_cell_of_360_by_360_agrees_with_coal(name: str) -> None:
+    """Each cell against Pinocchio's own loop over all Coal pairs, which skips nothing and bounds nothing."""
+    scene = rp.load_scene(name)
+    grid = compute_grid(scene, resolution=360)
+    checker = CollisionChecker(scene)
+    for i, first in enumerate(grid.axes[0]):
+        for j, second in enumerate(grid.axes[1]):
+            assert grid.free[i, j] == checker.is_free(np.array([first, second])), (first, second)
+
+
+def test_every_layer_is_the_image_of_its_own_obstacle(lesson: rp.Scene) -> None:
+    grid = compute_grid(lesson, resolution=60)
+    for name in lesson.obstacles:
+        alone = lesson
+        for other in lesson.obstacles:
+            if other != name:
+                alone = alone.without_obstacle(other)
+        checker = CollisionChecker(alone)
+        for i, first in enumerate(grid.axes[0]):
+            for j, second in enumerate(grid.axes[1]):
+                touched = any(name in (c.a, c.b) for c in checker.contacts(np.array([first, second])))
+                assert grid.layers[name][i, j] == touched
+
+
+def test_a_path_scene_has_a_path_and_the_other_proves_that_none_exists(
+    question: rp.Problem, hopeless: rp.Problem
+) -> None:
+    solvable = rp.cspace(question.scene, question, resolution=180)
+    assert any(solvable.reachable_goals)
+    assert not solvable.proves_no_path
+    cut_off = rp.cspace(hopeless.scene, hopeless, resolution=180)
+    assert cut_off.proves_no_path
+    assert cut_off.grid.component_of(cut_off.start) > 0
+    assert any(cut_off.grid.component_of(goal) > 0 for goal in cut_off.goals)
+    assert "no path exists" in str(cut_off)
+    assert cut_off.grid.shortest_path(cut_off.start, cut_off.goals[0]) is None
+
+
+def test_both_elbow_solutions_put_the_tool_in_the_same_place(question: rp.Problem) -> None:
+    picture = rp.cspace(question.scene, question, resolution=24)
+    robot = question.scene.arms[question.arms[0]].robot
+    assert len(picture.goals) == 2
+    tips = [robot.link_poses(q)[robot.tool][:3, 3] for q in picture.goals]
+    np.testing.assert_allclose(tips[0], tips[1], atol=2e-4)
+    assert np.abs(picture.goals[0] - picture.goals[1]).max() > 0.1
+
+
+def test_the_grid_path_is_free_and_steps_to_neighbours(question: rp.Problem) -> None:
+    picture = rp.cspace(question.scene, question, resolution=120)
+    goal = next(g for g, ok in zip(picture.goals, picture.reachable_goals, strict=True) if ok)
+    path = picture.grid.shortest_path(picture.start, goal)
+    assert path is not None
+    step = 2 * np.pi / 120
+    assert np.abs(np.diff(path, axis=0)).max() <= step * (1 + 1e-9)
+    assert all(picture.grid.component_of(q) > 0 for q in path)
+    assert picture.grid.cell(path[0]) == picture.grid.cell(picture.start)
+    assert picture.grid.cell(path[-1]) == picture.grid.cell(goal)
+
+
+@settings(deadline=None, max_examples=60)
+@given(arrays(bool, (7, 9)), st.booleans(), st.booleans())
+def test_components_are_those_of_a_flood_fill_on_the_torus(free: np.ndarray, closes_i: bool, closes_j: bool) -> None:
+    labels = label_components(free, (closes_i, closes_j))
+    assert ((labels > 0) == free).all()
+    for i in range(7):
+        for j in range(9):
+            if free[i, j]:
+                assert (_flood(free, (closes_i, closes_j), (i, j)) == (labels == labels[i, j])).all()
+
+
+def _flood(free: np.ndarray, periodic: tuple[bool, bool], seed: tuple[int, int]) -> np.ndarray:
+    seen = np.zeros(free.shape, dtype=bool)
+    stack = [seed]
+    while stack:
+        i, j = stack.pop()
+        if seen[i, j]:
+            continue
+        seen[i, j] = True
+        for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            a, b = i + di, j + dj
+            if (0 <= a < free.shape[0] or periodic[0]) and (0 <= b < free.shape[1] or periodic[1]):
+                a, b = a % free.shape[0], b % free.shape[1]
+                if free[a, b]:
+                    stack.append((a, b))
+    return seen
+
+
+def test_limits_have_a_layer_of_their_own_and_close_the_seam() -> None:
+    scene = rp.Scene(arms={"arm": rp.Arm(rp.load_robot("planar2r_limited"))})
+    grid = compute_grid(scene, resolution=72)
+    limits = scene.limits()
+    assert grid.periodic == (False, False)
+    if LIMITS in grid.layers:
+        inside = [(a >= lo) & (a <= hi) for a, lo, hi in zip(grid.axes, limits.lower, limits.upper, strict=True)]
+        assert (grid.layers[LIMITS] == ~(inside[0][:, None] & inside[1][None, :])).all()
+
+
+def test_self_collision_and_two_of_six_joints_are_shown(rr1_table: rp.Scene) -> None:
+    grid = compute_grid(rr1_table, joints=("elbow_joint", "forearm_joint"), resolution=40)
+    assert grid.layers[SELF].any()
+    assert grid.layers[LIMITS].any()
+    checker = CollisionChecker(rr1_table)
+    q = rr1_table.configuration()
+    names = rr1_table.arms[grid.arm].robot.joint_names
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        i, j = rng.integers(0, 40, 2)
+        q[names.index("elbow_joint")] = grid.axes[0][i]
+        q[names.index("forearm_joint")] = grid.axes[1][j]
+        assert checker.is_free(q) == (not any(m[i, j] for n, m in grid.layers.items() if n != LIMITS))
+
+
+def test_overlaps_show_both_colours(lesson: rp.Scene) -> None:
+    scene = lesson
+    name = next(iter(scene.obstacles))
+    thing = scene.obstacles[name]
+    scene = scene.with_obstacle("twin", thing.geometries[0].shape, thing.pose, (0.0, 0.0, 0.0, 1.0))
+    grid = compute_grid(scene, resolution=60)
+    both = grid.layers[name] & grid.layers["twin"]
+    assert both.any()
+    shown = {tuple(c) for c in layer_image(grid).transpose(1, 0, 2)[both]}
+    assert len(shown) >= 2
+
+
+def test_a_line_over_the_seam_is_drawn_in_pieces_inside_the_picture(lesson: rp.Scene) -> None:
+    grid = compute_grid(lesson, resolution=24)
+    pieces = wrapped_pieces(np.array([[3.0, 0.0], [3.5, 0.5]]), grid)
+    assert len(pieces) == 2
+    assert all((np.abs(piece) <= np.pi + 1e-9).all() for piece in pieces)
+
+
+def test_png_and_svg_are_written_and_repeat_to_the_byte(question: rp.Problem, tmp_path: Path) -> None:
+    result = rp.plan(question, rng=0)
+    picture = rp.cspace(question.scene, question, result, resolution=60)
+    png = picture.save_png(tmp_path / "a.png", dpi=60)
+    assert png.read_bytes().startswith(b"\x89PNG")
+    first = picture.save_svg(tmp_path / "a.svg").read_bytes()
+    assert first == picture.save_svg(tmp_path / "b.svg").read_bytes()
+    text = "".join(ET.fromstring(first).itertext())
+    assert "configuration space" in text
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "a.svg", "b.svg"]
+
+
+def test_bad_arguments_are_named(lesson: rp.Scene, rr1_table: rp.Scene) -> None:
+    with pytest.raises(InputError, match="resolution is 4"):
+        rp.cspace(lesson, resolution=4)
+    with pytest.raises(UnknownNameError, match="joint 'elbow'"):
+        rp.cspace(rr1_table, joints=("elbow", "hand_joint"), resolution=8)
+    with pytest.raises(InputError, match="two different joints"):
+        rp.cspace(rr1_table, joints=("hand_joint", "hand_joint"), resolution=8)
+    with pytest.raises(InputError, match="6 columns"):
+        rp.cspace(rr1_table, rp.Problem(rr1_table, None, "home"), resolution=8)
+    grid = compute_grid(rp.Scene(arms={"arm": rp.Arm(rp.load_robot("planar2r_limited"))}), resolution=8)
+    with pytest.raises(InputError, match="outside the picture"):
+        grid.cell([10.0, 0.0])
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(0.01, 1.0), st.floats(0.01, 1.0), st.floats(-3, 3), st.floats(-3, 3))
+def test_a_shadow_holds_every_sampled_point_of_its_shape(a: float, b: float, roll: float, yaw: float) -> None:
+    from rr1plan.transforms import pose
+
+    T = pose([0.1, -0.2, 0.3], rpy=[roll, 0.4, yaw])
+    rng = np.random.default_rng(0)
+    for shape in (rp.Box((a, b, a)), rp.Cylinder(a, b), rp.Capsule(a, b), rp.Sphere(a)):
+        points = _inside(shape, rng)
+        assert (np.linalg.norm(points, axis=1) <= bounding_radius(shape) + 1e-12).all()
+        flat = (points @ T[:3, :3].T + T[:3, 3])[:, :2]
+        corners = silhouette(shape, T)
+        edges = np.roll(corners, -1, axis=0) - corners
+        normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+        outside = np.einsum("ij,ikj->ik", normals, flat[None] - corners[:, None])
+        assert outside.max() <= 0.002 * (a + b), type(shape)
+
+
+def _inside(shape: rp.Box | rp.Cylinder | rp.Capsule | rp.Sphere, rng: np.random.Generator) -> np.ndarray:
+    directions = rng.normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    match shape:
+        case rp.Box():
+            return rng.uniform(-0.5, 0.5, (200, 3)) * shape.size
+        case rp.Sphere():
+            return directions * shape.radius
+        case rp.Cylinder():
+            ring = directions[:, :2] / np.linalg.norm(directions[:, :2], axis=1)[:, None] * shape.radius
+            return np.column_stack([ring, rng.uniform(-0.5, 0.5, 200) * shape.length])
+    return directions * shape.radius + np.outer(rng.uniform(-0.5, 0.5, 200) * shape.length, [0, 0, 1])
