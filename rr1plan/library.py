@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Literal
 
 from rr1plan.checks import known_name
+from rr1plan.errors import InputError
 from rr1plan.formats.convex import Convexity
-from rr1plan.formats.robot_folder import read_robot_folder
+from rr1plan.formats.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.formats.robots import Choice, assemble
-from rr1plan.formats.scene_toml import read_scene
 from rr1plan.formats.srdf import read_srdf
-from rr1plan.formats.urdf import read_urdf
+from rr1plan.formats.urdf import Tree, read_urdf
+from rr1plan.formats.xacro import expand_xacro
 from rr1plan.limits import Limits
-from rr1plan.problem import Problem
 from rr1plan.robot import Robot
-from rr1plan.scene import Scene
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -37,6 +37,9 @@ def robot_names() -> tuple[str, ...]:
 def robot_folder(name: str) -> Path:
     """The folder of a shipped robot.
 
+    Args:
+        name: One of `robot_names()`.
+
     Raises:
         UnknownNameError: no robot of that name ships.
     """
@@ -46,7 +49,7 @@ def robot_folder(name: str) -> Path:
 def load_robot(
     name_or_file: str | Path,
     *,
-    srdf: str | Path | None = None,
+    srdf: str | Path | Literal[False] | None = None,
     group: str | None = None,
     joints: Sequence[str] | None = None,
     package_dirs: Sequence[str | Path] = (),
@@ -54,55 +57,84 @@ def load_robot(
     limits: Limits | str | None = None,
     tool: str | None = None,
     name: str | None = None,
+    xacro_arguments: Mapping[str, str] | None = None,
 ) -> Robot:
-    """Load a robot that ships with rr1plan, or one from a URDF or xacro file."""
-    file = Path(name_or_file)
-    folder = None
-    if isinstance(name_or_file, str) and file.suffix not in (".urdf", ".xacro", ".xml"):
-        folder = read_robot_folder(robot_folder(name_or_file))
-        file, srdf = folder.urdf, srdf or folder.srdf
-    tree = read_urdf(file, package_dirs=package_dirs, convex=convex)
-    semantics = None if srdf is None else read_srdf(Path(srdf), tree)
-    robot = assemble(tree, semantics, Choice(group, joints, tool or (folder.tool if folder else None), name))
+    """Load a robot that ships with rr1plan, or any arm from its URDF or xacro file.
+
+    The planning joints are the given `joints`, those of the given `group`, or else those of the
+    SRDF's arm that carries an end effector, of its first group, or all that move by themselves.
+    Every other joint that moves by itself is held at zero, or at its limit nearest to zero.
+
+    URDF knows no acceleration and no jerk: one that reaches the velocity in 0.25 s and a jerk that
+    reaches that in 0.1 s are taken. A velocity it does not give becomes 1 rad/s or 0.25 m/s.
+    Give `limits` where you know better.
+
+    "home" is the SRDF's state of that name, else "ready", else its first one; without any, zero or
+    the middle of the range where that is free of self-collision, else a free configuration near it.
+
+    Where no SRDF switches pairs of links off, neighbours and links that touch in each of 200 random
+    configurations are not checked against each other; see `propose_never_collide`.
+
+    Args:
+        name_or_file: One of `robot_names()`, or a .urdf or .xacro file. A xacro file is a program:
+            load only those you trust.
+        srdf: The SRDF; None looks beside the URDF and in ../srdf for one of the same name, False
+            takes none.
+        group: The SRDF group to plan for.
+        joints: The joints to plan for, in this order.
+        package_dirs: Folders to look for `package://` meshes in, before those around the file.
+        convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
+            (slow the first time, then kept on disk).
+        limits: Limits of the planning joints, or the name of one of the robot's presets.
+        tool: The link that pose goals mean when they name none; by default the tip of the group's
+            chain, or the end of what hangs on the last planning joint.
+        name: Another name for the robot.
+        xacro_arguments: Values of a xacro file's arguments.
+
+    Raises:
+        UnknownNameError: no such robot, group, joint, link or preset.
+        FormatError: a file that cannot be read as what it claims to be.
+        InputError: joints that cannot be planned for, or limits of another length.
+        MissingPackageError: a xacro file, and xacrodoc is not installed.
+    """
+    folder, file = _locate(name_or_file)
+    tree = _read_tree(file, package_dirs, convex, xacro_arguments)
+    if srdf is None:
+        srdf = folder.srdf if folder is not None else _srdf_beside(file)
+    semantics = None if srdf is None or srdf is False else read_srdf(Path(srdf), tree)
+    if folder is not None:
+        group, tool = group or folder.group, tool or folder.tool
+    robot = assemble(tree, semantics, Choice(group, joints, tool, name))
     if folder is not None:
         robot = folder.apply(robot)
     return robot if limits is None else robot.with_limits(limits)
 
 
-# ---- scenes ------------------------------------------------------------------------------
+def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path]:
+    """The shipped robot's folder, if it is one, and its URDF or xacro file."""
+    file = Path(name_or_file)
+    if isinstance(name_or_file, str) and name_or_file in robot_names():
+        folder = read_robot_folder(robot_folder(name_or_file))
+        return folder, folder.urdf
+    if file.suffix in (".urdf", ".xacro", ".xml"):
+        return None, file
+    if isinstance(name_or_file, Path) or len(file.parts) > 1:
+        raise InputError(f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf or .xacro")
+    robot_folder(name_or_file)
+    raise AssertionError("robot_folder raises for unknown names")
 
 
-def scene_names() -> tuple[str, ...]:
-    """The names of the shipped scenes, sorted."""
-    return tuple(sorted(file.stem for file in (models_folder() / "scenes").glob("*.toml")))
+def _read_tree(
+    file: Path, package_dirs: Sequence[str | Path], convex: Convexity, arguments: Mapping[str, str] | None
+) -> Tree:
+    if file.suffix != ".xacro":
+        return read_urdf(file, package_dirs=package_dirs, convex=convex)
+    text = expand_xacro(file, package_dirs=package_dirs, arguments=arguments)
+    return read_urdf(text, package_dirs=package_dirs, convex=convex, file=file)
 
 
-def load_scene(name_or_file: str | Path) -> Scene:
-    """Load a scene that ships with rr1plan, or one from a file.
-
-    Args:
-        name_or_file: A name of `scene_names`, or a scene file (.toml).
-
-    Raises:
-        UnknownNameError: no scene of that name ships.
-        FormatError: the file is not a scene.
-    """
-    file = _scene_file(name_or_file)
-    return read_scene(file, load_robot).scene
-
-
-def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
-    """The named queries of a scene that ships with rr1plan, or of a scene file (.toml), as problems.
-
-    Raises:
-        UnknownNameError: no scene of that name ships.
-        FormatError: the file is not a scene.
-    """
-    return read_scene(_scene_file(name_or_file), load_robot).problems
-
-
-def _scene_file(name_or_file: str | Path) -> Path:
-    """The file that is meant: anything with a suffix is a file, a bare name is a shipped scene."""
-    if isinstance(name_or_file, Path) or Path(name_or_file).suffix in (".toml", ".scene", ".yaml", ".yml"):
-        return Path(name_or_file)
-    return models_folder() / "scenes" / f"{known_name('scene', name_or_file, scene_names())}.toml"
+def _srdf_beside(file: Path) -> Path | None:
+    """An SRDF of the same name beside a URDF, or in the folder "srdf" beside its folder."""
+    name = f"{file.name.removesuffix('.xacro').removesuffix('.urdf')}.srdf"
+    places = (file.parent / name, file.parent.parent / "srdf" / name)
+    return next((place for place in places if place.is_file()), None)

@@ -1,33 +1,171 @@
-"""Convex collision shapes from meshes of any kind."""
+"""Convex collision shapes from meshes of any kind.
+
+"hull" is the convex hull: exact for a convex mesh, too much for others. "pieces" is a convex
+decomposition (Wei et al., Approximate convex decomposition for 3D meshes with collision-aware
+concavity and tree search, 2022: the package coacd). Its pieces alone leave parts of the surface
+outside, so each triangle, cut to small size, is given to the piece it fits best, and the piece
+becomes the hull of both: every point of the surface is then in a piece.
+"""
 
 from __future__ import annotations
 
+import importlib.metadata
+import logging
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from rr1plan.checks import known_name
+from rr1plan.checks import Array, known_name
+from rr1plan.errors import BackendError, InputError
+from rr1plan.formats.cache import Arrays, cache_key, load_cached, store_cached
 from rr1plan.shapes import Mesh
+
+log = logging.getLogger(__name__)
 
 Convexity = Literal["hull", "pieces"]
 
-
-def convex_hull(vertices: np.ndarray) -> Mesh:
-    """The convex hull of points (n, 3)."""
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(vertices)
-    index = {int(v): k for k, v in enumerate(hull.vertices)}
-    points = vertices[hull.vertices]
-    faces = np.array([[index[int(v)] for v in simplex] for simplex in hull.simplices])
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return Mesh(points, faces, convex=True)
+CONCAVITY = 0.05
+CUTS_PER_SIZE = 16
+_VERSION = "pieces-1"
 
 
-def convex_shapes(meshes: Sequence[Mesh], convex: Convexity) -> list[Mesh]:
-    """Convex meshes that together contain the given ones."""
+def convex_shapes(meshes: Sequence[Mesh], convex: Convexity = "hull") -> list[Mesh]:
+    """Convex meshes whose union contains the surfaces of the given ones.
+
+    Args:
+        meshes: The parts of one mesh file.
+        convex: "hull" for one hull around all, "pieces" for a decomposition of each that is not
+            convex (slow the first time, then kept on disk).
+
+    Raises:
+        UnknownNameError: an unknown `convex`.
+        InputError: a mesh without volume.
+        BackendError: the decomposition failed.
+    """
     known_name("convex", convex, ("hull", "pieces"))
-    return [convex_hull(np.concatenate([m.vertices for m in meshes]))]
+    if convex == "hull":
+        return [convex_hull(np.concatenate([mesh.vertices for mesh in meshes]))]
+    return [piece for mesh in meshes for piece in convex_pieces(mesh)]
+
+
+def convex_hull(points: Array) -> Mesh:
+    """The convex hull of points, as a closed mesh that knows it is convex.
+
+    Args:
+        points: Points [m], shape (n, 3).
+
+    Raises:
+        InputError: the points lie in a plane.
+    """
+    return _oriented(points, _qhull(points))
+
+
+def is_convex(mesh: Mesh, tolerance: float = 1e-6) -> bool:
+    """Whether every triangle of a mesh lies on its own hull, within `tolerance` times its size."""
+    equations = _qhull(mesh.vertices).equations
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    depth = -(middles @ equations[:, :3].T + equations[:, 3]).max(axis=1)
+    return bool(depth.max() <= tolerance * _size(mesh.vertices))
+
+
+def convex_pieces(mesh: Mesh) -> list[Mesh]:
+    """Convex meshes whose union contains the surface of a mesh; its hull alone if it is convex.
+
+    Raises:
+        InputError: a mesh without volume.
+        BackendError: the decomposition failed.
+    """
+    if mesh.convex or is_convex(mesh):
+        return [convex_hull(mesh.vertices)]
+    key = cache_key(
+        _VERSION, importlib.metadata.version("coacd"), f"{CONCAVITY} {CUTS_PER_SIZE}", mesh.vertices, mesh.faces
+    )
+    kept = load_cached(key)
+    if kept is not None:
+        pieces = _unpack(kept)
+        if pieces is not None:
+            return pieces
+        log.warning("the cache entry %s is damaged, it is made anew", key[:12])
+    pieces = _covering(mesh, [convex_hull(points) for points in _decompose(mesh)])
+    store_cached(key, _pack(pieces))
+    return pieces
+
+
+def _qhull(points: Array) -> Any:
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return ConvexHull(points)
+    except QhullError as error:
+        raise InputError("the mesh is flat or too small to have a volume; try giving it a thickness") from error
+
+
+def _oriented(points: Array, hull: Any) -> Mesh:
+    """Qhull's triangles over the vertices that are used, counter-clockwise from outside."""
+    place = np.full(len(points), -1)
+    place[hull.vertices] = np.arange(len(hull.vertices))
+    vertices, faces = points[hull.vertices], place[hull.simplices]
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    faces[inward] = faces[inward][:, ::-1]
+    return Mesh(vertices, faces, convex=True)
+
+
+def _size(points: Array) -> float:
+    return float(np.ptp(points, axis=0).max())
+
+
+def _decompose(mesh: Mesh) -> list[Array]:
+    """Corner points of coacd's pieces."""
+    import coacd
+
+    coacd.set_log_level("error")
+    try:
+        parts = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=CONCAVITY, seed=0)
+    except Exception as error:  # coacd raises bare RuntimeErrors from its C++ part
+        raise BackendError(f"coacd could not decompose a mesh of {len(mesh.faces)} triangles: {error}") from error
+    return [np.asarray(vertices, dtype=np.float64) for vertices, _ in parts]
+
+
+def _covering(mesh: Mesh, pieces: list[Mesh]) -> list[Mesh]:
+    """The pieces, each grown to hold the small triangles of the surface that fit it best."""
+    triangles = _cut(mesh.vertices[mesh.faces], _size(mesh.vertices) / CUTS_PER_SIZE)
+    outside = np.empty((len(pieces), len(triangles)))
+    for row, piece in zip(outside, pieces, strict=True):
+        equations = _qhull(piece.vertices).equations
+        row[:] = np.max([(triangles[:, k] @ equations[:, :3].T + equations[:, 3]).max(axis=1) for k in range(3)], 0)
+    best = outside.argmin(axis=0)
+    return [
+        convex_hull(np.concatenate([piece.vertices, triangles[best == i].reshape(-1, 3)]))
+        for i, piece in enumerate(pieces)
+    ]
+
+
+def _cut(triangles: Array, longest: float) -> Array:
+    """Triangles (n, 3, 3) halved across their longest edge until none is longer than `longest`."""
+    done: list[Array] = []
+    while len(triangles):
+        edges = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
+        long = edges.max(axis=1) > longest
+        done.append(triangles[~long])
+        start = edges[long].argmax(axis=1)
+        rows = np.arange(len(start))
+        a, b, c = (triangles[long][rows, (start + k) % 3] for k in range(3))
+        middle = 0.5 * (a + b)
+        triangles = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+    return np.concatenate(done)
+
+
+def _pack(pieces: list[Mesh]) -> Arrays:
+    return {f"{name}{i}": getattr(p, name) for i, p in enumerate(pieces) for name in ("vertices", "faces")}
+
+
+def _unpack(kept: Arrays) -> list[Mesh] | None:
+    """The pieces of a cache entry, or None where it does not hold what it should."""
+    try:
+        count = len(kept) // 2
+        pieces = [Mesh(kept[f"vertices{i}"], kept[f"faces{i}"], convex=True) for i in range(count)]
+    except (KeyError, InputError, ValueError, TypeError):
+        return None
+    return pieces or None

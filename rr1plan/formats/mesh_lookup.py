@@ -14,8 +14,8 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from rr1plan.errors import FormatError
+from rr1plan.formats.meshes import SUFFIXES
 
-SUFFIXES = (".stl", ".obj", ".dae")
 _LEVELS = 5
 
 

@@ -1,7 +1,8 @@
 """Triangle meshes from STL, OBJ and DAE files.
 
-STL and OBJ are read by trimesh from the file's bytes without a resolver, so nothing but the file
-itself is opened: no material files, no textures, nothing remote.
+Files are read by trimesh from their bytes without a resolver, so nothing but the file itself is
+opened: no material files, no textures, nothing remote. A DAE's unit scales it, as COLLADA says;
+its up axis is ignored, as all readers of robot descriptions do (many exporters write a wrong one).
 """
 
 from __future__ import annotations
@@ -14,11 +15,13 @@ from typing import Any
 import numpy as np
 
 from rr1plan.errors import FormatError, InputError
+from rr1plan.formats.xml import first_attributes
 from rr1plan.robot import Color
 from rr1plan.shapes import Mesh
 
 MAX_FACES = 1_000_000
 MAX_BYTES = 256 * 1024 * 1024
+SUFFIXES = (".stl", ".obj", ".dae")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,35 +40,81 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
         scale: Factor of each axis, shape (3,).
 
     Returns:
-        One part per colour; STL and OBJ have one part without a colour.
+        One part for each colour; STL and OBJ have one part without a colour.
 
     Raises:
-        FormatError: the file cannot be read, is too large, or holds no usable triangles.
+        FormatError: an unknown suffix, a file that cannot be read, is too large, or holds no
+            triangle or a number that is not finite.
     """
     file = Path(file)
+    kind = file.suffix.lower()
+    if kind not in SUFFIXES:
+        raise FormatError(f"has the suffix {kind!r}, expected one of {', '.join(SUFFIXES)}", file)
+    data = _bytes(file)
+    factors = np.array(scale)
+    if kind == ".dae":
+        factors = factors * _unit(data, file)
+    groups: dict[Color | None, list[Any]] = {}
+    for mesh in _load(file, data, kind[1:]):
+        groups.setdefault(_color(mesh) if kind == ".dae" else None, []).append(mesh)
+    faces = sum(len(mesh.faces) for meshes in groups.values() for mesh in meshes)
+    if faces == 0:
+        raise FormatError("has no triangle", file)
+    if faces > MAX_FACES:
+        raise FormatError(f"has {faces} triangles, expected at most {MAX_FACES}; try a decimated mesh", file)
+    return tuple(MeshPart(_join(file, meshes, factors), color) for color, meshes in groups.items())
+
+
+def _bytes(file: Path) -> bytes:
     try:
         if file.stat().st_size > MAX_BYTES:
             raise FormatError(f"is larger than {MAX_BYTES // 2**20} MiB; try a decimated mesh", file)
-        data = file.read_bytes()
+        return file.read_bytes()
     except OSError as error:
         raise FormatError(f"cannot be read: {error.strerror}", file) from error
-    kind = file.suffix.lower()
-    return (MeshPart(_part(file, *_load_triangles(file, data, kind), scale)),)
 
 
-def _load_triangles(file: Path, data: bytes, kind: str) -> tuple[Any, Any]:
-    """Vertices and faces of an STL or OBJ file."""
+def _unit(data: bytes, file: Path) -> float:
+    """The length of a DAE's unit [m]; refuses document types on the way."""
+    word = first_attributes(data, "unit", file).get("meter", "1")
+    try:
+        unit = float(word)
+    except ValueError:
+        unit = np.nan
+    if not (np.isfinite(unit) and unit > 0.0):
+        raise FormatError(f"has the unit {word!r}, expected a number of metres above zero", file)
+    return unit
+
+
+def _load(file: Path, data: bytes, kind: str) -> list[Any]:
+    """Trimesh's meshes of a file, placed."""
     import trimesh
 
     try:
-        mesh: Any = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
-    except Exception as error:  # trimesh raises whatever its parsers happen to
-        raise FormatError(f"cannot be read as {kind[1:].upper()}: {error}", file) from error
-    return mesh.vertices, mesh.faces
+        scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False)
+        return [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
+    except Exception as error:  # trimesh's parsers raise whatever they run into
+        raise FormatError(f"cannot be read as {kind.upper()}: {error}", file) from error
 
 
-def _part(file: Path, vertices: Any, faces: Any, scale: tuple[float, ...]) -> Mesh:
+def _color(mesh: Any) -> Color | None:
+    """The one colour of a mesh's material, where it has one."""
+    color = getattr(getattr(mesh.visual, "material", None), "main_color", None)
+    if color is None:
+        return None
+    r, g, b, a = (float(c) / 255.0 for c in color)
+    return r, g, b, a
+
+
+def _join(file: Path, meshes: list[Any], factors: Any) -> Mesh:
+    """One mesh of several; corners at the very same place become one vertex."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    corners = np.concatenate([mesh.vertices for mesh in meshes]) * factors
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    if not np.isfinite(corners).all():
+        raise FormatError("has a vertex that is not finite", file)
+    vertices, where = np.unique(corners, axis=0, return_inverse=True)
     try:
-        return Mesh(np.asarray(vertices, dtype=np.float64) * np.asarray(scale), np.asarray(faces))
+        return Mesh(vertices, where.reshape(-1)[faces])
     except InputError as error:
         raise FormatError(str(error), file) from error

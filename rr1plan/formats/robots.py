@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rr1plan.checks import Array, known_name
 from rr1plan.errors import InputError
 from rr1plan.formats.srdf import Semantics
-from rr1plan.formats.srdf_proposal import adjacent_pairs, rigid_pairs
+from rr1plan.formats.srdf_proposal import free_configuration, propose_never_collide, rigid_pairs
 from rr1plan.formats.urdf import Tree
 from rr1plan.limits import Limits
 from rr1plan.robot import Joint, Robot
@@ -21,6 +21,7 @@ log = logging.getLogger(__name__)
 UNKNOWN_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.25}
 SECONDS_TO_VELOCITY = 0.25
 SECONDS_TO_ACCELERATION = 0.1
+SAMPLES = 200
 _TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
 
 
@@ -55,27 +56,42 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     """
     known = semantics or Semantics()
     joints = {joint.name: joint for joint in tree.joints}
-    group, names = _planning_joints(joints, known, choice)
+    group, names = _planning_joints(tree, known, choice)
     limits = urdf_limits([joints[n] for n in names])
     held = {
         j.name: float(np.clip(0.0, j.lower, j.upper))
         for j in tree.joints
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
-    pairs = adjacent_pairs(tree.joints) if semantics is None else semantics.disabled
-    return Robot(
+    configurations = _configurations(known, group, names, limits)
+    robot = Robot(
         name=choice.name or tree.name,
         links=tree.links,
         joints=tree.joints,
         joint_names=names,
         limits=limits,
-        configurations=_configurations(known, group, names, limits),
+        configurations={"home": _middle(limits)} | configurations,
         held=held,
-        never_collide=pairs | rigid_pairs(tree.joints),
+        never_collide=known.disabled | rigid_pairs(tree.joints),
         tool=_tool(tree, known, group, names, choice.tool),
         named_held=_held_states(known, held),
         source=tree.source,
     )
+    if not known.disabled:
+        robot = replace(robot, never_collide=robot.never_collide | _sampled_pairs(robot))
+    if "home" not in configurations:
+        home = free_configuration(robot, robot.home, rng=0)
+        robot = replace(robot, configurations={**robot.configurations, "home": home})
+    return robot
+
+
+def _sampled_pairs(robot: Robot) -> frozenset[frozenset[str]]:
+    """The pairs a robot without an SRDF needs no check of: neighbours, and links that always touch."""
+    proposal = propose_never_collide(robot, SAMPLES, rng=0)
+    always = sorted(" - ".join(sorted(pair)) for pair, reason in proposal.items() if reason == "Always")
+    if always:
+        log.info("%s: always touching, not checked: %s", robot.name, ", ".join(always))
+    return frozenset(pair for pair, reason in proposal.items() if reason != "Never")
 
 
 def urdf_limits(joints: Sequence[Joint]) -> Limits:
@@ -99,10 +115,9 @@ def urdf_limits(joints: Sequence[Joint]) -> Limits:
     )
 
 
-def _planning_joints(
-    joints: Mapping[str, Joint], known: Semantics, choice: Choice
-) -> tuple[str | None, tuple[str, ...]]:
+def _planning_joints(tree: Tree, known: Semantics, choice: Choice) -> tuple[str | None, tuple[str, ...]]:
     """The group, where one was taken, and the joints to plan for."""
+    joints = {joint.name: joint for joint in tree.joints}
     if choice.joints is not None:
         names = tuple(choice.joints)
         _check_chosen(names, joints)
@@ -112,7 +127,7 @@ def _planning_joints(
     if group is not None:
         known_name("group", group, known.groups)
     else:
-        group = _default_group(known)
+        group = _default_group(tree, known)
     names = movable if group is None else tuple(n for n in known.groups[group] if n in movable)
     if not names:
         where = "" if group is None else f" in group {group!r}"
@@ -132,26 +147,38 @@ def _check_chosen(names: tuple[str, ...], joints: Mapping[str, Joint]) -> None:
             raise InputError(f"joint {name!r} is fixed or mimics another, it cannot be planned for")
 
 
-def _default_group(known: Semantics) -> str | None:
+def _default_group(tree: Tree, known: Semantics) -> str | None:
     """The arm that carries an end effector, else the first group with joints that is no gripper."""
-    carriers = [e.parent_group for e in known.end_effectors if e.parent_group]
-    grippers = {e.group for e in known.end_effectors}
-    others = [name for name, names in known.groups.items() if names and name not in grippers]
-    return next((name for name in (*carriers, *others) if name in known.groups and known.groups[name]), None)
+    carriers = [e.parent_group for e in known.end_effectors if e.parent_group not in (None, e.group)]
+    grippers = {e.group for e in known.end_effectors if _is_below(tree, known.groups[e.group], e.parent_link)}
+    others = [name for name in known.groups if name not in grippers]
+    return next((name for name in (*carriers, *others) if name and known.groups[name]), None)
+
+
+def _is_below(tree: Tree, names: Sequence[str], link: str) -> bool:
+    """Whether all these joints hang on a link: then they are its gripper, not the arm."""
+    links = {link}
+    for joint in tree.joints:
+        if joint.parent in links:
+            links.add(joint.child)
+    return all(joint.parent in links for joint in tree.joints if joint.name in names)
 
 
 def _configurations(known: Semantics, group: str | None, names: tuple[str, ...], limits: Limits) -> dict[str, Array]:
-    """The named states that fix every planning joint; "home" is made where none is given."""
+    """The named states that fix every planning joint; "home" may be another of them."""
     own_first = sorted(known.states.items(), key=lambda item: item[0][0] != group)
     found: dict[str, Array] = {}
+    inside: dict[str, Array] = {}
     for (_, state), values in own_first:
-        if set(names) <= set(values):
-            q = np.array([values[n] for n in names])
-            found.setdefault(state, q)
-            if (q < limits.lower - 1e-9).any() or (q > limits.upper + 1e-9).any():
-                log.warning("the state %r is outside the joints' limits", state)
-    if "home" not in found:
-        found["home"] = found.get("ready", next(iter(found.values()), _middle(limits)))
+        if state in found or not set(names) <= set(values):
+            continue
+        q = found[state] = np.array([values[n] for n in names])
+        if (q < limits.lower).any() or (q > limits.upper).any():
+            log.warning("the state %r is outside the joints' limits", state)
+        else:
+            inside[state] = q
+    if inside and "home" not in found:
+        found["home"] = inside.get("ready", next(iter(inside.values())))
     return found
 
 
@@ -181,7 +208,7 @@ def _tool(tree: Tree, known: Semantics, group: str | None, names: tuple[str, ...
     if group in known.chains:
         return known.chains[group][1]
     for effector in known.end_effectors:
-        if effector.parent_group == group:
+        if group is not None and group in (effector.parent_group, effector.group):
             return effector.parent_link
     link = next(j.child for j in tree.joints if j.name == names[-1])
     while True:

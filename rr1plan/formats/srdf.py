@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rr1plan.errors import FormatError
 from rr1plan.formats.urdf import Tree
 from rr1plan.formats.xml import Element, parse_xml, parse_xml_file
 
@@ -36,7 +35,7 @@ class Semantics:
     Args:
         groups: Names of the movable joints of each group, in the robot's order.
         chains: (base link, tip link) of each group that is one chain.
-        states: Joint values of each named state, by group and state.
+        states: Joint values of each named state, by group ("" where the file names none) and state.
         end_effectors: The grippers.
         passive: Joints that nobody drives.
         disabled: Pairs of links that need no check.
@@ -160,7 +159,8 @@ class _Reader:
     def _states(self) -> dict[tuple[str, str], dict[str, float]]:
         found: dict[tuple[str, str], dict[str, float]] = {}
         for element in self.root.all("group_state"):
-            key = (self._group(element, "group"), element.text("name"))
+            group = self._group(element, "group") if "group" in element.attributes else ""
+            key = (group, element.text("name"))
             if key in found:
                 raise element.error(f"state {key[1]!r} of group {key[0]!r} is there twice")
             found[key] = {self._joint(e, "name"): e.number("value") for e in element.all("joint")}

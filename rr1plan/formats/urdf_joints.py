@@ -78,7 +78,8 @@ def _kind(element: Element, name: str) -> JointKind:
     word = element.text("type")
     if word in ("floating", "planar"):
         raise element.error(
-            f"joint {name!r} is {word}: only arms on a fixed base are known; try a chain of revolute and prismatic joints"
+            f"joint {name!r} is {word}: only arms on a fixed base are known; "
+            "try a chain of revolute and prismatic joints"
         )
     if word not in _KINDS:
         raise element.error(f"joint {name!r} has the unknown type {word!r}, expected one of {', '.join(_KINDS)}")

@@ -147,15 +147,24 @@ def _primitive(element: Element) -> Shape:
     return Cylinder(radius, length) if element.tag == "cylinder" else Capsule(radius, length)
 
 
-def _inertial(element: Element, link: str) -> Inertial:
-    """Mass, centre and inertia, turned into the link's axes."""
+def _inertial(element: Element, link: str) -> Inertial | None:
+    """Mass, centre and inertia, turned into the link's axes; a mass of zero marks a mere frame.
+
+    An inertia that is zero in all is that of a point; any other has to be positive definite.
+    """
     pose = read_origin(element)
-    mass = element.required("mass").positive("value")
+    mass = element.required("mass").number("value")
     tensor = element.required("inertia")
     xx, xy, xz, yy, yz, zz = (tensor.number(n) for n in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if mass == 0.0:
+        if inertia.any():
+            log.warning("%s:%d: link %r has an inertia but no mass, both are left out", *_at(tensor), link)
+        return None
+    if mass < 0.0:
+        raise element.error(f"link {link!r} has mass {mass}, expected a number above zero")
     moments = np.linalg.eigvalsh(inertia)
-    if moments[0] <= 0.0:
+    if moments[0] <= 0.0 and inertia.any():
         raise tensor.error(f"link {link!r} has an inertia that is not positive definite: moments {moments.tolist()}")
     if moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
         log.warning("%s:%d: link %r has an inertia no body can have: %s", *_at(tensor), link, moments.tolist())

@@ -168,21 +168,47 @@ def parse_xml(data: bytes, root: str, file: str | Path | None = None) -> Element
     builder = _Builder(parser, name)
     parser.StartElementHandler = builder.start
     parser.EndElementHandler = builder.end
+    _run(parser, builder, data)
+    assert builder.root is not None  # expat refuses a document without elements
+    if builder.root.tag != root:
+        raise builder.root.error(f"the outermost element is <{builder.root.tag}>, expected <{root}>")
+    return builder.root
+
+
+def _run(parser: expat.XMLParserType, builder: _Builder, data: bytes) -> None:
+    """Parse all of it; a document type or an entity stops the parser."""
     parser.StartDoctypeDeclHandler = builder.refuse_doctype
     parser.EntityDeclHandler = builder.refuse_doctype
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         what = expat.ErrorString(error.code)
-        raise FormatError(f"is not well-formed XML: {what}", name, error.lineno) from error
+        raise FormatError(f"is not well-formed XML: {what}", builder.file, error.lineno) from error
+    except FormatError:
+        raise
     except (LookupError, ValueError) as error:
-        if isinstance(error, FormatError):
-            raise
-        raise FormatError(f"has an encoding that cannot be read: {error}", name) from error
-    assert builder.root is not None  # expat refuses a document without elements
-    if builder.root.tag != root:
-        raise builder.root.error(f"the outermost element is <{builder.root.tag}>, expected <{root}>")
-    return builder.root
+        raise FormatError(f"has an encoding that cannot be read: {error}", builder.file) from error
+
+
+def first_attributes(data: bytes, tag: str, file: str | Path | None = None) -> dict[str, str]:
+    """The attributes of the first element with a tag, namespaces apart; empty where there is none.
+
+    For documents that another library reads: this pass refuses what that one would accept.
+
+    Raises:
+        FormatError: not well-formed, or a DOCTYPE.
+    """
+    found: list[dict[str, str]] = []
+
+    def look(name: str, attributes: dict[str, str]) -> None:
+        if not found and name.rpartition(":")[2] == tag:
+            found.append(attributes)
+
+    name = None if file is None else str(file)
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = look
+    _run(parser, _Builder(parser, name), data)
+    return found[0] if found else {}
 
 
 def parse_xml_file(file: Path, root: str) -> Element:

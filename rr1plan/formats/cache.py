@@ -1,0 +1,78 @@
+"""Results of slow conversions, kept on disk by the hash of what they were made from.
+
+The folder is RR1PLAN_CACHE, else the user's cache folder. A cache that cannot be read or written,
+or an entry that is damaged, costs time and nothing else. Entries are plain arrays, never pickles,
+written to a temporary file and renamed, so that several processes can share the folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import sys
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+log = logging.getLogger(__name__)
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def cache_folder() -> Path:
+    """Where results are kept: RR1PLAN_CACHE, else the platform's cache folder."""
+    given = os.environ.get("RR1PLAN_CACHE")
+    if given:
+        return Path(given)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "rr1plan" / "cache"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "rr1plan"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rr1plan"
+
+
+def cache_key(*parts: str | NDArray[Any]) -> str:
+    """A name for a result, from all it depends on (hex)."""
+    digest = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else np.ascontiguousarray(part).tobytes()
+        kind = "text" if isinstance(part, str) else f"{part.dtype.str}{part.shape}"
+        digest.update(f"{kind}:{len(data)};".encode())
+        digest.update(data)
+    return digest.hexdigest()
+
+
+def load_cached(key: str) -> Arrays | None:
+    """The arrays kept under a key, or None."""
+    try:
+        file = cache_folder() / f"{key}.npz"
+        with np.load(file, allow_pickle=False) as kept:
+            return {name: kept[name] for name in kept.files}
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        log.warning("the cache entry %s cannot be used, it is made anew: %s", key[:12], error)
+        return None
+
+
+def store_cached(key: str, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Keep arrays under a key, if that is possible."""
+    temporary: str | None = None
+    try:
+        folder = cache_folder()
+        folder.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=folder, suffix=".part")
+        with os.fdopen(handle, "wb") as file:
+            np.savez_compressed(file, **dict(arrays))  # type: ignore[arg-type]  # numpy's stub mistakes ** for options
+        Path(temporary).replace(folder / f"{key}.npz")
+    except (OSError, RuntimeError) as error:
+        log.info("the cache cannot be written: %s", error)
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
