@@ -128,7 +128,9 @@ class Report:
         width = max((len(name) for name in self.margins), default=0)
         lines += [f"  margin       {name:<{width}}  {margin}" for name, margin in self.margins.items()]
         lines.append(f"  checked      {', '.join(self.checked) or 'nothing'}")
-        lines += [f"  not checked  {name}: {why}" for name, why in self.not_checked.items()]
+        for why in dict.fromkeys(self.not_checked.values()):
+            names = [name for name, reason in self.not_checked.items() if reason == why]
+            lines.append(f"  not checked  {', '.join(names)}: {why}")
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:

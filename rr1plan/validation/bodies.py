@@ -103,6 +103,10 @@ class Bodies:
         self._box_center = centers
         self._local_center = np.einsum("bij,bj->bi", self._local_rotation, centers) + self._local_origin
         self._moved = self.motion.movers[self.link].reshape(len(self.link), len(self.motion.column))
+        # The joints that carry each body, padded to the same number with a joint that counts nothing.
+        depth = int(self._moved.sum(axis=1).max(initial=0.0))
+        self._chain = np.argsort(-self._moved, axis=1, kind="stable")[:, :depth]
+        self._in_chain = np.take_along_axis(self._moved, self._chain, 1)
         self._fixed: dict[int, Any] = {}
 
     def _classify(self) -> None:
@@ -112,8 +116,8 @@ class Bodies:
             names = self.pairs[self.pair[int(np.argmax(self._kind_a == 3))]]
             raise InputError(f"{names[0]!r} and {names[1]!r} are both half-spaces, which cannot be kept apart")
         # A joint that carries both bodies does not move one against the other.
-        self._only_a = self._moved[self.a] * (1.0 - self._moved[self.b])
-        self._only_b = self._moved[self.b] * (1.0 - self._moved[self.a])
+        self._only_a = self._in_chain[self.a] * (1.0 - np.take_along_axis(self._moved[self.b], self._chain[self.a], 1))
+        self._only_b = self._in_chain[self.b] * (1.0 - np.take_along_axis(self._moved[self.a], self._chain[self.b], 1))
 
     # ---- at n times ---------------------------------------------------------------------
 
@@ -126,24 +130,25 @@ class Bodies:
         return Placed(rotation, origin, center)
 
     def sweeps(self, frames: Frames, placed: Placed, change: Array) -> Array:
-        """How far each joint alone can carry each body [m], shape (n, bodies, joints).
+        """How far each joint alone can carry each body [m], shape (n, bodies, chain).
 
         The way from one configuration to another is cut into one joint after the other, from
         the base outwards. While a joint turns, those farther out still stand as they do in
         `frames`, so the distance of a body from the axis is the one found there.
 
         Args:
-            frames, placed: Poses at the configurations to start from.
+            frames: Poses at the configurations to start from.
+            placed: Poses of the bodies there.
             change: Largest change of each moving joint [rad or m], shape (n, joints).
         """
-        arm = placed.center[:, :, None] - frames.pivot[:, None]
-        along = np.einsum("nbji,nji->nbj", arm, frames.axis)
+        arm = placed.center[:, :, None] - frames.pivot[:, self._chain]
+        along = np.einsum("nbji,nbji->nbj", arm, frames.axis[:, self._chain])
         across = np.sqrt(np.maximum(np.einsum("nbji,nbji->nbj", arm, arm) - along**2, 0.0))
-        reach = across + self.radius[None, :, None] + _REACH_ROUNDING
+        finite = np.where(np.isfinite(self.radius), self.radius, 0.0)
+        moved = change[:, self._chain]
         # A chord is never longer than the arc, nor than the diameter.
-        turned = np.minimum(change, 2.0)[:, None] * np.where(self._moved > 0.0, reach, 0.0)
-        slid = change[:, None] * self._moved
-        return np.asarray(np.where(self.motion.slides, slid, turned))
+        turned = np.minimum(moved, 2.0) * (across + finite[None, :, None] + _REACH_ROUNDING)
+        return np.asarray(np.where(self.motion.slides[self._chain], moved, turned))
 
     def approach(self, sweeps: Array, node: Index, item: Index) -> Array:
         """Bound of how much the distance of pair `item` can change around time `node` [m], each (k,)."""
@@ -239,7 +244,7 @@ class Bodies:
         """Gap between two bodies along a direction (k, 3) from a to b [m]: a bound of their distance."""
         a, b = self.a[item], self.b[item]
         apart = np.einsum("ki,ki->k", normal, placed.origin[node, b] - placed.origin[node, a])
-        return apart - self._reach(placed, node, a, normal) - self._reach(placed, node, b, -normal)
+        return np.asarray(apart - self._reach(placed, node, a, normal) - self._reach(placed, node, b, -normal))
 
     def _reach(self, placed: Placed, node: Index, body: Index, normal: Array) -> Array:
         """Support of each body along world directions (k, 3), from its frame's origin [m], shape (k,)."""
@@ -260,7 +265,7 @@ class Bodies:
         return value, value - SLACK
 
     def _over_plane(self, placed: Placed, node: Index, item: Index) -> tuple[Array, Array]:
-        value = np.empty(len(item))
+        value: Array = np.empty(len(item))
         for b in np.unique(self.b[item]):
             at = np.flatnonzero(self.b[item] == b)
             normal, offset = self._plane(placed, node[at], int(b))

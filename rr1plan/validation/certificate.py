@@ -22,7 +22,7 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.validation.bodies import Bodies
 from rr1plan.validation.motion import SceneMotion
-from rr1plan.validation.polynomials import Index
+from rr1plan.validation.polynomials import Index, Mask
 
 # A clearance below this cannot be told from contact [m].
 TOUCH = 1e-6
@@ -189,7 +189,7 @@ class Certificate:
         touching = value <= TOUCH
         np.minimum.at(found.first_contact, pair[touching], time[touching])
 
-    def _settled(self, work: Intervals, begin: Array, proven: Array, approach: Array) -> Array:
+    def _settled(self, work: Intervals, begin: Array, proven: Array, approach: Array) -> Mask:
         """Which open pairs (k,) nothing is left to find out about on their interval."""
         found = self.found
         pair = self._bodies.pair[work.item]
@@ -304,5 +304,6 @@ def _chunks(work: Intervals) -> list[Intervals]:
     for low in range(0, count, _MOST_NODES):
         high = min(count, low + _MOST_NODES)
         at = (work.node >= low) & (work.node < high)
-        parts.append(Intervals(*(c[low:high] for c in work[:4]), work.node[at] - low, work.item[at]))
+        first, stop, start, end = work.first[low:high], work.stop[low:high], work.start[low:high], work.end[low:high]
+        parts.append(Intervals(first, stop, start, end, work.node[at] - low, work.item[at]))
     return parts

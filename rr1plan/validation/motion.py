@@ -157,8 +157,10 @@ class SceneMotion:
         """Bounds (n, nq) of the columns over runs of pieces, or over a part of a piece.
 
         Args:
-            first, stop: Pieces first <= i < stop, each (n,).
-            start, end: Local times [s] of the part where the run is a single piece, each (n,).
+            first: First piece of each run, shape (n,).
+            stop: The piece after the last of each run, shape (n,).
+            start: Local time [s] where the part begins if the run is a single piece, shape (n,).
+            end: Local time [s] where it ends, shape (n,).
         """
         lower, upper = self._table.over(first, stop)
         single = np.flatnonzero(stop - first == 1)

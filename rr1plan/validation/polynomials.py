@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 _RELATIVE_GAP = 1e-13
 _MOST_HALVINGS = 80

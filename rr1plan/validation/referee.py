@@ -190,7 +190,7 @@ def _limits(trajectory: Trajectory, scene: Scene) -> Limits:
 
 
 def _units(names: tuple[str, ...], scene: Scene) -> tuple[str, ...]:
-    """rad or m, for each column."""
+    """The unit of each column: rad or m."""
     kinds = [scene.arms[arm].robot.joint(joint).kind for arm, joint in (name.split("/", 1) for name in names)]
     return tuple("m" if kind == "prismatic" else "rad" for kind in kinds)
 

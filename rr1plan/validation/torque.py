@@ -26,8 +26,7 @@ def check_torques(ledger: Ledger, trajectory: Trajectory, scene: Scene) -> None:
     step = max(_STEP, trajectory.duration / _MOST_SAMPLES)
     times = np.unique(np.concatenate([trajectory.sample_times(step), trajectory.breaks]))
     q, qd, qdd = (trajectory(times, k)[:, order] for k in range(3))
-    torques = np.array([kinematics.inverse_dynamics(*state) for state in zip(q, qd, qdd, strict=True)])
-    _judge(ledger, scene.joint_names(trajectory.arms), torques, limits, times)
+    _judge(ledger, kinematics.joint_names, kinematics.inverse_dynamics(q, qd, qdd), limits, times)
     ledger.checked.append("torque")
     held = ", without the mass of attached objects" if scene.attachments else ""
     ledger.not_checked["torque between samples"] = f"sampled every {1000.0 * step:.3g} ms and at the breaks{held}"
