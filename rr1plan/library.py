@@ -11,11 +11,14 @@ from rr1plan.errors import InputError
 from rr1plan.formats.convex import Convexity
 from rr1plan.formats.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.formats.robots import Choice, assemble
+from rr1plan.formats.scene_toml import read_scene
 from rr1plan.formats.srdf import read_srdf
 from rr1plan.formats.urdf import Tree, read_urdf
 from rr1plan.formats.xacro import expand_xacro
 from rr1plan.limits import Limits
+from rr1plan.problem import Problem
 from rr1plan.robot import Robot
+from rr1plan.scene import Scene
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -138,3 +141,42 @@ def _srdf_beside(file: Path) -> Path | None:
     name = f"{file.name.removesuffix('.xacro').removesuffix('.urdf')}.srdf"
     places = (file.parent / name, file.parent.parent / "srdf" / name)
     return next((place for place in places if place.is_file()), None)
+
+
+# ---- scenes ------------------------------------------------------------------------------
+
+
+def scene_names() -> tuple[str, ...]:
+    """The names of the shipped scenes, sorted."""
+    return tuple(sorted(file.stem for file in (models_folder() / "scenes").glob("*.toml")))
+
+
+def load_scene(name_or_file: str | Path) -> Scene:
+    """Load a scene that ships with rr1plan, or one from a file.
+
+    Args:
+        name_or_file: A name of `scene_names`, or a scene file (.toml).
+
+    Raises:
+        UnknownNameError: no scene of that name ships.
+        FormatError: the file is not a scene.
+    """
+    file = _scene_file(name_or_file)
+    return read_scene(file, load_robot).scene
+
+
+def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
+    """The named queries of a scene that ships with rr1plan, or of a scene file (.toml), as problems.
+
+    Raises:
+        UnknownNameError: no scene of that name ships.
+        FormatError: the file is not a scene.
+    """
+    return read_scene(_scene_file(name_or_file), load_robot).problems
+
+
+def _scene_file(name_or_file: str | Path) -> Path:
+    """The file that is meant: anything with a suffix is a file, a bare name is a shipped scene."""
+    if isinstance(name_or_file, Path) or Path(name_or_file).suffix in (".toml", ".scene", ".yaml", ".yml"):
+        return Path(name_or_file)
+    return models_folder() / "scenes" / f"{known_name('scene', name_or_file, scene_names())}.toml"
