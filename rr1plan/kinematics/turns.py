@@ -1,11 +1,12 @@
 """Whole turns: which joint values are the same place, and which of them is meant.
 
 A rotary joint at x and at x + 2 pi puts the arm in the same place. A continuous joint has all
-these copies, a joint with wide limits (a UR5's reach over two turns each way) has several.
+these copies, a joint with wide limits (a UR5's, one turn each way) has several.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -18,9 +19,24 @@ TURN = 2.0 * np.pi
 _SLACK = 1e-12
 
 
+@lru_cache(maxsize=64)
 def rotary(robot: Robot) -> NDArray[np.bool_]:
-    """Which planning joints turn (and do not slide), shape (nq,)."""
-    return np.array([robot.joint(name).kind != "prismatic" for name in robot.joint_names], dtype=np.bool_)
+    """Which planning joints come back to the same place after a whole turn, shape (nq,).
+
+    Those that turn, unless a mimic joint follows them by something else than whole turns.
+    """
+    turns = {name: robot.joint(name).kind != "prismatic" for name in robot.joint_names}
+    for follower in robot.joints:
+        leader, multiplier = follower, 1.0
+        while leader.mimic is not None and leader.name not in turns:
+            multiplier *= leader.mimic.multiplier
+            leader = robot.joint(leader.mimic.joint)
+        whole = follower.kind != "prismatic" and multiplier == round(multiplier)
+        if leader is not follower and leader.name in turns and not whole:
+            turns[leader.name] = False
+    mask = np.array(list(turns.values()), dtype=np.bool_)
+    mask.setflags(write=False)
+    return mask
 
 
 def nearest_copy(robot: Robot, q: Array, near: Array) -> Array:

@@ -1,0 +1,262 @@
+"""Straight lines in the workspace: the tool moves on a line and turns evenly, the joints follow.
+
+Inverse kinematics is continued along the line: each step starts from the last configuration, corrects
+by a descent within the joint limits and is halved until the joint-space edge stays within the
+tolerance of the line by a rigorous bound (so a jump to another branch never passes) and is certified
+free. Where that ends before the goal, the answer says how far it came and what stopped it.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from rr1plan.checks import Array, Seed, as_generator, positive_number
+from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.errors import InputError
+from rr1plan.kinematics import Kinematics, solve_ik
+from rr1plan.kinematics.descent import descend
+from rr1plan.kinematics.inverse import describe_excess, target_of
+from rr1plan.kinematics.lines import EdgeBound, Line
+from rr1plan.path import Path
+from rr1plan.planners.goals import check_start, describe_contacts, goal_configurations
+from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback
+from rr1plan.problem import PoseGoal, Problem
+from rr1plan.transforms import quaternion_from_rotation
+
+_FIRST_STEP, _LARGEST_STEP, _SMALLEST_STEP = 0.1, 0.25, 1e-4  # parts of the line
+_LARGEST_EDGE = 0.5  # sum of joint changes [rad]
+_WAYPOINT_SHARE = 0.01  # part of the tolerance a waypoint itself may use
+_REACHED = 1e-12  # squared error of a descent that arrived
+_NO_LENGTH = 1e-9  # a line this short is no motion [m + rad]
+
+
+@dataclass(frozen=True, eq=False)
+class _Stop:
+    """Where a line ended too early: the part of it that was done, and why."""
+
+    part: float
+    status: PlanStatus
+    reason: str
+
+
+class CartesianPlanner:
+    """Moves one arm's frame along a straight line to a `PoseGoal`.
+
+    With a full pose the frame turns evenly about one axis (slerp); with a position only, its
+    orientation is free. Several alternatives are tried in their order.
+
+    Args:
+        tolerance: Most that the frame may leave the line, between waypoints too [m].
+        orientation_tolerance: Most that it may be turned away from the even turn [rad].
+
+    Raises:
+        InputError: a tolerance that is not above zero.
+    """
+
+    name = "cartesian"
+
+    def __init__(self, tolerance: float = 1e-3, orientation_tolerance: float = 1e-2) -> None:
+        self.tolerance = positive_number("tolerance", tolerance)
+        self.orientation_tolerance = positive_number("orientation_tolerance", orientation_tolerance)
+
+    def plan(
+        self,
+        problem: Problem,
+        budget: Budget | None = None,
+        rng: Seed = None,
+        progress: ProgressCallback | None = None,
+    ) -> PlanResult:
+        """Plan a straight line.
+
+        Args:
+            problem: One moving arm, whose goal is a `PoseGoal` (or several, any of which will do).
+            budget: When to stop (default: 10 s); an iteration is one step tried.
+            rng: Only for finding the reason where there is no line; the line itself is not random.
+            progress: Told how far along the line it is.
+
+        Raises:
+            InputError: several arms move, or a goal that is no `PoseGoal`.
+        """
+        goals = _pose_goals(problem)
+        generator = as_generator(rng)
+        motion = MotionChecker(CollisionChecker(problem.scene, problem.arms))
+        walk = _Walk(self, problem, motion, budget or Budget(), progress)
+        try:
+            return self._answer(problem, goals, walk, generator)
+        except KeyboardInterrupt:
+            return walk.result(PlanStatus.CANCELLED, None, "interrupted")
+
+    def _answer(
+        self, problem: Problem, goals: tuple[PoseGoal, ...], walk: _Walk, rng: np.random.Generator
+    ) -> PlanResult:
+        blocked = check_start(problem, walk.checker)
+        if blocked:
+            return walk.result(PlanStatus.INVALID_START, None, blocked)
+        stops = []
+        for goal in goals:
+            ended = walk.along(goal)
+            if isinstance(ended, Path):
+                return walk.result(PlanStatus.SOLVED, ended, "")
+            stops.append(ended)
+            if ended.status is PlanStatus.TIMEOUT:
+                break
+        reason = "; ".join(stop.reason for stop in stops)
+        if stops[-1].status is PlanStatus.TIMEOUT:
+            return walk.result(PlanStatus.TIMEOUT, None, reason)
+        ends = goal_configurations(problem, walk.checker, rng, max_per_goal=1)
+        if ends.status is not None:
+            return walk.result(ends.status, None, f"{reason}; and {ends.reason}")
+        return walk.result(PlanStatus.INFEASIBLE, None, f"{reason}; the goal itself can be reached in another way")
+
+
+def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
+    """The alternatives of the only moving arm."""
+    if len(problem.arms) != 1:
+        raise InputError(f"the cartesian planner moves one arm, got {len(problem.arms)}: {', '.join(problem.arms)}")
+    goals: list[PoseGoal] = []
+    for goal in problem.goal[problem.arms[0]]:
+        if not isinstance(goal, PoseGoal):
+            raise InputError(f"the cartesian planner needs a PoseGoal, got a {type(goal).__name__}")
+        goals.append(goal)
+    return tuple(goals)
+
+
+class _Walk:
+    """One query: the tools it needs, its clock and its counts."""
+
+    def __init__(
+        self,
+        planner: CartesianPlanner,
+        problem: Problem,
+        motion: MotionChecker,
+        budget: Budget,
+        progress: ProgressCallback | None,
+    ) -> None:
+        self.planner, self.problem, self.motion, self.budget, self.progress = planner, problem, motion, budget, progress
+        self.checker: CollisionChecker = motion.checker
+        self.kinematics = Kinematics(problem.scene, problem.arms).for_arm()
+        self.robot = problem.scene.arms[problem.arms[0]].robot
+        self.began = time.perf_counter()
+        self.iterations = 0
+
+    # ---- the line ----------------------------------------------------------------------------
+
+    def along(self, goal: PoseGoal) -> Path | _Stop:
+        """Follow the line to one goal."""
+        index = target_of(self.kinematics, goal).index
+        start = self.problem.start
+        line = Line.between(self.kinematics, start, index, goal.position, goal.rotation)
+        bound = EdgeBound(self.kinematics, index)
+        waypoints, part, step = [start], 0.0 if line.length > _NO_LENGTH else 1.0, _FIRST_STEP
+        while part < 1.0:
+            if self.out_of_budget(part):
+                return _Stop(part, PlanStatus.TIMEOUT, f"out of budget after {100 * part:.1f} % of the line")
+            following = 1.0 if part + step > 1.0 - _SMALLEST_STEP else part + step
+            q = self.correct(line, following, waypoints[-1], goal)
+            fits = q is not None and self.is_straight(line, bound, waypoints[-1], q)
+            if q is not None and fits and self.motion.edge_is_free(waypoints[-1], q):
+                waypoints.append(q)
+                part, step = following, min(2.0 * step, _LARGEST_STEP)
+                continue
+            step *= 0.5
+            if step < _SMALLEST_STEP:
+                why = self.why(line, following, waypoints[-1], q, fits)
+                metres = part * float(np.linalg.norm(line.p1 - line.p0))
+                where = f"the line to the goal ends after {100 * part:.1f} %"
+                return _Stop(part, PlanStatus.INFEASIBLE, f"{where} ({metres:.4g} m): {why}")
+        return Path(self.problem.joint_names, np.array(waypoints))
+
+    def correct(self, line: Line, part: float, q: Array, goal: PoseGoal) -> Array | None:
+        """The configuration on the line next to q, or None where there is none within the limits."""
+        limits = self.robot.limits
+        target = line.at(part)
+        q, _ = descend(lambda x: target.residual(self.kinematics, x), q, limits.lower, limits.upper, steps=30)
+        p, R, _ = self.kinematics.pose_and_jacobian(q, line.index)
+        off, turn = target.errors(p, R)
+        metres, radians = self.waypoint_tolerances(goal)
+        near = np.linalg.norm(off) <= metres and (turn is None or np.linalg.norm(turn) <= radians)
+        return q if near else None
+
+    def waypoint_tolerances(self, goal: PoseGoal) -> tuple[float, float]:
+        """How far a waypoint itself may be from the line [m], [rad]."""
+        return (
+            min(_WAYPOINT_SHARE * self.planner.tolerance, 0.9 * goal.position_tolerance),
+            min(_WAYPOINT_SHARE * self.planner.orientation_tolerance, 0.9 * goal.orientation_tolerance),
+        )
+
+    def is_straight(self, line: Line, bound: EdgeBound, a: Array, b: Array) -> bool:
+        """The edge stays within the tolerances and is no jump."""
+        metres, radians = bound.bound(a, b)
+        share = 1.0 - _WAYPOINT_SHARE
+        return (
+            metres <= share * self.planner.tolerance
+            and (line.turn is None or radians <= share * self.planner.orientation_tolerance)
+            and float(np.abs(b - a).sum()) <= _LARGEST_EDGE
+        )
+
+    def out_of_budget(self, part: float) -> bool:
+        """Count one step, report progress, and say whether the budget is used up."""
+        seconds = time.perf_counter() - self.began
+        used = seconds / self.budget.seconds
+        if self.budget.iterations is not None:
+            used = max(used, self.iterations / self.budget.iterations)
+        if self.progress is not None:
+            self.progress(Progress("cartesian", seconds, min(used, 1.0)))
+        self.iterations += 1
+        return used >= 1.0
+
+    def result(self, status: PlanStatus, path: Path | None, reason: str) -> PlanResult:
+        """The answer with the counts so far."""
+        return PlanResult(
+            status,
+            path,
+            reason,
+            planner=CartesianPlanner.name,
+            seconds=time.perf_counter() - self.began,
+            iterations=self.iterations,
+            edges_checked=self.motion.edges_checked,
+        )
+
+    # ---- why it ended ------------------------------------------------------------------------
+
+    def why(self, line: Line, part: float, q: Array, blocked: Array | None, fits: bool) -> str:
+        """What stopped the line right after q, in words; `blocked` is the next configuration, if there is one."""
+        if blocked is not None and fits:
+            return f"collision of {self.collision(q, blocked)}"
+        if blocked is not None:
+            return f"singularity: {self.singularity(line, q)}"
+        target, free = line.at(part), np.full(len(q), np.inf)
+        unlimited, cost = descend(lambda x: target.residual(self.kinematics, x), q, -free, free)
+        excess = describe_excess(self.robot, unlimited)
+        if excess and cost < _REACHED and float(np.abs(unlimited - q).sum()) < _LARGEST_EDGE:
+            return f"joint limit: {excess}"
+        quaternion = None if target.rotation is None else quaternion_from_rotation(target.rotation)
+        found = solve_ik(
+            self.kinematics, PoseGoal(self.frame_name(line), target.lower, quaternion), seeds=q, rng=0, max_solutions=1
+        )
+        if not found.solved:
+            return found.reason
+        away = float(np.abs(found.solutions[0] - q).max())
+        return f"it goes on only from another configuration, {away:.3g} rad away; {self.singularity(line, q)}"
+
+    def singularity(self, line: Line, q: Array) -> str:
+        """How near to singular the frame's Jacobian is."""
+        J = self.kinematics.pose_and_jacobian(q, line.index)[2]
+        rows = J if line.turn is not None else J[:3]
+        smallest = float(np.linalg.svd(rows, compute_uv=False).min(initial=np.inf))
+        return f"the smallest singular value of the Jacobian is {smallest:.2g}"
+
+    def collision(self, q: Array, blocked: Array) -> str:
+        """Who touches whom on the edge from q."""
+        for t in (1.0, 0.5, 0.75, 0.25):
+            contacts = self.checker.contacts(q + t * (blocked - q))
+            if contacts:
+                return describe_contacts(contacts)
+        return " and ".join(repr(name) for name in self.checker.nearest(blocked).pair)
+
+    def frame_name(self, line: Line) -> str:
+        """Name of the frame that moves, "arm/link"."""
+        return str(self.kinematics.scene_model.model.frames[line.index].name)
