@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, finite_array, read_only
-from rr1plan.collision.solids import coal_geometry, convex_pieces
+from rr1plan.collision.solids import coal_geometry, solid_pieces
 from rr1plan.limits import Limits
 from rr1plan.model import SceneModel
 from rr1plan.scene import Scene
@@ -259,7 +260,7 @@ class CollisionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        if type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (self.nq,) and np.isfinite(q).all():
+        if type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (self.nq,) and isfinite(q.dot(q)):
             return q
         return finite_array("q", q, (self.nq,))
 
@@ -304,7 +305,7 @@ def _solids(model: SceneModel) -> tuple[Solid, ...]:
     return tuple(
         Solid(g.element, piece, g.joint, g.placement)
         for g in model.element_geometries
-        for piece in convex_pieces(g.geometry.shape)
+        for piece in solid_pieces(g.geometry.shape)
     )
 
 

@@ -6,13 +6,14 @@ slip through. What passes at less than `tolerance` beyond the padding is not pro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from rr1plan._kernels.motion import FREE, certify
+from rr1plan._kernels.motion import FREE
+from rr1plan._kernels.motion import certify as _certify_untyped
 from rr1plan.checks import Array, finite_array, finite_number, positive_number, read_only
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.tables import build_tables
@@ -20,6 +21,8 @@ from rr1plan.errors import InputError
 from rr1plan.scene import Scene
 
 TOLERANCE = 1e-6
+
+_certify: Callable[..., tuple[int, float, int, int, int]] = _certify_untyped
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +86,8 @@ class MotionChecker:
         """Every configuration on the straight line from q0 to q1 is free.
 
         Args:
-            q0, q1: Ends [rad or m], shape (nq,).
+            q0: Begin [rad or m], shape (nq,).
+            q1: End [rad or m], shape (nq,).
 
         Raises:
             InputError: wrong shape or not finite.
@@ -127,7 +131,8 @@ class MotionChecker:
         """Where the straight line from q0 to q1 first touches something, or None when it is free.
 
         Args:
-            q0, q1: Ends [rad or m], shape (nq,).
+            q0: Begin [rad or m], shape (nq,).
+            q1: End [rad or m], shape (nq,).
 
         Raises:
             InputError: wrong shape or not finite.
@@ -157,7 +162,7 @@ class MotionChecker:
         self.edges_checked += 1
         if not self.checker.resting_is_free:
             return FREE + 1, 0.0, -1
-        status, where, pair, seen, fine = certify(curve, duration, self.tolerance, *self._tables)
+        status, where, pair, seen, fine = _certify(curve, duration, self.tolerance, *self._tables)
         self.configurations_checked += seen
         self.gaps_checked += fine
         return status, where, pair

@@ -10,56 +10,25 @@ from typing import Any
 
 import coal
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
+from rr1plan.formats.convex import convex_hull, convex_pieces
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 # Octomap's keys have 16 bits: cells farther out would be dropped in silence.
 _OCTREE_REACH = 32_000
-# A flat mesh has no hull; it gets this much thickness on either side [m].
-_FLAT = 1e-6
 
 
-def hull(points: Array) -> tuple[Array, Any]:
-    """The convex hull of points (n, 3): its corners (m, 3) and its triangles, counter-clockwise from outside (k, 3)."""
-    try:
-        found = ConvexHull(points)
-    except QhullError:
-        found = _flat_hull(points)
-    corners = found.points[found.vertices]
-    index = np.full(len(found.points), -1)
-    index[found.vertices] = np.arange(len(corners))
-    triangles = index[found.simplices]
-    a, b, c = (corners[triangles[:, i]] for i in range(3))
-    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) < 0.0
-    triangles[inwards] = triangles[inwards][:, ::-1]
-    return corners, triangles
+def solid_pieces(shape: Shape) -> tuple[Shape, ...]:
+    """The shape as shapes that Coal treats as solid: itself, or the convex pieces of a mesh.
 
-
-def _flat_hull(points: Array) -> Any:
-    """The hull of points in a plane, on a line or at a point, made a hair thick."""
-    centre = points.mean(axis=0)
-    directions = np.linalg.svd(points - centre, full_matrices=True)[2]
-    thick = np.concatenate([points + s * _FLAT * d for d in directions for s in (-1.0, 1.0)])
-    try:
-        return ConvexHull(thick)
-    except QhullError as error:
-        raise InputError("a mesh has no convex hull: its vertices are degenerate; check its size and units") from error
-
-
-def convex_pieces(shape: Shape) -> tuple[Shape, ...]:
-    """The shape as shapes that Coal treats as solid: itself, or the convex pieces of a mesh."""
+    Raises:
+        InputError: a mesh without volume.
+    """
     if not isinstance(shape, Mesh):
         return (shape,)
-    meshes = (shape,) if shape.convex else solid_pieces(shape)
-    return tuple(Mesh(*hull(piece.vertices), convex=True) for piece in meshes)
-
-
-def solid_pieces(mesh: Mesh) -> tuple[Mesh, ...]:
-    """Convex meshes that together hold the matter of a mesh."""
-    return (mesh,)
+    return (convex_hull(shape.vertices),) if shape.convex else tuple(convex_pieces(shape))
 
 
 def occupied_cells(cloud: PointCloud) -> Array:

@@ -200,8 +200,8 @@ def _core(shape: Shape) -> _Core:
             half = np.array([radius, radius, 0.5 * length])
             return _Core(CYLINDER, half, 0.0, (zero, float(np.hypot(radius, 0.5 * length))), (zero, half), none)
         case Capsule(radius, length):
-            size, half = np.array([0, 0, 0.5 * length]), np.array([radius, radius, 0.5 * length + radius])
-            return _Core(SEGMENT, size, radius, (zero, 0.5 * length + radius), (zero, half), none)
+            core, half = np.array([0, 0, 0.5 * length]), np.array([radius, radius, 0.5 * length + radius])
+            return _Core(SEGMENT, core, radius, (zero, 0.5 * length + radius), (zero, half), none)
         case HalfSpace(normal, offset):
             return _Core(HALF_SPACE, np.array(normal), 0.0, (zero, _FAR), (zero, np.full(3, _FAR)), none, offset)
         case PointCloud():

@@ -121,5 +121,4 @@ def cluttered(six):
     scene = scene.with_obstacle("ball", Sphere(0.12), [0.1, 0.55, 0.6])
     scene = scene.with_obstacle("post", Cylinder(0.05, 0.9), pose([-0.35, -0.35, 0.45], rpy=[0.1, 0.1, 0]))
     scene = scene.with_obstacle("bar", Capsule(0.03, 0.6), pose([0.0, -0.5, 0.7], rpy=[np.pi / 2, 0.5, 0]))
-    scene = scene.with_obstacle("wedge", _wedge(), pose([-0.5, 0.3, 0.4], rpy=rng.normal(size=3)))
-    return scene
+    return scene.with_obstacle("wedge", _wedge(), pose([-0.5, 0.3, 0.4], rpy=rng.normal(size=3)))
