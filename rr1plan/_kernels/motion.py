@@ -17,7 +17,7 @@ import numpy as np
 from numba import types
 
 from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INTS1, INTS2, OUT1, OUT2, jit
-from rr1plan._kernels.separation import CELLS, HALF_SPACE, POINT, separation, support
+from rr1plan._kernels.separation import BOX, CELLS, HALF_SPACE, POINT, separation, support
 
 FREE, CONTACT, GRAZING = range(3)
 
@@ -36,9 +36,11 @@ def take_interval(curve, duration, middle, half, work, q, reach):
     Args:
         curve: Coefficients of q(t) = sum_k curve[k] t^k, shape (k, nq).
         duration: End of the curve.
-        middle, half: The interval.
+        middle: Middle of the interval.
+        half: Half its width.
         work: Scratch memory, shape (k, nq).
-        q, reach: Out, shape (nq,).
+        q: Out, shape (nq,).
+        reach: Out, shape (nq,).
     """
     terms, nq = curve.shape
     for j in range(nq):
@@ -133,7 +135,12 @@ def bound_travel(
 
     Args:
         body: The body.
-        bodies, body_values, chain, chain_reach, joints, joint_values: Tables, see `certify`.
+        bodies: See `certify`.
+        body_values: See `certify`.
+        chain: See `certify`.
+        chain_reach: See `certify`.
+        joints: See `certify`.
+        joint_values: See `certify`.
         joint_poses: World poses of the joints, shape (n, 12).
         reach: How far each column of q gets from its value, shape (nq,).
         centres: Centre of each body's ball in the world.
@@ -195,19 +202,19 @@ def quick_gap(a, b, bodies, body_values, poses, centres):
     return gap
 
 
-@jit(F64(I64, I64, INTS2, FLOATS2, FLOATS2, OUT2, F64))
-def _gap_to_half_space(a, b, bodies, body_values, corners, poses, radius):
+@jit(F64(I64, I64, INTS2, FLOATS2, FLOATS2, INTS1, OUT2, F64))
+def _gap_to_half_space(a, b, bodies, body_values, corners, links, poses, radius):
     """Exact distance of a body to the plane of half-space b [m]."""
     nx = poses[b, 0] * body_values[b, 23] + poses[b, 1] * body_values[b, 24] + poses[b, 2] * body_values[b, 25]
     ny = poses[b, 3] * body_values[b, 23] + poses[b, 4] * body_values[b, 24] + poses[b, 5] * body_values[b, 25]
     nz = poses[b, 6] * body_values[b, 23] + poses[b, 7] * body_values[b, 24] + poses[b, 8] * body_values[b, 25]
-    x, y, z = support(bodies[a, 0], body_values[a, 23:26], poses[a], corners, bodies[a, 2], bodies[a, 3], -nx, -ny, -nz)
+    x, y, z, _ = support(bodies[a, 0], body_values[a, 23:26], poses[a], corners, links, bodies[a, 2], -nx, -ny, -nz)
     height = nx * (x - poses[b, 9]) + ny * (y - poses[b, 10]) + nz * (z - poses[b, 11])
     return height - body_values[b, 26] - radius
 
 
-@jit(types.UniTuple(F64, 2)(I64, I64, INTS2, FLOATS2, FLOATS2, OUT2, OUT2, F64, OUT1, OUT2, OUT1))
-def _gap_to_cells(a, b, bodies, body_values, corners, poses, centres, enough, n, scratch, cell):
+@jit(types.UniTuple(F64, 2)(I64, I64, INTS2, FLOATS2, FLOATS2, INTS1, OUT2, OUT2, F64, F64, OUT1, OUT2, OUT1))
+def _gap_to_cells(a, b, bodies, body_values, corners, links, poses, centres, least, enough, n, scratch, cell):
     """Bounds of the distance of a body to the occupied cells of cloud b [m]."""
     half = body_values[b, 23]
     radius = body_values[a, 16]
@@ -230,34 +237,34 @@ def _gap_to_cells(a, b, bodies, body_values, corners, poses, centres, enough, n,
                     cell[9 + r] += poses[b, 3 * r + c] * corners[i, c]
             n[0], n[1], n[2] = centres[a, 0] - cell[9], centres[a, 1] - cell[10], centres[a, 2] - cell[11]
             low, high = separation(
-                bodies[a, 0], body_values[a, 23:26], poses[a], corners, bodies[a, 2], bodies[a, 3],
-                2, body_values[b, 23:26], cell, corners, 0, 0, enough + radius, n, scratch,
+                bodies[a, 0], body_values[a, 23:26], poses[a], corners, links, bodies[a, 2],
+                BOX, body_values[b, 23:26], cell, corners, links, 0, least + radius, enough + radius, n, scratch,
             )  # fmt: skip
             lower = min(lower, low - radius)
             upper = min(upper, high - radius)
-            if lower < enough and upper <= 0.0:
+            if upper <= least:
                 return lower, upper
     return lower, upper
 
 
-@jit(types.UniTuple(F64, 2)(I64, I64, INTS2, FLOATS2, FLOATS2, OUT2, OUT2, F64, OUT1, OUT2, OUT1))
-def fine_gap(a, b, bodies, body_values, corners, poses, centres, enough, n, scratch, cell):
+@jit(types.UniTuple(F64, 2)(I64, I64, INTS2, FLOATS2, FLOATS2, INTS1, OUT2, OUT2, F64, F64, OUT1, OUT2, OUT1))
+def fine_gap(a, b, bodies, body_values, corners, links, poses, centres, least, enough, n, scratch, cell):
     """Bounds of the distance of two bodies [m]: proven lower, upper; stops at `enough`."""
     radius = body_values[a, 16] + body_values[b, 16]
     if bodies[b, 0] == HALF_SPACE:
-        gap = _gap_to_half_space(a, b, bodies, body_values, corners, poses, radius)
+        gap = _gap_to_half_space(a, b, bodies, body_values, corners, links, poses, radius)
         return gap, gap
     if bodies[b, 0] == CELLS:
-        return _gap_to_cells(a, b, bodies, body_values, corners, poses, centres, enough, n, scratch, cell)
+        return _gap_to_cells(a, b, bodies, body_values, corners, links, poses, centres, least, enough, n, scratch, cell)
     if n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0:
         for c in range(3):
             n[c] = centres[a, c] - centres[b, c]
         if n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0:
             n[2] = 1.0
     lower, upper = separation(
-        bodies[a, 0], body_values[a, 23:26], poses[a], corners, bodies[a, 2], bodies[a, 3],
-        bodies[b, 0], body_values[b, 23:26], poses[b], corners, bodies[b, 2], bodies[b, 3],
-        enough + radius, n, scratch,
+        bodies[a, 0], body_values[a, 23:26], poses[a], corners, links, bodies[a, 2],
+        bodies[b, 0], body_values[b, 23:26], poses[b], corners, links, bodies[b, 2],
+        least + radius, enough + radius, n, scratch,
     )  # fmt: skip
     return lower - radius, upper - radius
 
@@ -265,7 +272,7 @@ def fine_gap(a, b, bodies, body_values, corners, poses, centres, enough, n, scra
 @jit(
     types.Tuple((I64, F64, I64, I64, I64))(
         *(FLOATS2, F64, F64),
-        *(INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, FLOATS1, INTS2, FLOATS1),
+        *(INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1),
         *(OUT2, OUT2, OUT2, OUT2),
     )
 )
@@ -278,6 +285,7 @@ def certify(
     bodies,
     body_values,
     corners,
+    links,
     chain,
     chain_reach,
     pairs,
@@ -293,18 +301,22 @@ def certify(
         curve: Coefficients of q(t) = sum_k curve[k] t^k, shape (k, nq).
         duration: End of the curve; it begins at 0.
         tolerance: Gaps beyond the padding smaller than this are given up [m].
-        joints, joint_values: See `place_joints`; row 0 is the world.
+        joints: See `place_joints`; row 0 is the world.
+        joint_values: The same.
         bodies: Kind, joint, first and last corner, first and last entry of its chain; shape (b, 6).
         body_values: T_joint_body (12), centre of its ball in the joint's frame (3), radius of the ball,
             radius around the core, centre (3) and half sizes (3) of its box in its own frame, size (3;
             a half-space's normal), a half-space's offset; shape (b, 27).
         corners: Corner points of all bodies of kind CORNERS, centres of the cells of CELLS, shape (c, 3).
+        links: Neighbours of corner i are links[links[i] : links[i + 1]].
         chain: Driven joints above each body, root first.
         chain_reach: For each, how far the centre of the body's ball can ever be from the joint's axis [m].
-        pairs: Body, body (the half-space or cloud, if there is one), and how many joints their chains share; shape (p, 3).
+        pairs: Body, body (the half-space or cloud, if there is one), how many joints their chains share;
+            shape (p, 3).
         padding: Distance to keep, shape (p,).
-        joint_poses, poses, centres: World poses of joints (n, 12) and bodies (b, 12), centres of balls
-            (b, 3): in, of what rests; the rest is scratch.
+        joint_poses: World poses of joints, shape (n, 12): in, of those that rest; the others are scratch.
+        poses: The same of bodies, shape (b, 12).
+        centres: The same of the centres of their balls, shape (b, 3).
         directions: Best direction known for each pair, kept from call to call, shape (p, 3).
 
     Returns:
@@ -357,7 +369,19 @@ def certify(
                     continue
                 fine += 1
                 lower, upper = fine_gap(
-                    a, b, bodies, body_values, corners, poses, centres, enough, directions[p], scratch, small
+                    a,
+                    b,
+                    bodies,
+                    body_values,
+                    corners,
+                    links,
+                    poses,
+                    centres,
+                    padding[p],
+                    enough,
+                    directions[p],
+                    scratch,
+                    small,
                 )
                 if lower >= enough:
                     continue

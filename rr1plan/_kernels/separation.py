@@ -15,18 +15,32 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, OUT1, OUT2, jit
+from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INTS1, OUT1, OUT2, jit
 
 POINT, SEGMENT, BOX, CYLINDER, CORNERS, HALF_SPACE, CELLS = range(7)
 
 _ITERATIONS = 48
-_VECTOR = types.UniTuple(F64, 3)
-_BODY = (I64, FLOATS1, FLOATS1, FLOATS2, I64, I64)
+_BODY = (I64, FLOATS1, FLOATS1, FLOATS2, INTS1, I64)
 
 
-@jit(_VECTOR(*_BODY, F64, F64, F64))
-def support(kind, size, pose, corners, first, last, x, y, z):
-    """The point of a body's core that lies farthest in a direction of the world."""
+@jit(types.Tuple((F64, F64, F64, I64))(*_BODY, F64, F64, F64))
+def support(kind, size, pose, corners, links, start, x, y, z):
+    """The point of a body's core that lies farthest in a direction of the world.
+
+    Args:
+        kind: One of the constants of this file.
+        size: The measures of the core in its own frame [m], shape (3,).
+        pose: Rotation row by row and translation, shape (12,).
+        corners: Corner points of all bodies, shape (c, 3).
+        links: Neighbours of corner i are links[links[i] : links[i + 1]].
+        start: The corner of this body to begin the climb at.
+        x: Direction.
+        y: Direction.
+        z: Direction.
+
+    Returns:
+        The point [m] and the corner it is.
+    """
     lx = pose[0] * x + pose[3] * y + pose[6] * z
     ly = pose[1] * x + pose[4] * y + pose[7] * z
     lz = pose[2] * x + pose[5] * y + pose[8] * z
@@ -36,14 +50,19 @@ def support(kind, size, pose, corners, first, last, x, y, z):
         py = size[1] if ly >= 0.0 else -size[1]
         pz = size[2] if lz >= 0.0 else -size[2]
     elif kind == CORNERS:
-        best = -np.inf
-        index = first
-        for i in range(first, last):
-            along = corners[i, 0] * lx + corners[i, 1] * ly + corners[i, 2] * lz
-            if along > best:
-                best = along
-                index = i
-        px, py, pz = corners[index, 0], corners[index, 1], corners[index, 2]
+        # On a convex body a corner that beats its neighbours beats all.
+        best = corners[start, 0] * lx + corners[start, 1] * ly + corners[start, 2] * lz
+        climbs = True
+        while climbs:
+            climbs = False
+            for k in range(links[start], links[start + 1]):
+                i = links[k]
+                along = corners[i, 0] * lx + corners[i, 1] * ly + corners[i, 2] * lz
+                if along > best:
+                    best = along
+                    start = i
+                    climbs = True
+        px, py, pz = corners[start, 0], corners[start, 1], corners[start, 2]
     elif kind == SEGMENT:
         pz = size[2] if lz >= 0.0 else -size[2]
     elif kind == CYLINDER:
@@ -54,7 +73,7 @@ def support(kind, size, pose, corners, first, last, x, y, z):
     wx = pose[0] * px + pose[1] * py + pose[2] * pz + pose[9]
     wy = pose[3] * px + pose[4] * py + pose[5] * pz + pose[10]
     wz = pose[6] * px + pose[7] * py + pose[8] * pz + pose[11]
-    return wx, wy, wz
+    return wx, wy, wz, start
 
 
 @jit(types.Tuple((I64, F64, F64, F64))(OUT2, I64, I64))
@@ -138,16 +157,45 @@ def _reduce(s, count):
     return kept, x, y, z
 
 
-@jit(types.UniTuple(F64, 2)(*_BODY, *_BODY, F64, OUT1, OUT2))
+@jit(types.UniTuple(F64, 2)(*_BODY, *_BODY, F64, F64, OUT1, OUT2))
 def separation(
-    kind_a, size_a, pose_a, corners_a, first_a, last_a, kind_b, size_b, pose_b, corners_b, first_b, last_b, enough, n, s
+    kind_a,
+    size_a,
+    pose_a,
+    corners_a,
+    links_a,
+    start_a,
+    kind_b,
+    size_b,
+    pose_b,
+    corners_b,
+    links_b,
+    start_b,
+    least,
+    enough,
+    n,
+    s,
 ):
     """Bounds of the distance between two cores [m].
 
+    It ends as soon as the gap is proven to be `enough`, or to lie between `least` and `enough`.
+
     Args:
-        kind_a, ..., last_b: Two bodies; `corners[first:last]` are the points of kind CORNERS.
-        enough: Stop as soon as the gap is proven to be at least this [m].
-        n: Direction to try first, shape (3,); on return the best one found.
+        kind_a: A body, see `support`.
+        size_a: The same.
+        pose_a: The same.
+        corners_a: The same.
+        links_a: The same.
+        start_a: The same.
+        kind_b: Another body.
+        size_b: The same.
+        pose_b: The same.
+        corners_b: The same.
+        links_b: The same.
+        start_b: The same.
+        least: A gap below this is a contact [m].
+        enough: A gap above this is all that is asked for [m].
+        n: Direction to try first, shape (3,), not zero; on return the best one found.
         s: Scratch memory, shape (4, 3).
 
     Returns:
@@ -155,19 +203,19 @@ def separation(
     """
     x, y, z = n[0], n[1], n[2]
     lower, upper = -np.inf, np.inf
-    count = 0
+    count, corner_a, corner_b = 0, start_a, start_b
     for _ in range(_ITERATIONS):
         length = np.sqrt(x * x + y * y + z * z)
         if length < 1e-12:
             return lower, 0.0
-        ax, ay, az = support(kind_a, size_a, pose_a, corners_a, first_a, last_a, -x, -y, -z)
-        bx, by, bz = support(kind_b, size_b, pose_b, corners_b, first_b, last_b, x, y, z)
+        ax, ay, az, corner_a = support(kind_a, size_a, pose_a, corners_a, links_a, corner_a, -x, -y, -z)
+        bx, by, bz, corner_b = support(kind_b, size_b, pose_b, corners_b, links_b, corner_b, x, y, z)
         wx, wy, wz = ax - bx, ay - by, az - bz
         gap = (wx * x + wy * y + wz * z) / length
         if gap > lower:
             lower = gap
             n[0], n[1], n[2] = x / length, y / length, z / length
-            if lower >= enough:
+            if lower >= enough or (lower > least and upper < enough):
                 return lower, upper
         if count > 0 and length - gap <= 1e-10 * length + 1e-13:
             return lower, upper
@@ -182,4 +230,6 @@ def separation(
         if nearer >= upper:
             return lower, upper
         upper = nearer
+        if lower > least and upper < enough:
+            return lower, upper
     return lower, upper

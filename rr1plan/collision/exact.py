@@ -362,5 +362,4 @@ def _geometry_data(geometry: Any, padding: Array) -> Any:
     for request in data.distanceRequests:
         request.gjk_tolerance = _GJK_TOLERANCE
         request.enable_signed_distance = True
-        request.enable_nearest_points = True
     return data

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -109,7 +110,7 @@ class MotionChecker:
             raise InputError("a path has at least one waypoint, got none")
         if len(points) == 1:
             return self.edge_is_free(points[0], points[0])
-        return all(self.edge_is_free(a, b) for a, b in zip(points[:-1], points[1:], strict=True))
+        return all(self.edge_is_free(a, b) for a, b in pairwise(points))
 
     def polynomial_is_free(self, coefficients: Any, duration: float) -> bool:
         """Every configuration on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, is free.

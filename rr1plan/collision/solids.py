@@ -6,6 +6,7 @@ mesh is never given to Coal as a surface, only as convex pieces.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import coal
@@ -28,7 +29,12 @@ def solid_pieces(shape: Shape) -> tuple[Shape, ...]:
     """
     if not isinstance(shape, Mesh):
         return (shape,)
-    return (convex_hull(shape.vertices),) if shape.convex else tuple(convex_pieces(shape))
+    return _mesh_pieces(shape)
+
+
+@lru_cache(maxsize=1024)
+def _mesh_pieces(mesh: Mesh) -> tuple[Mesh, ...]:
+    return (convex_hull(mesh.vertices),) if mesh.convex else tuple(convex_pieces(mesh))
 
 
 def occupied_cells(cloud: PointCloud) -> Array:
@@ -37,6 +43,7 @@ def occupied_cells(cloud: PointCloud) -> Array:
     return np.asarray((keys + 0.5) * cloud.resolution)
 
 
+@lru_cache(maxsize=1024)
 def coal_geometry(shape: Shape) -> Any:
     """A convex shape or a point cloud as a `coal.CollisionGeometry`."""
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,7 @@ class Tables(NamedTuple):
     bodies: _INTS
     body_values: Array
     corners: Array
+    links: _INTS
     chain: _INTS
     chain_reach: Array
     pairs: _INTS
@@ -74,6 +76,7 @@ def build_tables(checker: CollisionChecker) -> Tables:
         bodies,
         body_values,
         corners,
+        _link_table(checker.solids, len(corners)),
         np.array([j for c in chains for j in c], dtype=np.int64),
         np.array([r for reach in reaches for r in reach], dtype=np.float64),
         _pair_table(checker, joints),
@@ -158,6 +161,30 @@ def _body_tables(solids: tuple[Solid, ...], chains: list[list[int]]) -> tuple[_I
     return bodies, values, np.ascontiguousarray(np.concatenate(corners))
 
 
+def _link_table(solids: tuple[Solid, ...], count: int) -> _INTS:
+    """Neighbours of every corner along the edges of its mesh; see the kernel's `support`."""
+    begins, neighbours = [], []
+    first = 0
+    for solid in solids:
+        around = _neighbours(solid.shape)
+        for corner in around:
+            begins.append(count + 1 + len(neighbours))
+            neighbours.extend(int(i) + first for i in corner)
+        first += len(around)
+    return np.array([*begins, count + 1 + len(neighbours), *neighbours], dtype=np.int64)
+
+
+@lru_cache(maxsize=1024)
+def _neighbours(shape: Shape) -> list[_INTS]:
+    """For each point of a shape's core the points it shares an edge with."""
+    count = len(_core(shape).points)
+    if not isinstance(shape, Mesh):
+        return [np.zeros(0, np.int64)] * count
+    edges = np.concatenate([shape.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2])])
+    edges = np.unique(edges, axis=0)
+    return np.split(edges[:, 1].astype(np.int64), np.searchsorted(edges[:, 0], np.arange(1, count)))
+
+
 def _rest_poses(bodies: _INTS, values: Array, joint_poses: Array) -> tuple[Array, Array]:
     """World poses of the bodies and centres of their balls at q = 0; those that rest keep them."""
     poses, centres = np.zeros((len(bodies), 12)), np.zeros((len(bodies), 3))
@@ -188,6 +215,7 @@ def _is_special(shape: Shape) -> bool:
     return isinstance(shape, HalfSpace | PointCloud)
 
 
+@lru_cache(maxsize=1024)
 def _core(shape: Shape) -> _Core:
     zero, none = np.zeros(3), np.zeros((0, 3))
     match shape:
@@ -226,7 +254,7 @@ def _corners(mesh: Mesh) -> _Core:
 def _ball(points: Array) -> tuple[Array, float]:
     """A ball around points, a little larger than the least (Badoiu and Clarkson 2003)."""
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    for step in range(2, 300):
+    for step in range(2, 100):
         farthest = points[np.argmax(np.linalg.norm(points - centre, axis=1))]
         centre = centre + (farthest - centre) / step
     return centre, float(np.linalg.norm(points - centre, axis=1).max()) * (1.0 + 1e-12)
