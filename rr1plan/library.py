@@ -9,6 +9,8 @@ from typing import Literal
 from rr1plan.checks import known_name
 from rr1plan.errors import InputError
 from rr1plan.formats.convex import Convexity
+from rr1plan.formats.motion_bench import read_bench_scene
+from rr1plan.formats.moveit_scene import read_moveit_scene
 from rr1plan.formats.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.formats.robots import Choice, assemble
 from rr1plan.formats.scene_toml import read_scene
@@ -155,13 +157,19 @@ def load_scene(name_or_file: str | Path) -> Scene:
     """Load a scene that ships with rr1plan, or one from a file.
 
     Args:
-        name_or_file: A name of `scene_names`, or a scene file (.toml).
+        name_or_file: A name of `scene_names`, or a scene file (.toml), a MoveIt scene (.scene) or a
+            MotionBenchMaker scene (.yaml, .yml). The last two hold obstacles only: add arms with
+            `scene.with_arm`.
 
     Raises:
         UnknownNameError: no scene of that name ships.
         FormatError: the file is not a scene.
     """
     file = _scene_file(name_or_file)
+    if file.suffix == ".scene":
+        return read_moveit_scene(file)
+    if file.suffix in (".yaml", ".yml"):
+        return read_bench_scene(file)
     return read_scene(file, load_robot).scene
 
 
