@@ -86,8 +86,17 @@ def view_document(
         "path": None if path is None else _waypoints(path, scene),
         "ghosts": [] if problem is None else _ghosts(problem),
         "targets": [] if problem is None else _targets(problem),
-        "report": None if report is None else report.to_dict(),
+        "report": None if report is None else _finite(report.to_dict()),
     }
+
+
+def _finite(value: Any) -> Any:
+    """Plain values without NaN and infinity, which JSON cannot hold: they become None."""
+    if isinstance(value, dict):
+        return {name: _finite(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 # ---- robots ------------------------------------------------------------------------------

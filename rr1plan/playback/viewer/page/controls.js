@@ -121,7 +121,7 @@ class Controls {
     const rows = [];
     const margins = doc.report ? doc.report.margins : {};
     if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.duration)] : ["Path", "no times yet, shown at 1 rad/s"]);
-    for (const [name, value] of Object.entries(margins)) if (/clearance/.test(name)) rows.push(["Clearance", length(value)]);
+    if (margins.clearance) rows.push(["Clearance", length(margins.clearance.value)]);
     if (doc.replay) {
       const { worst_error: worst, contacts, mode } = doc.replay.summary;
       rows.push(["MuJoCo", `${mode === "dynamic" ? `off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contacts` : "no contact"}`]);
@@ -145,15 +145,29 @@ class Controls {
     if (rank === "bad") badge.onclick();
     const rows = [];
     for (const violation of report.violations) {
-      const button = element("button", violation.message);
+      const button = element("button", violation.message, "violation");
       button.type = "button";
       button.onclick = () => this.viewer.point(violation.time, violation.subject);
       rows.push(button);
     }
-    for (const [name, value] of Object.entries(report.margins)) if (!/clearance/.test(name)) rows.push(meter(name, value));
+    for (const [name, margin] of Object.entries(report.margins)) rows.push(this.margin(name, margin));
     rows.push(element("p", `Checked: ${report.checked.join(", ")}.`));
     for (const [name, why] of Object.entries(report.not_checked)) rows.push(element("p", `Not checked: ${name} (${why}).`));
     box.replaceChildren(...rows);
+  }
+
+  /** How near the motion comes to a limit; a click goes to where it is nearest. */
+  margin(name, { value, unit, subject, time }) {
+    const row = element("button", undefined, unit !== "m" && value > 1 ? "meter over" : "meter");
+    row.type = "button";
+    row.title = [subject.join(" and "), time === null ? "" : `at ${seconds(time)}`].join(" ");
+    row.onclick = () => this.viewer.point(time, unit === "m" ? subject : []);
+    const groove = element("i"), bar = element("b");
+    bar.style.width = unit === "m" ? "0" : `${Math.min(100, 100 * value)}%`;
+    groove.append(bar);
+    const amount = value === null ? "–" : unit === "m" ? length(value) : `${(100 * value).toFixed(0)} %`;
+    row.append(element("span", name.replaceAll("_", " ")), unit === "m" ? element("span") : groove, element("span", amount));
+    return row;
   }
 
   fillToggles(doc) {
@@ -190,7 +204,7 @@ class Controls {
     const folds = arms.map((arm, index) => {
       const fold = element("details"), summary = element("summary");
       const swatch = element("span", "", "swatch");
-      swatch.style.background = css(armColor(index, arms.length));
+      swatch.style.background = css(armColor(index));
       summary.append(swatch, element("span", arm.name));
       fold.append(summary);
       const row = { fold, arm, joints: null };
@@ -257,14 +271,5 @@ class Controls {
   }
 }
 
+/** A distance in the unit it is read best in. */
 const length = (metres) => (Math.abs(metres) < 0.1 ? `${(1000 * metres).toFixed(1)} mm` : `${metres.toFixed(3)} m`);
-
-/** How much of a limit is used: 1 is all of it. */
-function meter(name, used) {
-  const row = element("div", undefined, used > 1 ? "meter over" : "meter");
-  const groove = element("i"), bar = element("b");
-  bar.style.width = `${Math.min(100, 100 * used)}%`;
-  groove.append(bar);
-  row.append(element("span", name), groove, element("span", `${(100 * used).toFixed(0)} %`));
-  return row;
-}

@@ -25,6 +25,7 @@ class Viewer {
     this.controls = new Controls(this);
     this.frames = 0;
     this.slow = 0;
+    this.coarse = 0;
     this.meshcat = this.stage.meshcat;
   }
 
@@ -69,7 +70,8 @@ class Viewer {
     world.paint(this.byArm && doc.arms.length > 1);
     for (const [name, layer] of Object.entries(world.layers)) layer.visible = !this.hidden.has(name);
     this.stage.show("world", world.root);
-    this.stage.furnish(this.box, world.floor === null ? Math.min(0, this.box.min.z) : world.floor);
+    const all = this.box.clone().union(world.obstacleBox());
+    this.stage.furnish(all, world.floor === null ? Math.min(0, all.min.z) : world.floor);
   }
 
   // ---- the configuration -------------------------------------------------------------------
@@ -203,16 +205,18 @@ class Viewer {
     requestAnimationFrame(frame);
   }
 
-  /** Where drawing is slow, fine pixels are given up, then fine shadows. */
+  /** Where drawing is slow, moving pictures are drawn coarser; whatever stands still is drawn in full. */
   pace(now) {
     const passed = now - (this.lastFrame || now);
     this.lastFrame = now;
-    this.slow = this.playing && passed > 70 && passed < 1000 ? this.slow + 1 : Math.max(0, this.slow - 0.5);
-    if (this.slow < 25) return;
-    this.slow = 0;
-    const { renderer } = this.stage;
-    if (renderer.getPixelRatio() > 1) renderer.setPixelRatio(1);
-    else if (this.stage.key.shadow.mapSize.x > 1024) this.stage.coarseShadows();
+    const moves = this.playing || this.stage.dragged;
+    if (moves) this.slow = Math.max(0, this.slow + (passed > 60 && passed < 1e4 ? Math.min(passed / 60, 8) : -0.5));
+    if (this.slow > 16) { this.slow = 0; this.coarse = Math.min(this.coarse + 1, 3); }
+    this.stage.setCoarse(moves ? this.coarse : 0);
+    for (const kind of ["start", "goal"]) {
+      const layer = this.world.layers[kind];
+      if (layer) layer.visible = this.isShown(kind) && this.stage.coarse < 3;
+    }
   }
 }
 

@@ -7,20 +7,26 @@ function once(key, make) {
   return (unit[key] = unit[key] || make());
 }
 
-/** {geometry, scale}: equal geometries are one object, so their copies are drawn in one call. */
-function solid(shape) {
+/** {geometry, scale}: equal geometries are one object, so their copies are drawn in one call; sides: of what is round. */
+function solid(shape, sides) {
   switch (shape.kind) {
     case "box":
       return { geometry: once("box", () => new THREE.BoxGeometry(1, 1, 1)), scale: shape.size };
     case "sphere":
-      return { geometry: once("sphere", () => new THREE.SphereGeometry(1, 40, 24)), scale: [shape.radius, shape.radius, shape.radius] };
+      return {
+        geometry: once(`sphere ${sides}`, () => new THREE.SphereGeometry(1, sides, sides >> 1)),
+        scale: [shape.radius, shape.radius, shape.radius],
+      };
     case "cylinder":
       return {
-        geometry: once("cylinder", () => new THREE.CylinderGeometry(1, 1, 1, 48).rotateX(Math.PI / 2)),
+        geometry: once(`cylinder ${sides}`, () => new THREE.CylinderGeometry(1, 1, 1, sides).rotateX(Math.PI / 2)),
         scale: [shape.radius, shape.radius, shape.length],
       };
     case "capsule":
-      return { geometry: once(`capsule ${shape.radius} ${shape.length}`, () => capsule(shape.radius, shape.length)), scale: [1, 1, 1] };
+      return {
+        geometry: once(`capsule ${sides} ${shape.radius} ${shape.length}`, () => capsule(shape.radius, shape.length, sides)),
+        scale: [1, 1, 1],
+      };
     case "mesh":
       if (!shape.geometry) shape.geometry = mesh(unpack(shape.vertices).values, unpack(shape.faces).values);
       return { geometry: shape.geometry, scale: [1, 1, 1] };
@@ -29,17 +35,17 @@ function solid(shape) {
   }
 }
 
-function capsule(radius, length) {
-  const points = [];
+function capsule(radius, length, sides) {
+  const points = [], steps = sides >> 2;
   const arc = (from, z) => {
-    for (let i = 0; i <= 12; i++) {
-      const a = from + (i / 12) * (Math.PI / 2);
+    for (let i = 0; i <= steps; i++) {
+      const a = from + (i / steps) * (Math.PI / 2);
       points.push(new THREE.Vector2(Math.max(0, radius * Math.cos(a)), z + radius * Math.sin(a)));
     }
   };
   arc(-Math.PI / 2, -length / 2);
   arc(0, length / 2);
-  return new THREE.LatheGeometry(points, 36).rotateX(Math.PI / 2);
+  return new THREE.LatheGeometry(points, sides).rotateX(Math.PI / 2);
 }
 
 /** Corners are drawn sharp where faces meet at more than 35 degrees, round elsewhere. */
@@ -104,7 +110,7 @@ class Bodies {
     this.sets = [];
     const sets = new Map();
     for (const item of items) {
-      const found = solid(item.shape);
+      const found = solid(item.shape, style.sides || 40);
       if (!found) continue;
       const opacity = style.opacity || item.opacity;
       const key = `${found.geometry.uuid} ${opacity}`;
@@ -116,11 +122,12 @@ class Bodies {
 
   add(set, style) {
     const clear = set.opacity < 1;
-    const material = new THREE.MeshStandardMaterial({
-      color: 0xffffff, roughness: style.roughness || 0.55, metalness: 0.05, envMapIntensity: 0.75,
-      transparent: clear, opacity: set.opacity, depthWrite: !clear,
-      polygonOffset: clear, polygonOffsetFactor: 1, polygonOffsetUnits: 2,
-    });
+    const material = clear
+      ? new THREE.MeshLambertMaterial({
+        transparent: true, opacity: set.opacity, depthWrite: false, emissive: 0x555555, emissiveIntensity: 0.6,
+        polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2,
+      })
+      : new THREE.MeshStandardMaterial({ roughness: style.roughness || 0.55, metalness: 0.02, envMapIntensity: 0.85 });
     const drawn = new THREE.InstancedMesh(set.geometry, material, set.items.length);
     drawn.frustumCulled = false;
     drawn.castShadow = !clear && style.shadow !== false;

@@ -12,10 +12,10 @@ class Stage {
     renderer.shadowMap.enabled = true;
     renderer.shadowMap.type = THREE.PCFSoftShadowMap;
     renderer.outputEncoding = THREE.sRGBEncoding;
-    renderer.toneMapping = THREE.ACESFilmicToneMapping;
-    renderer.toneMappingExposure = 1.12;
     this.meshcat = new MeshCat.Viewer(pane, false, renderer);
-    renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    this.fine = Math.min(window.devicePixelRatio || 1, 2);
+    this.coarse = 0;
+    renderer.setPixelRatio(this.fine);
     pane.appendChild(renderer.domElement);
     this.renderer = renderer;
     this.meshcat.set_3d_pane_size = () => this.resize();
@@ -36,10 +36,10 @@ class Stage {
       const m = new THREE.Mesh(new THREE.PlaneGeometry(w, h), new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide }));
       m.position.set(x, y, z);
       m.lookAt(0, 0, 0);
-      m.material.color.multiplyScalar(6);
+      m.material.color.multiplyScalar(2.2);
       room.add(m);
     };
-    const walls = new THREE.Mesh(new THREE.SphereGeometry(20, 24, 16), new THREE.MeshBasicMaterial({ color: 0x8d949c, side: THREE.BackSide }));
+    const walls = new THREE.Mesh(new THREE.SphereGeometry(20, 24, 16), new THREE.MeshBasicMaterial({ color: 0x4b4f54, side: THREE.BackSide }));
     room.add(walls);
     lamp(0xffffff, 9, 9, 0, 12, 0);
     lamp(0xfff1e0, 4, 8, 11, 4, 5);
@@ -59,19 +59,21 @@ class Stage {
     this.controls.enableDamping = true;
     this.controls.dampingFactor = 0.12;
     this.controls.maxPolarAngle = Math.PI * 0.98;
+    this.controls.addEventListener("start", () => { this.dragged = true; });
+    this.controls.addEventListener("end", () => { this.dragged = false; });
   }
 
   addLights() {
     const lights = new THREE.Group();
-    this.key = new THREE.DirectionalLight(0xfff6ec, 1.55);
+    this.key = new THREE.DirectionalLight(0xfff8f0, 0.76);
     this.key.castShadow = true;
     this.key.shadow.mapSize.set(2048, 2048);
     this.key.shadow.radius = 3.2;
     this.key.shadow.normalBias = 0.012;
     this.key.shadow.bias = -0.0004;
-    const fill = new THREE.DirectionalLight(0xdfeaff, 0.35);
+    const fill = new THREE.DirectionalLight(0xdfeaff, 0.16);
     fill.position.set(3, 4, 2);
-    lights.add(this.key, this.key.target, fill, new THREE.HemisphereLight(0xffffff, 0xb9c0c9, 0.32));
+    lights.add(this.key, this.key.target, fill, new THREE.HemisphereLight(0xffffff, 0xb9c0c9, 0.12));
     this.meshcat.set_object(["rr1plan", "lights"], lights);
   }
 
@@ -112,7 +114,7 @@ class Stage {
         }
         void main() {
           float fade = 1.0 - smoothstep(0.15, 1.0, length(place - centre) / reach);
-          float ink = max(0.16 * lines(step), 0.34 * lines(step * 10.0)) * fade;
+          float ink = max(0.10 * lines(step), 0.24 * lines(step * 10.0)) * fade;
           gl_FragColor = vec4(0.33, 0.38, 0.45, ink);
         }`,
     }));
@@ -138,7 +140,7 @@ class Stage {
       distance = Math.max(distance,
         depth + Math.abs(c.dot(right)) / (wide * (1 - (left + rightEdge))), depth + Math.abs(c.dot(above)) / (tall * (1 - (top + bottom))));
     }
-    distance *= 1.04;
+    distance *= 0.88;
     // What floats over the picture moves its middle.
     centre.addScaledVector(right, (rightEdge - left) * wide * distance).addScaledVector(above, (top - bottom) * tall * distance);
     this.controls.target.copy(centre);
@@ -165,9 +167,13 @@ class Stage {
     this.meshcat.set_dirty();
   }
 
-  coarseShadows() {
-    this.key.shadow.mapSize.set(1024, 1024);
-    if (this.key.shadow.map) { this.key.shadow.map.dispose(); this.key.shadow.map = null; }
+  /** 0: everything; then fewer pixels, then shadows that stand still, then fewer pixels again. */
+  setCoarse(level) {
+    if (level === this.coarse) return;
+    this.coarse = level;
+    this.renderer.shadowMap.autoUpdate = level < 2;
+    this.renderer.setPixelRatio(this.fine * [1, 0.75, 0.6, 0.42][level]);
+    this.meshcat.set_dirty();
   }
 
   show(name, group) {

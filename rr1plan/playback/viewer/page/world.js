@@ -7,10 +7,15 @@ const TOUCHED = [0.86, 0.08, 0.2];
 const GHOSTS = { start: [0.25, 0.47, 0.85], goal: [0.1, 0.62, 0.42], replay: [0.62, 0.3, 0.78] };
 const IDENTITY = identity();
 
-/** Colours of arms, far apart from each other. */
-function armColor(index, count) {
-  if (count === 1) return [0.894, 0.314, 0.055];
-  const color = new THREE.Color().setHSL((0.055 + index * 0.381966) % 1, 0.72, index % 2 ? 0.42 : 0.53);
+/** Colours of arms, far apart from each other; beyond twelve they are spread around the wheel. */
+const ARMS = [
+  [0.894, 0.314, 0.055], [0.13, 0.45, 0.85], [0.16, 0.6, 0.31], [0.55, 0.27, 0.78], [0.93, 0.68, 0.1], [0.05, 0.6, 0.65],
+  [0.86, 0.2, 0.5], [0.5, 0.62, 0.1], [0.3, 0.33, 0.75], [0.72, 0.13, 0.16], [0.35, 0.7, 0.9], [0.55, 0.38, 0.25],
+];
+
+function armColor(index) {
+  if (index < ARMS.length) return ARMS[index];
+  const color = new THREE.Color().setHSL((0.055 + index * 0.381966) % 1, 0.62, index % 2 ? 0.42 : 0.53);
   return [color.r, color.g, color.b];
 }
 
@@ -23,9 +28,10 @@ class World {
     this.layers = {};
     const rest = kinematics.rest();
     kinematics.forwardAll(rest, this.poses);
-    this.robots = this.layer("robots", new Bodies(this.linkItems("visuals", LINK_GREY), { roughness: 0.5 }));
+    const sides = kinematics.arms.length > 4 ? 18 : 36;
+    this.robots = this.layer("robots", new Bodies(this.linkItems("visuals", LINK_GREY), { roughness: 0.5, sides }));
     this.held = this.layer("robots", new Bodies(this.heldItems(), {}));
-    this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.2, 0.55, 0.9]), { opacity: 0.32, order: 6 }));
+    this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.2, 0.55, 0.9]), { opacity: 0.32, order: 6, sides }));
     this.collisions.recolor = false;
     this.moving = [this.robots, this.held, this.collisions];
     this.obstacles = this.layer("obstacles", new Bodies(this.obstacleItems(), { roughness: 0.75 }));
@@ -100,7 +106,7 @@ class World {
     const v = new THREE.Vector3(), T = new THREE.Matrix4();
     const known = new Map();
     for (const { items, drawn } of this.obstacles.sets) {
-      if (drawn.geometry === unit.sphere || drawn.geometry.attributes.position.count > 30000) continue;
+      if (drawn.geometry.type === "SphereGeometry" || drawn.geometry.attributes.position.count > 30000) continue;
       if (!known.has(drawn.geometry)) known.set(drawn.geometry, new THREE.EdgesGeometry(drawn.geometry, 40).attributes.position);
       const edges = known.get(drawn.geometry);
       for (const item of items) {
@@ -184,7 +190,7 @@ class World {
 
   ghost(kind, arms) {
     const items = this.linkItems("visuals", LINK_GREY, arms).map((item) => ({ ...item, color: GHOSTS[kind], opacity: 1 }));
-    return this.layer(kind, new Bodies(items, { opacity: 0.26, order: kind === "start" ? 3 : 4 }));
+    return this.layer(kind, new Bodies(items, { opacity: 0.28, order: kind === "start" ? 3 : 4, sides: 18 }));
   }
 
   // ---- motion ------------------------------------------------------------------------------
@@ -202,13 +208,13 @@ class World {
 
   /** Colours by arm (on coloured parts only: grey and black parts stay), and touching elements in red. */
   paint(byArm, touched = []) {
-    const count = this.kinematics.arms.length, hsl = {};
+    const hsl = {};
     const choose = (item) => {
       if (touched.includes(item.element)) return TOUCHED;
       if (!byArm || item.arm < 0) return item.color;
       const { s, l } = new THREE.Color(...item.color).getHSL(hsl);
       if (s < 0.25) return item.color;
-      const own = armColor(item.arm, count), shade = 0.6 + 0.8 * l;
+      const own = armColor(item.arm), shade = 0.6 + 0.8 * l;
       return own.map((v) => Math.min(1, v * shade));
     };
     this.robots.paint(choose);
@@ -218,30 +224,36 @@ class World {
 
   // ---- extent ------------------------------------------------------------------------------
 
-  /** The box around all that is finite: arms along the motion, obstacles, targets. */
+  /** The box to look at: the arms along the motion, and what stands near them. */
   extent(samples) {
-    const box = new THREE.Box3(), p = new THREE.Vector3();
-    const poses = new Float64Array(this.poses.length);
+    const arms = new THREE.Box3(), p = new THREE.Vector3(), poses = new Float64Array(this.poses.length);
     for (const q of samples) {
       this.kinematics.forwardAll(q, poses);
-      for (let i = 0; i < poses.length; i += 16) box.expandByPoint(p.set(poses[i + 12], poses[i + 13], poses[i + 14]));
+      for (let i = 0; i < poses.length; i += 16) arms.expandByPoint(p.set(poses[i + 12], poses[i + 13], poses[i + 14]));
     }
-    if (!box.isEmpty()) box.expandByScalar(0.06);
-    const obstacles = new THREE.Box3(), T = new THREE.Matrix4();
+    const things = this.obstacleBox();
+    if (arms.isEmpty() && things.isEmpty()) return new THREE.Box3(new THREE.Vector3(-0.5, -0.5, 0), new THREE.Vector3(0.5, 0.5, 0.5));
+    if (arms.isEmpty()) return things;
+    const size = arms.getSize(new THREE.Vector3()).length();
+    arms.expandByScalar(0.07 * size);
+    things.intersect(arms.clone().expandByScalar(0.3 * size));
+    return things.isEmpty() ? arms : arms.union(things);
+  }
+
+  obstacleBox() {
+    const box = new THREE.Box3(), T = new THREE.Matrix4();
     for (const { drawn, items } of this.obstacles.sets) {
       drawn.geometry.computeBoundingBox();
-      for (const item of items) obstacles.union(drawn.geometry.boundingBox.clone().applyMatrix4(T.fromArray(item.local)));
+      for (const item of items) box.union(drawn.geometry.boundingBox.clone().applyMatrix4(T.fromArray(item.local)));
     }
     for (const object of this.doc.obstacles) {
       for (const part of object.parts) {
         const shape = this.doc.shapes[part.shape];
         if (shape.kind !== "cloud") continue;
         T.fromArray(object.pose).multiply(new THREE.Matrix4().fromArray(part.pose));
-        obstacles.union(new THREE.Box3().setFromArray(unpack(shape.points).values).applyMatrix4(T));
+        box.union(new THREE.Box3().setFromArray(unpack(shape.points).values).applyMatrix4(T));
       }
     }
-    box.union(obstacles);
-    if (box.isEmpty()) box.set(p.set(-0.5, -0.5, 0).clone(), p.set(0.5, 0.5, 0.5).clone());
     return box;
   }
 
@@ -313,7 +325,7 @@ class ToolPath {
       rows.push(track.at(track.start + (i / this.pieces) * (track.end - track.start), kinematics.rest()));
     }
     for (const { arm, points } of toolLines(kinematics, track.columns, rows)) {
-      const color = light(armColor(kinematics.arms.indexOf(arm), kinematics.arms.length));
+      const color = light(armColor(kinematics.arms.indexOf(arm)));
       const whole = tube(points, radius);
       const part = new THREE.BufferGeometry();
       for (const name of ["position", "normal"]) part.setAttribute(name, whole.attributes[name]);
@@ -347,7 +359,7 @@ function waypointLines(kinematics, row, radius) {
   const material = new THREE.LineBasicMaterial({ color: 0x1b2430, transparent: true, opacity: 0.55 });
   for (const { points } of toolLines(kinematics, row.columns, rows)) {
     group.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), material));
-    const dots = new THREE.InstancedMesh(solid({ kind: "sphere", radius: 1 }).geometry, new THREE.MeshBasicMaterial({ color: 0x1b2430 }), shape[0]);
+    const dots = new THREE.InstancedMesh(solid({ kind: "sphere", radius: 1 }, 18).geometry, new THREE.MeshBasicMaterial({ color: 0x1b2430 }), shape[0]);
     dots.frustumCulled = false;
     for (let i = 0; i < shape[0]; i++) {
       const p = points[Math.min(i * pieces, points.length - 1)];
