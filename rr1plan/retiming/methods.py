@@ -26,12 +26,11 @@ from rr1plan.retiming.blends import Curve, CurveChecker, blend_sizes, clean, cur
 from rr1plan.retiming.finite import check_limits
 from rr1plan.retiming.pieces import Pieces, as_trajectory, concatenate
 from rr1plan.retiming.speed import time_line
+from rr1plan.retiming.torque import InverseDynamics, check_gravity, within_torque
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
 logger = logging.getLogger(__name__)
-
-InverseDynamics = Callable[[Array, Array, Array], Array]
 
 
 class Work(NamedTuple):
@@ -92,11 +91,11 @@ def retime(
         return Trajectory.rest(path.joint_names, points[0])
     check_limits(path.joint_names, points, limits, jerk=method in _JERK_LIMITED)
     dynamics = Kinematics(scene, arms).inverse_dynamics if torque_limits else None
+    if dynamics is not None:
+        check_gravity(points, path.joint_names, limits.effort, dynamics)
     work = Work(points, limits, max_blend, lambda: checker or _certifier(scene, arms), dynamics)
     parts = [part.within(limits, jerk=method in _JERK_LIMITED) for part in _METHODS[method](work)]
     if dynamics is not None:
-        from rr1plan.retiming.torque import within_torque
-
         parts = [within_torque(part, path.joint_names, limits.effort, dynamics) for part in parts]
     return as_trajectory(path.joint_names, concatenate(parts))
 

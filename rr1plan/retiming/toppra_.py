@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,8 +30,7 @@ from rr1plan.limits import Limits
 from rr1plan.retiming.blends import Curve
 from rr1plan.retiming.pieces import Pieces
 from rr1plan.retiming.speed import Grid, fill_lines, make_grid, timed
-
-InverseDynamics = Callable[[Array, Array, Array], Array]
+from rr1plan.retiming.torque import InverseDynamics
 
 _PER_RADIAN = 8
 _BETWEEN = (0.25, 0.5, 0.75)

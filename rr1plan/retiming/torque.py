@@ -8,15 +8,21 @@ repeated where it falls short.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import RetimingError
+from rr1plan.path import Path
 from rr1plan.retiming.extrema import differentiate, evaluate
 from rr1plan.retiming.pieces import Pieces
-from rr1plan.retiming.toppra_ import InverseDynamics
+
+InverseDynamics = Callable[[Array, Array, Array], Array]
 
 _STEP = 0.02
+_GRAVITY_STEP = 0.05
 _FEWEST, _MOST = 4, 200
 _ROUNDS = 20
 
@@ -37,41 +43,65 @@ def within_torque(
     raise RetimingError(f"torque limits: still exceeded after stretching {_ROUNDS} times, last by {factor:.6g}")
 
 
+def check_gravity(
+    waypoints: Array, joint_names: tuple[str, ...], effort: Array, inverse_dynamics: InverseDynamics
+) -> None:
+    """The arm can hold itself still everywhere along a polyline.
+
+    Args:
+        waypoints: The polyline [rad], shape (n, nq).
+        joint_names: Name of each joint, for the message.
+        effort: Effort limits [Nm], shape (nq,).
+        inverse_dynamics: Torques of q, qd, qdd, each (n, nq).
+
+    Raises:
+        RetimingError: gravity alone needs more than a joint has (named).
+    """
+    q = Path(joint_names, waypoints).sample(_GRAVITY_STEP)
+    static = inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))
+    if (np.abs(static) >= effort).any():
+        raise _too_heavy(static, joint_names, effort)
+
+
+def _too_heavy(static: Array, joint_names: tuple[str, ...], effort: Array) -> RetimingError:
+    k, j = np.unravel_index(int(np.argmax(np.abs(static) / effort)), static.shape)
+    return RetimingError(
+        f"joint {joint_names[j]!r}: holding the arm still against gravity takes {abs(static[k, j]):.6g} on the path, "
+        f"its effort limit is {effort[j]:.6g}; no timing can help"
+    )
+
+
 def _stretch(pieces: Pieces, joint_names: tuple[str, ...], effort: Array, inverse_dynamics: InverseDynamics) -> float:
     """Factor a motion has to be stretched by; at most one if it keeps the limits."""
-    highest = 0.0
+    piece, q, qd, qdd = _samples(pieces)
+    static = inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))
+    moving = inverse_dynamics(q, qd, qdd) - static
     limited = np.isfinite(effort)
-    for static, moving in _samples(pieces, inverse_dynamics):
-        slack = _bulge(static)
-        room_up, room_down = (effort - slack - static)[:, limited], (effort - slack + static)[:, limited]
-        short = np.minimum(room_up, room_down)
-        if (short <= 0.0).any():
-            k, j = np.unravel_index(int(np.argmin(short)), short.shape)
-            joint = int(np.flatnonzero(limited)[j])
-            raise RetimingError(
-                f"joint {joint_names[joint]!r}: holding the arm still against gravity takes "
-                f"{abs(static[k, joint]):.6g} on the path, its effort limit is {effort[joint]:.6g}; "
-                "no timing can help"
-            )
-        swing, bulge = moving[:, limited], _bulge(moving)[limited]
-        highest = max(highest, float(np.maximum((bulge + swing) / room_up, (bulge - swing) / room_down).max(initial=0)))
-    return float(np.sqrt(highest))
+    reserve = (effort - _bulge(static, piece))[:, limited]
+    up, down = reserve - static[:, limited], reserve + static[:, limited]
+    if (up <= 0.0).any() or (down <= 0.0).any():
+        raise _too_heavy(static, joint_names, effort)
+    swing, bulge = moving[:, limited], _bulge(moving, piece)[:, limited]
+    return float(np.sqrt(np.maximum((bulge + swing) / up, (bulge - swing) / down).max(initial=0.0)))
 
 
-def _samples(pieces: Pieces, inverse_dynamics: InverseDynamics) -> list[tuple[Array, Array]]:
-    """Gravity's part and the rest of the torque along every piece, each (n, nq)."""
-    found = []
-    for duration, coefficients in zip(pieces.durations, pieces.coefficients, strict=True):
-        sweep = np.abs(coefficients[1:] * duration ** np.arange(1, len(coefficients))[:, None]).sum(axis=0).max()
-        count = int(np.clip(np.ceil(sweep / _STEP), _FEWEST, _MOST))
-        t = np.linspace(0.0, duration, count + 1)[:, None]
-        whole = np.broadcast_to(coefficients, (count + 1, *coefficients.shape))
-        q, qd, qdd = (evaluate(differentiate(whole, order), t) for order in range(3))
-        static = inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))
-        found.append((static, inverse_dynamics(q, qd, qdd) - static))
-    return found
+def _samples(pieces: Pieces) -> tuple[NDArray[np.intp], Array, Array, Array]:
+    """Evenly spaced states on every piece: which piece (n,), position, velocity, acceleration (n, nq)."""
+    powers = pieces.durations[:, None] ** np.arange(1, pieces.coefficients.shape[1])
+    sweep = np.abs(pieces.coefficients[:, 1:] * powers[:, :, None]).sum(axis=1).max(axis=1)
+    counts = np.clip(np.ceil(sweep / _STEP), _FEWEST, _MOST).astype(np.intp)
+    piece = np.repeat(np.arange(len(counts)), counts + 1)
+    fraction = np.concatenate([np.linspace(0.0, 1.0, count + 1) for count in counts])
+    t = (fraction * pieces.durations[piece])[:, None]
+    coefficients = pieces.coefficients[piece]
+    q, qd, qdd = (evaluate(differentiate(coefficients, order), t) for order in range(3))
+    return piece, q, qd, qdd
 
 
-def _bulge(values: Array) -> Array:
-    """How far a smooth function may exceed its samples (n, nq) between them, shape (nq,)."""
-    return np.asarray(np.abs(np.diff(values, n=2, axis=0)).max(axis=0, initial=0.0) / 8.0)
+def _bulge(values: Array, piece: NDArray[np.intp]) -> Array:
+    """How far a function, smooth on every piece, may exceed its samples (n, nq) between them, shape (n, nq)."""
+    second = np.abs(np.diff(values, n=2, axis=0)) / 8.0
+    second[piece[2:] != piece[:-2]] = 0.0
+    starts = np.flatnonzero(np.diff(piece, prepend=-1))
+    highest = np.maximum.reduceat(np.vstack([second, np.zeros((2, values.shape[1]))]), starts, axis=0)
+    return np.asarray(highest[piece])

@@ -1,0 +1,194 @@
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rr1plan as rp
+from rr1plan.retiming import retime, retiming_names
+
+METHODS = ("blend", "stop", "ruckig", "ruckig_direct")
+JERKY = ("blend", "stop")
+
+ODD_PATHS = {
+    "two waypoints": [[0.0, 0.0], [1.0, -0.5]],
+    "a corner": [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]],
+    "duplicates": [[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 1.0]],
+    "a micro segment": [[0.0, 0.0], [1.0, 0.0], [1.0, 1e-6], [2.0, 1.0]],
+    "only micro segments": [[0.0, 0.0], [1e-6, 0.0], [1e-6, 1e-6]],
+    "barely more than a duplicate": [[0.0, 0.0], [2e-9, 0.0]],
+    "a reversal": [[0.0, 0.0], [1.0, 0.0], [0.2, 0.0]],
+    "nearly a reversal": [[0.0, 0.0], [1.0, 0.0], [0.2, 5e-3]],
+    "back to the start": [[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]],
+    "one joint moves": [[0.0, 0.3], [1.0, 0.3], [2.5, 0.3]],
+    "a dense bend": np.stack([np.cos(np.linspace(0, 2, 100)), np.sin(np.linspace(0, 2, 100))], axis=1),
+    "far": [[0.0, 0.0], [3000.0, 0.0], [3000.0, 40.0]],
+}
+
+
+@pytest.fixture(params=METHODS)
+def method(request):
+    return request.param
+
+
+def test_the_names_are_all_there_is():
+    assert retiming_names() == METHODS
+
+
+@pytest.mark.parametrize("case", ODD_PATHS)
+def test_odd_paths_keep_the_contract(tools, method, case):
+    points = np.array(ODD_PATHS[case])
+    limits = tools.limits_of(2)
+    trajectory = tools.retime_points(points, limits, method)
+    tools.check_motion(trajectory, points, limits, jerk=method not in JERKY)
+    q = trajectory(np.linspace(0.0, trajectory.end_time, 3000))
+    assert tools.distance_to_polyline(q, points).max() <= (0.15 if method == "blend" else 1e-9 * (1 + np.abs(q).max()))
+
+
+@settings(deadline=None, max_examples=12)
+@given(seed=st.integers(0, 2**32 - 1), nq=st.sampled_from([1, 6, 7]), n=st.integers(2, 6))
+@pytest.mark.parametrize("name", METHODS)
+def test_random_paths_keep_the_contract(name, seed, nq, n, request):
+    tools = request.getfixturevalue("tools")
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-2.0, 2.0, (n, nq))
+    limits = tools.limits_of(nq, *10.0 ** rng.uniform([[-1], [-1], [0]], [[1], [2], [3]], (3, nq)))
+    trajectory = tools.retime_points(points, limits, name)
+    tools.check_motion(trajectory, points, limits, jerk=name not in JERKY)
+    q = trajectory(np.linspace(0.0, trajectory.end_time, 2000))
+    if name != "ruckig_direct":
+        assert tools.distance_to_polyline(q, points).max() <= (0.15 if name == "blend" else 1e-11)
+    if name == "blend":
+        assert trajectory.duration <= tools.retime_points(points, limits, "stop").duration * (1.0 + 1e-12)
+
+
+def test_nothing_moving_takes_no_time(tools, method):
+    for points in (np.ones((1, 3)), np.ones((4, 3))):
+        trajectory = tools.retime_points(points, None, method)
+        assert trajectory.duration == 0.0
+        np.testing.assert_array_equal(trajectory(0.0), points[0])
+
+
+def test_the_same_call_gives_the_same_bytes(tools, method):
+    points = np.random.default_rng(3).uniform(-2.0, 2.0, (6, 6))
+    one, two = (tools.retime_points(points, None, method) for _ in range(2))
+    np.testing.assert_array_equal(one.breaks, two.breaks)
+    np.testing.assert_array_equal(one.coefficients, two.coefficients)
+
+
+def test_a_joint_at_rest_needs_no_limits(tools, method):
+    limits = tools.limits_of(2, [1.0, np.inf], [2.0, np.inf], [10.0, np.inf])
+    points = [[0.0, 0.4], [1.0, 0.4], [0.5, 0.4]]
+    trajectory = tools.retime_points(points, limits, method)
+    assert (trajectory.coefficients[:, 1:, 1] == 0.0).all()
+    tools.check_motion(trajectory, points, limits, jerk=method not in JERKY)
+
+
+@pytest.mark.parametrize("kind", ["velocity", "acceleration", "jerk"])
+def test_a_moving_joint_without_a_limit_is_named(tools, method, kind):
+    limits = replace(tools.limits_of(3), **{kind: np.array([1.0, np.inf, 1.0])})
+    if kind == "jerk" and method in JERKY:
+        tools.retime_points([[0.0] * 3, [1.0] * 3], limits, method)
+    else:
+        with pytest.raises(rp.RetimingError, match=f"'a/j1' moves and has no {kind} limit"):
+            tools.retime_points([[0.0] * 3, [1.0] * 3], limits, method)
+
+
+def test_scales_slow_the_motion_down(tools):
+    points = [[0.0], [10.0]]
+    # a trapezoid: way / speed + speed / acceleration
+    assert tools.retime_points(points).duration == pytest.approx(10.5)
+    assert tools.retime_points(points, velocity_scale=0.5).duration == pytest.approx(20.25)
+    assert tools.retime_points(points, acceleration_scale=0.5).duration == pytest.approx(11.0)
+
+
+@pytest.mark.parametrize("name", ["velocity_scale", "acceleration_scale"])
+@pytest.mark.parametrize("value", [0.0, -1.0, 1.5, np.nan, "fast"])
+def test_scales_out_of_range_are_refused(tools, name, value):
+    with pytest.raises(rp.InputError, match=name):
+        tools.retime_points([[0.0], [1.0]], **{name: value})
+
+
+@pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
+def test_a_blend_size_out_of_range_is_refused(tools, value):
+    with pytest.raises(rp.InputError, match="max_blend"):
+        tools.retime_points([[0.0], [1.0]], max_blend=value)
+
+
+def test_an_unknown_method_gets_the_near_ones(tools):
+    with pytest.raises(rp.UnknownNameError, match="'ruckig'"):
+        tools.retime_points([[0.0], [1.0]], method="rukig")
+
+
+def test_a_path_of_other_joints_is_refused(tools):
+    scene = tools.shapeless_scene(tools.limits_of(2))
+    with pytest.raises(rp.UnknownNameError, match="arm 'b'"):
+        retime(rp.Path(("b/j0", "b/j1"), np.zeros((2, 2))), scene)
+    with pytest.raises(rp.InputError, match="joints"):
+        retime(rp.Path(("a/j1", "a/j0"), np.zeros((2, 2))), scene)
+
+
+def test_one_of_two_arms_can_be_retimed(tools):
+    scene = tools.shapeless_scene(tools.limits_of(2))
+    scene = scene.with_arm("b", scene.arm("a").robot)
+    path = rp.Path(("b/j0", "b/j1"), np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]))
+    assert retime(path, scene, checker=tools.Certifier()).arms == ("b",)
+
+
+def test_a_size_of_zero_stops_at_every_waypoint_and_asks_nobody(tools):
+    checker = tools.Certifier()
+    points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
+    blended = tools.retime_points(points, checker=checker, max_blend=0.0)
+    assert blended.allclose(tools.retime_points(points, method="stop"))
+    assert not checker.asked
+
+
+def test_blends_that_collide_are_not_driven(tools):
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0]])
+
+    def is_free(coefficients, duration):
+        # forbidden: what cuts the first corner by more than 0.01
+        s = np.linspace(0.0, duration, 200)[:, None]
+        q = coefficients[0] + s * (coefficients[1] + s * coefficients[2])
+        return not ((q[:, 0] < 0.99) & (q[:, 1] > 0.01)).any()
+
+    trajectory = tools.retime_points(points, checker=tools.Certifier(is_free))
+    q = trajectory(np.linspace(0.0, trajectory.end_time, 5000))
+    assert not ((q[:, 0] < 0.99) & (q[:, 1] > 0.01)).any()
+    assert trajectory.duration < tools.retime_points(points, method="stop").duration
+
+
+def test_a_failing_solver_falls_back_to_stops(tools, monkeypatch, caplog):
+    from rr1plan.retiming import toppra_
+
+    def fail(*arguments):
+        raise rp.RetimingError("no speed")
+
+    monkeypatch.setattr(toppra_, "time_curve", fail)
+    points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
+    with caplog.at_level(logging.INFO, logger="rr1plan"):
+        trajectory = tools.retime_points(points)
+    assert trajectory.allclose(tools.retime_points(points, method="stop"))
+    assert "resting at waypoints 0 to 2" in caplog.text
+
+
+def test_the_state_to_state_motion_is_only_driven_when_certified(tools):
+    limits = tools.limits_of(2, [1.0, 5.0], [8.0, 0.5], [20.0, 3.0])
+    points = np.array([[0.0, 0.0], [2.0, 0.3]])
+    straight = tools.retime_points(points, limits, "ruckig")
+    direct = tools.retime_points(points, limits, "ruckig_direct")
+    assert direct.duration < straight.duration
+    refused = tools.retime_points(points, limits, "ruckig_direct", tools.Certifier(lambda c, d: False))
+    assert refused.allclose(straight)
+
+
+def test_without_a_checker_the_scene_itself_certifies(rr1):
+    scene = rp.Scene().with_arm("arm", rr1)
+    home = rr1.home
+    points = np.array([home, home + 0.1, home + 0.1 * np.array([1, -1, 1, -1, 1, -1])])
+    trajectory = retime(rp.Path(scene.joint_names(), points), scene)
+    assert trajectory.duration < retime(rp.Path(scene.joint_names(), points), scene, "stop").duration

@@ -1,0 +1,152 @@
+"""The default method against closed forms and against TOPPRA's own constraints."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+import toppra
+from toppra.algorithm import TOPPRA
+from toppra.constraint import DiscretizationType, JointAccelerationConstraint, JointVelocityConstraint
+
+import rr1plan as rp
+from rr1plan.retiming.blends import blend_sizes, curves
+from rr1plan.retiming.toppra_ import time_curve
+
+
+class CurvePath(toppra.interpolator.AbstractGeometricPath):
+    """Our curve as TOPPRA reads paths."""
+
+    def __init__(self, curve):
+        self.curve = curve
+        self.knots = np.concatenate([[0.0], np.cumsum(curve.lengths)])
+
+    def __call__(self, path_positions, order=0):
+        s = np.atleast_1d(path_positions)
+        i = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, len(self.curve.lengths) - 1)
+        h, c = (s - self.knots[i])[:, None], self.curve.coefficients[i]
+        return [c[:, 0] + h * (c[:, 1] + h * c[:, 2]), c[:, 1] + 2.0 * h * c[:, 2], 2.0 * c[:, 2]][order]
+
+    @property
+    def dof(self):
+        return self.curve.coefficients.shape[2]
+
+    @property
+    def path_interval(self):
+        return np.array([0.0, self.knots[-1]])
+
+
+def toppra_duration(curve, limits):
+    """TOPPRA's own constraints on a fine grid, stretched by what its motion exceeds the limits."""
+    path = CurvePath(curve)
+    grid = np.unique(
+        np.concatenate([np.linspace(a, b, 41) for a, b in zip(path.knots[:-1], path.knots[1:], strict=True)])
+    )
+    acceleration = JointAccelerationConstraint(
+        limits.acceleration, discretization_scheme=DiscretizationType.Interpolation
+    )
+    solver = TOPPRA(
+        [JointVelocityConstraint(limits.velocity), acceleration],
+        path,
+        grid,
+        solver_wrapper="seidel",
+        parametrizer="ParametrizeConstAccel",
+    )
+    motion = solver.compute_trajectory(0.0, 0.0)
+    t = np.linspace(0.0, motion.duration, 5000)
+    velocity = (np.abs(motion(t, 1)) / limits.velocity).max()
+    return motion.duration * max(1.0, velocity, np.sqrt((np.abs(motion(t, 2)) / limits.acceleration).max()))
+
+
+def test_durations_are_those_of_toppra_itself_or_shorter(tools):
+    limits = tools.limits_of(6)
+    ratios = []
+    for seed in range(8):
+        points = np.random.default_rng(seed).uniform(-2.0, 2.0, (8, 6))
+        (curve,) = curves(points, blend_sizes(points, 0.3, None))
+        ratios.append(time_curve(curve, limits).within(limits).duration / toppra_duration(curve, limits))
+    # its interpolation takes the neighbour's second derivative at the knots, which costs it a percent
+    assert max(ratios) <= 1.0 + 1e-3
+    assert min(ratios) >= 0.97
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_finer_grid_gains_next_to_nothing(tools, monkeypatch, seed):
+    points = np.random.default_rng(seed).uniform(-2.0, 2.0, (8, 6))
+    limits = tools.limits_of(6, 1.0, 10.0 ** np.random.default_rng(seed).uniform(-1, 2))
+    coarse = tools.retime_points(points, limits).duration
+    monkeypatch.setattr("rr1plan.retiming.toppra_._PER_RADIAN", 100)
+    assert coarse <= tools.retime_points(points, limits).duration * 1.005
+
+
+@pytest.mark.parametrize(
+    ("way", "velocity", "acceleration", "duration"),
+    [
+        (10.0, 1.0, 2.0, 10.5),  # trapezoid: d / v + v / a
+        (0.5, 1.0, 2.0, 1.0),  # just a triangle
+        (0.08, 1.0, 2.0, 0.4),  # triangle: 2 sqrt(d / a)
+        (1e-6, 1.0, 4.0, 1e-3),
+    ],
+)
+@pytest.mark.parametrize("method", ["blend", "stop"])
+def test_one_joint_takes_the_time_of_the_textbook(tools, method, way, velocity, acceleration, duration):
+    limits = tools.limits_of(1, velocity, acceleration)
+    for points in ([[0.0], [way]], [[way], [0.0]], [[0.0], [0.3 * way], [way]]):
+        assert tools.retime_points(points, limits, method).duration == pytest.approx(duration, rel=1e-12)
+
+
+def test_the_slowest_joint_sets_the_pace_of_a_line(tools):
+    limits = tools.limits_of(2, [1.0, 0.1], [2.0, 1.0])
+    # joint 1 needs 1 / 0.1 + 0.1 / 1
+    assert tools.retime_points([[0.0, 0.0], [1.0, 1.0]], limits).duration == pytest.approx(10.1)
+
+
+def test_a_right_angle_beats_the_stop_and_keeps_full_acceleration(tools):
+    points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
+    trajectory = tools.retime_points(points)
+    assert trajectory.duration < tools.retime_points(points, method="stop").duration
+    np.testing.assert_allclose(tools.exact_peak(trajectory, 2), [2.0, 2.0], rtol=1e-6)
+
+
+def test_the_checked_path_is_not_replaced_by_a_spline(tools):
+    # the spline TOPPRA puts through sparse waypoints by default leaves such a polyline by a radian
+    points = np.random.default_rng(0).uniform(-2.0, 2.0, (8, 6))
+    trajectory = tools.retime_points(points, max_blend=0.1)
+    q = trajectory(np.linspace(0.0, trajectory.end_time, 20_000))
+    assert tools.distance_to_polyline(q, points).max() <= 0.05
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(toppra, "SplineInterpolator", None)
+        patch.setattr("toppra.parametrizer.ParametrizeSpline", None)
+        assert tools.retime_points(points, max_blend=0.1).allclose(trajectory)
+
+
+def test_a_failure_of_toppra_says_where(tools, monkeypatch):
+    (curve,) = curves(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), np.array([0.0, 0.3, 0.0]))
+
+    def give_up(self, *arguments, **settings):
+        return None, None, None, None
+
+    monkeypatch.setattr(TOPPRA, "compute_parameterization", give_up)
+    with pytest.raises(rp.RetimingError, match="between waypoints 0 and 2"):
+        time_curve(curve, tools.limits_of(2))
+
+
+def test_nan_speeds_of_toppra_are_a_failure(tools, monkeypatch):
+    (curve,) = curves(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), np.array([0.0, 0.3, 0.0]))
+
+    def break_down(self, *arguments, **settings):
+        speed = np.full(len(self.gridpoints), np.nan)
+        self.problem_data.sd_vec = speed
+        return None, speed, None, None
+
+    monkeypatch.setattr(TOPPRA, "compute_parameterization", break_down)
+    with pytest.raises(rp.RetimingError, match="gridpoint 0"):
+        time_curve(curve, tools.limits_of(2))
+
+
+def test_toppra_stays_out_of_the_users_log(tools, caplog, capfd):
+    with caplog.at_level(logging.DEBUG):
+        tools.retime_points(np.random.default_rng(0).uniform(-2.0, 2.0, (5, 3)))
+    assert not [record for record in caplog.records if record.name.startswith("toppra")]
+    assert capfd.readouterr() == ("", "")

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.kinematics import Kinematics
+from rr1plan.retiming import retime, retiming_names
+
+
+class Anywhere:
+    def polynomial_is_free(self, coefficients, duration):
+        return True
+
+
+def effort_scene(rr1, effort):
+    return rp.Scene().with_arm("arm", rr1.with_limits(replace(rr1.limits, effort=effort)))
+
+
+@pytest.fixture(scope="module")
+def setting(rr1):
+    """A path of RR1, and torques of its motion without torque limits: gravity's and all."""
+    rr1 = rr1.with_limits("hardware")
+    limits = rr1.limits
+    low, high = np.maximum(limits.lower, -1.5), np.minimum(limits.upper, 1.5)
+    points = np.random.default_rng(0).uniform(low, high, (4, rr1.nq))
+    path = rp.Path(tuple(f"arm/{name}" for name in rr1.joint_names), points)
+    # faster joints than the real ones, so that torque is what binds
+    rates = {"velocity": 8.0, "acceleration": 60.0, "jerk": 5000.0}
+    fast = replace(limits, **{name: np.full(rr1.nq, rate) for name, rate in rates.items()})
+    robot = rr1.with_limits(fast)
+    scene = rp.Scene().with_arm("arm", robot)
+    free = retime(path, scene, checker=Anywhere())
+    return robot, path, free, *torques(scene, free)
+
+
+def torques(scene, trajectory):
+    t = np.linspace(0.0, trajectory.end_time, 20_000)
+    q, kinematics = trajectory(t), Kinematics(scene)
+    zero = np.zeros_like(q)
+    return (
+        np.abs(kinematics.inverse_dynamics(q, zero, zero)).max(axis=0),
+        np.abs(kinematics.inverse_dynamics(q, trajectory(t, 1), trajectory(t, 2))).max(axis=0),
+    )
+
+
+@pytest.mark.parametrize("method", retiming_names())
+def test_torque_limits_that_bind_are_held_between_samples(setting, method):
+    robot, path, _, gravity, peak = setting
+    effort = gravity + 0.3 * np.maximum(peak - gravity, 1.0)
+    scene = effort_scene(robot, effort)
+    loose = retime(path, scene, method, checker=Anywhere())
+    assert (torques(scene, loose)[1] > effort).any()
+    tight = retime(path, scene, method, checker=Anywhere(), torque_limits=True)
+    assert (torques(scene, tight)[1] <= effort * (1.0 + 1e-9)).all()
+    assert tight.duration > loose.duration
+    # not slower than need be: some joint is near its limit
+    assert (torques(scene, tight)[1] / effort).max() > 0.98
+
+
+def test_torque_limits_that_do_not_bind_cost_little(setting):
+    robot, path, free, _, peak = setting
+    scene = effort_scene(robot, 2.0 * peak + 1.0)
+    assert retime(path, scene, checker=Anywhere(), torque_limits=True).duration == pytest.approx(
+        free.duration, rel=0.01
+    )
+
+
+def test_no_torque_limit_at_all_is_fine(setting):
+    robot, path, free, _, _ = setting
+    scene = effort_scene(robot, np.full(robot.nq, np.inf))
+    assert retime(path, scene, checker=Anywhere(), torque_limits=True).duration == pytest.approx(
+        free.duration, rel=0.01
+    )
+
+
+@pytest.mark.parametrize("method", retiming_names())
+def test_gravity_above_a_limit_names_the_joint(setting, method):
+    robot, path, _, gravity, _ = setting
+    heavy = int(np.argmax(gravity))
+    effort = 10.0 * gravity + 10.0
+    effort[heavy] = 0.5 * gravity[heavy]
+    with pytest.raises(rp.RetimingError, match=f"{robot.joint_names[heavy]}.*gravity"):
+        retime(path, effort_scene(robot, effort), method, checker=Anywhere(), torque_limits=True)
+
+
+def test_torque_limits_leave_the_path_alone(setting):
+    robot, path, _, gravity, peak = setting
+    scene = effort_scene(robot, gravity + 0.3 * np.maximum(peak - gravity, 1.0))
+    trajectory = retime(path, scene, "stop", torque_limits=True)
+    np.testing.assert_allclose(trajectory(trajectory.end_time), path.waypoints[-1], atol=1e-9)
+    limits = robot.limits
+    t = np.linspace(0.0, trajectory.end_time, 10_000)
+    assert (np.abs(trajectory(t, 1)) <= limits.velocity * (1.0 + 1e-9)).all()
+    assert (np.abs(trajectory(t, 2)) <= limits.acceleration * (1.0 + 1e-9)).all()
