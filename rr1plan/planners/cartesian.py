@@ -30,6 +30,8 @@ _FIRST_STEP, _LARGEST_STEP, _SMALLEST_STEP = 0.1, 0.25, 1e-4  # parts of the lin
 _LARGEST_EDGE = 0.5  # sum of joint changes [rad]
 _WAYPOINT_SHARE = 0.01  # part of the tolerance a waypoint itself may use
 _REACHED = 1e-12  # squared error of a descent that arrived
+_EXACT = 1e-6  # tolerance of "another configuration reaches it" [m], [rad]
+_SINGULAR = 0.02  # smallest singular value that counts as singular
 _NO_LENGTH = 1e-9  # a line this short is no motion [m + rad]
 
 
@@ -109,7 +111,7 @@ class CartesianPlanner:
         ends = goal_configurations(problem, walk.checker, rng, max_per_goal=1)
         if ends.status is not None:
             return walk.result(ends.status, None, f"{reason}; and {ends.reason}")
-        return walk.result(PlanStatus.INFEASIBLE, None, f"{reason}; the goal itself can be reached in another way")
+        return walk.result(PlanStatus.INFEASIBLE, None, f"{reason}; the goal itself has a free configuration")
 
 
 def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
@@ -227,27 +229,26 @@ class _Walk:
         if blocked is not None and fits:
             return f"collision of {self.collision(q, blocked)}"
         if blocked is not None:
-            return f"singularity: {self.singularity(line, q)}"
+            return f"going on needs a jump of the joints; {self.singularity(line, q)}"
         target, free = line.at(part), np.full(len(q), np.inf)
         unlimited, cost = descend(lambda x: target.residual(self.kinematics, x), q, -free, free)
         excess = describe_excess(self.robot, unlimited)
         if excess and cost < _REACHED and float(np.abs(unlimited - q).sum()) < _LARGEST_EDGE:
             return f"joint limit: {excess}"
         quaternion = None if target.rotation is None else quaternion_from_rotation(target.rotation)
-        found = solve_ik(
-            self.kinematics, PoseGoal(self.frame_name(line), target.lower, quaternion), seeds=q, rng=0, max_solutions=1
-        )
-        if not found.solved:
-            return found.reason
-        away = float(np.abs(found.solutions[0] - q).max())
-        return f"it goes on only from another configuration, {away:.3g} rad away; {self.singularity(line, q)}"
+        goal = PoseGoal(self.frame_name(line), target.lower, quaternion, _EXACT, _EXACT)
+        found = solve_ik(self.kinematics, goal, seeds=q, rng=0, max_solutions=1)
+        if found.solved:
+            return f"it goes on only from another configuration; {self.singularity(line, q)}"
+        return found.reason
 
     def singularity(self, line: Line, q: Array) -> str:
-        """How near to singular the frame's Jacobian is."""
+        """How near to singular the frame's Jacobian is, in words."""
         J = self.kinematics.pose_and_jacobian(q, line.index)[2]
         rows = J if line.turn is not None else J[:3]
         smallest = float(np.linalg.svd(rows, compute_uv=False).min(initial=np.inf))
-        return f"the smallest singular value of the Jacobian is {smallest:.2g}"
+        verdict = "singular" if smallest < _SINGULAR else "not singular"
+        return f"the arm is {verdict} there (smallest singular value of the Jacobian {smallest:.2g})"
 
     def collision(self, q: Array, blocked: Array) -> str:
         """Who touches whom on the edge from q."""

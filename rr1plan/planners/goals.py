@@ -138,7 +138,7 @@ class _Finder:
             self.arm,
             seeds=seeds,
             rng=rng,
-            attempts=max(attempts, 1),
+            attempts=attempts,
             accept=self._accept,
             max_solutions=most,
         )

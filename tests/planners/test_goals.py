@@ -1,0 +1,184 @@
+"""Goals become free goal configurations, or a reason."""
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker
+from rr1plan.planners.goals import check_start, goal_configurations
+from rr1plan.planning import PlanStatus
+from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal
+from rr1plan.scene import Arm, Scene
+from rr1plan.shapes import Box, Sphere
+
+FREE = np.array([0.3, 0.1, 0.4, -0.5, 1.0, 0.2])
+
+
+def alone(robot):
+    return Scene({"arm": Arm(robot)})
+
+
+def goals_of(problem, **settings):
+    return goal_configurations(problem, CollisionChecker(problem.scene, problem.arms), 0, **settings)
+
+
+def start_of(problem):
+    return check_start(problem, CollisionChecker(problem.scene, problem.arms))
+
+
+def test_a_joint_goal_is_taken_as_it_is(rr1):
+    goals = goals_of(Problem(alone(rr1), "home", FREE))
+    np.testing.assert_array_equal(goals.configurations, [FREE])
+    assert goals.status is None
+    assert goals.reason == ""
+
+
+def test_a_continuous_joint_goes_the_short_way(planar2r):
+    goals = goals_of(Problem(alone(planar2r), [3.0, 0.0], [-3.0, 6.2]))
+    np.testing.assert_allclose(goals.configurations, [[2 * np.pi - 3.0, 6.2 - 2 * np.pi]], atol=1e-12)
+    goals = goals_of(Problem(alone(planar2r), [25.0, -40.0], [0.0, 0.0]))
+    assert (np.abs(goals.configurations - [25.0, -40.0]) <= np.pi).all()
+
+
+def test_a_bounded_joint_goes_where_it_is_told(rr1):
+    goal = FREE.copy()
+    goal[0] = -2.3
+    start = FREE.copy()
+    start[0] = 2.3
+    np.testing.assert_array_equal(goals_of(Problem(alone(rr1), start, goal)).configurations, [goal])
+
+
+def test_pose_goals_give_free_configurations_that_reach_them_nearest_first(rr1):
+    T = rr1.link_poses(FREE)["tool"]
+    problem = Problem(alone(rr1), "home", PoseGoal("tool", T[:3, 3]))
+    checker = CollisionChecker(problem.scene)
+    goals = goal_configurations(problem, checker, 0, max_per_goal=5)
+    assert len(goals.configurations) == 5
+    for q in goals.configurations:
+        assert checker.is_free(q)
+        np.testing.assert_allclose(rr1.link_poses(q)["tool"][:3, 3], T[:3, 3], atol=1e-4)
+    far = np.linalg.norm(goals.configurations - rr1.home, axis=1)
+    assert (np.diff(far) >= 0).all()
+
+
+def test_a_region_goal_ends_inside_the_region(rr1):
+    region = RegionGoal("tool", [-0.5, -0.1, 0.25], [-0.35, 0.1, 0.4])
+    goals = goals_of(Problem(alone(rr1), "home", region))
+    assert len(goals.configurations) > 0
+    for q in goals.configurations:
+        p = rr1.link_poses(q)["tool"][:3, 3]
+        assert (p >= region.lower).all()
+        assert (p <= region.upper).all()
+
+
+def test_of_a_set_of_goals_the_bad_ones_are_left_out(rr1):
+    beyond = FREE.copy()
+    beyond[1] = 2.0
+    goals = goals_of(Problem(alone(rr1), "home", [beyond, FREE, PoseGoal("tool", [9.0, 0.0, 0.0])]), attempts=5)
+    np.testing.assert_array_equal(goals.configurations, [FREE])
+
+
+def test_a_joint_goal_out_of_limits_names_the_joint_and_the_excess(rr1):
+    beyond = FREE.copy()
+    beyond[1] = 0.5
+    goals = goals_of(Problem(alone(rr1), "home", beyond))
+    assert goals.status is PlanStatus.INVALID_GOAL
+    assert "joint 'upper_arm_joint' at 0.5 rad, outside [-0.392699, 0.392699] by 0.107 rad" in goals.reason
+
+
+def test_a_joint_goal_in_collision_names_the_pair_and_the_depth(rr1):
+    tool = rr1.link_poses(FREE)["hand_link"][:3, 3]
+    scene = alone(rr1).with_obstacle("ball", Sphere(0.02), tool)
+    goals = goals_of(Problem(scene, "home", JointGoal(FREE)))
+    assert goals.status is PlanStatus.INVALID_GOAL
+    assert "'arm/hand_link' and 'ball' by 0.0" in goals.reason
+
+
+def test_a_pose_goal_whose_solutions_all_collide_says_so(rr1):
+    T = rr1.link_poses(FREE)["tool"]
+    scene = alone(rr1).with_obstacle("block", Box((0.2, 0.2, 0.2)), T[:3, 3])
+    goals = goals_of(Problem(scene, "home", PoseGoal("tool", T)))
+    assert goals.status is PlanStatus.INVALID_GOAL
+    assert "in collision" in goals.reason
+    assert "'block' by" in goals.reason
+
+
+def test_an_unreachable_pose_goal_says_how_far_it_is(planar2r):
+    goals = goals_of(Problem(alone(planar2r), "home", PoseGoal("tool", [2.0, 0.0, 0.0])))
+    assert goals.status is PlanStatus.INFEASIBLE
+    assert "0.3 m away" in goals.reason
+    assert goals.configurations.shape == (0, 2)
+
+
+def test_the_same_seed_gives_the_same_goals(rr1):
+    problem = Problem(alone(rr1), "home", RegionGoal("tool", [-0.5, -0.1, 0.25], [-0.35, 0.1, 0.4]))
+    np.testing.assert_array_equal(goals_of(problem).configurations, goals_of(problem).configurations)
+
+
+def two_planar_arms(planar2r):
+    """Two arms in one plane, 2 m apart: their tools meet in the middle."""
+    return Scene({"left": Arm(planar2r), "right": Arm(planar2r, [2.0, 0.0, 0.0], [np.pi / 2, 0.0])})
+
+
+def test_goals_of_several_arms_combine_without_touching(planar2r):
+    scene = two_planar_arms(planar2r)
+    goal = {"left": PoseGoal("tool", [0.9, 0.4, 0.0]), "right": PoseGoal("tool", [1.1, 0.4, 0.0])}
+    problem = Problem(scene, None, goal)
+    checker = CollisionChecker(scene)
+    goals = goal_configurations(problem, checker, 0)
+    assert 1 <= len(goals.configurations) <= 4
+    for q in goals.configurations:
+        assert checker.is_free(q)
+        poses = scene.link_poses(scene.split(q))
+        np.testing.assert_allclose(poses["left/tool"][:3, 3], [0.9, 0.4, 0.0], atol=1e-4)
+        np.testing.assert_allclose(poses["right/tool"][:3, 3], [1.1, 0.4, 0.0], atol=1e-4)
+
+
+def test_an_arm_in_the_way_of_another_arms_goal_may_move_away(planar2r):
+    scene = two_planar_arms(planar2r)
+    start = {"left": [0.0, 0.0], "right": [np.pi / 2, 0.0]}
+    away = {"left": [np.pi / 2, 0.0], "right": [np.pi, 0.0]}
+    goals = goals_of(Problem(scene, start, away))
+    np.testing.assert_allclose(goals.configurations, [[np.pi / 2, 0.0, np.pi, 0.0]])
+
+
+def test_goals_at_which_the_arms_touch_each_other_are_refused(planar2r):
+    scene = two_planar_arms(planar2r)
+    goals = goals_of(Problem(scene, None, {"left": [0.0, 0.0], "right": [np.pi, 0.0]}))
+    assert goals.status is PlanStatus.INVALID_GOAL
+    assert "collide with each other" in goals.reason
+    assert "left/link" in goals.reason
+    assert "right/link" in goals.reason
+
+
+def test_many_arms_with_many_goals_are_combined_in_bounded_time(planar2r):
+    arms = {f"a{i}": Arm(planar2r, [4.0 * i, 0.0, 0.0]) for i in range(12)}
+    goal = {name: PoseGoal("tool", arm.base[:3, 3] + [1.0, 0.5, 0.0]) for name, arm in arms.items()}
+    goals = goals_of(Problem(Scene(arms), None, goal), attempts=10, max_composites=6)
+    assert goals.configurations.shape == (6, 24)
+    assert len(np.unique(goals.configurations.round(6), axis=0)) == 6
+
+
+def test_a_good_start_is_no_reason(rr1):
+    assert start_of(Problem(alone(rr1), FREE, "home")) == ""
+
+
+def test_a_start_out_of_limits_names_arm_joint_and_excess(rr1):
+    beyond = FREE.copy()
+    beyond[4] = -0.25
+    reason = start_of(Problem(alone(rr1), beyond, "home"))
+    assert "arm: joint 'wrist_joint' at -0.25 rad, outside [0, 3.14159] by 0.25 rad" in reason
+
+
+def test_a_start_in_collision_names_the_pair_and_the_depth(rr1):
+    at = rr1.link_poses(FREE)["hand_link"][:3, 3]
+    reason = start_of(Problem(alone(rr1).with_obstacle("ball", Sphere(0.02), at), FREE, "home"))
+    assert reason.startswith("the start is in collision: ")
+    assert "'arm/hand_link' and 'ball' by 0.0" in reason
+
+
+@pytest.mark.parametrize("settings", [{"max_per_goal": 0}, {"attempts": 0}])
+def test_settings_that_make_no_sense_are_told(rr1, settings):
+    problem = Problem(alone(rr1), "home", PoseGoal("tool", [-0.3, 0.0, 0.3]))
+    with pytest.raises(rp.InputError, match="expected at least one"):
+        goals_of(problem, **settings)
