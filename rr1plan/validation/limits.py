@@ -45,9 +45,9 @@ def check_positions(
                 side = "above its upper" if sign > 0.0 else "below its lower"
                 message = f"{name} is at {value:.9g} {units[j]} at {time:.6f} s, {side} limit {bound:.9g} {units[j]}"
                 ledger.violations.append(Violation("position", (name,), time, value, bound, message))
-            middle, half = 0.5 * (limits.lower[j] + limits.upper[j]), 0.5 * (limits.upper[j] - limits.lower[j])
+            half = 0.5 * float(limits.upper[j] - limits.lower[j])
             if np.isfinite(half) and half > 0.0:
-                _tighten(ledger, "position", abs(value - float(middle)) / float(half), name, time)
+                _tighten(ledger, "position", 1.0 + sign * (value - bound) / half, name, time)
     ledger.checked.append("position")
 
 

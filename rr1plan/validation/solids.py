@@ -6,13 +6,14 @@ the two solids along it, computed here from their support functions, is a proven
 Half-spaces are answered by the support function alone.
 
 A mesh that is not convex is a solid: its surface is asked by Coal's hierarchy of triangles,
-which takes a body wholly inside for free, so a winding number decides inside from outside.
+which takes a body wholly inside for free, so the winding of its faces around a point (or, where they
+disagree about outside, crossings of a ray) decides.
 A point cloud is the union of the cells of its grid (an octree's leaves).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import coal
@@ -34,11 +35,13 @@ class Solid:
 
     Args:
         shape: The shape.
-        geometry: Coal's, or None for a half-space and a point cloud.
+        geometry: Its Coal geometry, or None for a half-space and a point cloud.
         center: Middle of its bounding box [m], shape (3,).
         half: Half the edges of that box [m], shape (3,); infinite for a half-space.
         radius: All its points are within this of the centre [m].
         points: Corners of a hull, of a mesh, or centres of a cloud's cells, shape (n, 3).
+        convex: Coal's normal for it can be proven by its support function.
+        oriented: Neighbouring faces of a concave mesh agree about outside.
     """
 
     shape: Shape
@@ -47,18 +50,15 @@ class Solid:
     half: Array
     radius: float
     points: Array
-
-    @property
-    def convex(self) -> bool:
-        """Coal's normal for it can be proven by its support function."""
-        return self.geometry is not None and not (isinstance(self.shape, Mesh) and not self.shape.convex)
+    convex: bool = True
+    oriented: bool = False
 
 
 def solid(shape: Shape) -> Solid:
     """The solid of a shape.
 
     Raises:
-        BackendError: Coal cannot build it, e.g. the hull of a flat mesh.
+        BackendError: Coal cannot build it.
     """
     if isinstance(shape, Mesh):
         return _mesh_solid(shape)
@@ -66,7 +66,7 @@ def solid(shape: Shape) -> Solid:
         return _cloud_solid(shape)
     zero, none = np.zeros(3), np.zeros((0, 3))
     if isinstance(shape, HalfSpace):
-        return Solid(shape, None, zero, np.full(3, np.inf), np.inf, none)
+        return Solid(shape, None, zero, np.full(3, np.inf), np.inf, none, convex=False)
     if isinstance(shape, Box):
         half = 0.5 * np.array(shape.size)
         return Solid(shape, coal.Box(*shape.size), zero, half, float(np.linalg.norm(half)), none)
@@ -78,22 +78,22 @@ def solid(shape: Shape) -> Solid:
     return Solid(shape, coal.Cylinder(r, shape.length), zero, np.array([r, r, h]), float(np.hypot(r, h)), none)
 
 
-def _bounded(shape: Shape, geometry: Any, points: Array, thickness: float) -> Solid:
+def _bounded(shape: Shape, geometry: Any, points: Array, thickness: float, convex: bool) -> Solid:
     """A solid of points, each a cube of half edge `thickness`."""
     lower, upper = points.min(axis=0) - thickness, points.max(axis=0) + thickness
     center = 0.5 * (lower + upper)
     radius = float(np.linalg.norm(points - center, axis=1).max()) + np.sqrt(3.0) * thickness
-    return Solid(shape, geometry, center, 0.5 * (upper - lower), radius, points)
+    return Solid(shape, geometry, center, 0.5 * (upper - lower), radius, points, convex)
 
 
 def _mesh_solid(mesh: Mesh) -> Solid:
-    corners = mesh.vertices[np.unique(mesh.faces)] if not mesh.convex else mesh.vertices
+    corners = mesh.vertices if mesh.convex else mesh.vertices[np.unique(mesh.faces)]
     points = coal.StdVec_Vec3s()
     points.extend(list(np.array(mesh.vertices)))
     try:
-        if mesh.convex:
+        if mesh.convex and not _is_flat(mesh.vertices):
             # A hull of the corners again: it holds the mesh even where the flag is wrong.
-            return _bounded(mesh, coal.Convex.convexHull(points, True, "Qt"), corners, 0.0)
+            return _bounded(mesh, coal.Convex.convexHull(points, True, "Qt"), corners, 0.0, convex=True)
         triangles = coal.StdVec_Triangle()
         triangles.extend([coal.Triangle(int(a), int(b), int(c)) for a, b, c in mesh.faces])
         surface = coal.BVHModelOBBRSS()
@@ -102,12 +102,19 @@ def _mesh_solid(mesh: Mesh) -> Solid:
         surface.endModel()
     except Exception as error:
         raise BackendError(f"Coal cannot build a mesh of {len(mesh.faces)} faces: {error}") from error
-    return _bounded(mesh, surface, corners, 0.0)
+    return replace(_bounded(mesh, surface, corners, 0.0, convex=False), oriented=_is_oriented(mesh))
+
+
+def _is_flat(points: Array) -> bool:
+    """Whether points lie in a plane: Coal's hull of such points ends the process."""
+    thickness = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(thickness[-1] <= 1e-6 * thickness[0])
 
 
 def _cloud_solid(cloud: PointCloud) -> Solid:
     cells = np.unique(np.floor(cloud.points / cloud.resolution), axis=0)
-    return _bounded(cloud, None, (cells + 0.5) * cloud.resolution, 0.5 * cloud.resolution)
+    half = 0.5 * cloud.resolution
+    return _bounded(cloud, None, (cells + 0.5) * cloud.resolution, half, convex=False)
 
 
 def support(body: Solid, directions: Array) -> Array:
@@ -188,20 +195,44 @@ class DistanceMeter:
 
 
 def _holds(body: Solid, T: Any, other: Solid, To: Any) -> bool:
-    """Whether a concave mesh holds a point of another solid, by the winding number of its faces.
-
-    Van Oosterom, Strackee (1983), The solid angle of a plane triangle.
-    """
+    """Whether a concave mesh holds a point of another solid."""
     mesh = body.shape
-    if not isinstance(mesh, Mesh) or mesh.convex:
+    if not isinstance(mesh, Mesh) or body.convex:
         return False
     inside = other.points[0] if isinstance(other.shape, Mesh) else other.center
     point = T.getRotation().T @ (To.getRotation() @ inside + To.getTranslation() - T.getTranslation())
     if (np.abs(point - body.center) > body.half).any():
         return False
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - point for k in range(3))
+    return _winds_around(a, b, c) if body.oriented else _crosses_oddly(a, b, c)
+
+
+def _winds_around(a: Array, b: Array, c: Array) -> bool:
+    """Whether oriented triangles (m, 3) each wind around the origin; small holes do no harm.
+
+    Van Oosterom, Strackee (1983), The solid angle of a plane triangle.
+    """
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c))
     base = la * lb * lc + np.einsum("ij,ij->i", a, b) * lc
     base += np.einsum("ij,ij->i", b, c) * la + np.einsum("ij,ij->i", c, a) * lb
     return bool(abs(np.arctan2(volume, base).sum()) > np.pi)
+
+
+def _crosses_oddly(a: Array, b: Array, c: Array) -> bool:
+    """Whether any of three rays from the origin crosses triangles (m, 3) each an odd number of times."""
+    for ray in ((0.5257, 0.3141, 0.7905), (-0.7071, 0.6612, 0.2503), (0.1732, -0.8660, -0.4691)):
+        sides = np.stack([np.cross(u, v) @ np.array(ray) for u, v in ((a, b), (b, c), (c, a))])
+        pierced = (sides > 0.0).all(axis=0) | (sides < 0.0).all(axis=0)
+        ahead = np.einsum("ij,ij->i", a, np.cross(b, c)) * sides.sum(axis=0) > 0.0
+        if np.count_nonzero(pierced & ahead) % 2:
+            return True
+    return False
+
+
+def _is_oriented(mesh: Mesh) -> bool:
+    """Whether neighbouring faces agree about outside: no edge is run along twice in one direction."""
+    _, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    faces = welded.ravel()[mesh.faces]
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return len(np.unique(edges, axis=0)) == len(edges)
