@@ -230,15 +230,19 @@ class Robot:
     def content_hash(self) -> str:
         """SHA-256 of everything that plans depend on: joints, limits, shapes, masses (hex)."""
         digest = hashlib.sha256()
-        _feed(digest, (self.name, self.joint_names, dict(self.held), sorted(sorted(p) for p in self.never_collide)))
-        _feed(digest, [[getattr(self.limits, n) for n in self.limits.__dataclass_fields__]])
+        feed_digest(
+            digest, (self.name, self.joint_names, dict(self.held), sorted(sorted(p) for p in self.never_collide))
+        )
+        feed_digest(digest, [[getattr(self.limits, n) for n in self.limits.__dataclass_fields__]])
         for joint in self.joints:
-            _feed(digest, [getattr(joint, n) for n in joint.__dataclass_fields__])
+            feed_digest(digest, [getattr(joint, n) for n in joint.__dataclass_fields__])
         for link in self.links:
             inertial = link.inertial
-            _feed(digest, (link.name, () if inertial is None else (inertial.mass, inertial.com, inertial.inertia)))
+            feed_digest(
+                digest, (link.name, () if inertial is None else (inertial.mass, inertial.com, inertial.inertia))
+            )
             for g in link.collisions:
-                _feed(digest, (g.name, g.pose, g.shape))
+                feed_digest(digest, (g.name, g.pose, g.shape))
         return digest.hexdigest()
 
     # ---- other values of the same robot -------------------------------------------------
@@ -313,18 +317,18 @@ class Robot:
         return {link.name: link for link in self.links}
 
 
-def _feed(digest: Any, value: Any) -> None:
+def feed_digest(digest: Any, value: Any) -> None:
     """Feed a nest of plain values, arrays and shapes to a hash, each with its type and length."""
     if isinstance(value, Mesh | PointCloud):
-        _feed(digest, [type(value).__name__, *(getattr(value, n) for n in value.__dataclass_fields__)])
+        feed_digest(digest, [type(value).__name__, *(getattr(value, n) for n in value.__dataclass_fields__)])
     elif isinstance(value, np.ndarray):
         digest.update(f"array{value.shape}{value.dtype.str}".encode())
-        digest.update(np.ascontiguousarray(value).tobytes())
+        digest.update(np.ascontiguousarray(value + value.dtype.type(0)).tobytes())  # -0.0 counts as 0.0
     elif isinstance(value, list | tuple):
         digest.update(f"list{len(value)}".encode())
         for item in value:
-            _feed(digest, item)
+            feed_digest(digest, item)
     elif isinstance(value, dict):
-        _feed(digest, sorted(value.items()))
+        feed_digest(digest, sorted(value.items()))
     else:
         digest.update(f"{type(value).__name__}:{value!r};".encode())

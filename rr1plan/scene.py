@@ -6,6 +6,7 @@ slash). A pair that may touch is a pair of such names; a whole arm's name stands
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,7 +18,7 @@ import numpy as np
 from rr1plan.checks import Array, finite_number, known_name, read_only
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
-from rr1plan.robot import Color, Geometry, Robot
+from rr1plan.robot import Color, Geometry, Robot, feed_digest
 from rr1plan.shapes import HalfSpace, PointCloud, Shape
 from rr1plan.transforms import as_pose, identity, inverse
 
@@ -261,6 +262,21 @@ class Scene:
         """All pairs of elements that must not touch, in a fixed order (obstacle against obstacle is never one)."""
         names = self.element_names
         return tuple((a, b) for i, a in enumerate(names) for b in names[i + 1 :] if not self.may_touch(a, b))
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 of everything that plans depend on: robots, places, postures, obstacles, rules (hex)."""
+        digest = hashlib.sha256()
+        for name, arm in self.arms.items():
+            feed_digest(digest, (name, arm.robot.content_hash, arm.base, arm.q))
+        for name, obstacle in sorted(self.obstacles.items()):
+            feed_digest(digest, (name, obstacle.pose, [(g.pose, g.shape) for g in obstacle.geometries]))
+        for name, held in sorted(self.attachments.items()):
+            feed_digest(digest, (name, held.arm, held.link, sorted(held.touch), held.pose))
+            feed_digest(digest, [(g.pose, g.shape) for g in held.geometries])
+        feed_digest(digest, sorted(sorted(p) for p in self.allowed))
+        feed_digest(digest, (float(self.padding), sorted((sorted(p), float(d)) for p, d in self.pair_padding.items())))
+        return digest.hexdigest()
 
     # ---- other scenes like this one -----------------------------------------------------
 
