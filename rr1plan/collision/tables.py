@@ -163,7 +163,8 @@ def _body_tables(solids: tuple[Solid, ...], chains: list[list[int]]) -> tuple[_I
 
 def _link_table(solids: tuple[Solid, ...], count: int) -> _INTS:
     """Neighbours of every corner along the edges of its mesh; see the kernel's `support`."""
-    begins, neighbours = [], []
+    begins: list[int] = []
+    neighbours: list[int] = []
     first = 0
     for solid in solids:
         around = _neighbours(solid.shape)
