@@ -18,11 +18,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any
 
 from rr1plan.checks import finite_array
-from rr1plan.errors import InputError, MissingPackageError
+from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.playback.viewer.document import Document
 
 _SCRIPTS = ("math.js", "shapes.js", "world.js", "stage.js", "player.js", "controls.js", "live.js", "main.js")
@@ -81,6 +82,7 @@ def page_html(
     Raises:
         InputError: two panels of one name, or data JSON cannot hold.
         MissingPackageError: Meshcat is not installed.
+        BackendError: Meshcat is there without its viewer.
     """
     names = [panel.name for panel in panels]
     if len(set(names)) != len(names):
@@ -170,11 +172,15 @@ def _asset(name: str) -> str:
 @cache
 def _meshcat() -> str:
     """Meshcat's own viewer, as its package ships it (its licences stand in the page's head)."""
+    # Found, not imported: the Python package would bring ZeroMQ and IPython along.
+    found = find_spec("meshcat")
+    if found is None or found.origin is None:
+        raise MissingPackageError("meshcat", "the 3-D page")
+    script = FilePath(found.origin).parent / "viewer" / "dist" / "main.min.js"
     try:
-        folder = files("meshcat") / "viewer" / "dist"
-        return _sealed((folder / "main.min.js").read_text(encoding="utf-8"), "script")
-    except (ModuleNotFoundError, FileNotFoundError) as error:
-        raise MissingPackageError("meshcat", "the 3-D page") from error
+        return _sealed(script.read_text(encoding="utf-8"), "script")
+    except OSError as error:
+        raise BackendError(f"the package meshcat has no viewer at {script}; try to install it again") from error
 
 
 def _script(panels: Sequence[Panel]) -> str:

@@ -10,13 +10,13 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import os
 import socket
 import threading
 from collections.abc import Callable
 from typing import Any
 
 from tornado.httpserver import HTTPServer
-from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
@@ -44,7 +44,7 @@ class PageServer:
 
     def __init__(self, page: Callable[[int], str], port: int | None = None) -> None:
         self._page = page
-        self._sockets, self.port = _bind(_FIRST_PORT if port is None else port)
+        self.listener, self.port = _bind(_FIRST_PORT if port is None else port)
         self._hosts = {f"{name}:{self.port}" for name in (_ADDRESS, "localhost")}
         self._clients: set[_Updates] = set()
         self._loop = asyncio.new_event_loop()
@@ -113,7 +113,7 @@ class PageServer:
         routes = [("/", _Page, {"server": self}), ("/updates", _Updates, {"server": self})]
         application = Application(routes, log_function=_log, websocket_ping_interval=20)
         self._http = HTTPServer(application)
-        self._http.add_sockets(self._sockets)
+        self._http.add_socket(self.listener)
         self._loop.call_soon(self._started.set)
         try:
             self._loop.run_forever()
@@ -237,16 +237,21 @@ class _Updates(WebSocketHandler):
             self.sending = False
 
 
-def _bind(port: int) -> tuple[list[socket.socket], int]:
+def _bind(port: int) -> tuple[socket.socket, int]:
     if not isinstance(port, int) or isinstance(port, bool) or not 0 <= port <= 65535:
         raise InputError(f"port is {port!r}, expected a whole number from 0 to 65535")
-    last = min(port + _PORTS_TRIED, 65536)
-    for candidate in [0] if port == 0 else [*range(port, last), 0]:
+    for candidate in [0] if port == 0 else [*range(port, min(port + _PORTS_TRIED, 65536)), 0]:
+        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
-            sockets = bind_sockets(candidate, _ADDRESS)
+            if os.name == "posix":  # elsewhere it would let two servers share a port
+                listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.setblocking(False)
+            listener.bind((_ADDRESS, candidate))
+            listener.listen(128)
         except OSError:
+            listener.close()
             continue
-        return sockets, int(sockets[0].getsockname()[1])
+        return listener, int(listener.getsockname()[1])
     raise BackendError(f"no free port on {_ADDRESS} from {port} on")
 
 

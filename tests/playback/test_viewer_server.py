@@ -1,0 +1,187 @@
+"""The live page's server, spoken to without a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from tornado.httpclient import HTTPClientError, HTTPRequest
+from tornado.websocket import websocket_connect
+
+import rr1plan as rp
+from rr1plan.playback import Viewer, show
+
+
+@pytest.fixture
+def viewer(rr1_table: rp.Scene) -> Iterator[Viewer]:
+    with show(rr1_table, port=0, open_browser=False) as shown:
+        yield shown
+
+
+def fetch(url: str, host: str | None = None) -> str:
+    request = urllib.request.Request(url, headers={} if host is None else {"Host": host})
+    with urllib.request.urlopen(request, timeout=20) as answer:
+        return str(answer.read().decode())
+
+
+async def listen(viewer: Viewer, count: int, version: str = "1", **headers: str) -> list[Any]:
+    request = HTTPRequest(f"{viewer.url.replace('http', 'ws')}updates?version={version}", headers=headers)
+    connection = await websocket_connect(request)
+    try:
+        return [await asyncio.wait_for(connection.read_message(), 20) for _ in range(count)]
+    finally:
+        connection.close()
+
+
+def test_the_page_is_served(viewer: Viewer, rr1_table: rp.Scene) -> None:
+    page = fetch(viewer.url)
+    assert f"<title>{rr1_table.name}</title>" in page
+    assert "MeshCat" in page
+
+
+def test_only_this_machine_is_listened_to(viewer: Viewer) -> None:
+    port = int(viewer.url.rsplit(":", 1)[1].strip("/"))
+    addresses = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), port, socket.AF_INET)}
+    for address in addresses - {"127.0.0.1"}:
+        with socket.socket() as probe:
+            probe.settimeout(2)
+            if not address.startswith("127."):
+                assert probe.connect_ex((address, port)) != 0
+    assert viewer._server.listener.getsockname() == ("127.0.0.1", port)
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:7000", "0.0.0.0:7000"])
+def test_a_foreign_host_name_is_refused(viewer: Viewer, host: str) -> None:
+    with pytest.raises(urllib.error.HTTPError, match="403") as caught:
+        fetch(viewer.url, host)
+    caught.value.close()
+
+
+def test_a_page_of_another_origin_is_refused(viewer: Viewer) -> None:
+    with pytest.raises(HTTPClientError, match="403"):
+        asyncio.run(listen(viewer, 1, Origin="http://evil.example"))
+
+
+def test_late_joiners_get_the_newest_document_and_configuration(viewer: Viewer, rr1_table: rp.Scene) -> None:
+    q = rr1_table.configuration() + 0.01
+    viewer.load(rr1_table.with_obstacle("new", rp.Sphere(0.1)))
+    viewer.update(q)
+    document, frame = asyncio.run(listen(viewer, 2))
+    obstacles = [o["name"] for o in json.loads(document)["value"]["obstacles"]]
+    assert "new" in obstacles
+    np.testing.assert_array_equal(np.frombuffer(frame, "<f8"), q)
+
+
+def test_a_slow_page_gets_the_newest_configuration(viewer: Viewer, rr1_table: rp.Scene) -> None:
+    home = rr1_table.configuration()
+
+    async def follow() -> np.ndarray:
+        connection = await websocket_connect(f"{viewer.url.replace('http', 'ws')}updates?version=1")
+        for i in range(500):
+            viewer.update(home + i)
+        while True:
+            frame = await asyncio.wait_for(connection.read_message(), 20)
+            q = np.frombuffer(frame, "<f8")
+            if q[0] == home[0] + 499:
+                connection.close()
+                return q
+
+    np.testing.assert_array_equal(asyncio.run(follow()), home + 499)
+
+
+def test_many_connects_do_not_hang_the_server(viewer: Viewer) -> None:
+    async def many() -> None:
+        for _ in range(30):
+            await asyncio.gather(*(listen(viewer, 0) for _ in range(20)))
+
+    asyncio.run(many())
+    assert "MeshCat" in fetch(viewer.url)
+
+
+def test_commands_arrive_in_order(viewer: Viewer) -> None:
+    async def follow() -> list[Any]:
+        listening = asyncio.ensure_future(listen(viewer, 4))
+        while viewer.pages == 0:
+            await asyncio.sleep(0.01)
+        viewer.play()
+        viewer.set_speed(2)
+        viewer.seek(0.5)
+        viewer.pause()
+        return [json.loads(text) for text in await listening]
+
+    messages = asyncio.run(follow())
+    assert [m["type"] for m in messages] == ["play", "speed", "seek", "pause"]
+    assert [m["value"] for m in messages] == [None, 2.0, 0.5, None]
+
+
+def test_a_taken_port_gives_the_next_one(rr1_table: rp.Scene, viewer: Viewer) -> None:
+    taken = int(viewer.url.rsplit(":", 1)[1].strip("/"))
+    with show(rr1_table, port=taken, open_browser=False) as other:
+        assert other.url != viewer.url
+        assert "MeshCat" in fetch(other.url)
+
+
+@pytest.mark.parametrize("port", [-1, 70_000, "http", True, 1.5])
+def test_a_port_that_is_none_is_refused(rr1_table: rp.Scene, port: Any) -> None:
+    with pytest.raises(rp.InputError, match="port"):
+        show(rr1_table, port=port, open_browser=False)
+
+
+def test_nothing_is_left_after_close(rr1_table: rp.Scene) -> None:
+    before = threading.active_count()
+    viewer = show(rr1_table, port=0, open_browser=False)
+    url = viewer.url
+    viewer.close()
+    viewer.close()
+    assert viewer.closed
+    assert threading.active_count() == before
+    with pytest.raises(urllib.error.URLError):
+        fetch(url)
+    with pytest.raises(rp.InputError, match="closed"):
+        viewer.update(rr1_table.configuration())
+
+
+def test_wait_ends_with_close_and_with_its_timeout(viewer: Viewer) -> None:
+    assert not viewer.wait(0.01)
+    threading.Timer(0.05, viewer.close).start()
+    assert viewer.wait(20)
+
+
+def test_ctrl_c_ends_wait_and_leaves_the_viewer_usable(
+    viewer: Viewer, rr1_table: rp.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(_timeout: float | None) -> bool:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(viewer._ended, "wait", interrupt)
+    assert viewer.wait()
+    viewer.update(rr1_table.configuration())
+    assert "MeshCat" in fetch(viewer.url)
+
+
+@pytest.mark.parametrize("bad", [[0.0], [float("nan")] * 6, "home", {"nobody": "home"}])
+def test_a_bad_configuration_is_refused(viewer: Viewer, bad: Any) -> None:
+    with pytest.raises(rp.InputError):
+        viewer.update(bad)
+
+
+def test_a_mapping_moves_some_arms_only(viewer: Viewer, rr1_table: rp.Scene) -> None:
+    arm = next(iter(rr1_table.arms))
+    viewer.update({arm: "home"})
+    (frame,) = asyncio.run(listen(viewer, 1))
+    np.testing.assert_array_equal(np.frombuffer(frame, "<f8"), rr1_table.arms[arm].robot.home)
+
+
+def test_a_notebook_shows_the_page_without_a_server(viewer: Viewer) -> None:
+    text = viewer._repr_html_()
+    assert text.startswith("<iframe srcdoc=")
+    assert "<script" not in text
+    assert "MeshCat" in text
