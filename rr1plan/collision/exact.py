@@ -358,7 +358,11 @@ def _geometry_model(model: SceneModel, solids: tuple[Solid, ...], index: NDArray
 def _geometry_data(geometry: Any, padding: Array) -> Any:
     data = pin.GeometryData(geometry)
     for k, distance in enumerate(padding):
-        data.collisionRequests[k].security_margin = float(distance)
+        request = data.collisionRequests[k]
+        request.security_margin = float(distance)
+        # Without contacts Coal 3.0.3 answers "free" for balls and capsules whose core lies within
+        # its tolerance of the other shape's surface: centimetres deep, and not seen.
+        request.enable_contact = True
     for request in data.distanceRequests:
         request.gjk_tolerance = _GJK_TOLERANCE
         request.enable_signed_distance = True

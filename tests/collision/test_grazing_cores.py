@@ -1,0 +1,41 @@
+"""Balls and capsules whose core just touches a surface are deep in it; Coal overlooks that by default."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.robot import Geometry, Inertial, Joint, Link
+from rr1plan.transforms import identity, pose
+
+
+def _arm_with(shape: rp.Sphere | rp.Capsule) -> rp.Robot:
+    """One prismatic joint along x that carries a shape."""
+    joint = Joint("slide", "prismatic", "base", "slider", axis=np.array([1.0, 0.0, 0.0]), lower=-1, upper=1, velocity=1)
+    inertial = Inertial(1.0, np.zeros(3), np.eye(3))
+    one = np.ones(1)
+    return rp.Robot(
+        name="slider",
+        links=(Link("base"), Link("slider", inertial, collisions=(Geometry("slider", shape, identity()),))),
+        joints=(joint,),
+        joint_names=("slide",),
+        limits=rp.Limits(-one, one, one, one, one, one),
+        configurations={"home": [0.0]},
+        held={},
+        never_collide=frozenset(),
+        tool="slider",
+    )
+
+
+@pytest.mark.parametrize("shape", [rp.Sphere(0.04), rp.Capsule(0.04, 0.3)])
+@pytest.mark.parametrize("obstacle", [rp.Cylinder(0.2, 0.4), rp.Box((0.4, 0.4, 0.4)), rp.Sphere(0.2)])
+def test_a_core_that_grazes_a_surface_collides(shape: rp.Sphere | rp.Capsule, obstacle: rp.Box) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        turned = pose(rng.uniform(-1, 1, 3), rpy=rng.uniform(-3, 3, 3))
+        scene = rp.Scene(arms={"arm": rp.Arm(_arm_with(shape), turned)}).with_obstacle("thing", obstacle, turned)
+        checker = rp.CollisionChecker(scene)
+        for gap in (0.0, 1e-12, 1e-9, 1e-7, 5e-7, 2e-6, 1e-3, 0.0399):
+            assert not checker.is_free(np.array([0.2 + gap])), gap
+        assert checker.is_free(np.array([0.2 + 0.0401]))
