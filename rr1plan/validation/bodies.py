@@ -174,8 +174,11 @@ class Bodies:
         gap = placed.center[node, b] - placed.center[node, a]
         near_a = np.einsum("kij,ki->kj", placed.rotation[node, a], gap)
         near_b = np.einsum("kij,ki->kj", placed.rotation[node, b], gap)
-        from_a = np.linalg.norm(np.maximum(np.abs(near_a) - self.half[a], 0.0), axis=1) - self.radius[b]
-        from_b = np.linalg.norm(np.maximum(np.abs(near_b) - self.half[b], 0.0), axis=1) - self.radius[a]
+        from_a = np.linalg.norm(np.maximum(np.abs(near_a) - self.half[a], 0.0), axis=1)
+        from_b = np.linalg.norm(np.maximum(np.abs(near_b) - self.half[b], 0.0), axis=1)
+        # A centre inside the other's box says nothing about how deep it is.
+        from_a = np.where(from_a > 0.0, from_a - self.radius[b], -np.inf)
+        from_b = np.where(from_b > 0.0, from_b - self.radius[a], -np.inf)
         return np.asarray(np.maximum(from_a, from_b) - self.padding[self.pair[item]])
 
     def _above_plane(self, placed: Placed, node: Index, item: Index) -> Array:
