@@ -26,7 +26,7 @@ HALVINGS = 8
 """A blend that is not free after so many halvings is given up: the motion stops there."""
 
 _REVERSAL = 1e-3
-_SMALLEST = 1e-5
+_SMALLEST = 1e-8
 
 
 class CurveChecker(Protocol):

@@ -52,7 +52,7 @@ def retime(
     torque_limits: bool = False,
     velocity_scale: float = 1.0,
     acceleration_scale: float = 1.0,
-    max_blend: float = 0.3,
+    max_blend: float = 1.0,
 ) -> Trajectory:
     """Give a path times under the limits of its arms, from rest to rest.
 
