@@ -137,6 +137,7 @@ def write_scene(
 
 def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, Arm]:
     loaded: dict[tuple[str | None, ...], Robot] = {}
+    finished: dict[tuple[str | None, ...], Robot] = {}  # arms with the same entries share one robot
     arms_by_name = {}
     for name in arms.names():
         entry = arms.table(name)
@@ -146,15 +147,20 @@ def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, 
             assert robot is not None
             with entry.blame("robot"):
                 loaded[key] = load_robot(robot, srdf=srdf, group=group, tool=tool)
-        arms_by_name[name] = _read_arm(entry, loaded[key])
+        own = (*key, repr(entry.raw("limits")), repr(entry.raw("held")))
+        if own not in finished:
+            finished[own] = _with_settings(loaded[key], entry)
+        arms_by_name[name] = _read_arm(entry, finished[own])
     return arms_by_name
 
 
-def _read_arm(entry: Table, robot: Robot) -> Arm:
+def _with_settings(robot: Robot, entry: Table) -> Robot:
     if "limits" in entry:
         robot = _with_limits(robot, entry)
-    if "held" in entry:
-        robot = _with_held(robot, entry)
+    return _with_held(robot, entry) if "held" in entry else robot
+
+
+def _read_arm(entry: Table, robot: Robot) -> Arm:
     base = read_pose(entry)
     q = entry.raw("q", "home")
     if not isinstance(q, str):

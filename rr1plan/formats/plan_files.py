@@ -1,0 +1,323 @@
+"""Paths, trajectories and whole motions as JSON files that prove they are whole.
+
+    {"format": "rr1plan", "version": 1, "kind": "trajectory", "sha256": "...", "content": {...}}
+
+`sha256` is that of the content in one canonical form, so a file that was cut off or altered is
+refused. The content names the scene and the robots by their hashes; a motion holds the scene
+itself and can be validated and played from the file alone. Floats are written so that they read
+back to the last bit; nothing is unpickled; files are replaced in one step.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pathlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import known_name
+from rr1plan.errors import FormatError, InputError
+from rr1plan.formats.files import read_text, write_text
+from rr1plan.formats.tables import Table
+from rr1plan.formats.values import from_plain, to_plain
+from rr1plan.path import Path
+from rr1plan.problem import Problem
+from rr1plan.report import Report
+from rr1plan.robot import Robot
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+_FORMAT = "rr1plan"
+_VERSION = 1
+_File = str | pathlib.Path
+
+
+@dataclass(frozen=True, eq=False)
+class SavedMotion:
+    """What a motion file holds.
+
+    Args:
+        scene: The scene it was planned in.
+        path: The path, when it was saved.
+        trajectory: The timed motion, when it was saved.
+        report: The referee's verdict at the time, when it was saved.
+        problem: The question, when it was saved.
+    """
+
+    scene: Scene
+    path: Path | None = None
+    trajectory: Trajectory | None = None
+    report: Report | None = None
+    problem: Problem | None = None
+
+
+def save_path(file: _File, path: Path, scene: Scene) -> pathlib.Path:
+    """Write a path to a JSON file and return the file's path.
+
+    Raises:
+        UnknownNameError: a joint the scene does not have.
+        InputError: the file cannot be written.
+    """
+    return _write(file, "path", _scene_summary(scene) | {"path": _path_entries(path, scene)})
+
+
+def save_trajectory(file: _File, trajectory: Trajectory, scene: Scene) -> pathlib.Path:
+    """Write a trajectory to a JSON file and return the file's path.
+
+    Raises:
+        UnknownNameError: a joint the scene does not have.
+        InputError: the file cannot be written.
+    """
+    return _write(file, "trajectory", _scene_summary(scene) | {"trajectory": _trajectory_entries(trajectory, scene)})
+
+
+def save_motion(
+    file: _File,
+    scene: Scene,
+    path: Path | None = None,
+    trajectory: Trajectory | None = None,
+    report: Report | None = None,
+    problem: Problem | None = None,
+) -> pathlib.Path:
+    """Write a scene and what is known of a motion in it to a JSON file and return the file's path.
+
+    Raises:
+        UnknownNameError: a joint the scene does not have.
+        InputError: the file cannot be written.
+    """
+    robots: list[Robot] = []
+    content = _scene_summary(scene) | {"scene": to_plain(scene, robots)}
+    content["robots"] = [to_plain(robot) for robot in robots]
+    if path is not None:
+        content["path"] = _path_entries(path, scene)
+    if trajectory is not None:
+        content["trajectory"] = _trajectory_entries(trajectory, scene)
+    if report is not None:
+        content["report"] = to_plain(report)
+    if problem is not None:
+        content["problem"] = {n: to_plain(getattr(problem, n)) for n in ("start", "goal", "arms")}
+    return _write(file, "motion", content)
+
+
+def load_path(file: _File, scene: Scene | None = None) -> Path:
+    """Read a path from a path file or a motion file.
+
+    Args:
+        file: The file.
+        scene: The scene it has to be for.
+
+    Raises:
+        FormatError: cut off, altered, of another version or kind, or made for another scene.
+    """
+    content = _read(file, ("path", "motion"))
+    _check_scene(content, scene)
+    return _read_path(content.table("path"))
+
+
+def load_trajectory(file: _File, scene: Scene | None = None) -> Trajectory:
+    """Read a trajectory from a trajectory file or a motion file.
+
+    Args:
+        file: The file.
+        scene: The scene it has to be for.
+
+    Raises:
+        FormatError: cut off, altered, of another version or kind, or made for another scene.
+    """
+    content = _read(file, ("trajectory", "motion"))
+    _check_scene(content, scene)
+    return _read_trajectory(content.table("trajectory"))
+
+
+def load_motion(file: _File, scene: Scene | None = None) -> SavedMotion:
+    """Read a motion file.
+
+    Args:
+        file: The file.
+        scene: The scene it has to be for (default: the one it holds).
+
+    Raises:
+        FormatError: cut off, altered, of another version or kind, or made for another scene.
+    """
+    content = _read(file, ("motion",))
+    _check_scene(content, scene)
+    with content.blame():
+        robots = [from_plain(data) for data in content.required("robots")]
+        held = from_plain(content.required("scene"), robots)
+        report = from_plain(content.raw("report"))
+        if not isinstance(held, Scene) or not isinstance(report, Report | None):
+            raise content.error("holds something else in the place of a scene or a report")
+        problem = content.table("problem") if "problem" in content else None
+        question = {n: from_plain(problem.required(n)) for n in ("start", "goal", "arms")} if problem else None
+        return SavedMotion(
+            scene=held,
+            path=_read_path(content.table("path")) if "path" in content else None,
+            trajectory=_read_trajectory(content.table("trajectory")) if "trajectory" in content else None,
+            report=report,
+            problem=Problem(held, **question) if question else None,
+        )
+
+
+def save_csv(file: _File, trajectory: Trajectory, dt: float = 0.01) -> pathlib.Path:
+    """Write samples of a trajectory as CSV and return the file's path.
+
+    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`; SI units and radians; the velocities of the
+    last row are exactly zero.
+
+    Args:
+        file: The file.
+        trajectory: A trajectory that ends at rest.
+        dt: Time between rows [s]; the last row is the end.
+
+    Raises:
+        InputError: the trajectory does not end at rest, or the file cannot be written.
+    """
+    times = trajectory.sample_times(dt)
+    q, v, a = (trajectory(times, derivative) for derivative in range(3))
+    if np.abs(v[-1]).max(initial=0.0) > 1e-6:
+        joint = trajectory.joint_names[int(np.argmax(np.abs(v[-1])))]
+        raise InputError(f"the trajectory does not end at rest: {joint!r} has the speed {np.abs(v[-1]).max():.3g}")
+    v[-1] = 0.0
+    header = ["t", *(f"{kind}:{name}" for kind in "qva" for name in trajectory.joint_names)]
+    rows = np.column_stack([times, q, v, a]).tolist()
+    return write_text(file, "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows)]) + "\n")
+
+
+def load_csv(file: _File) -> Trajectory:
+    """Read a trajectory from CSV samples: between rows a quintic that meets position, velocity and acceleration.
+
+    Raises:
+        FormatError: another header, a row that is too short, not numbers, or times that do not increase.
+    """
+    lines = read_text(file).splitlines()
+    header = lines[0].split(",") if lines else []
+    count = (len(header) - 1) // 3
+    names = tuple(column[2:] for column in header[1 : count + 1])
+    if count < 1 or header != ["t", *(f"{kind}:{name}" for kind in "qva" for name in names)]:
+        raise FormatError("has another header, expected t,q:<joint>...,v:<joint>...,a:<joint>...", file, 1)
+    rows = []
+    for number, line in enumerate(lines[1:], start=2):
+        try:
+            row = [float(cell) for cell in line.split(",")]
+        except ValueError as error:
+            raise FormatError(str(error), file, number) from error
+        if len(row) != len(header):
+            raise FormatError(f"has {len(row)} values, expected {len(header)}", file, number)
+        rows.append(row)
+    if not rows:
+        raise FormatError("has no rows", file)
+    try:
+        return _quintic(names, np.array(rows))
+    except InputError as error:
+        raise FormatError(str(error), file) from error
+
+
+def _quintic(names: tuple[str, ...], rows: Any) -> Trajectory:
+    times = rows[:, 0]
+    q, v, a = np.split(rows[:, 1:], 3, axis=1)
+    if len(rows) == 1:
+        return Trajectory(names, times, q[None, :1])
+    h = np.diff(times)[:, None]
+    if not (h > 0.0).all():
+        raise InputError("has times that do not strictly increase")
+    dq = q[1:] - q[:-1] - v[:-1] * h - a[:-1] * h**2 / 2
+    dv = (v[1:] - v[:-1] - a[:-1] * h) * h
+    da = (a[1:] - a[:-1]) * h**2
+    cubic, quartic, last = 10 * dq - 4 * dv + da / 2, -15 * dq + 7 * dv - da, 6 * dq - 3 * dv + da / 2
+    powers = [q[:-1], v[:-1], a[:-1] / 2, cubic / h**3, quartic / h**4, last / h**5]
+    return Trajectory(names, times, np.stack(powers, axis=1))
+
+
+# ---- the file ------------------------------------------------------------------------------
+
+
+def _write(file: _File, kind: str, content: dict[str, Any]) -> pathlib.Path:
+    text = _canonical(content)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    head = json.dumps({"format": _FORMAT, "version": _VERSION, "kind": kind, "sha256": digest})
+    return write_text(file, f'{head[:-1]}, "content": {text}}}\n')
+
+
+def _canonical(content: Any) -> str:
+    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _read(file: _File, kinds: tuple[str, ...]) -> Table:
+    """The content of a file, proven whole."""
+    try:
+        top = Table(json.loads(read_text(file)), file)
+    except json.JSONDecodeError as error:
+        raise FormatError(f"is not JSON, or was cut off: {error}", file, error.lineno) from error
+    except RecursionError as error:
+        raise FormatError("is nested too deeply", file) from error
+    if top.raw("format") != _FORMAT:
+        raise top.error("is not a file of rr1plan: it has no entry 'format' that says so")
+    if top.raw("version") != _VERSION:
+        raise top.error(f"has version {top.raw('version')!r}, expected {_VERSION}")
+    kind, digest = top.string("kind"), top.string("sha256")
+    if kind not in kinds:
+        raise top.error(f"holds a {kind}, expected a {' or a '.join(kinds)}")
+    content = top.table("content")
+    top.finish()
+    try:
+        whole = hashlib.sha256(_canonical(top.raw("content")).encode()).hexdigest() == digest
+    except ValueError as error:
+        raise top.error(f"holds a number that is not finite: {error}") from error
+    if not whole:
+        raise top.error("was altered after it was written: its content does not have the sha256 that it names")
+    return content
+
+
+def _scene_summary(scene: Scene) -> dict[str, Any]:
+    robots = {name: {"robot": arm.robot.name, "sha256": arm.robot.content_hash} for name, arm in scene.arms.items()}
+    return {"made_for": {"scene": scene.name, "sha256": scene.content_hash, "arms": robots}}
+
+
+def _check_scene(content: Table, scene: Scene | None) -> None:
+    """Refuse a file that was made for another scene, saying what differs."""
+    if scene is None:
+        return
+    made_for = content.table("made_for")
+    if made_for.string("sha256") == scene.content_hash:
+        return
+    mine = _scene_summary(scene)["made_for"]["arms"]
+    arms = made_for.table("arms")
+    differ = [name for name in {**mine, **dict.fromkeys(arms.names())} if arms.raw(name) != mine.get(name)]
+    what = f"the robot of arm {differ[0]!r} differs" if differ else "its obstacles, places or rules differ"
+    raise content.error(f"was made for another scene ({made_for.string('scene')!r}): {what}")
+
+
+def _path_entries(path: Path, scene: Scene) -> dict[str, Any]:
+    head = {"joint_names": list(path.joint_names), "units": _units(path.joint_names, scene)}
+    return head | {"waypoints": path.waypoints.tolist()}
+
+
+def _trajectory_entries(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
+    head = {"joint_names": list(trajectory.joint_names), "units": _units(trajectory.joint_names, scene)}
+    return head | {
+        "time_unit": "s",
+        "breaks": trajectory.breaks.tolist(),
+        "coefficients": trajectory.coefficients.tolist(),
+    }
+
+
+def _units(joint_names: tuple[str, ...], scene: Scene) -> list[str]:
+    units: dict[str, str] = {}
+    for arm, placed in scene.arms.items():
+        kinds = {name: placed.robot.joint(name).kind for name in placed.robot.joint_names}
+        units |= {f"{arm}/{name}": "m" if kind == "prismatic" else "rad" for name, kind in kinds.items()}
+    return [units[known_name("joint", name, units)] for name in joint_names]
+
+
+def _read_path(entry: Table) -> Path:
+    with entry.blame():
+        return Path(entry.strings("joint_names"), entry.numbers("waypoints", (None, None)))
+
+
+def _read_trajectory(entry: Table) -> Trajectory:
+    with entry.blame():
+        breaks, coefficients = entry.numbers("breaks", (None,)), entry.numbers("coefficients", (None, None, None))
+        return Trajectory(entry.strings("joint_names"), breaks, coefficients)
