@@ -64,3 +64,18 @@ def redundant_arm() -> Robot:
         for i, (a, r) in enumerate(zip(axes, reach, strict=True))
     ]
     return build_arm("seven", joints, [j.name for j in joints])
+
+
+@pytest.fixture(scope="session")
+def wrist_arm() -> Robot:
+    """Six joints, a shoulder without offset and a spherical wrist: the textbook's eight solutions."""
+    axes = [(0, 0, 1), (0, 1, 0), (0, 1, 0), (0, 0, 1), (0, 1, 0), (0, 0, 1)]
+    steps = [0.3, 0.0, 0.4, 0.0, 0.35, 0.0]
+    joints = [
+        Joint(
+            f"j{i}", "continuous", "base" if i == 0 else f"l{i - 1}", f"l{i}", pose([0, 0, step]), oblique_axis(*axis)
+        )
+        for i, (axis, step) in enumerate(zip(axes, steps, strict=True))
+    ]
+    joints.append(Joint("flange", "fixed", "l5", "tip", pose([0, 0, 0.1])))
+    return build_arm("wrist", joints, [f"j{i}" for i in range(6)])

@@ -21,6 +21,11 @@ VECTORS = json.loads(Path(__file__).with_name("rr1_vectors.json").read_text())["
 MANY = 100_000
 
 
+def robot_of(name, request):
+    """A shipped robot, or one of the odd ones of the fixtures."""
+    return rp.load_robot(name) if name in rp.robot_names() else request.getfixturevalue(name)
+
+
 def random_configurations(robot, n, seed=0):
     lower = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -np.pi)
     upper = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, np.pi)
@@ -105,9 +110,9 @@ def test_rr1_agrees_with_mujoco_on_many_configurations(rr1):
     assert worst < 1e-13
 
 
-@pytest.mark.parametrize("name", ["rr1", "planar2r", "odd_arm", "redundant_arm"])
+@pytest.mark.parametrize("name", [*rp.robot_names(), "odd_arm", "redundant_arm"])
 def test_every_frame_agrees_with_the_plain_kinematics(name, request):
-    robot = request.getfixturevalue(name)
+    robot = robot_of(name, request)
     base = pose([0.3, -0.2, 0.1], rpy=[0.1, 0.2, 0.3])
     kinematics = Kinematics(Scene({"arm": Arm(robot, base)}))
     for q in random_configurations(robot, 50, seed=3):
@@ -144,9 +149,9 @@ def test_jacobian_is_the_derivative_of_the_pose(odd_arm, seed):
         np.testing.assert_allclose(J[3:, j], turn, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", ["rr1", "odd_arm", "redundant_arm"])
+@pytest.mark.parametrize("name", [*rp.robot_names(), "odd_arm", "redundant_arm"])
 def test_dynamics_agree_with_mujoco(name, request):
-    robot = request.getfixturevalue(name)
+    robot = robot_of(name, request)
     kinematics, model = Kinematics(robot), mujoco_model(robot)
     data = mujoco.MjData(model)
     rng = np.random.default_rng(4)

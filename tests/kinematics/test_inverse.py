@@ -83,6 +83,17 @@ def test_mimic_sliding_continuous_and_redundant_arms_are_solved(name, request):
             assert_solves(robot, q, T, base)
 
 
+def test_an_arm_with_a_spherical_wrist_has_eight_solutions(wrist_arm):
+    kinematics, rng = Kinematics(wrist_arm), np.random.default_rng(14)
+    for i in range(5):
+        q = rng.uniform([-3, 0.2, 0.4, -3, 0.4, -3], [3, 1.0, 1.4, 3, 1.4, 3])
+        T = kinematics.pose(q)
+        result = solve_ik(kinematics, PoseGoal("tool", T), rng=i)
+        assert len(result.solutions) == 8
+        for solution in result.solutions:
+            assert_solves(wrist_arm, solution, T)
+
+
 def test_solutions_of_a_redundant_arm_are_apart(redundant_arm):
     kinematics = Kinematics(redundant_arm)
     T = kinematics.pose([0.3, 0.6, 0.2, 0.9, -0.4, 0.5, 0.1])
