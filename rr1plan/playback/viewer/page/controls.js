@@ -52,7 +52,11 @@ class Controls {
     find("loop").append(icon("loop"));
     find("home").append(icon("home"));
     find("play").onclick = () => viewer.toggle();
-    find("scrub").oninput = (event) => { viewer.pause(); viewer.seek(Number(event.target.value)); };
+    find("scrub").oninput = (event) => {
+      const time = Number(event.target.value);
+      viewer.pause();
+      viewer.seek(time);
+    };
     find("speed").onchange = (event) => viewer.setSpeed(Number(event.target.value));
     find("loop").onclick = () => viewer.setLoop(!viewer.player.loop);
     find("home").onclick = () => viewer.look();

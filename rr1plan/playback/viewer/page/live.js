@@ -11,7 +11,7 @@ class Live {
 
   connect() {
     const url = `${location.protocol.replace("http", "ws")}//${location.host}/updates?version=${this.version}`;
-    const socket = new WebSocket(url);
+    const socket = (this.socket = new WebSocket(url));
     socket.binaryType = "arraybuffer";
     socket.onopen = () => this.viewer.controls.status("");
     socket.onmessage = (message) => this.take(message.data);

@@ -1,0 +1,52 @@
+"""One headless Chromium for all tests of this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from rr1plan.errors import MissingPackageError
+from rr1plan.playback.viewer.capture import find_browser, open_browser
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    if find_browser() is None:
+        pytest.skip("no Chromium on this machine")
+    try:
+        with open_browser((960, 640)) as context:
+            yield context
+    except MissingPackageError as error:
+        pytest.skip(str(error))
+
+
+class Tab:
+    """A page of the browser that remembers every request and complaint."""
+
+    def __init__(self, page: Any) -> None:
+        self.page = page
+        self.requests: list[str] = []
+        self.complaints: list[str] = []
+        page.on("request", lambda r: self.requests.append(r.url))
+        page.on("pageerror", lambda e: self.complaints.append(str(e)))
+        page.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
+        page.on("dialog", lambda d: (self.complaints.append(f"dialog {d.message}"), d.dismiss()))
+
+    def ask(self, expression: str, argument: Any = None) -> Any:
+        return self.page.evaluate(expression, argument)
+
+
+@pytest.fixture
+def tab(browser: Any) -> Iterator[Tab]:
+    page = browser.new_page()
+    yield Tab(page)
+    page.close()
+
+
+@pytest.fixture(scope="module")
+def shared_tab(browser: Any) -> Iterator[Tab]:
+    page = browser.new_page()
+    yield Tab(page)
+    page.close()

@@ -1,0 +1,289 @@
+"""The page in a real browser: what it draws, what it computes, what a click does."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import rr1plan as rp
+from rr1plan.playback import Panel, Replay, pack, save_html, show
+from rr1plan.playback.viewer.capture import wait_until
+from rr1plan.report import Margin, Violation
+
+pytestmark = pytest.mark.browser
+
+READY = "Boolean(window.RR1 && RR1.ready)"
+
+
+def wander(scene: rp.Scene, rng: int = 0) -> rp.Trajectory:
+    """Three random cubic pieces that meet."""
+    generator = np.random.default_rng(rng)
+    names = scene.joint_names()
+    start = scene.configuration()
+    coefficients = np.zeros((3, 4, len(names)))
+    for piece in coefficients:
+        piece[0] = start
+        piece[1:] = generator.uniform(-0.3, 0.3, (3, len(names)))
+        start = piece.sum(axis=0)
+    return rp.Trajectory(names, np.array([0.0, 1.0, 2.0, 3.0]), coefficients)
+
+
+@pytest.fixture(scope="module")
+def two_arms(rr1: rp.Robot, planar2r: rp.Robot) -> rp.Scene:
+    scene = rp.Scene(name="two").with_arm("left", rr1, rp.transforms.pose([0.4, 0.1, 0.02], rpy=[0.1, -0.2, 1.0]))
+    scene = scene.with_arm("right", planar2r, [-0.5, 0.0, 0.0])
+    scene = scene.with_obstacle("ground", rp.HalfSpace()).with_obstacle("ball", rp.Sphere(0.08), [0.0, 0.4, 0.3])
+    return scene.with_obstacle("held", rp.Box((0.03, 0.03, 0.06)), [0.1, 0.1, 0.4]).attach("held", "left")
+
+
+@pytest.fixture(scope="module")
+def page_file(two_arms: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    trajectory = wander(two_arms)
+    problem = rp.Problem(two_arms, None, {"left": trajectory(3.0)[:6], "right": trajectory(3.0)[6:]})
+    report = rp.Report(
+        (Violation("collision", ("left/hand", "ball"), 1.25, -0.004, 0.0, "left/hand is 4 mm inside ball"),),
+        {"clearance": Margin(-0.004, "m", ("left/hand", "ball"), 1.25), "velocity": Margin(0.8)},
+        ("collision", "velocity"),
+        {"torque": "not asked for"},
+        3.0,
+    )
+    times = np.linspace(0, 3, 31)
+    zeros = np.zeros(trajectory.coefficients.shape[2])
+    actual = trajectory(times) + 0.01
+    replay = Replay(
+        "dynamic", trajectory.joint_names, times, trajectory(times), actual, zeros, zeros, zeros, (), 1, 0.1, 1.0
+    )
+    file = tmp_path_factory.mktemp("page") / "page.html"
+    return save_html(file, two_arms, trajectory, problem=problem, report=report, replay=replay, play=False)
+
+
+@pytest.fixture(scope="module")
+def opened(shared_tab: Any, page_file: FilePath) -> Any:
+    shared_tab.page.goto(page_file.as_uri())
+    wait_until(shared_tab.page, READY)
+    return shared_tab
+
+
+@pytest.fixture
+def calm(opened: Any) -> Iterator[Any]:
+    """The page at its start, standing still, whatever the test before did."""
+    opened.ask("RR1.pause(), RR1.setSpeed(1), RR1.setLoop(true), RR1.seek(0)")
+    yield opened
+    assert opened.complaints == []
+
+
+def drawn(tab: Any) -> np.ndarray:
+    """The picture without the cards, as numbers."""
+    frames = tab.ask("document.body.classList.add('bare'), RR1.frames")
+    wait_until(tab.page, f"RR1.frames > {frames} + 2")
+    png = tab.page.screenshot()
+    tab.ask("document.body.classList.remove('bare')")
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
+
+
+def test_the_page_asks_nobody_for_anything(opened: Any, page_file: FilePath) -> None:
+    assert opened.requests == [page_file.as_uri()]
+    assert opened.complaints == []
+    assert opened.ask("document.title") == "two"
+
+
+def test_the_picture_shows_the_robot_and_its_ghosts(calm: Any) -> None:
+    with_robot = drawn(calm)
+    red, green, blue = with_robot[..., 0], with_robot[..., 1], with_robot[..., 2]
+    orange = (red > 120) & (green < 0.75 * red) & (blue < 0.6 * red)
+    assert orange.sum() > 2000
+    calm.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, false))")
+    without = drawn(calm)
+    calm.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, true))")
+    assert (np.abs(with_robot - without).max(axis=2) > 40).sum() > 4000
+
+
+def test_kinematics_in_the_page_agree_with_ours(calm: Any, two_arms: rp.Scene) -> None:
+    trajectory = wander(two_arms)
+    for t in np.random.default_rng(5).uniform(0.0, 3.0, 25):
+        poses = calm.ask("t => RR1.poses(RR1.at(t))", t)
+        expected = two_arms.link_poses(two_arms.split(trajectory(t)))
+        assert set(poses) == set(expected)
+        for name, T in expected.items():
+            np.testing.assert_allclose(np.reshape(poses[name], (4, 4)).T, T, atol=1e-6)
+
+
+def test_what_is_drawn_is_where_the_kinematics_say(calm: Any, two_arms: rp.Scene) -> None:
+    calm.ask("RR1.seek(1.7)")
+    rows = calm.ask("""() => RR1.world.robots.sets.flatMap(({drawn, items}) => items.map((item, i) => {
+        const m = new RR1.THREE.Matrix4(); drawn.getMatrixAt(i, m); return [item.element, m.elements.slice(12, 15)]; }))""")
+    poses = two_arms.link_poses(two_arms.split(wander(two_arms)(1.7)))
+    expected = [
+        (f"{arm}/{link.name}", (poses[f"{arm}/{link.name}"] @ g.pose)[:3, 3])
+        for arm, placed in two_arms.arms.items()
+        for link in placed.robot.links
+        for g in link.visuals
+    ]
+    assert len(rows) == len(expected)
+    for (name, got), (want_name, want) in zip(
+        sorted(rows, key=lambda r: (r[0], *np.round(r[1], 4))),
+        sorted(expected, key=lambda r: (r[0], *np.round(r[1], 4))),
+        strict=True,
+    ):
+        assert name == want_name
+        np.testing.assert_allclose(got, want, atol=1e-4)
+
+
+def test_play_and_pause_by_clicks(calm: Any) -> None:
+    calm.page.click("#play")
+    wait_until(calm.page, "RR1.time > 0.05")
+    assert calm.ask("RR1.playing")
+    calm.page.click("#play")
+    stopped = calm.ask("RR1.time")
+    assert not calm.ask("RR1.playing")
+    calm.page.wait_for_timeout(150)
+    assert calm.ask("RR1.time") == stopped
+
+
+def test_scrubbing_with_the_mouse_goes_to_that_time(calm: Any, two_arms: rp.Scene) -> None:
+    box = calm.page.locator("#scrub").bounding_box()
+    calm.page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    time = calm.ask("RR1.time")
+    assert time == pytest.approx(1.5, abs=0.1)
+    np.testing.assert_allclose(calm.ask("Array.from(RR1.q)"), wander(two_arms)(time), atol=1e-6)
+
+
+def test_the_speed_menu_changes_the_speed(calm: Any) -> None:
+    calm.page.select_option("#speed", "5")
+    assert calm.ask("RR1.player.speed") == 5
+    gone = calm.ask("(RR1.player.playing = true, RR1.player.last = 1000, RR1.player.tick(1100), RR1.pause(), RR1.time)")
+    assert gone == pytest.approx(0.5)
+
+
+def test_the_motion_repeats_or_stops_at_its_end(calm: Any) -> None:
+    run = "loop => { RR1.setLoop(loop); RR1.seek(2.9); RR1.play(); RR1.player.last = 0; "
+    run += "RR1.player.tick(200); RR1.player.tick(900); RR1.player.tick(901); const s = [RR1.playing, RR1.time]; RR1.pause(); return s; }"
+    assert calm.ask(run, False) == [False, 3]
+    playing, time = calm.ask(run, True)
+    assert playing
+    assert time < 0.5
+
+
+def test_keys_do_what_buttons_do(calm: Any) -> None:
+    calm.page.click("#pane", position={"x": 480, "y": 300})
+    calm.page.keyboard.press("ArrowRight")
+    assert calm.ask("RR1.time") == pytest.approx(1 / 60)
+    calm.page.keyboard.press("End")
+    assert calm.ask("RR1.time") == 3
+    calm.page.keyboard.press("ArrowUp")
+    assert calm.ask("RR1.player.speed") == 2
+    calm.page.keyboard.press("Space")
+    assert calm.ask("RR1.playing")
+    calm.page.keyboard.press("Space")
+    assert not calm.ask("RR1.playing")
+
+
+def test_a_joint_slider_poses_the_arm(calm: Any) -> None:
+    slider = calm.page.locator("#joint-0")
+    box = slider.bounding_box()
+    calm.page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + box["height"] / 2)
+    low, high = calm.ask("RR1.limits[0]")
+    assert calm.ask("RR1.q[0]") == pytest.approx(low + 0.75 * (high - low), abs=0.1 * (high - low))
+    assert calm.ask("RR1.manual")
+    calm.ask("RR1.seek(0)")
+    assert not calm.ask("RR1.manual")
+
+
+@pytest.mark.parametrize("layer", ["robots", "obstacles", "start", "goal", "toolpath", "collisions", "replay"])
+def test_every_toggle_shows_and_hides_its_layer(calm: Any, layer: str) -> None:
+    visible = f"RR1.world.layers['{layer}'].visible"
+    before = calm.ask(visible)
+    calm.page.click(f"[data-layer={layer}]")
+    assert calm.ask(visible) != before
+    calm.page.click(f"[data-layer={layer}]")
+    assert calm.ask(visible) == before
+
+
+def test_the_simulated_shadow_is_where_the_replay_was(calm: Any, two_arms: rp.Scene) -> None:
+    calm.ask("RR1.setShown('replay', true), RR1.seek(1.5)")
+    tool = two_arms.arms["left"].robot.tool
+    at = calm.ask(
+        "n => Array.from(RR1.world.replayPoses.slice(16 * n, 16 * n + 16))",
+        two_arms.arms["left"].robot.link_names.index(tool),
+    )
+    calm.ask("RR1.setShown('replay', false)")
+    expected = two_arms.link_poses(two_arms.split(wander(two_arms)(1.5) + 0.01))[f"left/{tool}"]
+    np.testing.assert_allclose(np.reshape(at, (4, 4)).T, expected, atol=1e-5)
+
+
+def test_a_violation_leads_to_its_moment_and_pair(calm: Any) -> None:
+    assert calm.page.inner_text("#badge") == "Invalid: 1 found"
+    calm.page.click("#report .violation")
+    assert calm.ask("RR1.time") == 1.25
+    assert calm.ask("RR1.touched") == ["left/hand", "ball"]
+
+
+def test_the_page_follows_its_window(calm: Any) -> None:
+    calm.page.set_viewport_size({"width": 640, "height": 480})
+    wait_until(calm.page, "RR1.meshcat.renderer.domElement.clientWidth <= 640")
+    calm.page.set_viewport_size({"width": 960, "height": 640})
+    wait_until(calm.page, "RR1.meshcat.renderer.domElement.clientWidth > 900")
+
+
+def test_names_from_files_stay_text(tab: Any, rr1: rp.Robot, tmp_path: FilePath) -> None:
+    nasty = '</script><img src=x onerror="window.hacked=1"> \' <!--'
+    flat = nasty.replace("/", "")
+    scene = (
+        rp.Scene(name=nasty, description=nasty).with_arm(flat, rr1).with_obstacle(flat + "2", rp.Box((0.1, 0.1, 0.1)))
+    )
+    panel = Panel(
+        "own", nasty, "<p id='told'></p>", script="root.querySelector('#told').textContent = data;", data=nasty
+    )
+    tab.page.goto(save_html(tmp_path / "nasty.html", scene, panels=[panel]).as_uri())
+    wait_until(tab.page, READY)
+    assert tab.ask("document.title") == nasty
+    assert tab.page.text_content("#title") == nasty
+    assert tab.page.text_content("#told") == nasty
+    assert tab.page.text_content("#joints summary span:last-child") == flat
+    assert tab.ask("document.images.length") == 0
+    assert tab.ask("window.hacked") is None
+    assert len(tab.requests) == 1
+    assert tab.complaints == []
+
+
+def test_a_panel_sees_and_moves_the_arm(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r)
+    script = """
+        viewer.on('change', (q, time, manual) => { root.querySelector('output').textContent = `${q[0].toFixed(3)} ${manual}`; });
+        root.querySelector('button').onclick = () => viewer.setQ(viewer.unpack(data).values);
+    """
+    panel = Panel(
+        "lesson", "Lesson", "<button>go</button><output></output>", script=script, data=pack([0.25, 0.5], "f8")
+    )
+    tab.page.goto(save_html(tmp_path / "panel.html", scene, panels=[panel]).as_uri())
+    wait_until(tab.page, READY)
+    tab.page.click("#panel-lesson button")
+    assert tab.page.inner_text("#panel-lesson output") == "0.250 true"
+    assert tab.complaints == []
+
+
+def test_a_live_page_follows_the_program(tab: Any, two_arms: rp.Scene) -> None:
+    with show(two_arms, wander(two_arms), port=0, open_browser=False) as viewer:
+        tab.page.goto(viewer.url)
+        wait_until(tab.page, READY)
+        wait_until(tab.page, "RR1.live.socket && RR1.live.socket.readyState === 1")
+        q = two_arms.configuration() + 0.125
+        for i in range(50):
+            viewer.update(q - 50 + i)
+        viewer.update(q)
+        wait_until(tab.page, f"Math.abs(RR1.q[0] - {q[0]}) < 1e-12")
+        np.testing.assert_array_equal(tab.ask("Array.from(RR1.q)"), q)
+        viewer.seek(2.0)
+        wait_until(tab.page, "RR1.time === 2 && !RR1.manual")
+        viewer.load(two_arms.without_obstacle("ball"), title="another")
+        wait_until(tab.page, "document.title === 'another'")
+        assert tab.ask("RR1.document.obstacles.length") == len(two_arms.obstacles) - 1
+        assert {url.split("?")[0] for url in tab.requests} <= {viewer.url, viewer.url.replace("http", "ws") + "updates"}
+    wait_until(tab.page, "RR1.live.ended")
+    assert tab.complaints == []
