@@ -1,0 +1,119 @@
+"""Many arms of one robot at once: on a grid, or in a ring."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from rr1plan.checks import finite_array, finite_number, known_name, positive_number
+from rr1plan.errors import InputError
+from rr1plan.robot import Robot
+from rr1plan.scene import Scene
+from rr1plan.transforms import pose
+
+Facing = Literal["centre", "outward", "along"]
+_FACING = ("centre", "outward", "along")
+
+
+def place_grid(
+    robot: Robot,
+    rows: int,
+    columns: int,
+    spacing: float | tuple[float, float] = 1.0,
+    *,
+    centre: Any = (0.0, 0.0, 0.0),
+    yaw: float = 0.0,
+    q: Any = "home",
+    scene: Scene | None = None,
+    prefix: str = "arm",
+) -> Scene:
+    """Place rows x columns arms on a grid, all turned the same way.
+
+    Args:
+        robot: The robot all of them are.
+        rows: How many along x.
+        columns: How many along y.
+        spacing: Distance between neighbours [m], the same both ways or (along x, along y).
+        centre: Middle of the grid in the world [m], shape (3,).
+        yaw: How every base is turned about z [rad].
+        q: Posture of every arm: a configuration's name or numbers (nq,).
+        scene: The scene they are added to (default: an empty one).
+        prefix: Their names are this and a number from 1 on, e.g. "arm01".
+
+    Raises:
+        InputError: no rows or columns, a spacing that is not above zero, a name the scene has already.
+    """
+    _check_counts(rows=rows, columns=columns)
+    both = [spacing, spacing] if np.ndim(spacing) == 0 else spacing
+    along_x, along_y = (positive_number("spacing", s) for s in finite_array("spacing", both, (2,)))
+    middle = finite_array("centre", centre, (3,))
+    turn = finite_number("yaw", yaw)
+    xs = along_x * (np.arange(rows) - (rows - 1) / 2)
+    ys = along_y * (np.arange(columns) - (columns - 1) / 2)
+    bases = [pose(middle + np.array([x, y, 0.0]), rpy=(0.0, 0.0, turn)) for x in xs for y in ys]
+    return _place(robot, bases, q, scene, prefix)
+
+
+def place_ring(
+    robot: Robot,
+    count: int,
+    radius: float,
+    facing: Facing = "centre",
+    *,
+    front: Any = (1.0, 0.0, 0.0),
+    centre: Any = (0.0, 0.0, 0.0),
+    start_angle: float = 0.0,
+    q: Any = "home",
+    scene: Scene | None = None,
+    prefix: str = "arm",
+) -> Scene:
+    """Place arms evenly on a circle.
+
+    Args:
+        robot: The robot all of them are.
+        count: How many.
+        radius: Radius of the circle of their bases [m].
+        facing: Where their fronts point: to the "centre", "outward", or "along" the circle (counter-clockwise).
+        front: Which way the robot's front points in its base frame, shape (3,); (-1, 0, 0) for RR1.
+        centre: Middle of the circle in the world [m], shape (3,).
+        start_angle: Where on the circle the first one stands [rad].
+        q: Posture of every arm: a configuration's name or numbers (nq,).
+        scene: The scene they are added to (default: an empty one).
+        prefix: Their names are this and a number from 1 on, e.g. "arm01".
+
+    Raises:
+        InputError: no arms, a radius that is not above zero, a front without a horizontal direction, a name
+            the scene has already.
+        UnknownNameError: an unknown facing.
+    """
+    _check_counts(count=count)
+    distance = positive_number("radius", radius)
+    known_name("facing", facing, _FACING)
+    middle, ahead = finite_array("centre", centre, (3,)), finite_array("front", front, (3,))
+    if np.hypot(ahead[0], ahead[1]) < 1e-9:
+        raise InputError(f"front is {ahead.tolist()}, expected a direction that is not vertical")
+    first = finite_number("start_angle", start_angle)
+    turn = {"centre": np.pi, "outward": 0.0, "along": np.pi / 2}[facing] - np.arctan2(ahead[1], ahead[0])
+    bases = []
+    for angle in first + 2.0 * np.pi * np.arange(count) / count:
+        place = middle + distance * np.array([np.cos(angle), np.sin(angle), 0.0])
+        bases.append(pose(place, rpy=(0.0, 0.0, angle + turn)))
+    return _place(robot, bases, q, scene, prefix)
+
+
+def _check_counts(**counts: int) -> None:
+    for name, count in counts.items():
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+            raise InputError(f"{name} is {count!r}, expected a whole number of at least 1")
+
+
+def _place(robot: Robot, bases: list[Any], q: Any, scene: Scene | None, prefix: str) -> Scene:
+    scene = Scene() if scene is None else scene
+    digits = max(2, len(str(len(bases))))
+    for number, base in enumerate(bases, start=1):
+        name = f"{prefix}{number:0{digits}d}"
+        if name in scene.arms:
+            raise InputError(f"the scene has an arm named {name!r} already; try another prefix")
+        scene = scene.with_arm(name, robot, base, q)
+    return scene
