@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rr1plan.checks import Array, Seed
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
@@ -60,7 +63,8 @@ class Progress:
     best_cost: float | None = None
 
 
-ProgressCallback = Callable[[Progress], None]
+# It may return False to cancel the search.
+ProgressCallback = Callable[[Progress], bool | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +72,7 @@ class SearchTree:
     """What a planner explored: configurations (n, nq) and edges between them (m, 2)."""
 
     vertices: Array
-    edges: Array
+    edges: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,10 +119,22 @@ class PlanResult:
         return self.path
 
 
+@dataclass(frozen=True)
+class PlannerInfo:
+    """A row of the table of planners: name, one line about it, whether it improves its path until the budget ends."""
+
+    name: str
+    description: str
+    optimizing: bool = False
+
+
 class Planner(Protocol):
     """Settings in the constructor, data in the verb."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Name in the table of planners."""
+        ...
 
     def plan(
         self,

@@ -1,0 +1,89 @@
+"""One verb, many planners: `plan(problem, planner="rrt_connect")`.
+
+A planner is a class with a `name` and the verb `plan`; a row in `_ROWS` makes it known by that name.
+"""
+
+from __future__ import annotations
+
+from rr1plan.checks import Seed, known_name
+from rr1plan.errors import InputError
+from rr1plan.planners.cartesian import CartesianPlanner
+from rr1plan.planners.ompl import KINDS, OmplPlanner
+from rr1plan.planning import Budget, Planner, PlannerInfo, PlanResult, ProgressCallback
+from rr1plan.problem import Problem
+
+__all__ = [
+    "CartesianPlanner",
+    "OmplPlanner",
+    "make_planner",
+    "plan",
+    "planner_names",
+    "planner_table",
+]
+
+_ROWS = (
+    *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
+    PlannerInfo("cartesian", "the tool moves on a straight line to a pose, the joints follow"),
+)
+
+
+def planner_names() -> tuple[str, ...]:
+    """Names of all planners."""
+    return tuple(row.name for row in _ROWS)
+
+
+def planner_table() -> tuple[PlannerInfo, ...]:
+    """All planners: name, one line of description, whether it improves its path until the budget ends."""
+    return _ROWS
+
+
+def make_planner(name: str, **settings: float) -> Planner:
+    """A planner by name.
+
+    Args:
+        name: A name of `planner_names()`.
+        **settings: Arguments of the planner's constructor, e.g. range=0.5 [rad] or tree=True.
+
+    Raises:
+        UnknownNameError: no such planner or setting; the message lists them.
+        InputError: a setting of the wrong kind.
+    """
+    if known_name("planner", name, planner_names()) != CartesianPlanner.name:
+        return OmplPlanner(name, **settings)  # type: ignore[arg-type]  # `tree` is among the settings
+    known = ("tolerance", "orientation_tolerance")
+    for setting in settings:
+        known_name("setting of planner 'cartesian'", setting, known)
+    return CartesianPlanner(**settings)
+
+
+def plan(
+    problem: Problem,
+    planner: str | Planner = "rrt_connect",
+    budget: Budget | None = None,
+    rng: Seed = None,
+    progress: ProgressCallback | None = None,
+) -> PlanResult:
+    """Find a path that answers a problem, every edge of it certified free.
+
+    Args:
+        problem: The question.
+        planner: A name of `planner_names()`, or a planner with settings of its own.
+        budget: When to stop (default: 10 s). Under a budget of iterations alone the same seed gives the
+            same path to the byte.
+        rng: Generator or seed of everything random.
+        progress: Called about ten times a second; it may return False to cancel.
+
+    Returns:
+        The path, or why there is none: INVALID_START, INVALID_GOAL (what touches what and how deep, which
+        joint is out by how much), INFEASIBLE (no configuration reaches the goal), TIMEOUT, CANCELLED.
+
+    Raises:
+        UnknownNameError: no such planner.
+        InputError: a problem this planner does not take.
+        KeyboardInterrupt: Ctrl-C, after cleaning up.
+    """
+    if not isinstance(problem, Problem):
+        raise InputError(f"problem is {type(problem).__name__}, expected a Problem")
+    if isinstance(planner, str):
+        planner = make_planner(planner)
+    return planner.plan(problem, budget, rng, progress)

@@ -1,0 +1,408 @@
+"""The only door to OMPL: plain arrays in, plain arrays out, nothing of OMPL's survives the call.
+
+OMPL trusts its caller, so everything is checked before it is asked: numbers it would read as memory,
+NaN it would call solved. No exception crosses its C++ code: callbacks keep what was raised, ask the
+search to stop, and it is raised again outside. Budgets are counted in the termination condition, which
+makes a search repeatable; the clock is looked at there and in every check of an edge.
+
+PRM's own search runs a second thread, which dies with the process on any exception and makes its roadmap
+differ from run to run. Here OMPL only grows the roadmap, in this thread, and the query is answered by
+Dijkstra's algorithm on it.
+"""
+
+from __future__ import annotations
+
+import re
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import ompl.base as ob
+import ompl.geometric as og
+import ompl.util as ou
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from rr1plan.checks import Array, finite_array, finite_number, known_name
+from rr1plan.errors import BackendError, InputError
+from rr1plan.planning import Budget, SearchTree
+
+# A path this near to the straight line's length counts as optimal. Without it informed samplers
+# search an ellipsoid of no volume for ever.
+_OPTIMAL = 1e-3
+_FIRST_ROADMAP, _ROADMAP_GROWTH = 100, 1.3  # termination checks between two queries of a roadmap
+_EXPANSION = 4  # one check spent on narrow places for so many spent everywhere
+_NOT_SETTINGS = {"setProblemDefinition", "setName", "setProjectionEvaluator", "setDefaultConnectionStrategy"}
+
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """A question in plain arrays.
+
+    Args:
+        lower: Bounds of the search space [rad or m], shape (n,).
+        upper: Its other bounds, above the first, shape (n,).
+        start: Where to start, shape (n,).
+        goals: Where to end, any of them, shape (k, n).
+        state_valid: Whether a configuration (n,) is free; the array is reused after the call.
+        edge_valid: Whether the straight line between two configurations is free; likewise.
+    """
+
+    lower: Array
+    upper: Array
+    start: Array
+    goals: Array
+    state_valid: Callable[[Array], bool]
+    edge_valid: Callable[[Array, Array], bool]
+
+    def checked(self) -> Query:
+        """The same query, its numbers checked and copied.
+
+        Raises:
+            InputError: wrong shapes, not finite, bounds the wrong way round, or a state outside them.
+        """
+        n = len(self.lower)
+        lower, upper = (finite_array(name, getattr(self, name), (n,)) for name in ("lower", "upper"))
+        start, goals = finite_array("start", self.start, (n,)), finite_array("goals", self.goals, (None, n))
+        if n == 0 or len(goals) == 0:
+            raise InputError(f"a query of {n} joints and {len(goals)} goals, expected at least one of each")
+        if not (lower < upper).all():
+            raise InputError(f"lower bounds {lower.tolist()} are not all below the upper ones {upper.tolist()}")
+        states = np.vstack([start, goals])
+        if (states < lower).any() or (states > upper).any():
+            raise InputError("the start or a goal is outside the bounds")
+        return Query(lower, upper, start, goals, self.state_valid, self.edge_valid)
+
+
+@dataclass(eq=False)
+class Watch:
+    """Counts and clock of one search, and what stopped it.
+
+    Args:
+        budget: When to stop.
+        began: When the clock started (`time.perf_counter`) [s].
+        report: Told (seconds, part of the budget used, best cost) at each check; False cancels.
+    """
+
+    budget: Budget
+    began: float
+    report: Callable[[float, float, float | None], bool] | None = None
+    checks: int = 0
+    over: bool = False
+    cancelled: bool = False
+    error: BaseException | None = None
+    best_cost: Callable[[], float] | None = None
+    cost: float | None = None
+    history: list[tuple[float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.deadline = self.began + self.budget.seconds
+        self.most = np.inf if self.budget.iterations is None else self.budget.iterations
+
+    def look(self) -> None:
+        """One termination check: count, clock, cost, report."""
+        self.checks += 1
+        now = time.perf_counter()
+        if self.best_cost is not None:
+            self.note(self.best_cost())
+        if self.checks >= self.most or now >= self.deadline:
+            self.over = True
+        if self.report is not None:
+            used = max((now - self.began) / self.budget.seconds, self.checks / self.most)
+            if not self.report(now - self.began, min(used, 1.0), self.cost):
+                self.over = self.cancelled = True
+
+    def note(self, cost: float) -> None:
+        """Remember a better cost."""
+        if np.isfinite(cost) and (self.cost is None or cost < self.cost):
+            self.cost = float(cost)
+            self.history.append((time.perf_counter() - self.began, self.cost))
+
+    def guarded(self, answer: Callable[..., bool], failed: bool) -> Callable[..., bool]:
+        """A callback that never raises: what it raised is kept and ends the search."""
+
+        def call(*arguments: Any) -> bool:
+            if self.over:
+                return failed
+            try:
+                return bool(answer(*arguments))
+            except BaseException as error:
+                self.error, self.over = error, True
+                return failed
+
+        return call
+
+    def is_over(self) -> bool:
+        """Whether to stop; the termination condition."""
+        self.look()
+        return self.over
+
+    def in_time(self) -> bool:
+        """Whether an edge or state may still be checked: a search that looks rarely still ends in time."""
+        if time.perf_counter() >= self.deadline:
+            self.over = True
+        return not self.over
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a search found.
+
+    Args:
+        waypoints: The path from the start to a goal, shape (m, n), or None.
+        difference: How near to a goal it came otherwise [rad], if known.
+        tree: What was explored, when asked for.
+    """
+
+    waypoints: Array | None
+    difference: float | None = None
+    tree: SearchTree | None = None
+
+
+def setting_names(planner: str) -> tuple[str, ...]:
+    """What can be set of a planner, by OMPL's names."""
+    setters = [n for n in dir(getattr(og, planner)) if n.startswith("set") and n[3:4].isupper()]
+    return tuple(sorted(_snake(name[3:]) for name in setters if name not in _NOT_SETTINGS))
+
+
+def solve(
+    planner: str, query: Query, watch: Watch, seed: int, settings: Mapping[str, Any], *, tree: bool = False
+) -> Answer:
+    """Search.
+
+    Args:
+        planner: OMPL's name of the planner.
+        query: The question.
+        watch: Budget and counts; has the counts afterwards.
+        seed: Seed of OMPL's generators, 1 .. 2^32 - 1.
+        settings: Values by OMPL's names; `range` 0 leaves the length of an edge to OMPL.
+        tree: Whether to copy what was explored.
+
+    Raises:
+        InputError, UnknownNameError: a query or setting OMPL would misread.
+        KeyboardInterrupt: Ctrl-C, after everything is cleaned up.
+        BackendError: OMPL failed.
+    """
+    if not 1 <= seed < 2**32:
+        raise InputError(f"seed is {seed}, expected 1 .. 2^32 - 1")
+    query = query.checked()
+    with _interrupts(watch):
+        try:
+            answer = _search(planner, query, watch, seed, settings, tree)
+        except (RuntimeError, TypeError) as error:
+            if watch.error is None:
+                raise BackendError(f"OMPL's {planner} failed: {error}") from error
+            answer = Answer(None)
+    if watch.error is not None:
+        raise watch.error
+    return answer
+
+
+def _search(planner: str, query: Query, watch: Watch, seed: int, settings: Mapping[str, Any], tree: bool) -> Answer:
+    ou.setLogLevel(ou.LOG_NONE)
+    ou.RNG.setSeed(seed)
+    space = _space(query)
+    information = _information(space, query, watch)
+    definition = _definition(information, query)
+    search = getattr(og, planner)(information)
+    search.setProblemDefinition(definition)
+    for name, value in settings.items():
+        _set(search, planner, name, value)
+    search.setup()
+    if isinstance(search, og.PRM):
+        answer = _search_roadmap(search, information, query, watch)
+    else:
+        if hasattr(search, "bestCost"):
+            watch.best_cost = lambda: float(search.bestCost().value())
+        try:
+            search.solve(ob.PlannerTerminationCondition(watch.guarded(watch.is_over, failed=True)))
+        finally:
+            watch.best_cost = None  # holds the planner, and the watch outlives it
+        answer = _solution(definition, len(query.lower))
+    if not tree:
+        return answer
+    vertices, edges, _ = _explored(search, information, len(query.lower))
+    return Answer(answer.waypoints, answer.difference, SearchTree(vertices, edges))
+
+
+# ---- building ---------------------------------------------------------------------------------
+
+
+def _space(query: Query) -> Any:
+    n = len(query.lower)
+    bounds = ob.RealVectorBounds(n)
+    for i in range(n):
+        bounds.setLow(i, float(query.lower[i]))
+        bounds.setHigh(i, float(query.upper[i]))
+    space = ob.RealVectorStateSpace(n)
+    space.setBounds(bounds)
+    return space
+
+
+class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]  # the stubs of OMPL are not followed
+    """Gives whole edges to the callback. Keeps no reference to OMPL's objects: that would be a leak."""
+
+    def __init__(self, information: Any, n: int, valid: Callable[[Array, Array], bool]) -> None:
+        super().__init__(information)
+        self.valid, self.n = valid, n
+        self.a, self.b = np.zeros(n), np.zeros(n)
+
+    def checkMotion(self, a: Any, b: Any) -> bool:
+        """Whether the straight line between two states is free."""
+        self.a[:] = a[0 : self.n]
+        self.b[:] = b[0 : self.n]
+        return self.valid(self.a, self.b)
+
+
+def _information(space: Any, query: Query, watch: Watch) -> Any:
+    n = len(query.lower)
+    q = np.zeros(n)
+
+    def state_valid(state: Any) -> bool:
+        q[:] = state[0:n]
+        return watch.in_time() and query.state_valid(q)
+
+    def edge_valid(a: Array, b: Array) -> bool:
+        return watch.in_time() and query.edge_valid(a, b)
+
+    information = ob.SpaceInformation(space)
+    information.setStateValidityChecker(watch.guarded(state_valid, failed=False))
+    information.setMotionValidator(_EdgeValidator(information, n, watch.guarded(edge_valid, failed=False)))
+    information.setup()
+    return information
+
+
+def _definition(information: Any, query: Query) -> Any:
+    definition = ob.ProblemDefinition(information)
+    goals = ob.GoalStates(information)
+    state = information.allocState()  # Python frees it; OMPL's freeState would be a second time
+    state[0 : len(query.start)] = query.start.tolist()
+    definition.addStartState(state)
+    for goal in query.goals:
+        state[0 : len(goal)] = goal.tolist()
+        goals.addState(state)
+    definition.setGoal(goals)
+    objective = ob.PathLengthOptimizationObjective(information)
+    nearest = float(np.linalg.norm(query.goals - query.start, axis=1).min())
+    objective.setCostThreshold(ob.Cost((1.0 + _OPTIMAL) * nearest))
+    definition.setOptimizationObjective(objective)
+    return definition
+
+
+def _set(search: Any, planner: str, name: str, value: Any) -> None:
+    setters = {_snake(n[3:]): n for n in dir(search) if n.startswith("set")}
+    setter = setters[known_name(f"setting of OMPL's {planner}", name, setting_names(planner))]
+    if not isinstance(value, bool | np.bool_) and finite_number(name, value) < 0.0:
+        raise InputError(f"setting {name!r} is {value}, expected a number of at least zero")
+    try:
+        getattr(search, setter)(value)
+    except TypeError as error:
+        kind = type(getattr(search, "get" + setter[3:])()).__name__
+        raise InputError(f"setting {name!r} is {value!r}, expected one {kind}") from error
+
+
+def _snake(name: str) -> str:
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+
+
+# ---- reading ----------------------------------------------------------------------------------
+
+
+def _solution(definition: Any, n: int) -> Answer:
+    """The solution as an array: an approximate one is none."""
+    if not definition.hasExactSolution():
+        near = float(definition.getSolutionDifference()) if definition.hasApproximateSolution() else None
+        return Answer(None, near)
+    states = definition.getSolutionPath().getStates()
+    return Answer(np.array([state[0:n] for state in states]))
+
+
+def _explored(search: Any, information: Any, n: int) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+    """Vertices (v, n), edges (e, 2) and the indices of the goals, copied."""
+    data = ob.PlannerData(information)
+    search.getPlannerData(data)
+    count = data.numVertices()
+    vertices = np.array([data.getVertex(i).getState()[0:n] for i in range(count)]).reshape(count, n)
+    edges = [(i, j) for i in range(count) for j in data.getEdges(i)]
+    goals = [data.getGoalIndex(i) for i in range(data.numGoalVertices())]
+    return vertices, np.array(edges, dtype=np.int64).reshape(-1, 2), np.array(goals, dtype=np.int64)
+
+
+# ---- roadmaps ---------------------------------------------------------------------------------
+
+
+def _search_roadmap(search: Any, information: Any, query: Query, watch: Watch) -> Answer:
+    """Grow a roadmap in turns and ask it for a path after each; PRM* goes on until the budget ends."""
+    goes_on = isinstance(search, og.PRMstar)
+    for _ in query.goals:
+        search.solve(ob.plannerAlwaysTerminatingCondition())  # takes in the start and one more goal, no more
+    turn, answer = float(_FIRST_ROADMAP), Answer(None)
+    nearest = float(np.linalg.norm(query.goals - query.start, axis=1).min())
+    while not watch.over:
+        search.growRoadmapPtc(_turn(watch, int(turn)))
+        search.expandRoadmapPtc(_turn(watch, int(turn) // _EXPANSION))
+        turn *= _ROADMAP_GROWTH
+        answer = _ask_roadmap(search, information, query)
+        if answer.waypoints is None:
+            continue
+        length = float(np.linalg.norm(np.diff(answer.waypoints, axis=0), axis=1).sum())
+        watch.note(length)
+        if not goes_on or length <= (1.0 + _OPTIMAL) * nearest:
+            break
+    return answer
+
+
+def _turn(watch: Watch, checks: int) -> Any:
+    """A termination condition that is true after so many checks of the watch."""
+    last = watch.checks + checks
+
+    def is_over() -> bool:
+        return watch.is_over() or watch.checks >= last
+
+    return ob.PlannerTerminationCondition(watch.guarded(is_over, failed=True))
+
+
+def _ask_roadmap(search: Any, information: Any, query: Query) -> Answer:
+    """The shortest path on the roadmap (Dijkstra 1959), or how near to a goal the start's part of it comes."""
+    vertices, edges, ends = _explored(search, information, len(query.lower))
+    start = int(np.flatnonzero((vertices == query.start).all(axis=1))[0])
+    i, j = edges.T
+    lengths = np.linalg.norm(vertices[i] - vertices[j], axis=1)
+    graph = coo_array((lengths, (i, j)), shape=(len(vertices), len(vertices))).tocsr()
+    table, links = dijkstra(graph, directed=False, indices=np.array([start]), return_predecessors=True)
+    far, before = table[0], links[0]
+    if len(ends) == 0 or not np.isfinite(far[ends]).any():
+        reached = vertices[np.isfinite(far)]
+        gaps = [np.linalg.norm(reached - goal, axis=1).min() for goal in query.goals]
+        return Answer(None, float(min(gaps)))
+    chain = [int(ends[np.argmin(far[ends])])]
+    while chain[-1] != start:
+        chain.append(int(before[chain[-1]]))
+    return Answer(vertices[chain[::-1]])
+
+
+# ---- Ctrl-C -----------------------------------------------------------------------------------
+
+
+@contextmanager
+def _interrupts(watch: Watch) -> Iterator[None]:
+    """Let Ctrl-C end the search at its next callback instead of raising inside of OMPL."""
+    ours = threading.current_thread() is threading.main_thread()
+    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+
+    def note(number: int, frame: Any) -> None:
+        watch.error, watch.over = KeyboardInterrupt(), True
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
