@@ -25,9 +25,7 @@ def scene_of(robot: rp.Robot) -> rp.Scene:
 
 
 @pytest.mark.parametrize(("kind", "peak"), [("velocity", 1.875), ("acceleration", 10.0 / np.sqrt(3.0))])
-def test_a_peak_between_samples_is_caught_to_a_millionth(
-    kind: str, peak: float, slider: Make, quintic: Make
-) -> None:
+def test_a_peak_between_samples_is_caught_to_a_millionth(kind: str, peak: float, slider: Make, quintic: Make) -> None:
     move = quintic(["arm/slide"], [0.0], [1.0])
     over = only(validate(move, scene_of(slider(rp.Sphere(0.1), **{kind: peak / (1.0 + 1e-6)}))))
     assert (over.kind, over.subject) == (kind, ("arm/slide",))

@@ -37,7 +37,8 @@ def test_the_peak_is_the_one_that_the_roots_of_the_derivative_give(seed: int) ->
         assert found.value[j] == pytest.approx(want, rel=1e-11, abs=1e-11)
         i = min(int(np.searchsorted(breaks, found.time[j], side="right")) - 1, len(coefficients) - 1)
         at_time = [
-            float(np.polynomial.Polynomial(coefficients[k, :, j])(found.time[j] - breaks[k])) for k in {i, max(0, i - 1)}
+            float(np.polynomial.Polynomial(coefficients[k, :, j])(found.time[j] - breaks[k]))
+            for k in {i, max(0, i - 1)}
         ]
         assert min(abs(v - want) for v in at_time) < 1e-7
 

@@ -128,9 +128,7 @@ def test_a_cloud_is_as_far_as_the_nearest_of_its_cells(seed: int) -> None:
     meter = DistanceMeter()
     cells = np.unique(np.floor(cloud.points / 0.03), axis=0)
     box = solid(rp.Box((0.03, 0.03, 0.03)))
-    every = [
-        meter.convex(solid(shape), coal_pose(Ta), box, coal_pose(Tc @ pose((c + 0.5) * 0.03)))[0] for c in cells
-    ]
+    every = [meter.convex(solid(shape), coal_pose(Ta), box, coal_pose(Tc @ pose((c + 0.5) * 0.03)))[0] for c in cells]
     got = meter.compound(solid(shape), coal_pose(Ta), solid(cloud), coal_pose(Tc))
     # Past the first contact the depth is that of some cell, not of the deepest.
     assert got == pytest.approx(min(every)) if min(every) > 0.0 else got <= 0.0
