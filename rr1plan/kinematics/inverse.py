@@ -25,7 +25,8 @@ from rr1plan.transforms import rotation_from_quaternion
 
 # A solution uses at most this part of the goal's tolerance, so that another kinematics agrees.
 _SHARE = 0.9
-_REGION_MARGIN = 1e-6
+# A region's faces are kept this far away where it is thick enough, and met this exactly where it is flat [m].
+_REGION_MARGIN, _REGION_TOLERANCE = 1e-6, 1e-9
 _DISTINCT, _DISTINCT_REDUNDANT = 1e-3, 0.2
 _UNLIMITED_STARTS, _POSITION_STARTS = 20, 10
 
@@ -144,7 +145,7 @@ class _Search:
     ) -> None:
         self.kinematics, self.robot, self.accept = kinematics, robot, accept
         self.target = target_of(kinematics, goal)
-        tolerance = goal.position_tolerance if isinstance(goal, PoseGoal) else _REGION_MARGIN
+        tolerance = goal.position_tolerance if isinstance(goal, PoseGoal) else _REGION_TOLERANCE
         self.position_tolerance = _SHARE * tolerance
         self.orientation_tolerance = _SHARE * goal.orientation_tolerance
         fixed = int((self.target.lower == self.target.upper).sum()) + (3 if self.target.rotation is not None else 0)

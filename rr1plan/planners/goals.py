@@ -2,8 +2,8 @@
 
 Joint goals are checked, pose and region goals go through inverse kinematics, sets of goals are
 united. Several arms combine: composites are tried nearest to the start first and kept if they are
-free as a whole. Rotary joints that may get the whole turn nearest to the start, so no plan goes the
-long way around; the other ways are there for a second try.
+free as a whole. Continuous joints get the copy nearest to the start, so no plan goes the long way
+around.
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rr1plan.checks import Array, Seed, as_generator, read_only
 from rr1plan.collision import CollisionChecker, Contact
-from rr1plan.kinematics import Kinematics, copies_within_limits, nearest_copy, solve_ik
+from rr1plan.kinematics import Kinematics, nearest_copy, solve_ik
 from rr1plan.kinematics.inverse import describe_excess
 from rr1plan.planning import PlanStatus
 from rr1plan.problem import Goal, JointGoal, Problem
@@ -66,7 +65,6 @@ def goal_configurations(
     max_per_goal: int = 8,
     max_composites: int = 32,
     attempts: int = 100,
-    other_ways: bool = False,
 ) -> GoalSet:
     """Free configurations of all moving arms that fulfil their goals.
 
@@ -77,9 +75,6 @@ def goal_configurations(
         max_per_goal: Most configurations of one pose or region goal.
         max_composites: Most configurations in all.
         attempts: Starts of inverse kinematics for each pose or region goal.
-        other_ways: Add the same places seen from the other way around, up to one turn from the start (for
-            continuous joints, and in pose and region goals for all with wide limits). Between two places on
-            a circle only one way may be free; a planner without seams finds the other with these.
 
     Raises:
         InputError: numbers that make no sense.
@@ -88,7 +83,7 @@ def goal_configurations(
     kinematics = Kinematics(problem.scene, problem.arms)
     choices: list[list[Array]] = []
     for arm in problem.arms:
-        finder = _Finder(problem, checker, kinematics, arm, other_ways)
+        finder = _Finder(problem, checker, kinematics, arm)
         for goal in problem.goal[arm]:
             finder.add(goal, generator, max_per_goal, attempts)
         if not finder.found:
@@ -117,11 +112,8 @@ def _composite_excess(problem: Problem, q: Array) -> str:
 class _Finder:
     """Configurations of one arm that fulfil one of its goals, free as far as this arm alone goes."""
 
-    def __init__(
-        self, problem: Problem, checker: CollisionChecker, kinematics: Kinematics, arm: str, other_ways: bool
-    ) -> None:
+    def __init__(self, problem: Problem, checker: CollisionChecker, kinematics: Kinematics, arm: str) -> None:
         self.problem, self.checker, self.kinematics, self.arm = problem, checker, kinematics, arm
-        self.other_ways = other_ways
         self.robot: Robot = problem.scene.arms[arm].robot
         self.start = problem.scene.split(problem.start, problem.arms)[arm]
         before = problem.arms[: problem.arms.index(arm)]
@@ -150,8 +142,7 @@ class _Finder:
             accept=self._accept,
             max_solutions=most,
         )
-        for q in result.solutions:
-            self._keep(q, np.zeros(self.robot.nq, dtype=np.bool_))
+        self.found += list(result.solutions)
         if result.rejected and not result.solved:
             self._refuse(
                 PlanStatus.INVALID_GOAL,
@@ -172,13 +163,7 @@ class _Finder:
             text = describe_contacts(contacts)
             self._refuse(PlanStatus.INVALID_GOAL, f"the goal of {self.arm!r} is in collision: {text}")
             return
-        self._keep(q, self.robot.continuous == 0.0)
-
-    def _keep(self, q: Array, fixed: NDArray[np.bool_]) -> None:
-        """Note a good configuration, and where wanted its copies that leave the fixed joints as they are."""
         self.found.append(q)
-        copies = copies_within_limits(self.robot, q, self.start) if self.other_ways else ()
-        self.found += [copy for copy in copies if (copy == q)[fixed].all() and not (copy == q).all()]
 
     def _accept(self, q: Array) -> bool:
         contacts = self._own_contacts(q)

@@ -132,6 +132,15 @@ def test_a_region_is_entered_and_random_starts_spread_over_it(rr1):
     assert (np.ptp(points, axis=0) > 0.6 * (upper - lower)).all()
 
 
+def test_a_region_narrower_than_any_margin_is_not_left(rr1):
+    p = rr1.link_poses([0.3, 0.1, 0.4, -0.5, 1.0, 0.2])["tool"][:3, 3]
+    region = RegionGoal("tool", p - 1e-7, p + 1e-7)
+    result = solve_ik(Kinematics(rr1), region, rng=0, attempts=10)
+    assert result.solved
+    for q in result.solutions:
+        assert (np.abs(rr1.link_poses(q)["tool"][:3, 3] - p) <= 1e-7).all()
+
+
 def test_a_flat_region_and_an_oriented_one_are_reached(rr1):
     kinematics = Kinematics(rr1)
     T = kinematics.pose([0.3, 0.1, 0.4, -0.5, 1.0, 0.2])
@@ -141,7 +150,7 @@ def test_a_flat_region_and_an_oriented_one_are_reached(rr1):
     assert result.solved
     for q in result.solutions:
         reached = rr1.link_poses(q)["tool"]
-        assert abs(reached[2, 3] - T[2, 3]) < 1e-9
+        assert abs(reached[2, 3] - T[2, 3]) <= 1e-9
         assert (np.abs(reached - T)[:2, 3] <= 0.05).all()
         assert rotation_angle(reached[:3, :3].T @ T[:3, :3]) < 1e-3
 

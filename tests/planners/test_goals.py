@@ -1,7 +1,5 @@
 """Goals become free goal configurations, or a reason."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -40,34 +38,6 @@ def test_a_continuous_joint_goes_the_short_way(planar2r):
     np.testing.assert_allclose(goals.configurations, [[2 * np.pi - 3.0, 6.2 - 2 * np.pi]], atol=1e-12)
     goals = goals_of(Problem(alone(planar2r), [25.0, -40.0], [0.0, 0.0]))
     assert (np.abs(goals.configurations - [25.0, -40.0]) <= np.pi).all()
-
-
-def test_the_other_ways_around_come_after_the_short_one_when_asked_for(planar2r):
-    turn = 2 * np.pi
-    problem = Problem(alone(planar2r), [0.0, 0.0], [1.0, -2.0])
-    goals = goals_of(problem, other_ways=True).configurations
-    np.testing.assert_allclose(goals, [[1, -2], [1, turn - 2], [1 - turn, -2], [1 - turn, turn - 2]], atol=1e-12)
-
-
-def test_a_pose_goal_may_be_reached_around_wide_limits_too(planar2r):
-    limits = replace(planar2r.limits, lower=np.full(2, -2 * np.pi), upper=np.full(2, 2 * np.pi))
-    joints = tuple(replace(j, kind="revolute") if j.kind == "continuous" else j for j in planar2r.joints)
-    wide = replace(planar2r, joints=joints, limits=limits)
-    start = np.array([-6.0, 0.0])
-    problem = Problem(alone(wide), start, PoseGoal("tool", wide.link_poses([6.0, 0.5])["tool"]))
-    short = goals_of(problem).configurations
-    np.testing.assert_allclose(short, [[6.0 - 2 * np.pi, 0.5]], atol=1e-6)
-    every = goals_of(problem, other_ways=True).configurations
-    assert len(every) > 1
-    np.testing.assert_allclose(every[0], short[0], atol=1e-12)
-    assert (np.abs(every) <= 2 * np.pi).all()
-    exact = goals_of(Problem(alone(wide), start, [6.0, 0.5]), other_ways=True).configurations
-    np.testing.assert_array_equal(exact, [[6.0, 0.5]])
-
-
-def test_numbers_of_a_bounded_joint_are_never_turned(rr1):
-    goals = goals_of(Problem(alone(rr1), "home", FREE), other_ways=True)
-    np.testing.assert_array_equal(goals.configurations, [FREE])
 
 
 def test_a_bounded_joint_goes_where_it_is_told(rr1):
