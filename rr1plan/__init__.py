@@ -32,8 +32,10 @@ if TYPE_CHECKING:
     from rr1plan.errors import RetimingError as RetimingError
     from rr1plan.errors import Rr1PlanError as Rr1PlanError
     from rr1plan.errors import UnknownNameError as UnknownNameError
+    from rr1plan.formats.plan_files import load_motion as load_motion
     from rr1plan.kinematics import Kinematics as Kinematics
     from rr1plan.kinematics import solve_ik as solve_ik
+    from rr1plan.library import load_problems as load_problems
     from rr1plan.library import load_robot as load_robot
     from rr1plan.library import load_scene as load_scene
     from rr1plan.library import robot_names as robot_names
@@ -90,8 +92,9 @@ _EXPORTS = {
         "Rr1PlanError",
         "UnknownNameError",
     ),
+    "rr1plan.formats.plan_files": ("load_motion",),
     "rr1plan.kinematics": ("Kinematics", "solve_ik"),
-    "rr1plan.library": ("load_robot", "load_scene", "robot_names", "scene_names"),
+    "rr1plan.library": ("load_problems", "load_robot", "load_scene", "robot_names", "scene_names"),
     "rr1plan.limits": ("Limits",),
     "rr1plan.multi": ("place_grid", "place_ring"),
     "rr1plan.path": ("Path",),
@@ -112,7 +115,7 @@ _EXPORTS = {
 _SUBMODULES = ("multi", "playback", "retiming", "transforms")
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 
-__all__ = ["__version__", *_SUBMODULES, *_HOME]  # noqa: PLE0604 - one list, written once, in _EXPORTS
+__all__ = ["__version__", *_SUBMODULES, *_HOME]
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 

@@ -94,7 +94,7 @@ class MotionPlan:
         """Write problem, path, trajectory and report to one JSON file; read it with `rr1plan.load_motion`."""
         from rr1plan.formats.plan_files import save_motion
 
-        return save_motion(file, self.problem.scene, self.path, self.trajectory, self.report)
+        return save_motion(file, self.problem.scene, self.path, self.trajectory, self.report, self.problem)
 
     def _picture(self) -> dict[str, Any]:
         return {"path": self.path, "problem": self.problem, "report": self._report}
@@ -156,13 +156,12 @@ def plan_motion(
         with _timed(seconds, "shorten"):
             path = shorten_path(path, motions, rng=generator)
     trajectory, report = None, None
-    for method in dict.fromkeys((retiming, "stop")):
+    jerk_limits = retiming.startswith("ruckig")
+    for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
         with _timed(seconds, "retime"):
             trajectory = retime(path, problem.scene, method, checker=motions, torque_limits=torque_limits)
         with _timed(seconds, "validate"):
-            report = validate(
-                trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=method == "ruckig"
-            )
+            report = validate(trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits)
         if report.valid:
             break
     return MotionPlan(problem, result, seconds, path, trajectory, report)

@@ -163,7 +163,7 @@ class Trajectory:
         if not dt > 0.0:
             raise InputError(f"dt is {dt}, expected a number above zero")
         count = int(np.floor(self.duration / dt + 1e-9))
-        times = self.start_time + dt * np.arange(count + 1)
+        times: Array = np.asarray(self.start_time + dt * np.arange(count + 1), dtype=np.float64)
         return times if self.end_time - times[-1] < 1e-9 * max(1.0, dt) else np.append(times, self.end_time)
 
     def sample(self, dt: float) -> tuple[Array, Array]:

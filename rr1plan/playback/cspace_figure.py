@@ -135,7 +135,7 @@ def _draw_annulus(axes: Any, cspace: CSpace) -> float:
     seconds = grid.axes[1][:: max(1, len(grid.axes[1]) // 180)]
     radii = [float(np.linalg.norm(_tool(grid, np.array([grid.axes[0][0], s])) - base)) for s in seconds]
     inner, outer = min(radii), max(radii)
-    ring = Annulus(base, outer, max(outer - inner, 1e-6), facecolor="#eef1f5", edgecolor="#c5ccd6", lw=0.8, zorder=0)
+    ring = Annulus((float(base[0]), float(base[1])), outer, max(outer - inner, 1e-6), facecolor="#eef1f5", edgecolor="#c5ccd6", lw=0.8, zorder=0)
     axes.add_patch(ring)
     return outer
 
@@ -180,7 +180,8 @@ def _draw_arm(axes: Any, grid: CSpaceGrid, q: Array, color: Any, alpha: float) -
                 axes.add_patch(Polygon(corners, facecolor=color, edgecolor="none", alpha=alpha, zorder=4))
     for joint in robot.joints:
         if joint.kind != "fixed":
-            axes.add_patch(Circle(poses[joint.child][:2, 3], 0.012, color="white", alpha=alpha, zorder=5))
+            x, y = (float(c) for c in poses[joint.child][:2, 3])
+            axes.add_patch(Circle((x, y), 0.012, color="white", alpha=alpha, zorder=5))
 
 
 # ---- configuration space -----------------------------------------------------------------
@@ -233,7 +234,9 @@ def _draw_path(axes: Any, path: Array, grid: CSpaceGrid) -> None:
         done += own
 
 
-def _gradient(points: Array, width: float, start: float = 0.0, end: float = 1.0, color: Any = None, zorder: int = 3) -> Any:
+def _gradient(
+    points: Array, width: float, start: float = 0.0, end: float = 1.0, color: Any = None, zorder: int = 3
+) -> Any:
     """A polyline coloured along its length, the same colours as the arm's postures."""
     segments = np.stack([points[:-1], points[1:]], axis=1)
     shades = colormaps["plasma"](0.05 + 0.8 * np.linspace(start, end, len(segments)))
@@ -263,7 +266,11 @@ def _draw_seams(axes: Any, grid: CSpaceGrid) -> None:
             axes.spines[side].set_linestyle((0, (5, 3)) if closes else "-")
             axes.spines[side].set_linewidth(1.4 if closes else 1.0)
         if closes:
-            spot = {"xy": (1.0, 1.015), "ha": "right"} if axis == 0 else {"xy": (1.015, 0.5), "va": "center", "rotation": 90}
+            spot = (
+                {"xy": (1.0, 1.015), "ha": "right"}
+                if axis == 0
+                else {"xy": (1.015, 0.5), "va": "center", "rotation": 90}
+            )
             text = "dashed edges meet: the torus" if axis == 0 else ""
             axes.annotate(text, xycoords="axes fraction", fontsize=8, color="#6b7380", **spot)
 

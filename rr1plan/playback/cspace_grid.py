@@ -103,7 +103,8 @@ class CSpaceGrid:
         """A shortest path over free cells (8 neighbours, Dijkstra 1959), unwrapped across the seams.
 
         Args:
-            a, b: Start and goal [rad], shape (2,).
+            a: Start [rad], shape (2,).
+            b: Goal [rad], shape (2,).
 
         Returns:
             Cell centres from the cell of a to that of b, shape (k, 2), or None when there is no path.
@@ -177,7 +178,9 @@ def _axis(lower: float, upper: float, resolution: int) -> tuple[Array, bool, Mas
     turn = 2.0 * np.pi
     unlimited = not np.isfinite(lower) or not np.isfinite(upper)
     if unlimited or upper - lower <= turn + 1e-9:
-        low, high = (-np.pi, np.pi) if unlimited or (lower >= -np.pi - 1e-9 and upper <= np.pi + 1e-9) else (lower, upper)
+        low, high = (
+            (-np.pi, np.pi) if unlimited or (lower >= -np.pi - 1e-9 and upper <= np.pi + 1e-9) else (lower, upper)
+        )
     else:
         low, high = lower, upper
     centres = low + (np.arange(resolution) + 0.5) * ((high - low) / resolution)
@@ -286,7 +289,9 @@ def label_components(free: Mask, periodic: tuple[bool, bool]) -> NDArray[np.int3
     return np.asarray(joined[labels], dtype=np.int32)
 
 
-def _dijkstra(free: Mask, periodic: tuple[bool, bool], start: tuple[int, int], goal: tuple[int, int]) -> list[tuple[int, int]]:
+def _dijkstra(
+    free: Mask, periodic: tuple[bool, bool], start: tuple[int, int], goal: tuple[int, int]
+) -> list[tuple[int, int]]:
     """Cells of a shortest path; start and goal are in the same component."""
     steps = [(di, dj) for di in (-1, 0, 1) for dj in (-1, 0, 1) if di or dj]
     cost = {start: 0.0}

@@ -173,7 +173,7 @@ class _Builder:
 
     def _mesh_names(self, mesh: Mesh) -> list[str]:
         if id(mesh) not in self.meshes:
-            names = []
+            names: list[str] = []
             for piece in [mesh] if mesh.convex else convex_shapes([mesh], "pieces"):
                 name = f"mesh{sum(map(len, self.meshes.values())) + len(names)}"
                 self.spec.add_mesh(

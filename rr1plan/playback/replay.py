@@ -89,7 +89,9 @@ class Replay:
             worst = int(np.argmax(self.max_error))
             lines.append(f"  tracking error: {self.worst_error:.2e} rad at most ({self.joint_names[worst]})")
             busiest = int(np.argmax(self.peak_effort))
-            lines.append(f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})")
+            lines.append(
+                f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
+            )
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
             for c in self.contacts

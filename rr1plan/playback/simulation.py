@@ -68,10 +68,14 @@ def simulate(
     targets = JointTargets(trajectory, scene)
     world = build_mujoco(scene, timestep=timestep, stiffness=positive_number("stiffness", stiffness))
     steps = max(1, int(np.ceil((trajectory.duration + hold) / timestep - 1e-9)))
-    run = _Run(world, targets, trajectory.start_time + timestep * np.arange(steps + 1), progress)
+    run = _Run(world, targets, _clock(trajectory.start_time, timestep, steps), progress)
     started = time.perf_counter()
     (run.dynamic if mode == "dynamic" else run.kinematic)()
     return _report(mode, run, record_dt, time.perf_counter() - started, stiffness)
+
+
+def _clock(start: float, timestep: float, steps: int) -> Array:
+    return np.asarray(start + timestep * np.arange(steps + 1), dtype=np.float64)
 
 
 class JointTargets:
@@ -224,8 +228,8 @@ def _report(mode: Mode, run: _Run, record_dt: float, wall: float, stiffness: flo
         mode=mode,
         joint_names=names,
         times=run.times[record],
-        desired=run.desired[np.ix_(record, columns)],
-        actual=run.actual[np.ix_(record, columns)],
+        desired=run.desired[record][:, columns],
+        actual=run.actual[record][:, columns],
         max_error=np.abs(error).max(axis=0),
         rms_error=np.sqrt((error**2).mean(axis=0)),
         peak_effort=run.effort[columns],

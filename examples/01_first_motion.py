@@ -1,0 +1,17 @@
+"""From a question to a certified, replayed, visible motion: the whole line in five steps.
+
+RR1 stands on a table among boxes and has to bring its tool behind a crate.
+"""
+
+import rr1plan as rp
+
+scene = rp.load_scene("rr1_table")
+problem = rp.Problem(scene, start="home", goal=rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
+motion = rp.plan_motion(problem, rng=0)
+print(motion)
+
+replay = rp.playback.simulate(motion.trajectory, scene)
+print(replay)
+
+# motion.show() opens the same page live; this one plays offline, in any browser.
+print(motion.save_html("01_first_motion.html"))

@@ -1,0 +1,19 @@
+"""Two arms at once, with the same types and verbs: one path with more columns, one clock."""
+
+import rr1plan as rp
+
+problem = next(iter(rp.load_problems("rr1_pair").values()))
+scene = problem.scene
+print(f"{', '.join(problem.arms)} move: {problem.nq} joints")
+
+motion = rp.plan_motion(problem, rng=0)
+print(motion)
+
+# Each arm's part on the common clock, and back together.
+parts = [motion.trajectory.select(arm) for arm in problem.arms]
+assert rp.Trajectory.merge(*parts).allclose(motion.trajectory)
+for arm, part in zip(problem.arms, parts, strict=True):
+    print(f"  {arm}: {part.duration:.2f} s, {len(part.joint_names)} joints")
+
+print(rp.simulate(motion.trajectory, scene))
+print(motion.save_html("10_two_arms.html"))

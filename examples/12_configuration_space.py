@@ -1,0 +1,13 @@
+"""The configuration space of the 2R arm: the picture every course on planning begins with."""
+
+import rr1plan as rp
+
+for name in ("planar2r_path", "planar2r_no_path"):
+    problem = next(iter(rp.load_problems(name).values()))
+    result = rp.make_planner("rrt_connect").plan(problem, rp.Budget(seconds=2.0), rng=1)
+    picture = rp.cspace(problem.scene, problem, result)
+    print(f"{name}: the planner says {result.status.value}")
+    print(picture)
+    print(picture.save_png(f"12_{name}.png"))
+    print(picture.save_svg(f"12_{name}.svg"))
+    print(picture.save_html(f"12_{name}.html"))

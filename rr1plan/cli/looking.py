@@ -1,0 +1,174 @@
+"""`robots`, `scenes` and `doctor`: what there is."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import shutil
+import sys
+from argparse import Namespace
+from typing import Any
+
+import numpy as np
+
+import rr1plan
+from rr1plan.cli.console import Console, Stopwatch, milliseconds
+from rr1plan.library import load_problems, load_robot, load_scene, robot_names, scene_names
+from rr1plan.robot import Robot
+
+_REQUIRED = (
+    "numpy", "scipy", "numba", "pin", "coal", "ompl", "toppra", "ruckig", "mujoco", "meshcat", "tornado",
+    "trimesh", "pycollada", "coacd", "matplotlib", "pyyaml", "rich",
+)  # fmt: skip
+_OPTIONAL = {
+    "xacrodoc": "xacro",
+    "rosbags": "ros",
+    "example-robot-data": "robots",
+    "playwright": "dev",
+    "python-fcl": "dev",
+}
+
+
+def robots(options: Namespace, console: Console) -> int:
+    """List the robots, or describe one."""
+    if options.robot is not None:
+        robot = load_robot(options.robot)
+        _say_robot(robot, console)
+        console.result(_robot_values(robot))
+        return 0
+    values = [_robot_values(load_robot(name)) for name in robot_names()]
+    rows = [(v["name"], str(len(v["joints"])), str(v["links"]), ", ".join(v["presets"]) or "-") for v in values]
+    console.table("", ("robot", "joints", "links", "limit presets"), rows)
+    console.result(values)
+    return 0
+
+
+def _robot_values(robot: Robot) -> dict[str, Any]:
+    limits = robot.limits
+    joints = [
+        {
+            "name": name,
+            "kind": robot.joint(name).kind,
+            **{k: _finite(getattr(limits, k)[i]) for k in limits.__dataclass_fields__},
+        }
+        for i, name in enumerate(robot.joint_names)
+    ]
+    return {
+        "name": robot.name,
+        "joints": joints,
+        "links": len(robot.links),
+        "tool": robot.tool,
+        "mass": float(sum(link.inertial.mass for link in robot.links if link.inertial is not None)),
+        "held": dict(robot.held),
+        "configurations": {name: q.tolist() for name, q in robot.configurations.items()},
+        "presets": list(robot.presets),
+        "source": robot.source,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _say_robot(robot: Robot, console: Console) -> None:
+    values = _robot_values(robot)
+    console.say(f"{robot.name}: {len(robot.links)} links, {values['mass']:.2f} kg, tool {robot.tool}")
+    columns = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
+    rows = [
+        (j["name"], j["kind"], *("-" if j[c] is None else f"{j[c]:.4g}" for c in columns)) for j in values["joints"]
+    ]
+    console.table("", ("joint", "kind", *columns), rows)
+    console.say(f"configurations: {', '.join(robot.configurations)}")
+    if robot.held:
+        console.say("held: " + ", ".join(f"{name} at {value:g}" for name, value in robot.held.items()))
+    if robot.presets:
+        console.say(f"limit presets: {', '.join(robot.presets)}")
+
+
+def scenes(options: Namespace, console: Console) -> int:
+    """List the scenes, or describe one."""
+    if options.scene is not None:
+        values = _scene_values(options.scene)
+        console.say(f"{values['name']}: {values['description']}")
+        for kind in ("arms", "obstacles", "attachments", "queries"):
+            console.say(f"{kind}: {', '.join(values[kind]) or '-'}")
+        console.result(values)
+        return 0
+    every = [_scene_values(name) for name in scene_names()]
+    rows = [
+        (v["name"], str(len(v["arms"])), str(len(v["obstacles"])), ", ".join(v["queries"]) or "-", v["description"])
+        for v in every
+    ]
+    console.table("", ("scene", "arms", "obstacles", "queries", ""), rows)
+    console.result(every)
+    return 0
+
+
+def _scene_values(name: str) -> dict[str, Any]:
+    scene = load_scene(name)
+    return {
+        "name": scene.name,
+        "description": scene.description,
+        "arms": list(scene.arms),
+        "obstacles": list(scene.obstacles),
+        "attachments": list(scene.attachments),
+        "queries": list(load_problems(name)),
+    }
+
+
+def doctor(options: Namespace, console: Console) -> int:
+    """Versions, what is missing, and with --warm the kernels compiled and cached."""
+    required = {name: _version(name) for name in _REQUIRED}
+    optional = {name: _version(name) for name in _OPTIONAL}
+    missing = [name for name, version in required.items() if version is None]
+    browser = next(
+        (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
+    )
+    console.say(f"rr1plan {rr1plan.__version__}, Python {platform.python_version()}, {platform.platform()}")
+    rows = [(name, version or "MISSING") for name, version in required.items()]
+    rows += [
+        (name, version or f"not installed (pip install 'rr1plan[{_OPTIONAL[name]}]')")
+        for name, version in optional.items()
+    ]
+    console.table("", ("package", "version"), rows)
+    console.say(f"browser for screenshots: {browser or 'none found (optional)'}")
+    watch = Stopwatch()
+    if options.warm and not missing:
+        _warm(watch, console)
+    console.result(
+        {
+            "rr1plan": rr1plan.__version__,
+            "python": platform.python_version(),
+            "executable": sys.executable,
+            "platform": platform.platform(),
+            "required": required,
+            "optional": optional,
+            "missing": missing,
+            "browser": browser,
+            "seconds": watch.seconds,
+        }
+    )
+    if missing:
+        console.error(f"missing: {', '.join(missing)}; try: pip install --upgrade rr1plan", 2)
+        return 2
+    console.say("all that is required is here")
+    return 0
+
+
+def _warm(watch: Stopwatch, console: Console) -> None:
+    """Plan once, so that everything compiled is in the cache; then once more, to show what is left."""
+    with console.progress("compiling"):
+        for stage in ("first plan", "second plan"):
+            with watch.stage(stage):
+                problem = next(iter(load_problems("rr1_table").values()))
+                rr1plan.plan_motion(problem, rng=0)
+    console.say(
+        "kernels are compiled and cached: " + ", ".join(f"{k} {milliseconds(v)}" for k, v in watch.seconds.items())
+    )
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None

@@ -1,0 +1,185 @@
+"""`plan`, `validate` and `play`."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Mapping
+from typing import Any
+
+import rr1plan as rp
+from rr1plan.cli.console import Advance, Console, milliseconds
+from rr1plan.errors import InputError
+from rr1plan.formats import plan_files
+from rr1plan.library import load_problems, load_scene
+from rr1plan.pipeline import MotionPlan, plan_motion
+from rr1plan.planning import PlanStatus, ProgressCallback
+from rr1plan.problem import Problem
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+# What a person can mend by asking differently is bad input; the rest is "no plan".
+_BAD_QUESTION = (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
+
+
+def plan(options: Namespace, console: Console) -> int:
+    """Plan a motion, prove it, and save what was asked for."""
+    scene = load_scene(options.scene)
+    problem = question(options, scene)
+    if options.limits:
+        problem = with_limits(problem, options.limits)
+    budget = rp.Budget(options.seconds, options.iterations)
+    with console.progress("planning") as advance:
+        motion = plan_motion(
+            problem,
+            planner=options.planner,
+            retiming=options.retiming,
+            shorten=not options.no_shorten,
+            torque_limits=options.torque_limits,
+            budget=budget,
+            rng=options.seed,
+            progress=told_to(advance),
+        )
+    if not motion.result.solved:
+        return _no_plan(motion, console)
+    files = _save(motion, options)
+    console.say(str(motion))
+    for kind, file in files.items():
+        console.say(f"{kind}: {file}")
+    console.result({**summary(motion), "files": files})
+    return 0 if motion.solved else 4
+
+
+def question(options: Namespace, scene: Scene) -> Problem:
+    """The problem that the options ask, or the scene's first query.
+
+    Raises:
+        InputError: a scene without queries and no goal, or two goals.
+    """
+    if options.goal is None and options.position is None:
+        problem = named_query(options.scene, options.query)
+        return (
+            problem if options.start is None else rp.Problem(problem.scene, _words(options.start), dict(problem.goal))
+        )
+    if options.query is not None or (options.goal is not None and options.position is not None):
+        raise InputError("got more than one goal, expected one of --query, --goal and --position")
+    arm = scene.only_arm(options.arm)
+    if options.goal is not None:
+        goal: Any = _words(options.goal)
+    else:
+        goal = rp.PoseGoal(options.frame, options.position, options.quaternion)
+    start = None if options.start is None else {arm: _words(options.start)}
+    return rp.Problem(scene, start, {arm: goal})
+
+
+def named_query(scene: str, name: str | None) -> Problem:
+    """A query of a scene by name, or its first.
+
+    Raises:
+        UnknownNameError: no query of that name.
+        InputError: the scene has none.
+    """
+    queries = load_problems(scene)
+    if not queries:
+        raise InputError(f"scene {scene!r} has no queries; say --goal or --position")
+    if name is None:
+        name = next(iter(queries))
+    elif name not in queries:
+        raise rp.UnknownNameError("query", name, queries)
+    return queries[name]
+
+
+def _words(values: list[str]) -> Any:
+    """A configuration's name, or its numbers."""
+    try:
+        return [float(value) for value in values]
+    except ValueError:
+        if len(values) == 1:
+            return values[0]
+        raise InputError(f"{' '.join(values)!r} is neither a configuration's name nor numbers") from None
+
+
+def with_limits(problem: Problem, preset: str) -> Problem:
+    """The same problem with every arm under a limit preset of its robot."""
+    scene = problem.scene
+    for name, arm in scene.arms.items():
+        scene = scene.with_robot(name, arm.robot.with_limits(preset))
+    return rp.Problem(scene, problem.start, dict(problem.goal), problem.arms)
+
+
+def told_to(advance: Advance) -> ProgressCallback:
+    """A planner's progress as a bar's."""
+    return lambda progress: advance(progress.fraction)
+
+
+def summary(motion: MotionPlan) -> dict[str, Any]:
+    """A motion plan as plain values, for JSON."""
+    result = motion.result
+    return {
+        "status": motion.status.value,
+        "reason": result.reason,
+        "planner": result.planner,
+        "seed": result.seed,
+        "seconds": dict(motion.seconds),
+        "waypoints": len(motion.path),
+        "length": motion.path.length,
+        "duration": motion.trajectory.duration,
+        "report": motion.report.to_dict(),
+    }
+
+
+def _no_plan(motion: MotionPlan, console: Console) -> int:
+    code = 2 if motion.status in _BAD_QUESTION else 3
+    if console.as_json:
+        result = motion.result
+        console.result({"status": motion.status.value, "reason": result.reason, "planner": result.planner})
+    else:
+        console.error(str(motion), code)
+    return code
+
+
+def _save(motion: MotionPlan, options: Namespace) -> Mapping[str, str]:
+    files = {}
+    if options.output:
+        files["motion"] = str(motion.save(options.output))
+    if options.csv:
+        files["csv"] = str(plan_files.save_csv(options.csv, motion.trajectory))
+    if options.html:
+        files["page"] = str(motion.save_html(options.html))
+    return files
+
+
+def validate(options: Namespace, console: Console) -> int:
+    """Check a saved motion with the referee."""
+    saved, trajectory = _saved(options)
+    with console.progress("checking") as advance:
+        report = rp.validate(
+            trajectory,
+            saved.scene,
+            saved.problem,
+            torque_limits=options.torque_limits,
+            jerk_limits=options.jerk_limits,
+            progress=told_to(advance),
+        )
+    console.say(str(report))
+    console.result(report.to_dict())
+    return 0 if report.valid else 4
+
+
+def play(options: Namespace, console: Console) -> int:
+    """Replay a saved motion in MuJoCo."""
+    saved, trajectory = _saved(options)
+    with console.progress("replaying") as advance:
+        replay = rp.simulate(trajectory, saved.scene, options.mode, timestep=options.timestep, progress=advance)
+    console.say(str(replay))
+    console.say(f"  it took {milliseconds(replay.wall_seconds)}")
+    console.result(replay.to_dict())
+    return 0 if replay.free else 4
+
+
+def _saved(options: Namespace) -> tuple[plan_files.SavedMotion, Trajectory]:
+    """A saved motion and its trajectory, in the scene that was asked for or its own."""
+    scene = None if options.scene is None else load_scene(options.scene)
+    saved = plan_files.load_motion(options.motion, scene)
+    if saved.trajectory is None:
+        raise InputError(f"{options.motion} holds no trajectory; write one with: rr1plan plan SCENE --output FILE")
+    return saved, saved.trajectory

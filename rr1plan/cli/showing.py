@@ -1,0 +1,141 @@
+"""`demo`, `view` and `cspace`: what a person looks at."""
+
+from __future__ import annotations
+
+import webbrowser
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+import rr1plan as rp
+from rr1plan.cli.console import Console, Stopwatch, milliseconds
+from rr1plan.cli.planning import named_query, summary, told_to
+from rr1plan.errors import InputError
+from rr1plan.formats import plan_files
+from rr1plan.library import load_problems, load_scene
+from rr1plan.pipeline import MotionPlan, plan_motion
+from rr1plan.playback.replay import Replay
+
+
+def demo(options: Namespace, console: Console) -> int:
+    """From a question to a certified, replayed, visible motion, saying what was done and how long it took."""
+    folder = Path(options.output)
+    watch = Stopwatch()
+    console.say("rr1plan demo")
+    with watch.stage("load the scene"):
+        problem = named_query(options.scene, options.query)
+    scene = problem.scene
+    things = len(scene.obstacles)
+    console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {things} obstacle{'s' if things != 1 else ''}")
+    with watch.stage("plan, shorten, retime, validate"), console.progress("planning") as advance:
+        motion = plan_motion(problem, rng=options.seed, progress=told_to(advance))
+    if not motion.result.solved:
+        console.error(str(motion), 3)
+        return 3
+    console.say(f"  {str(motion).replace(chr(10), chr(10) + '  ')}")
+    with watch.stage("replay in MuJoCo"), console.progress("replaying") as advance:
+        replay = rp.simulate(motion.trajectory, scene, progress=advance)
+    console.say(f"  {str(replay).replace(chr(10), chr(10) + '  ')}")
+    with watch.stage("write the files"):
+        files = _write_demo(folder, motion, replay)
+    console.say("how long each step took")
+    steps = {**watch.seconds}
+    inner = "".join(f"\n      {name}: {milliseconds(seconds)}" for name, seconds in motion.seconds.items())
+    for name, seconds in steps.items():
+        console.say(f"  {name}: {milliseconds(seconds)}{inner if name.startswith('plan') else ''}")
+    console.say("wrote")
+    for what, file in files.items():
+        console.say(f"  {what}: {file}")
+    console.result(
+        {**summary(motion), "replay": replay.to_dict(), "steps": steps, "files": {k: str(v) for k, v in files.items()}}
+    )
+    return 0 if motion.solved and replay.free else 4
+
+
+def _write_demo(folder: Path, motion: MotionPlan, replay: Replay) -> dict[str, Path]:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {folder}: {error.strerror}") from error
+    return {
+        "the page that plays it, offline": motion.save_html(folder / "motion.html"),
+        "the motion": motion.save(folder / "motion.json"),
+        "the trajectory": plan_files.save_trajectory(
+            folder / "trajectory.json", motion.trajectory, motion.problem.scene
+        ),
+        "the trajectory as a table": plan_files.save_csv(folder / "trajectory.csv", motion.trajectory),
+    }
+
+
+def view(options: Namespace, console: Console) -> int:
+    """A scene or a saved motion in the browser, or as one offline page."""
+    scene, extra = _what(options.what)
+    if options.html:
+        file = rp.save_html(options.html, scene, **extra)
+        console.say(f"page: {file}")
+        console.result({"page": str(file)})
+        return 0
+    with rp.show(scene, port=options.port, open_browser=False, **extra) as viewer:
+        console.say(f"{viewer.url}  (Ctrl-C ends it)")
+        console.result({"url": viewer.url})
+        if not options.no_browser:
+            webbrowser.open(viewer.url)
+        viewer.wait()
+    return 0
+
+
+def _what(name: str) -> tuple[rp.Scene, dict[str, Any]]:
+    """A scene, and a motion in it when the name is a motion file's."""
+    if not name.endswith(".json"):
+        return load_scene(name), {}
+    saved = plan_files.load_motion(name)
+    return saved.scene, {
+        "trajectory": saved.trajectory,
+        "path": saved.path,
+        "problem": saved.problem,
+        "report": saved.report,
+    }
+
+
+def cspace(options: Namespace, console: Console) -> int:
+    """Draw the configuration space of a two-joint arm."""
+    scene = load_scene(options.scene)
+    queries = load_problems(options.scene)
+    problem = named_query(options.scene, options.query) if options.query or queries else None
+    if problem is not None and (problem.nq != 2 or options.joints):
+        problem = None
+    result = None
+    if problem is not None:
+        with console.progress("planning") as advance:
+            planner = rp.make_planner(options.planner)
+            result = planner.plan(problem, rp.Budget(5.0), options.seed, told_to(advance))
+    with console.progress("checking every cell") as advance:
+        picture = rp.cspace(
+            scene,
+            problem,
+            result,
+            arm=options.arm,
+            joints=None if options.joints is None else (options.joints[0], options.joints[1]),
+            resolution=options.resolution,
+            progress=advance,
+        )
+    files = {}
+    if options.png or not (options.svg or options.html):
+        files["png"] = picture.save_png(options.png or f"{scene.name}-cspace.png")
+    if options.svg:
+        files["svg"] = picture.save_svg(options.svg)
+    if options.html:
+        files["page"] = picture.save_html(options.html)
+    console.say(str(picture))
+    for kind, file in files.items():
+        console.say(f"{kind}: {file}")
+    console.result(
+        {
+            "components": picture.grid.components,
+            "free_share": float(picture.grid.free.mean()),
+            "proves_no_path": picture.proves_no_path,
+            "planned": None if result is None else result.status.value,
+            "files": {kind: str(file) for kind, file in files.items()},
+        }
+    )
+    return 0
