@@ -21,6 +21,7 @@ from rr1plan.kinematics.inverse import describe_excess
 from rr1plan.planning import PlanStatus
 from rr1plan.problem import Goal, JointGoal, Problem
 from rr1plan.robot import Robot
+from rr1plan.scene import Scene
 
 # Composites of several arms that are tried before giving up.
 _MOST_COMPOSITES = 2000
@@ -53,8 +54,9 @@ def check_start(problem: Problem, checker: CollisionChecker) -> str:
     excess = _composite_excess(problem, problem.start)
     if excess:
         return f"the start is out of limits: {excess}"
-    contacts = checker.contacts(problem.start)
-    return f"the start is in collision: {describe_contacts(contacts)}" if contacts else ""
+    if checker.is_free(problem.start):
+        return ""
+    return f"the start is in collision: {describe_contacts(checker.contacts(problem.start))}"
 
 
 def goal_configurations(
@@ -80,10 +82,9 @@ def goal_configurations(
         InputError: numbers that make no sense.
     """
     generator = as_generator(rng)
-    kinematics = Kinematics(problem.scene, problem.arms)
     choices: list[list[Array]] = []
     for arm in problem.arms:
-        finder = _Finder(problem, checker, kinematics, arm)
+        finder = _Finder(problem, checker, arm)
         for goal in problem.goal[arm]:
             finder.add(goal, generator, max_per_goal, attempts)
         if not finder.found:
@@ -112,8 +113,8 @@ def _composite_excess(problem: Problem, q: Array) -> str:
 class _Finder:
     """Configurations of one arm that fulfil one of its goals, free as far as this arm alone goes."""
 
-    def __init__(self, problem: Problem, checker: CollisionChecker, kinematics: Kinematics, arm: str) -> None:
-        self.problem, self.checker, self.kinematics, self.arm = problem, checker, kinematics, arm
+    def __init__(self, problem: Problem, checker: CollisionChecker, arm: str) -> None:
+        self.problem, self.checker, self.arm = problem, checker, arm
         self.robot: Robot = problem.scene.arms[arm].robot
         self.start = problem.scene.split(problem.start, problem.arms)[arm]
         before = problem.arms[: problem.arms.index(arm)]
@@ -133,9 +134,8 @@ class _Finder:
         self.least = []
         seeds = np.array([self.start, self.robot.home])
         result = solve_ik(
-            self.kinematics,
+            Kinematics(Scene({self.arm: self.problem.scene.arms[self.arm]})),
             goal,
-            self.arm,
             seeds=seeds,
             rng=rng,
             attempts=attempts,
