@@ -9,13 +9,15 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
-from rr1plan.checks import Seed, as_generator
+import numpy as np
+
+from rr1plan.checks import Seed, as_generator, finite_number
 from rr1plan.collision import CollisionChecker, MotionChecker
-from rr1plan.errors import NoPlanError
+from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.planners import plan
 from rr1plan.planners.shortcut import shorten as shorten_path
@@ -38,11 +40,13 @@ class MotionPlan:
         problem: The question.
         result: The planner's answer.
         seconds: Wall time of each stage [s], in order.
+        margin: Distance that was kept beyond the scene's padding while planning [m].
     """
 
     problem: Problem
     result: PlanResult
     seconds: Mapping[str, float] = field(default_factory=dict)
+    margin: float = 0.0
     _path: Path | None = None
     _trajectory: Trajectory | None = None
     _report: Report | None = None
@@ -116,6 +120,7 @@ def plan_motion(
     planner: str = "rrt_connect",
     retiming: str = "blend",
     shorten: bool = True,
+    margin: float = 0.002,
     torque_limits: bool = False,
     budget: Budget | None = None,
     rng: Seed = None,
@@ -131,6 +136,9 @@ def plan_motion(
         planner: A name of `planner_names()`.
         retiming: A name of `retiming_names()`.
         shorten: Whether to shorten the path; the Cartesian planner's is left as it is.
+        margin: Distance to keep beyond the scene's padding [m]: a proof of zero clearance is little use to an
+            arm that tracks to a fraction of a millimetre. It is lowered to half of what the start has, and
+            given up when no goal has it.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
@@ -141,17 +149,22 @@ def plan_motion(
 
     Raises:
         UnknownNameError: a planner or retiming nobody knows.
+        InputError: a margin below zero.
         RetimingError: the path cannot be timed under the limits (a torque limit below gravity).
     """
     seconds: dict[str, float] = {}
     generator = as_generator(rng)
     with _timed(seconds, "plan"):
-        result = plan(problem, planner, budget, generator, progress)
+        margin = _affordable(problem, margin)
+        roomy = _with_margin(problem, margin)
+        result = plan(roomy, planner, budget, generator, progress)
+        if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
+            margin, roomy = 0.0, problem
+            result = plan(problem, planner, budget, generator, progress)
     if result.path is None:
-        return MotionPlan(problem, result, seconds)
+        return MotionPlan(problem, result, seconds, margin)
     path = result.path
-    checker = CollisionChecker(problem.scene, problem.arms)
-    motions = MotionChecker(checker)
+    motions = MotionChecker(CollisionChecker(roomy.scene, problem.arms))
     if shorten and planner != "cartesian":
         with _timed(seconds, "shorten"):
             path = shorten_path(path, motions, rng=generator)
@@ -159,12 +172,34 @@ def plan_motion(
     jerk_limits = retiming.startswith("ruckig")
     for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
         with _timed(seconds, "retime"):
-            trajectory = retime(path, problem.scene, method, checker=motions, torque_limits=torque_limits)
+            trajectory = retime(path, roomy.scene, method, checker=motions, torque_limits=torque_limits)
         with _timed(seconds, "validate"):
             report = validate(trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits)
         if report.valid:
             break
-    return MotionPlan(problem, result, seconds, path, trajectory, report)
+    return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
+
+
+def _affordable(problem: Problem, margin: float) -> float:
+    """The margin [m], or half of what the start has beyond its padding if that is less.
+
+    Raises:
+        InputError: below zero or not finite.
+    """
+    if finite_number("margin", margin) < 0.0:
+        raise InputError(f"margin is {margin}, expected a distance >= 0")
+    checker = CollisionChecker(problem.scene, problem.arms)
+    padding = np.array([problem.scene.padding_of(a, b) for a, b in checker.pairs])
+    clearance = float((checker.distances(problem.start) - padding).min(initial=np.inf))
+    return max(0.0, min(margin, 0.5 * clearance))
+
+
+def _with_margin(problem: Problem, margin: float) -> Problem:
+    """The same question in a scene that keeps `margin` [m] more between every pair."""
+    scene = problem.scene
+    pairs = {pair: distance + margin for pair, distance in scene.pair_padding.items()}
+    roomy = replace(scene, padding=scene.padding + margin, pair_padding=pairs)
+    return Problem(roomy, problem.start, dict(problem.goal), problem.arms)
 
 
 @contextmanager
