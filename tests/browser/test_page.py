@@ -117,7 +117,10 @@ def test_kinematics_in_the_page_agree_with_ours(calm: Any, two_arms: rp.Scene) -
 def test_what_is_drawn_is_where_the_kinematics_say(calm: Any, two_arms: rp.Scene) -> None:
     calm.ask("RR1.seek(1.7)")
     rows = calm.ask("""() => RR1.world.robots.sets.flatMap(({drawn, items}) => items.map((item, i) => {
-        const m = new RR1.THREE.Matrix4(); drawn.getMatrixAt(i, m); return [item.element, m.elements.slice(12, 15)]; }))""")
+        const m = new RR1.THREE.Matrix4();
+        drawn.getMatrixAt(i, m);
+        return [item.element, m.elements.slice(12, 15)];
+    }))""")
     poses = two_arms.link_poses(two_arms.split(wander(two_arms)(1.7)))
     expected = [
         (f"{arm}/{link.name}", (poses[f"{arm}/{link.name}"] @ g.pose)[:3, 3])
@@ -162,8 +165,16 @@ def test_the_speed_menu_changes_the_speed(calm: Any) -> None:
 
 
 def test_the_motion_repeats_or_stops_at_its_end(calm: Any) -> None:
-    run = "loop => { RR1.setLoop(loop); RR1.seek(2.9); RR1.play(); RR1.player.last = 0; "
-    run += "RR1.player.tick(200); RR1.player.tick(900); RR1.player.tick(901); const s = [RR1.playing, RR1.time]; RR1.pause(); return s; }"
+    run = """loop => {
+        RR1.setLoop(loop);
+        RR1.seek(2.9);
+        RR1.play();
+        RR1.player.last = 0;
+        for (const now of [200, 900, 901]) RR1.player.tick(now);
+        const found = [RR1.playing, RR1.time];
+        RR1.pause();
+        return found;
+    }"""
     assert calm.ask(run, False) == [False, 3]
     playing, time = calm.ask(run, True)
     assert playing
@@ -255,7 +266,8 @@ def test_names_from_files_stay_text(tab: Any, rr1: rp.Robot, tmp_path: FilePath)
 def test_a_panel_sees_and_moves_the_arm(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
     scene = rp.Scene().with_arm("arm", planar2r)
     script = """
-        viewer.on('change', (q, time, manual) => { root.querySelector('output').textContent = `${q[0].toFixed(3)} ${manual}`; });
+        const out = root.querySelector('output');
+        viewer.on('change', (q, time, manual) => { out.textContent = `${q[0].toFixed(3)} ${manual}`; });
         root.querySelector('button').onclick = () => viewer.setQ(viewer.unpack(data).values);
     """
     panel = Panel(

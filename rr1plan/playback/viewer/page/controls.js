@@ -184,21 +184,26 @@ class Controls {
       const chip = element("button", label, "chip");
       chip.type = "button";
       chip.dataset.layer = layer;
-      const sync = () => chip.setAttribute("aria-pressed", String(viewer.isShown(layer)));
-      chip.onclick = () => { viewer.setShown(layer, !viewer.isShown(layer)); sync(); };
-      sync();
+      chip.onclick = () => viewer.setShown(layer, !viewer.isShown(layer));
       return chip;
     });
     if (doc.arms.length > 1) {
       const chip = element("button", "Arm colours", "chip");
       chip.type = "button";
       chip.dataset.layer = "armcolours";
-      const sync = () => chip.setAttribute("aria-pressed", String(viewer.byArm));
-      chip.onclick = () => { viewer.setByArm(!viewer.byArm); sync(); };
-      sync();
+      chip.onclick = () => viewer.setByArm(!viewer.byArm);
       chips.push(chip);
     }
     find("toggles").replaceChildren(...chips);
+    this.refreshToggles();
+  }
+
+  refreshToggles() {
+    for (const chip of find("toggles").children) {
+      const { layer } = chip.dataset;
+      const on = layer === "armcolours" ? this.viewer.byArm : this.viewer.isShown(layer);
+      chip.setAttribute("aria-pressed", String(on));
+    }
   }
 
   /** One fold an arm; its sliders are made when it is first opened. */

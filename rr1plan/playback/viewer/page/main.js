@@ -44,6 +44,8 @@ class Viewer {
     this.player = new Player(track);
     this.player.speed = speed;
     this.manual = false;
+    this.touched = [];
+    this.lastDirection = null;
     this.q = this.kinematics.rest();
     if (track) track.at(track.start, this.q);
     this.world = new World(doc, this.kinematics);
@@ -58,6 +60,7 @@ class Viewer {
     const { world, kinematics, document: doc } = this;
     const samples = [kinematics.rest(), this.q];
     if (track) for (let i = 0; i <= 12; i++) samples.push(track.at(track.start + (i / 12) * (track.end - track.start), kinematics.rest()));
+    this.samples = samples;
     this.box = world.extent(samples);
     const radius = this.box.getSize(new THREE.Vector3()).length() / 2;
     const thin = Math.min(Math.max(0.0022 * radius, 0.0012), 0.008);
@@ -147,12 +150,14 @@ class Viewer {
   setShown(layer, on) {
     if (on) this.hidden.delete(layer); else this.hidden.add(layer);
     if (this.world.layers[layer]) this.world.layers[layer].visible = on;
+    this.controls.refreshToggles();
     this.show();
   }
 
   setByArm(on) {
     this.byArm = on;
     this.world.paint(on && this.kinematics.arms.length > 1, this.touched);
+    this.controls.refreshToggles();
     this.redraw();
   }
 
@@ -167,24 +172,20 @@ class Viewer {
 
   look(direction) {
     this.framed = true;
-    this.stage.look(this.box, direction || this.lastDirection || this.frontDirection());
-    if (direction) this.lastDirection = direction;
+    this.lastDirection = direction || this.lastDirection || this.world.openDirection(this.samples, this.front());
+    this.stage.look(this.box, this.lastDirection);
   }
 
-  /** Half from the side of where the arms reach to. */
-  frontDirection() {
-    const poses = new Float64Array(16 * this.kinematics.links);
-    this.kinematics.forwardAll(this.q, poses);
+  /** The direction [rad about z] in which the arms reach out as shown; where they reach apart, along -y. */
+  front() {
+    const poses = this.kinematics.forwardAll(this.q, new Float64Array(16 * this.kinematics.links));
     let x = 0, y = 0;
     for (const arm of this.kinematics.arms) {
       const tool = 16 * this.kinematics.toolIndex(arm), base = 16 * arm.firstLink;
       x += poses[tool + 12] - poses[base + 12];
       y += poses[tool + 13] - poses[base + 13];
     }
-    const length = Math.hypot(x, y);
-    if (length < 0.05 * this.kinematics.arms.length || !length) return [-0.5, -0.87, 0.52];
-    const turn = (48 * Math.PI) / 180, c = Math.cos(turn), s = Math.sin(turn);
-    return [(c * x - s * y) / length, (s * x + c * y) / length, 0.5];
+    return Math.hypot(x, y) > 0.05 * this.kinematics.arms.length ? Math.atan2(y, x) : -Math.PI / 2;
   }
 
   add(name, object) { this.stage.show(`panel-${name}`, object); }

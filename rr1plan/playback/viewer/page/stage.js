@@ -156,7 +156,7 @@ class Stage {
     const width = this.pane.clientWidth, height = this.pane.clientHeight;
     if (document.body.classList.contains("bare") || width < 700) return [0.02, 0.02, 0.05, 0.08];
     const side = document.body.classList.contains("folded") ? 0 : 290;
-    return [0.06, 0.02 + side / width, 0.04, 0.04 + 90 / height];
+    return [0.13, 0.02 + side / width, 0.04, 0.04 + 90 / height];
   }
 
   resize() {

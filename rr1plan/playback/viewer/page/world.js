@@ -31,7 +31,7 @@ class World {
     const sides = kinematics.arms.length > 4 ? 18 : 36;
     this.robots = this.layer("robots", new Bodies(this.linkItems("visuals", LINK_GREY), { roughness: 0.5, sides }));
     this.held = this.layer("robots", new Bodies(this.heldItems(), {}));
-    this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.2, 0.55, 0.9]), { opacity: 0.32, order: 6, sides }));
+    this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.05, 0.72, 0.66]), { opacity: 0.4, order: 6, sides }));
     this.collisions.recolor = false;
     this.moving = [this.robots, this.held, this.collisions];
     this.obstacles = this.layer("obstacles", new Bodies(this.obstacleItems(), { roughness: 0.75 }));
@@ -236,7 +236,7 @@ class World {
     if (arms.isEmpty()) return things;
     const size = arms.getSize(new THREE.Vector3()).length();
     arms.expandByScalar(0.07 * size);
-    things.intersect(arms.clone().expandByScalar(0.3 * size));
+    things.intersect(arms.clone().expandByScalar(0.14 * size));
     return things.isEmpty() ? arms : arms.union(things);
   }
 
@@ -255,6 +255,42 @@ class World {
       }
     }
     return box;
+  }
+
+  /** A direction to look from, half from the front, in which obstacles hide the arms least. */
+  openDirection(samples, front) {
+    const points = this.linkPoints(samples, 48), ray = new THREE.Raycaster();
+    const solids = this.obstacles.sets.map((set) => set.drawn);
+    const faces = solids.reduce((sum, s) => sum + s.count * (s.geometry.index || s.geometry.attributes.position).count / 3, 0);
+    let best = null;
+    for (const height of [0.5, 0.85]) {
+      for (const turn of [48, -48, 28, -28, 72, -72, 110, -110]) {
+        const angle = front + (turn * Math.PI) / 180;
+        const direction = new THREE.Vector3(Math.cos(angle), Math.sin(angle), height);
+        const d = direction.clone().normalize();
+        let hidden = 0;
+        for (const p of points) {
+          ray.set(p, d);
+          if (ray.intersectObjects(solids, false).length) hidden += 1;
+        }
+        // A little hidden is better than a strange side.
+        const cost = hidden / (points.length || 1) + 0.0012 * Math.abs(Math.abs(turn) - 48) + (turn < 0 ? 0.04 : 0) + (height > 0.6 ? 0.09 : 0);
+        if (!best || cost < best.cost) best = { cost, direction };
+        if (faces > 30000) return best.direction.toArray();
+      }
+    }
+    return best.direction.toArray();
+  }
+
+  /** Some places of links along the motion. */
+  linkPoints(samples, most) {
+    const all = [], poses = new Float64Array(this.poses.length);
+    for (const q of samples) {
+      this.kinematics.forwardAll(q, poses);
+      for (let i = 0; i < poses.length; i += 16) all.push(new THREE.Vector3(poses[i + 12], poses[i + 13], poses[i + 14]));
+    }
+    const step = Math.max(1, Math.floor(all.length / most));
+    return all.filter((_, i) => i % step === 0);
   }
 
   dispose() {
