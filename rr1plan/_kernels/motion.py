@@ -317,7 +317,7 @@ def certify(
         joint_poses: World poses of joints, shape (n, 12): in, of those that rest; the others are scratch.
         poses: The same of bodies, shape (b, 12).
         centres: The same of the centres of their balls, shape (b, 3).
-        directions: Best direction known for each pair, kept from call to call, shape (p, 3).
+        directions: Scratch memory, shape (p, 3).
 
     Returns:
         FREE, CONTACT or GRAZING; where; which pair; configurations looked at; gaps computed finely.
@@ -334,6 +334,8 @@ def certify(
     begins[0], begins[1] = 0, count
     half = 0.5 * duration
     seen, fine = 0, 0
+    # From one interval to the next a pair keeps its direction; from call to call it does not: same edge, same answer.
+    directions[:, :] = 0.0
     while len(middles) > 0:
         if seen > _MOST_CONFIGURATIONS:
             return GRAZING, middles[0], open_pairs[0], seen, fine

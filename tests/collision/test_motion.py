@@ -1,0 +1,380 @@
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rr1plan._kernels.motion import bound_travel, place_body, place_joints, take_interval
+from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.errors import InputError
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud, Sphere
+from rr1plan.transforms import pose
+
+
+def odd_scene(odd):
+    cloud = PointCloud(np.random.default_rng(0).uniform(0.3, 0.6, (120, 3)), 0.03)
+    scene = (
+        Scene().with_arm("a", odd).with_obstacle("ground", HalfSpace((0, 0, 1), -0.01)).with_obstacle("cloud", cloud)
+    )
+    scene = scene.with_obstacle("can", Cylinder(0.05, 0.2), [-0.4, 0.2, 0.7])
+    return scene.with_obstacle("stick", Capsule(0.02, 0.3), [-0.4, -0.3, 0.6])
+
+
+def held_scene(six):
+    scene = Scene().with_arm("a", six).with_obstacle("post", Box((0.1, 0.1, 1.0)), [0.5, 0.3, 0.5])
+    held = scene.with_obstacle("tray", Box((0.2, 0.3, 0.02)), [9, 9, 9])
+    return held.attach("tray", "a", touch=["l5"], pose=pose([0, 0, 0.12]))
+
+
+def two_arms(six):
+    scene = Scene().with_arm("l", six).with_arm("r", six, [0.7, 0, 0])
+    return scene.with_obstacle("ground", HalfSpace((0, 0, 1), -0.01))
+
+
+@pytest.fixture(scope="module")
+def scenes(cluttered, odd, six, planar):
+    return {
+        "cluttered": (cluttered, 2.5),
+        "padded": (cluttered.with_padding(0.03).with_padding(0.08, "arm", "ball"), 2.5),
+        "odd": (odd_scene(odd), 1.0),
+        "odd padded": (odd_scene(odd).with_padding(0.02), 1.0),
+        "held": (held_scene(six), 2.0),
+        "two arms": (two_arms(six), 1.5),
+        "planar": (Scene().with_arm("p", planar).with_obstacle("b", Sphere(0.1), [0.6, 0.4, 0]), 3.0),
+    }
+
+
+SCENES = ("cluttered", "padded", "odd", "odd padded", "held", "two arms", "planar")
+
+
+def random_edges(checker, wide, count, seed, long=0.5):
+    rng = np.random.default_rng(seed)
+    edges = []
+    while len(edges) < count:
+        q = rng.uniform(-wide, wide, checker.nq)
+        if checker.is_free(q):
+            edges.append((q, q + rng.normal(size=checker.nq) * long))
+    return edges
+
+
+def clearance(checker, q):
+    """Least distance beyond the padding [m]."""
+    paddings = np.array([checker.scene.padding_of(a, b) for a, b in checker.pairs])
+    return float((checker.distances(q) - paddings).min(initial=np.inf))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_an_edge_is_free_exactly_when_coal_finds_every_sample_free(scenes, name):
+    scene, wide = scenes[name]
+    motion = MotionChecker(scene)
+    free = 0
+    for q0, q1 in random_edges(motion.checker, wide, 120, 1):
+        sampled = all(motion.checker.is_free(q0 + u * (q1 - q0)) for u in np.linspace(0, 1, 120))
+        if motion.edge_is_free(q0, q1):
+            free += 1
+            assert sampled
+        elif sampled:
+            contact = motion.first_contact(q0, q1)
+            assert clearance(motion.checker, contact.q) < 1e-5
+    assert 20 < free < 119
+
+
+class CoalCertificate:
+    """The same theorem, slow: Coal's distances, plain kinematics, one crude bound for all pairs."""
+
+    def __init__(self, scene):
+        self.checker = CollisionChecker(scene)
+        self.scene = scene
+
+    def travel(self, q0, q1):
+        """No point of the arms gets farther than this on the edge: every joint swings everything it carries."""
+        total, column = 0.0, 0
+        for arm in self.scene.arms.values():
+            robot = arm.robot
+            spans = [np.linalg.norm(j.origin[:3, 3]) + 1.0 * (j.kind == "prismatic") for j in robot.joints]
+            reach = sum(spans) + 0.5
+            moved = np.abs(q1 - q0)[column : column + robot.nq]
+            weights = np.array([1.0 if robot.joint(n).kind == "prismatic" else reach for n in robot.joint_names])
+            followers = [j.mimic for j in robot.joints if j.mimic is not None and j.mimic.joint in robot.joint_names]
+            more = sum(abs(m.multiplier) * reach * moved[robot.joint_names.index(m.joint)] for m in followers)
+            total += float(weights @ moved) + more
+            column += robot.nq
+        return 2.0 * total
+
+    def edge_is_free(self, q0, q1):
+        gap = clearance(self.checker, 0.5 * (q0 + q1))
+        moved = 0.5 * self.travel(q0, q1)
+        if gap > moved:
+            return True
+        if gap <= 0 or moved < 1e-5:
+            return False
+        middle = 0.5 * (q0 + q1)
+        return self.edge_is_free(q0, middle) and self.edge_is_free(middle, q1)
+
+
+@pytest.mark.parametrize("name", ["cluttered", "padded", "odd", "two arms"])
+def test_the_fast_certificate_agrees_with_a_slow_one_by_coal_alone(scenes, name):
+    scene, wide = scenes[name]
+    motion, slow = MotionChecker(scene), CoalCertificate(scene)
+    answers = []
+    for q0, q1 in random_edges(motion.checker, wide, 20, 2, long=0.35):
+        answers.append(motion.edge_is_free(q0, q1))
+        assert answers[-1] == slow.edge_is_free(q0, q1)
+    assert 0 < sum(answers) < len(answers)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.floats(0.1, 0.4) | st.floats(0.6, 0.9),
+    st.floats(-3.0, 3.0),
+    st.floats(0.2, 3.0),
+    st.sampled_from(["plate", "needle"]),
+)
+def test_nothing_thin_is_ever_tunnelled(planar, distance, angle, swing, kind):
+    shape = Box((0.001, 0.2, 0.2)) if kind == "plate" else Cylinder(0.0005, 0.4)
+    place = pose([distance * np.cos(angle), distance * np.sin(angle), 0.0], rpy=[0, 0, angle + 1.0])
+    motion = MotionChecker(Scene().with_arm("p", planar).with_obstacle("thin", shape, place))
+    q0, q1 = np.array([angle - swing, 0.0]), np.array([angle + swing, 0.0])
+    assert not motion.edge_is_free(q0, q1)
+    contact = motion.first_contact(q0, q1)
+    assert "thin" in contact.pair
+    assert contact.fraction < 0.5
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 2**32), st.sampled_from(["odd", "six", "held"]), st.floats(1e-4, 1.5))
+def test_no_point_travels_farther_than_its_bound(odd, six, seed, which, size):
+    scene = {"odd": odd_scene(odd), "six": Scene().with_arm("a", six), "held": held_scene(six)}[which]
+    motion = MotionChecker(scene)
+    checker, tables = motion.checker, motion._tables
+    rng = np.random.default_rng(seed)
+    q0 = rng.uniform(-2, 2, checker.nq)
+    reach = size * rng.uniform(0, 1, checker.nq)
+    place_joints(tables.joints, tables.joint_values, q0, tables.joint_poses, np.empty(12))
+    travel = np.zeros((len(tables.bodies), len(tables.joints) + 1))
+    before, points = {}, {}
+    for b, solid in enumerate(checker.solids):
+        first, last = tables.bodies[b, 4:6]
+        if first == last:
+            continue
+        place_body(b, tables.bodies, tables.body_values, tables.joint_poses, tables.poses, tables.centres)
+        bound_travel(
+            *(b, tables.bodies, tables.body_values, tables.chain, tables.chain_reach, tables.joints),
+            *(tables.joint_values, tables.joint_poses, reach, tables.centres, travel),
+        )
+        points[b] = surface_points(solid.shape, rng)
+        before[b] = world_points(scene, q0, solid, points[b], checker)
+    for _ in range(8):
+        q1 = q0 + reach * rng.uniform(-1, 1, checker.nq)
+        for b, solid in enumerate(checker.solids):
+            if b in before:
+                moved = np.linalg.norm(world_points(scene, q1, solid, points[b], checker) - before[b], axis=1)
+                assert moved.max() <= travel[b, 0] + 1e-9
+
+
+def surface_points(shape, rng):
+    directions = rng.normal(size=(40, 3))
+    match shape:
+        case Box(size):
+            return np.sign(directions) * np.array(size) / 2
+        case Sphere(radius):
+            return radius * directions / np.linalg.norm(directions, axis=1)[:, None]
+        case Cylinder(radius, length):
+            across = directions[:, :2] / np.linalg.norm(directions[:, :2], axis=1)[:, None]
+            return np.column_stack([radius * across, np.sign(directions[:, 2]) * length / 2])
+        case Capsule(radius, length):
+            ends = np.outer(np.sign(directions[:, 2]), [0, 0, length / 2])
+            return ends + radius * directions / np.linalg.norm(directions, axis=1)[:, None]
+        case _:
+            return shape.vertices
+
+
+def world_points(scene, q, solid, points, checker):
+    """Points of a solid in the world by the plain kinematics."""
+    poses = scene.link_poses(scene.split(q))
+    if solid.element in scene.attachments:
+        held = scene.attachments[solid.element]
+        T = poses[f"{held.arm}/{held.link}"] @ held.pose @ held.geometries[0].pose
+    else:
+        arm, link = solid.element.split("/")
+        collisions = scene.arms[arm].robot.link(link).collisions
+        T = poses[solid.element] @ next(g.pose for g in collisions if g.shape is solid.shape or len(collisions) == 1)
+    return points @ T[:3, :3].T + T[:3, 3]
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.integers(0, 2**32), st.integers(1, 7), st.floats(1e-3, 20.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_a_curve_stays_within_its_reach_on_an_interval(seed, terms, duration, low, high):
+    rng = np.random.default_rng(seed)
+    curve = rng.normal(size=(terms, 3)) / duration ** np.arange(terms)[:, None]
+    a, b = sorted((low * duration, high * duration))
+    q, reach = np.empty(3), np.empty(3)
+    take_interval(curve, duration, 0.5 * (a + b), 0.5 * (b - a), np.empty((terms, 3)), q, reach)
+    times = np.linspace(a, b, 50)
+    values = np.power.outer(times, np.arange(terms)) @ curve
+    assert (np.abs(values - q) <= reach + 1e-13).all()
+    assert (reach <= 10 * terms * np.abs(curve * duration ** np.arange(terms)[:, None]).sum(axis=0) + 1e-12).all()
+
+
+@pytest.mark.parametrize("name", ["cluttered", "odd", "two arms"])
+def test_a_curve_is_free_exactly_when_coal_finds_every_sample_free(scenes, name):
+    scene, wide = scenes[name]
+    motion = MotionChecker(scene)
+    rng = np.random.default_rng(3)
+    free = 0
+    for q0, _ in random_edges(motion.checker, wide, 60, 4):
+        duration = rng.uniform(0.1, 5.0)
+        curve = np.vstack([q0, rng.normal(size=(4, len(q0))) * 0.3 / duration ** np.arange(1, 5)[:, None]])
+        times = np.linspace(0, duration, 150)
+        samples = np.power.outer(times, np.arange(5)) @ curve
+        least = min(clearance(motion.checker, q) for q in samples)
+        if motion.polynomial_is_free(curve, duration):
+            free += 1
+            assert least > 0
+        else:
+            # What the samples missed is no deeper than what lies between two of them.
+            assert least < 0.02
+    assert 8 < free < 59
+
+
+def test_a_straight_curve_is_an_edge(scenes):
+    motion = MotionChecker(scenes["cluttered"][0])
+    for q0, q1 in random_edges(motion.checker, 2.5, 40, 5):
+        duration = 3.0
+        curve = [q0, (q1 - q0) / duration]
+        assert motion.polynomial_is_free(curve, duration) == motion.edge_is_free(q0, q1)
+
+
+def test_an_edge_of_length_zero_is_its_configuration(scenes):
+    for scene, wide in scenes.values():
+        motion = MotionChecker(scene)
+        rng = np.random.default_rng(6)
+        for q in rng.uniform(-wide, wide, (40, motion.checker.nq)):
+            assert motion.edge_is_free(q, q) == motion.checker.is_free(q)
+
+
+def test_both_directions_of_an_edge_have_one_answer(scenes):
+    motion = MotionChecker(scenes["cluttered"][0])
+    for q0, q1 in random_edges(motion.checker, 2.5, 60, 7):
+        assert motion.edge_is_free(q0, q1) == motion.edge_is_free(q1, q0)
+
+
+def test_without_anything_to_touch_every_edge_is_free(planar):
+    assert MotionChecker(Scene().with_arm("p", planar)).edge_is_free([0, 0], [100.0, -50.0])
+
+
+def test_a_full_turn_of_a_continuous_joint_meets_what_is_on_the_way(odd):
+    scene = Scene().with_arm("a", odd).with_obstacle("wall", Box((0.01, 0.5, 0.5)), [-0.4, 0, 0.55])
+    motion = MotionChecker(scene)
+    q0, q1 = np.array([0, 0.5, 0.0]), np.array([0, 0.5 + 2 * np.pi, 0.0])
+    assert motion.checker.is_free(q0)
+    assert motion.checker.is_free(q1)
+    assert not motion.edge_is_free(q0, q1)
+
+
+def test_mimicking_links_are_swept_too(odd):
+    """Only the flap, which mimics `bend`, may not touch the pin."""
+    q0, q1 = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
+    scene = Scene().with_arm("a", odd)
+    tip = scene.link_poses({"a": np.zeros(3)})["a/flap"] @ [0.08, 0.0, 0.0, 1.0]
+    scene = scene.with_obstacle("pin", Sphere(0.004), tip[:3])
+    for link in ("base", "slide", "arm", "wrist", "left", "right"):
+        scene = scene.allow(f"a/{link}", "pin")
+    contact = MotionChecker(scene).first_contact(q0, q1)
+    assert set(contact.pair) == {"a/flap", "pin"}
+
+
+def test_grazing_is_refused_and_clearing_by_more_than_the_tolerance_is_not(planar):
+    """The arm's straight rod passes beside a ball; the gap is set to the micrometre."""
+    for gap, free in ((1e-8, False), (1e-5, True), (-1e-5, False)):
+        # Rod of radius 0.02 whose round end reaches 0.97 m from the shoulder.
+        scene = Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.97 + 0.1 + gap, 0.0, 0.0])
+        assert MotionChecker(scene).edge_is_free([-1.0, 0.0], [1.0, 0.0]) is free
+
+
+def test_sliding_along_a_plane_at_a_hairs_breadth_comes_to_an_end(planar):
+    for height, free in ((-0.02 - 1e-8, False), (-0.02 - 3e-5, True)):
+        scene = Scene().with_arm("p", planar).with_obstacle("floor", HalfSpace((0, 0, 1), height))
+        assert MotionChecker(scene).edge_is_free([-1.0, 0.0], [1.0, 0.5]) is free
+
+
+def test_numbers_beyond_all_precision_come_to_an_end_without_a_proof(planar):
+    scene = Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.8, 0.0, 0.0])
+    assert not MotionChecker(scene).edge_is_free([1e14, 0.0], [1e14 + 7.0, 0.0])
+
+
+def test_the_first_contact_divides_free_from_not(scenes):
+    motion = MotionChecker(scenes["cluttered"][0])
+    found = 0
+    for q0, q1 in random_edges(motion.checker, 2.5, 40, 8):
+        contact = motion.first_contact(q0, q1)
+        if contact is None:
+            assert motion.edge_is_free(q0, q1)
+            continue
+        found += 1
+        assert motion.edge_is_free(q0, q0 + 0.999 * (contact.q - q0))
+        assert clearance(motion.checker, contact.q) < 1e-4
+        distance = dict(zip(motion.checker.pairs, motion.checker.distances(contact.q), strict=True))[contact.pair]
+        assert distance < 1e-4
+    assert found > 5
+
+
+def test_contacts_that_no_joint_can_undo_block_every_motion(planar):
+    scene = (
+        Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0, 0]).with_obstacle("b", Sphere(0.1), [3.4, 0, 0])
+    )
+    motion = MotionChecker(scene, ["l"])
+    assert not motion.edge_is_free([0, 0], [0.1, 0])
+    contact = motion.first_contact([0, 0], [0.1, 0])
+    assert contact.fraction == 0.0
+    assert contact.pair == ("r/upper", "b")
+
+
+def test_a_path_is_free_when_all_its_edges_are(planar):
+    scene = Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0])
+    motion = MotionChecker(scene)
+    assert motion.path_is_free([[0.0, 0.0]])
+    assert motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0]])
+    assert not motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [np.pi / 2, 0.0]])
+    assert not motion.path_is_free([[np.pi / 2, 0.0]])
+
+
+def test_it_counts_its_work(planar):
+    motion = MotionChecker(Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0]))
+    motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0]])
+    assert motion.edges_checked == 2
+    assert motion.configurations_checked >= 2
+
+
+def test_it_takes_a_scene_or_a_checker_and_survives_pickling(scenes):
+    scene, wide = scenes["two arms"]
+    one, two = MotionChecker(scene, ["l"]), MotionChecker(CollisionChecker(scene, ["l"]))
+    three = pickle.loads(pickle.dumps(one))
+    for q0, q1 in random_edges(one.checker, wide, 20, 9):
+        assert one.edge_is_free(q0, q1) == two.edge_is_free(q0, q1) == three.edge_is_free(q0, q1)
+    with pytest.raises(InputError):
+        MotionChecker(CollisionChecker(scene), ["l"])
+
+
+@pytest.mark.parametrize(
+    ("question", "arguments"),
+    [
+        ("edge_is_free", ([np.nan, 0], [0, 0])),
+        ("edge_is_free", ([0, 0], [0, 0, 0])),
+        ("first_contact", ([0, 0], [np.inf, 0])),
+        ("path_is_free", (np.zeros((0, 2)),)),
+        ("path_is_free", ([[0, 0], [np.nan, 0]],)),
+        ("polynomial_is_free", (np.zeros((0, 2)), 1.0)),
+        ("polynomial_is_free", ([[0, 0]], -1.0)),
+        ("polynomial_is_free", ([[0, 0]], np.nan)),
+        ("polynomial_is_free", ([[0, np.inf]], 1.0)),
+    ],
+)
+def test_motions_that_are_none_are_refused(planar, question, arguments):
+    motion = MotionChecker(Scene().with_arm("p", planar))
+    with pytest.raises(InputError):
+        getattr(motion, question)(*arguments)

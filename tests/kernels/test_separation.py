@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import coal
+import numba
+import numpy as np
+import pytest
+
+from rr1plan._kernels import jit as jit_module
+from rr1plan._kernels.separation import separation
+from rr1plan.collision.solids import coal_geometry
+from rr1plan.collision.tables import _core, _neighbours
+from rr1plan.formats.convex import convex_hull
+from rr1plan.shapes import Box, Capsule, Cylinder, Sphere
+from rr1plan.transforms import pose
+
+RNG = np.random.default_rng(8)
+SHAPES = {
+    "box": Box((0.2, 0.3, 0.4)),
+    "plate": Box((1.0, 1.0, 0.001)),
+    "sphere": Sphere(0.15),
+    "cylinder": Cylinder(0.1, 0.4),
+    "capsule": Capsule(0.1, 0.3),
+    "pebble": convex_hull(RNG.normal(size=(40, 3)) * 0.1),
+    "ball": convex_hull(np.array([v / np.linalg.norm(v) * 0.2 for v in RNG.normal(size=(400, 3))])),
+}
+
+
+def body_of(shape, T):
+    core = _core(shape)
+    around = _neighbours(shape)
+    begins = np.cumsum([0, *(len(a) for a in around)]) + len(around) + 1
+    links = np.concatenate([begins, *around]).astype(np.int64)
+    points = np.ascontiguousarray(core.points.reshape(-1, 3))
+    return core.kind, core.size, np.concatenate([T[:3, :3].ravel(), T[:3, 3]]), points, links, 0
+
+
+def gap_bounds(one, A, two, B, least=np.inf, enough=np.inf):
+    radius = _core(one).radius + _core(two).radius
+    bounds = separation(
+        *body_of(one, A), *body_of(two, B), least + radius, enough + radius, np.array([0.1, 0.2, 0.3]), np.empty((4, 3))
+    )
+    return np.array(bounds) - radius
+
+
+def coal_distance(one, A, two, B):
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.gjk_tolerance = 1e-10
+    places = [coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3])) for T in (A, B)]
+    return coal.distance(coal_geometry(one), places[0], coal_geometry(two), places[1], request, result)
+
+
+@pytest.mark.parametrize("one", SHAPES)
+@pytest.mark.parametrize("two", SHAPES)
+def test_the_gap_is_never_more_than_coals_distance_and_closes_on_it(one, two):
+    rng = np.random.default_rng(9)
+    apart = 0
+    for _ in range(60):
+        A, B = (pose(rng.normal(size=3) * 0.35, quaternion=rng.normal(size=4)) for _ in range(2))
+        distance = coal_distance(SHAPES[one], A, SHAPES[two], B)
+        lower, upper = gap_bounds(SHAPES[one], A, SHAPES[two], B)
+        assert lower <= upper + 1e-12
+        if distance > 1e-6:
+            apart += 1
+            assert lower <= distance + 1e-6
+            assert upper >= distance - 1e-6
+            assert lower == pytest.approx(distance, abs=1e-5)
+        elif distance < -1e-6:
+            assert upper <= 1e-9
+    assert apart > 5
+
+
+def test_it_stops_once_the_gap_is_enough_or_certainly_is_not():
+    A, B = pose([0, 0, 0]), pose([1.0, 0.1, 0.2])
+    shapes = SHAPES["pebble"], A, SHAPES["ball"], B
+    exact = coal_distance(*shapes)
+    lower, _ = gap_bounds(*shapes, enough=0.5 * exact)
+    assert 0.5 * exact <= lower <= exact + 1e-9
+    lower, upper = gap_bounds(*shapes, least=0.0, enough=2.0 * exact)
+    assert 0.0 < lower <= exact + 1e-9
+    assert exact - 1e-9 <= upper < 2.0 * exact
+
+
+def test_a_folder_that_cannot_be_written_only_costs_the_cache(monkeypatch):
+    real = numba.njit
+
+    def without_cache(*args, cache=False, **options):
+        if cache:
+            raise RuntimeError("cannot cache function 'twice': no locator available for file 'x.py'")
+        return real(*args, **options)
+
+    monkeypatch.setattr(jit_module.numba, "njit", without_cache)
+
+    @jit_module.jit(numba.float64(numba.float64))
+    def twice(x):
+        return 2.0 * x
+
+    assert twice(4.0) == 8.0
+
+
+def test_other_failures_to_compile_are_not_hidden(monkeypatch):
+    def broken(*args, **options):
+        raise RuntimeError("out of registers")
+
+    monkeypatch.setattr(jit_module.numba, "njit", broken)
+    with pytest.raises(RuntimeError, match="registers"):
+        jit_module.jit(numba.float64(numba.float64))(abs)
