@@ -92,7 +92,9 @@ def read_scene(file: str | Path, load_robot: RobotLoader) -> SceneFile:
         raise top.error(f"is version {top.raw('version')!r}, expected {_VERSION}", "version")
     folder = Path(file).absolute().parent
     scene = Scene(name=top.string("name", Path(file).stem), description=top.string("description", ""))
-    scene = replace(scene, arms=_read_arms(top.table("arms"), folder, load_robot))
+    arms = _read_arms(top.table("arms"), folder, load_robot)
+    with top.blame("arms"):
+        scene = replace(scene, arms=arms)
     scene = _with_objects(scene, top, folder)
     scene = _with_rules(scene, top)
     problems = read_queries(top.table("queries"), scene)

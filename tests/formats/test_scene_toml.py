@@ -1,0 +1,337 @@
+"""Scene files: the shipped ones, the round trip, and one test for each way a file can be wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import FormatError, UnknownNameError
+from rr1plan.formats.scene_toml import SceneFile, read_scene, write_scene
+from rr1plan.formats.tables import line_of
+from rr1plan.formats.toml_writer import to_toml
+from rr1plan.library import load_problems, load_robot, load_scene, scene_names
+from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal
+from rr1plan.robot import Geometry
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
+from rr1plan.transforms import pose
+
+TETRAHEDRON = Mesh(
+    np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+    np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]),
+    convex=True,
+)
+SIMPLE = """
+[arms.arm]
+robot = "planar2r"
+"""
+
+
+def read_text(tmp_path: Path, text: str) -> SceneFile:
+    file = tmp_path / "scene.toml"
+    file.write_text(text)
+    return read_scene(file, load_robot)
+
+
+def refusal(tmp_path: Path, text: str) -> str:
+    with pytest.raises(FormatError) as caught:
+        read_text(tmp_path, text)
+    return str(caught.value).replace(str(tmp_path) + "/", "")
+
+
+# ---- the shipped scenes --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_shipped_scenes_are_free_at_home_and_described(name: str) -> None:
+    scene = load_scene(name)
+    assert scene.name == name
+    assert scene.description.endswith(".")
+    assert scene.arms
+    assert CollisionChecker(scene).is_free(scene.configuration())
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_shipped_queries_start_free_and_their_joint_goals_are_free(name: str) -> None:
+    problems = load_problems(name)
+    assert len(problems) >= 2
+    for query, problem in problems.items():
+        checker = CollisionChecker(problem.scene, problem.arms)
+        assert checker.is_free(problem.start), query
+        goals = [alternatives[0] for alternatives in problem.goal.values()]
+        if all(isinstance(goal, JointGoal) for goal in goals):
+            assert checker.is_free(np.concatenate([goal.q for goal in goals])), query
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_shipped_scenes_round_trip_to_the_last_bit(name: str, tmp_path: Path) -> None:
+    scene, problems = load_scene(name), load_problems(name)
+    once = read_scene(write_scene(tmp_path / "once.toml", scene, problems), load_robot)
+    twice = write_scene(tmp_path / "twice.toml", once.scene, once.problems)
+    assert once.scene.content_hash == scene.content_hash
+    assert once.scene.description == scene.description
+    assert twice.read_text() == (tmp_path / "once.toml").read_text()
+    for query, problem in problems.items():
+        assert np.array_equal(once.problems[query].start, problem.start)
+        assert once.problems[query].arms == problem.arms
+
+
+def components_on_the_torus(scene: Scene, n: int = 180) -> np.ndarray:
+    """Labels of the connected components of the free grid cells, by flood fill."""
+    q1, q2 = np.meshgrid(angles := -np.pi + 2 * np.pi * np.arange(n) / n, angles, indexing="ij")
+    elbow = np.stack([np.cos(q1), np.sin(q1)], axis=-1)
+    tip = elbow + 0.7 * np.stack([np.cos(q1 + q2), np.sin(q1 + q2)], axis=-1)
+    free = np.ones((n, n), dtype=bool)
+    for obstacle in scene.obstacles.values():
+        reach = obstacle.geometries[0].shape.radius + 0.04  # type: ignore[union-attr]  # all are cylinders
+        for a, b in ((np.zeros_like(elbow), elbow), (elbow, tip)):
+            along = b - a
+            s = np.clip(((obstacle.pose[:2, 3] - a) * along).sum(-1) / (along * along).sum(-1), 0.0, 1.0)
+            free &= np.linalg.norm(a + s[..., None] * along - obstacle.pose[:2, 3], axis=-1) > reach
+    labels = np.zeros((n, n), dtype=int)
+    for seed in np.argwhere(free):
+        if labels[tuple(seed)]:
+            continue
+        label, todo = labels.max() + 1, [tuple(int(i) for i in seed)]
+        while todo:
+            i, j = todo.pop()
+            if free[i, j] and not labels[i, j]:
+                labels[i, j] = label
+                todo += [((i + 1) % n, j), ((i - 1) % n, j), (i, (j + 1) % n), (i, (j - 1) % n)]
+    return labels
+
+
+@pytest.mark.parametrize(
+    ("name", "query", "joined"),
+    [
+        ("planar2r_path", "over_the_seam", True),
+        ("planar2r_path", "elbow_flip", True),
+        ("planar2r_no_path", "no_way", False),
+        ("planar2r_no_path", "same_side", True),
+    ],
+)
+def test_the_planar_lessons_have_a_path_or_none(name: str, query: str, joined: bool) -> None:
+    problem = load_problems(name)[query]
+    labels = components_on_the_torus(problem.scene)
+    goal = problem.goal["arm"][0]
+    assert isinstance(goal, JointGoal)
+    ends = [
+        labels[tuple(np.round((q + np.pi) / (2 * np.pi) * len(labels)).astype(int) % len(labels))]
+        for q in (problem.start, goal.q)
+    ]
+    assert all(ends)
+    assert bool(ends[0] == ends[1]) is joined
+
+
+# ---- everything a file can hold ------------------------------------------------------------
+
+
+def full_scene() -> Scene:
+    robot = load_robot("rr1").with_held("open").with_limits("hardware")
+    scene = Scene(name="full", description='With "quotes", \\ and\ttabs.')
+    scene = scene.with_arm("left", robot, pose((0.1, 0.5, 0), rpy=(0.1, 0.2, 0.3)), robot.home + 0.01)
+    scene = scene.with_arm("right", load_robot("rr1"), pose((0.1, -0.5, 0)))
+    parts = (
+        Geometry("rod", Capsule(0.02, 0.1), pose((0, 0, 1.2), quaternion=(1, 0.2, 0, 0)), (0.1, 0.2, 0.3, 0.5)),
+        Geometry("end", Sphere(0.03), pose((0, 0, 1.5))),
+    )
+    scene = scene.with_obstacle("two parts", parts, pose((1, 2, 3)))
+    scene = scene.with_obstacle("box", Box((0.1, 0.2, 0.3)), (3, 0, 0), (1.0, 0.5, 0.0, 1.0))
+    scene = scene.with_obstacle("can", Cylinder(0.03, 0.1), (0, 3, 0))
+    scene = scene.with_obstacle("ground", HalfSpace((0.1, 0.2, 1.0), -1.0))
+    scene = scene.with_obstacle("solid", TETRAHEDRON, (4, 4, 4))
+    scene = scene.with_obstacle("scan", PointCloud(np.array([[5.0, 5, 5], [5.1, 5, 5]]), 0.01))
+    scene = scene.with_obstacle("cup", Cylinder(0.02, 0.05), (-0.2, 0.5, 0.3)).attach(
+        "cup", "left", touch=["hand_link"]
+    )
+    scene = scene.allow("left", "box").allow("cup", "can").with_padding(0.001).with_padding(0.02, "left", "right")
+    return scene.allow("left", "left/hand_link")
+
+
+def test_everything_a_scene_holds_survives_the_round_trip(tmp_path: Path) -> None:
+    scene = full_scene()
+    goals = {
+        "left": [PoseGoal("tool", pose((-0.3, 0.5, 0.2), rpy=(0.1, 0, 0))), "home"],
+        "right": RegionGoal("tool", (-0.4, -0.6, 0.1), (-0.3, -0.5, 0.3), (1, 0, 0, 0)),
+    }
+    read = read_scene(write_scene(tmp_path / "full.toml", scene, {"both": Problem(scene, None, goals)}), load_robot)
+    assert read.scene.content_hash == scene.content_hash
+    assert (read.scene.name, read.scene.description) == (scene.name, scene.description)
+    assert read.scene.allowed == scene.allowed
+    assert read.scene.pair_padding == scene.pair_padding
+    assert read.scene.obstacles["two parts"].geometries[0].color == (0.1, 0.2, 0.3, 0.5)
+    assert read.scene.arms["left"].robot.held == scene.arms["left"].robot.held
+    first, second = read.problems["both"].goal["left"]
+    assert isinstance(first, PoseGoal)
+    assert np.array_equal(first.rotation, goals["left"][0].rotation)  # type: ignore[arg-type,index,union-attr]  # a pose
+    assert np.array_equal(second.q, load_robot("rr1").home)  # type: ignore[union-attr]  # a joint goal
+    assert isinstance(read.problems["both"].goal["right"][0], RegionGoal)
+
+
+def test_limits_that_no_preset_has_are_written_out(tmp_path: Path) -> None:
+    robot = load_robot("planar2r")
+    scene = Scene().with_arm("arm", robot.with_limits(robot.limits.scaled(0.25)))
+    read = read_scene(write_scene(tmp_path / "slow.toml", scene), load_robot).scene
+    assert np.array_equal(read.limits().velocity, scene.limits().velocity)
+    assert read.content_hash == scene.content_hash
+
+
+def test_arms_with_the_same_entries_share_one_robot() -> None:
+    assert len({id(arm.robot) for arm in load_scene("rr1_twelve").arms.values()}) == 1
+
+
+def test_robots_point_files_and_meshes_are_found_beside_the_scene_file(tmp_path: Path) -> None:
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    np.save(folder / "scan.npy", np.array([[1.0, 2.0, 3.0]]))
+    (folder / "scan.csv").write_text("# x, y, z\n1, 2, 3\n\n4 5 6\n")
+    (folder / "solid.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    (folder / "arm.urdf").write_text(
+        '<robot name="one"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/>'
+        '<child link="b"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>'
+    )
+    (folder / "scene.toml").write_text(
+        '[arms.arm]\nrobot = "./arm.urdf"\n[obstacles.a]\npoints = { file = "scan.npy" }\n'
+        '[obstacles.b]\npoints = { file = "scan.csv", resolution = 0.1 }\n'
+        '[obstacles.c]\nmesh = { file = "solid.obj", scale = 2, convex = "hull" }\n'
+    )
+    scene = load_scene(folder / "scene.toml")
+    assert scene.joint_names() == ("arm/j",)
+    clouds = [scene.obstacles[name].geometries[0].shape for name in "ab"]
+    assert [len(cloud.points) for cloud in clouds if isinstance(cloud, PointCloud)] == [1, 2]
+    solid = scene.obstacles["c"].geometries[0].shape
+    assert isinstance(solid, Mesh)
+    assert solid.convex
+    assert np.allclose(solid.vertices.max(axis=0), 2.0)
+
+
+# ---- what is refused, and how ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[arms.arm\n", "scene.toml:1: is not TOML"),
+        ("\n\nx = = 1\n", "scene.toml:3: is not TOML"),
+        ("padding = -1.0\n" + SIMPLE, "padding is -1.0"),
+        ("padding = nan\n" + SIMPLE, "scene.toml:1: padding: expected a finite number"),
+        ("padding = true\n" + SIMPLE, "padding: expected a number, got True"),
+        ("paddng = 0.1\n" + SIMPLE, "scene.toml:1: paddng: unknown key 'paddng'. Did you mean 'padding'"),
+        ("version = 7\n", "version 7, expected 1"),
+        ("arms = 3\n", "arms: expected a table"),
+        ("name = 3\n", "name: expected text, got 3"),
+        ("[arms.arm]\n", "arms.arm: has no 'robot'"),
+        ('[arms.arm]\nrobot = "rr2"\n', "scene.toml:2: arms.arm.robot: unknown robot 'rr2'. Did you mean"),
+        ('[arms."a/b"]\nrobot = "rr1"\n', "cannot name an element"),
+        (SIMPLE + "q = [1.0]\n", "arm posture has shape (1,)"),
+        (SIMPLE + 'q = "hme"\n', "Did you mean 'home'"),
+        (SIMPLE + "q = [nan, 0]\n", "q[0] is nan"),
+        (SIMPLE + 'q = ["1", 0]\n', "expected a list of numbers, got '1'"),
+        (SIMPLE + "xyz = [1, 2]\n", "xyz has shape (2,), expected (3)"),
+        (SIMPLE + "rpy = [0, 0, 1]\nquaternion = [1, 0, 0, 0]\n", "got rpy and quaternion"),
+        (SIMPLE + "quaternion = [0, 0, 0, 0]\n", "norm 0"),
+        (SIMPLE + "rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\n", "expected the rows of a rotation matrix"),
+        (SIMPLE + 'limits = "fast"\n', "unknown limit preset 'fast'"),
+        (SIMPLE + "limits = { lower = [0, 0] }\n", "has no 'upper'"),
+        (SIMPLE + "held = { finger = 1.0 }\n", "unknown held joint 'finger'"),
+        ("[obstacles.a]\n", "obstacles.a: expected exactly one of box, sphere"),
+        ("[obstacles.a]\nbox = [1, 1, 1]\nsphere = 1\n", "got box and sphere"),
+        ("[obstacles.a]\nboxx = [1, 1, 1]\n", "got none (it has boxx)"),
+        ("[obstacles.a]\nbox = [1, 1, -1]\n", "scene.toml:2: obstacles.a.box: box size is -1.0"),
+        ("[obstacles.a]\nbox = [1, 1, inf]\n", "box[2] is inf"),
+        ("[obstacles.a]\nsphere = 0\n", "sphere radius is 0.0"),
+        ("[obstacles.a]\ncylinder = { radius = 1 }\n", "obstacles.a.cylinder: has no 'length'"),
+        ("[obstacles.a]\ncylinder = { radius = 1, length = 1, r = 2 }\n", "unknown key 'r'"),
+        ("[obstacles.a]\nhalf_space = { normal = [0, 0, 0] }\n", "length zero"),
+        ("[obstacles.a]\nsphere = 1\ncolor = 'orange'\n", "expected '#rrggbb'"),
+        ("[obstacles.a]\nsphere = 1\ncolor = [2, 0, 0]\n", "numbers from 0 to 1"),
+        ("[obstacles.a]\nshapes = []\n", "has no shapes"),
+        ("[obstacles.a]\nshapes = [{ sphere = 1, radius = 2 }]\n", "unknown key 'radius'"),
+        ("[obstacles.a]\nsphere = 1\nshapes = [{ sphere = 1 }]\n", "got both shapes and sphere"),
+        ("[obstacles.a]\nmesh = { file = '../secret.stl' }\n", "is not inside"),
+        ("[obstacles.a]\nmesh = { file = '/etc/hostname' }\n", "is not inside"),
+        ("[obstacles.a]\npoints = { file = '../scan.npy' }\n", "is not inside"),
+        ("[obstacles.a]\npoints = { file = 'gone.npy' }\n", "there is no such file"),
+        ("[obstacles.a]\npoints = { points = [] }\n", "expected (any, 3)"),
+        ("[obstacles.a]\nmesh = { vertices = [[0, 0, 0]], faces = [[0, 1, 2.5]] }\n", "expected whole numbers"),
+        ("[obstacles.arm]\nsphere = 1\n" + SIMPLE, "two elements named 'arm'"),
+        (SIMPLE + "[attachments.tool]\nsphere = 0.1\nlink = 'hand'\n", "unknown link 'hand'"),
+        ("[attachments.tool]\nsphere = 0.1\n", "the scene has 0 arms"),
+        ("allowed = [['arm', 'box']]\n" + SIMPLE, "unknown element 'box'"),
+        ("allowed = [['arm']]\n" + SIMPLE, "expected pairs of names"),
+        ("pair_padding = [{ between = ['arm', 'arm/link1'] }]\n" + SIMPLE, "has no 'distance'"),
+        (SIMPLE + "[queries.q]\n", "expected exactly one of goal, goals"),
+        (SIMPLE + "[queries.q]\ngoal = 'hme'\n", "queries.q: unknown configuration 'hme'. Did you mean 'home'"),
+        (SIMPLE + "[queries.q]\ngoal = { frame = 'tol', position = [1, 0, 0] }\n", "unknown frame 'tol'"),
+        (SIMPLE + "[queries.q]\ngoal = { position = [1, 0, 0], lower = [0, 0, 0] }\n", "got position and lower"),
+        (SIMPLE + "[queries.q]\ngoal = { position = [1, 0, 0], tolerance = 1 }\n", "unknown key 'tolerance'"),
+        (SIMPLE + "[queries.q]\ngoal = []\n", "is an empty list"),
+        (SIMPLE + "[queries.q]\ngoals = { other = 'home' }\n", "unknown arm 'other'"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_its_place(tmp_path: Path, text: str, message: str) -> None:
+    assert message in refusal(tmp_path, text)
+
+
+def test_a_mesh_that_only_claims_to_be_convex_is_refused(tmp_path: Path) -> None:
+    dented = "vertices = [[0,0,0],[1,0,0],[0,1,0],[0,0,1],[0.4,0.4,0.4]], faces = [[0,2,1],[0,1,3],[0,3,2],[1,2,3]]"
+    assert "says it is convex" in refusal(tmp_path, f"[obstacles.a]\nmesh = {{ {dented}, convex = true }}\n")
+
+
+def test_points_are_never_unpickled(tmp_path: Path) -> None:
+    np.save(tmp_path / "evil.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    assert "is not a list of points" in refusal(tmp_path, "[obstacles.a]\npoints = { file = 'evil.npy' }\n")
+    (tmp_path / "words.csv").write_text("1, 2, x\n")
+    assert "is not a list of points" in refusal(tmp_path, "[obstacles.a]\npoints = { file = 'words.csv' }\n")
+    (tmp_path / "scan.las").write_text("")
+    assert "expected .npy, .csv" in refusal(tmp_path, "[obstacles.a]\npoints = { file = 'scan.las' }\n")
+
+
+def test_deep_nesting_and_other_bytes_are_refused(tmp_path: Path) -> None:
+    assert "deep" in refusal(tmp_path, "x = " + "[" * 100_000)
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FormatError, match="not UTF-8"):
+        read_scene(tmp_path / "binary.toml", load_robot)
+    with pytest.raises(FormatError, match="no such file"):
+        load_scene(tmp_path / "gone.toml")
+
+
+def test_an_unknown_scene_lists_the_near_ones() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'rr1_table'"):
+        load_scene("rr1_tabel")
+
+
+# ---- the writer ------------------------------------------------------------------------------
+
+
+@given(
+    st.dictionaries(
+        st.text(max_size=8),
+        st.recursive(
+            st.none().map(lambda _: "x") | st.booleans() | st.integers(-(2**62), 2**62) | st.text(max_size=12)
+            | st.floats(allow_nan=False),
+            lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+            max_leaves=8,
+        ),
+        max_size=4,
+    )
+)  # fmt: skip
+@settings(deadline=None, max_examples=150)
+def test_what_the_writer_writes_reads_back_the_same(data: dict[str, object]) -> None:
+    import tomllib
+
+    assert tomllib.loads(to_toml(data)) == data
+
+
+def test_the_line_of_a_place_is_found() -> None:
+    text = "name = 'x'\n\n[arms.left]\nrobot = 'a'\n\n[obstacles.\"big box\"]\nxyz = [0, 0, 0]\n"
+    assert line_of(text, ("name",)) == 1
+    assert line_of(text, ("arms", "left")) == 3
+    assert line_of(text, ("arms", "left", "robot")) == 4
+    assert line_of(text, ("obstacles", "big box", "xyz")) == 7
+    assert line_of(text, ("nowhere",)) is None
