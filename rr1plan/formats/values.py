@@ -17,7 +17,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.problem import JointGoal, PoseGoal, RegionGoal
-from rr1plan.report import Report, Violation
+from rr1plan.report import Margin, Report, Violation
 from rr1plan.robot import Geometry, Inertial, Joint, Link, Mimic, Robot
 from rr1plan.scene import Arm, Attachment, Obstacle, Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
@@ -28,7 +28,7 @@ _CLASSES = {
         *(Box, Sphere, Cylinder, Capsule, HalfSpace, Mesh, PointCloud),
         *(Geometry, Inertial, Joint, Link, Mimic, Limits, Robot),
         *(Arm, Obstacle, Attachment, Scene),
-        *(JointGoal, PoseGoal, RegionGoal, Report, Violation),
+        *(JointGoal, PoseGoal, RegionGoal, Margin, Report, Violation),
     )
 }
 _DTYPES = {"float64": np.float64, "int32": np.int32, "int64": np.int64}
