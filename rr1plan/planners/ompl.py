@@ -58,6 +58,7 @@ KINDS: Mapping[str, OmplKind] = MappingProxyType(
 _WINDOW = 2.5 * np.pi  # how far from its start a continuous joint is searched [rad]
 _MOST_GOALS = 64  # copies of goals in all
 _DIRECT = 8  # goals to which the straight line is tried first
+_RANGE = 0.06  # longest edge of a tree, as a part of the space's diagonal
 _REPORTS = 0.1  # time between two reports of progress [s]
 
 
@@ -173,7 +174,7 @@ class _Query:
         )
         kind = KINDS[self.planner.name].ompl
         seed = int(self.rng.integers(1, 2**32))
-        settings = {**self.defaults(), **self.planner.settings}
+        settings = {**self.defaults(space), **self.planner.settings}
         answer = _ompl.solve(kind, query, self.watch, seed, settings, tree=self.planner.tree)
         tree = None if answer.tree is None else replace(answer.tree, vertices=space.whole(answer.tree.vertices))
         if self.watch.cancelled:
@@ -195,9 +196,14 @@ class _Query:
         far = np.linalg.norm(np.array(copies) - start, axis=1)
         return np.array(copies)[np.argsort(far, kind="stable")[:_MOST_GOALS]]
 
-    def defaults(self) -> dict[str, float]:
-        """Settings used where the caller gives none."""
-        return {}
+    def defaults(self, space: _Space) -> dict[str, float]:
+        """Settings used where the caller gives none: edges short enough for narrow passages."""
+        from rr1plan.planners._ompl import setting_names
+
+        if "range" not in setting_names(KINDS[self.planner.name].ompl):
+            return {}
+        extents = np.where(continuous_joints(self.problem), 2.0 * np.pi, space.upper - space.lower)
+        return {"range": _RANGE * float(np.linalg.norm(extents))}
 
     def why(self, difference: float | None) -> str:
         """Why there is no path, in words."""
