@@ -59,6 +59,7 @@ class Findings:
         first_contact: First moment seen in contact [s], shape (pairs,); inf for none.
         undecided: Pairs for which an interval could not be decided, shape (pairs,).
         proven: Never is the clearance below this, where nothing is undecided [m], shape (pairs,).
+        cancelled: The search was cut off; what is left of it is not decided.
         statistics: Counts of the work done.
     """
 
@@ -67,6 +68,7 @@ class Findings:
     first_contact: Array
     undecided: Array
     proven: Array
+    cancelled: bool = False
     statistics: dict[str, float] = field(default_factory=dict)
 
 
@@ -78,7 +80,7 @@ class Certificate:
         bodies: The bodies and pairs.
         tolerance: The smallest clearance reported is within this of the true one [m].
         most_distances: Exact distances to compute before giving up on what is still open.
-        progress: Called with the fraction decided, after each round.
+        progress: Called with the fraction decided, after each round; False from it cancels the search.
     """
 
     def __init__(
@@ -87,7 +89,7 @@ class Certificate:
         bodies: Bodies,
         tolerance: float,
         most_distances: int,
-        progress: Callable[[float], None] | None = None,
+        progress: Callable[[float], bool | None] | None = None,
     ) -> None:
         self._motion, self._bodies = motion, bodies
         self._tolerance, self._most = tolerance, most_distances
@@ -108,7 +110,7 @@ class Certificate:
             times = np.array([motion.breaks[0], motion.breaks[-1]])
             self.ends = tuple(zip(*(v.tolist() for v in (*self.nearest(times), times)), strict=True))
             waiting = deque([self._root(count)])
-            while waiting:
+            while waiting and not self.found.cancelled:
                 if bodies.asked > self._most:
                     self._give_up(waiting)
                     break
@@ -222,7 +224,8 @@ class Certificate:
         self._decided += float((finish - begin)[work.node[settled]].sum())
         if self._progress is not None:
             total = float(self._motion.breaks[-1] - self._motion.breaks[0]) * len(self._bodies.a)
-            self._progress(min(1.0, self._decided / total) if total > 0.0 else 1.0)
+            fraction = min(1.0, self._decided / total) if total > 0.0 else 1.0
+            found.cancelled = self._progress(fraction) is False
 
     def _split(self, work: Intervals, open_: Index) -> Intervals:
         """The halves of the intervals on which pairs are open."""

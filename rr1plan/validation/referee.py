@@ -53,7 +53,8 @@ def validate(
         torque_limits: Check torques (sampled every millisecond) too.
         jerk_limits: Check jerk limits too; a jump of acceleration is then an infinite jerk.
         clearance_tolerance: The smallest clearance is found to this [m], and so is the worst depth.
-        progress: Called while the collision certificate is worked out.
+        progress: Called while the collision certificate is worked out; if it returns False, collisions
+            are reported as not checked.
 
     Returns:
         The report; `report.valid` and `report.certified` are the verdict, `print(report)` explains it.
@@ -101,7 +102,8 @@ def certify_path(
         path: The path, with all joints of each of its arms.
         scene: Where it happens.
         clearance_tolerance: The smallest clearance is found to this [m].
-        progress: Called while the collision certificate is worked out.
+        progress: Called while the collision certificate is worked out; if it returns False, collisions
+            are reported as not checked.
 
     Raises:
         UnknownNameError: a joint that the scene does not have.
@@ -200,7 +202,10 @@ def _check_collisions(ledger: Ledger, motion: SceneMotion, tolerance: float, pro
     bodies = Bodies(motion.scene, motion)
     certificate = Certificate(motion, bodies, tolerance, _MOST_DISTANCES, _teller(progress))
     found = certificate.run()
-    ledger.checked.append("collision")
+    if found.cancelled:
+        ledger.not_checked["collision"] = "cancelled before all of the motion was decided"
+    else:
+        ledger.checked.append("collision")
     for k, pair in enumerate(bodies.pairs):
         if np.isfinite(found.first_contact[k]) or found.undecided[k]:
             ledger.violations.append(_contact(pair, float(bodies.padding[k]), found, k))
@@ -236,11 +241,11 @@ def _clearance_margins(ledger: Ledger, certificate: Certificate, bodies: Bodies,
         if np.isfinite(value):
             ledger.margins[name] = Margin(value, "m", bodies.pairs[pair], time)
     sure = found.proven[~(np.isfinite(found.first_contact) | found.undecided)]
-    if len(sure) == len(bodies.pairs):
+    if len(sure) == len(bodies.pairs) and not found.cancelled:
         ledger.margins["clearance_proven"] = Margin(float(sure.min()), "m")
 
 
-def _teller(progress: ProgressCallback | None) -> Callable[[float], None] | None:
+def _teller(progress: ProgressCallback | None) -> Callable[[float], bool | None] | None:
     if progress is None:
         return None
     began = clock.perf_counter()

@@ -251,6 +251,14 @@ def test_progress_rises_to_one(slider: Make, quintic: Make) -> None:
     assert seen[-1] == pytest.approx(1.0)
 
 
+def test_a_cancelled_certificate_claims_nothing(slider: Make, quintic: Make) -> None:
+    scene = rp.Scene().with_arm("arm", slider(BALL)).with_obstacle("plate", PLATE, [0.5, 0.0, 0.0])
+    report = validate(quintic(["arm/slide"], [0.0], [0.4]), scene, progress=lambda _: False)
+    assert not report.certified
+    assert "cancelled" in report.not_checked["collision"]
+    assert "clearance_proven" not in report.margins
+
+
 def test_a_clock_far_from_zero_changes_nothing(slider: Make, trajectory: Make) -> None:
     scene = rp.Scene().with_arm("arm", slider(BALL)).with_obstacle("plate", PLATE, [0.5, 0.0, 0.0])
     late = bump(trajectory, 0.4505, 0.001, 0.0005).shifted(1e6)

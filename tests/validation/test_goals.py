@@ -33,7 +33,7 @@ def test_a_joint_goal_is_met_to_a_nanoradian(quintic: Make, scene: rp.Scene) -> 
     report = judged(quintic, scene, GOAL)
     assert report.valid, str(report)
     assert {"start", "goal"} <= set(report.checked)
-    miss = judged(quintic, scene, GOAL + [0.0, 1e-6]).violations
+    miss = judged(quintic, scene, GOAL + np.array([0.0, 1e-6])).violations
     assert [(v.kind, v.subject) for v in miss] == [("goal", ("arm",))]
     assert miss[0].value == pytest.approx(1e-6, rel=1e-3)
     assert miss[0].time == pytest.approx(3.0)
@@ -46,7 +46,7 @@ def test_a_start_elsewhere_names_the_joint(quintic: Make, scene: rp.Scene) -> No
 
 
 def test_a_continuous_joint_may_end_whole_turns_away(quintic: Make, scene: rp.Scene) -> None:
-    assert judged(quintic, scene, GOAL + [0.0, 2.0 * np.pi]).valid
+    assert judged(quintic, scene, GOAL + np.array([0.0, 2.0 * np.pi])).valid
     assert judged(quintic, scene, GOAL - [4.0 * np.pi, 0.0]).valid
 
 
@@ -81,7 +81,7 @@ def test_a_region_goal_is_met_inside_its_box(quintic: Make, scene: rp.Scene) -> 
     at = tool_at(scene, GOAL)[:3, 3]
     assert judged(quintic, scene, rp.RegionGoal("tool", at - 0.01, at + 0.01)).valid
     assert judged(quintic, scene, rp.RegionGoal("tool", at, at)).valid
-    off = judged(quintic, scene, rp.RegionGoal("tool", at + [0.003, -1.0, -1.0], at + 1.0)).violations
+    off = judged(quintic, scene, rp.RegionGoal("tool", at + np.array([0.003, -1.0, -1.0]), at + 1.0)).violations
     assert off[0].value == pytest.approx(0.003)
     assert not judged(quintic, scene, rp.RegionGoal("tool", at - 1.0, at + 1.0, quaternion=[0, 1, 0, 0])).valid
 
