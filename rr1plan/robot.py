@@ -27,8 +27,23 @@ JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
 Color = tuple[float, float, float, float]
 
 
+class _ReadOnlyArrays:
+    """Makes a value's arrays read-only, at construction and after pickling."""
+
+    def __post_init__(self) -> None:
+        for name, value in self.__dict__.items():
+            if isinstance(value, np.ndarray) and value.flags.writeable:
+                object.__setattr__(self, name, read_only(value.copy()))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                read_only(value)
+
+
 @dataclass(frozen=True, eq=False)
-class Inertial:
+class Inertial(_ReadOnlyArrays):
     """Mass [kg], centre of mass (3,) [m] in the link frame, inertia (3, 3) [kg m²] about it in link axes."""
 
     mass: float
@@ -37,7 +52,7 @@ class Inertial:
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
+class Geometry(_ReadOnlyArrays):
     """A shape at a pose (4, 4) in the frame of its link or obstacle, with a colour (rgba, 0..1) or None."""
 
     name: str
@@ -66,7 +81,7 @@ class Mimic:
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class Joint(_ReadOnlyArrays):
     """How a child link moves against its parent.
 
     Args:
@@ -217,8 +232,9 @@ class Robot:
         if isinstance(value, str):
             return self.configurations[known_name("configuration", value, self.configurations)]
         if np.shape(value) != (self.nq,):
+            joints = ", ".join(self.joint_names)
             raise InputError(
-                f"{name} has shape {np.shape(value)}, expected ({self.nq},): one value for each of {', '.join(self.joint_names)}"
+                f"{name} has shape {np.shape(value)}, expected ({self.nq},): one value for each of {joints}"
             )
         try:
             return read_only(finite_array(name, value, (self.nq,)))
