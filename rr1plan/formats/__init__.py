@@ -1,0 +1,1 @@
+"""Files in, values out: robots, meshes, scenes and plans."""

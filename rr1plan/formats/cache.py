@@ -53,11 +53,11 @@ def load_cached(key: str) -> Arrays | None:
     """The arrays kept under a key, or None."""
     try:
         file = cache_folder() / f"{key}.npz"
-        with np.load(file, allow_pickle=False) as kept:
+        with file.open("rb") as opened, np.load(opened, allow_pickle=False) as kept:
             return {name: kept[name] for name in kept.files}
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except (OSError, ValueError, TypeError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         log.warning("the cache entry %s cannot be used, it is made anew: %s", key[:12], error)
         return None
 

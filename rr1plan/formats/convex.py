@@ -24,6 +24,7 @@ from rr1plan.shapes import Mesh
 log = logging.getLogger(__name__)
 
 Convexity = Literal["hull", "pieces"]
+CONVEXITIES: tuple[Convexity, ...] = ("hull", "pieces")
 
 CONCAVITY = 0.05
 CUTS_PER_SIZE = 16
@@ -43,7 +44,7 @@ def convex_shapes(meshes: Sequence[Mesh], convex: Convexity = "hull") -> list[Me
         InputError: a mesh without volume.
         BackendError: the decomposition failed.
     """
-    known_name("convex", convex, ("hull", "pieces"))
+    known_name("convex", convex, CONVEXITIES)
     if convex == "hull":
         return [convex_hull(np.concatenate([mesh.vertices for mesh in meshes]))]
     return [piece for mesh in meshes for piece in convex_pieces(mesh)]

@@ -91,12 +91,16 @@ class MeshLookup:
 def _folders_above(folder: Path) -> list[Path]:
     """The URDF's folder and those above it that may hold its meshes.
 
-    Five levels, but never the home folder, the file system's root or what holds them.
+    Up to the folder that holds the URDF's package (its package.xml), or five levels where there is
+    none, but never the home folder, the file system's root or what holds them.
     """
     home = Path.home().resolve()
     found = [folder]
     for parent in list(folder.parents)[:_LEVELS]:
-        if parent == home or len(parent.parts) <= 2 or home.is_relative_to(parent):
+        if len(parent.parts) <= 2 or home.is_relative_to(parent):
             break
+        inside_package = (found[-1] / "package.xml").is_file()
         found.append(parent)
+        if inside_package:
+            break
     return found

@@ -1,32 +1,34 @@
 """`robot.toml`: what a shipped robot's folder says beyond its URDF and SRDF.
 
-urdf = "rr1.urdf"            files, relative to the folder
-srdf = "rr1.srdf"
-limits = "sim"               the preset a robot starts with
-[held]                       values of joints that are not planned for
-finger_joint = 0.0
-[presets.sim.shoulder_joint]     each planning joint; what is missing is the URDF's
-lower = -2.3; upper = 2.3; velocity = 7.8; acceleration = 8.0; jerk = 80.0; effort = 30.0
-[about]                      title, provenance, licence: free text
+Keys, all but the first optional:
+
+- `urdf`, `srdf`: files in the folder.
+- `tool`, `group`: as in `load_robot`.
+- `limits`: the preset a robot starts with.
+- `held`: values of joints that are not planned for [rad or m].
+- `presets.<preset>.<joint>`: lower, upper, velocity, acceleration, jerk and effort of a planning
+  joint; what is missing is the URDF's.
+- `about`: title, licence, provenance and notes, free text.
 """
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import finite_number
+from rr1plan.checks import known_name
 from rr1plan.errors import FormatError, InputError
+from rr1plan.formats.tables import Table
 from rr1plan.limits import Limits
 from rr1plan.robot import Robot
 
-_KEYS = ("urdf", "srdf", "tool", "group", "limits", "held", "presets", "about")
 _LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
+
+Rows = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +42,8 @@ class RobotFolder:
     group: str | None = None
     limits: str | None = None
     held: Mapping[str, float] = field(default_factory=dict)
-    presets: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
-    about: Mapping[str, Any] = field(default_factory=dict)
+    presets: Mapping[str, Rows] = field(default_factory=dict)
+    about: Mapping[str, str] = field(default_factory=dict)
 
     def apply(self, robot: Robot) -> Robot:
         """The robot with this folder's held values, presets and first limits.
@@ -49,11 +51,10 @@ class RobotFolder:
         Raises:
             FormatError: a joint the robot does not have, or limits that cannot be.
         """
-        from dataclasses import replace
-
+        held = {name: value for name, value in self.held.items() if name not in robot.joint_names}
         try:
             presets = {name: _limits(robot, rows) for name, rows in self.presets.items()}
-            robot = replace(robot.with_held(self.held), presets=presets)
+            robot = replace(robot.with_held(held), presets=presets)
             return robot if self.limits is None else robot.with_limits(self.limits)
         except InputError as error:
             raise FormatError(str(error), self.file) from error
@@ -67,26 +68,42 @@ def read_robot_folder(folder: Path) -> RobotFolder:
     """
     file = folder / "robot.toml"
     try:
-        table = tomllib.loads(file.read_text(encoding="utf-8"))
+        text = file.read_text(encoding="utf-8")
+        table = Table(tomllib.loads(text), file, text=text)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise FormatError(f"cannot be read: {error}", file) from error
-    unknown = sorted(set(table) - set(_KEYS))
-    if unknown or not isinstance(table.get("urdf"), str):
-        what = f"has the unknown key {unknown[0]!r}" if unknown else "names no urdf"
-        raise FormatError(f"{what}, expected {', '.join(_KEYS)}", file)
-    files = {key: folder / table.pop(key) for key in ("urdf", "srdf") if key in table}
-    return RobotFolder(file, **files, **table)
+    held, presets, about = (table.table(name) for name in ("held", "presets", "about"))
+    found = RobotFolder(
+        file=file,
+        urdf=folder / table.string("urdf"),
+        srdf=folder / table.string("srdf") if "srdf" in table else None,
+        tool=table.string("tool") if "tool" in table else None,
+        group=table.string("group") if "group" in table else None,
+        limits=table.string("limits") if "limits" in table else None,
+        held={name: held.number(name) for name in held.names()},
+        presets={name: _rows(presets.table(name)) for name in presets.names()},
+        about={name: about.string(name) for name in about.names()},
+    )
+    table.finish()
+    return found
 
 
-def _limits(robot: Robot, rows: Mapping[str, Mapping[str, float]]) -> Limits:
-    """A preset's limits in the order of the planning joints."""
+def _rows(preset: Table) -> Rows:
+    """The limits of each joint in a preset."""
+    found: dict[str, dict[str, float]] = {}
+    for joint in preset.names():
+        row = preset.table(joint)
+        found[joint] = {name: row.number(name) for name in _LIMITS if name in row}
+        row.finish()
+    return found
+
+
+def _limits(robot: Robot, rows: Rows) -> Limits:
+    """A preset's limits in the order of the planning joints; rows of other joints do not matter."""
     values = {name: np.array(getattr(robot.limits, name)) for name in _LIMITS}
+    movable = [joint.name for joint in robot.joints if joint.kind != "fixed"]
     for joint, row in rows.items():
-        if joint not in robot.joint_names:
-            continue
-        column = robot.joint_names.index(joint)
-        for name, value in row.items():
-            if name not in _LIMITS:
-                raise InputError(f"limits of {joint!r} have the unknown key {name!r}, expected {', '.join(_LIMITS)}")
-            values[name][column] = finite_number(f"{name} of {joint!r}", value)
+        if known_name("joint", joint, movable) in robot.joint_names:
+            for name, value in row.items():
+                values[name][robot.joint_names.index(joint)] = value
     return Limits(**values)

@@ -205,7 +205,7 @@ def _tool(tree: Tree, known: Semantics, group: str | None, names: tuple[str, ...
     links = [link.name for link in tree.links]
     if chosen is not None:
         return known_name("link", chosen, links)
-    if group in known.chains:
+    if group is not None and group in known.chains:
         return known.chains[group][1]
     for effector in known.end_effectors:
         if group is not None and group in (effector.parent_group, effector.group):
@@ -213,7 +213,7 @@ def _tool(tree: Tree, known: Semantics, group: str | None, names: tuple[str, ...
     link = next(j.child for j in tree.joints if j.name == names[-1])
     while True:
         below = [j.child for j in tree.joints if j.parent == link and j.kind == "fixed"]
-        named = [child for child in below if child in _TOOL_NAMES]
+        named = [name for name in _TOOL_NAMES if name in below]
         if not named and len(below) != 1:
             return link
         link = (named or below)[0]

@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rr1plan.formats.convex import Convexity
+from rr1plan.checks import known_name
+from rr1plan.formats.convex import CONVEXITIES, Convexity
 from rr1plan.formats.mesh_lookup import MeshLookup
 from rr1plan.formats.urdf_joints import read_joint
 from rr1plan.formats.urdf_links import LinkReader
@@ -56,8 +57,9 @@ def read_urdf(
 
     Raises:
         FormatError: anything that is not a sound description of a tree of links.
-        InputError: an unknown `convex`.
+        UnknownNameError: an unknown `convex`.
     """
+    known_name("convex", convex, CONVEXITIES)
     if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
         root = parse_xml(source.encode() if isinstance(source, str) else source, "robot", file)
     else:

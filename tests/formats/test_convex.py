@@ -1,0 +1,214 @@
+"""Hulls and convex pieces contain what they stand for; the cache never changes an answer."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import coal
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rr1plan.errors import BackendError, InputError, UnknownNameError
+from rr1plan.formats import convex
+from rr1plan.formats.cache import cache_folder, cache_key, load_cached, store_cached
+from rr1plan.formats.convex import convex_hull, convex_pieces, convex_shapes, is_convex
+from rr1plan.shapes import Mesh
+
+
+def outside(piece: Mesh, points: np.ndarray) -> np.ndarray:
+    """How far points are outside a convex mesh, from its triangles' planes alone, (n,)."""
+    a, b, c = (piece.vertices[piece.faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    areas = np.linalg.norm(normals, axis=1)
+    keep = areas > 1e-12
+    normals, a = normals[keep] / areas[keep, None], a[keep]
+    return np.asarray((points @ normals.T - np.einsum("ij,ij->i", normals, a)).max(axis=1))
+
+
+def on_surface(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
+    triangles = mesh.vertices[mesh.faces]
+    areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    weights = rng.dirichlet((1, 1, 1), count)
+    return np.einsum("nk,nkd->nd", weights, triangles[rng.choice(len(areas), count, p=areas / areas.sum())])
+
+
+@settings(deadline=None, max_examples=50)
+@given(seed=st.integers(0, 10_000), count=st.integers(5, 60), size=st.sampled_from([1e-3, 1.0, 50.0]))
+def test_a_hull_holds_its_points_is_closed_and_faces_outwards(seed: int, count: int, size: float) -> None:
+    points = np.random.default_rng(seed).normal(size=(count, 3)) * size
+    hull = convex_hull(points)
+    assert hull.convex
+    assert outside(hull, points).max() < 1e-9 * size
+    assert {tuple(v) for v in hull.vertices.tolist()} <= {tuple(v) for v in points.tolist()}
+    edges = np.concatenate([hull.faces[:, [0, 1]], hull.faces[:, [1, 2]], hull.faces[:, [2, 0]]])
+    assert {tuple(e) for e in edges.tolist()} == {(b, a) for a, b in edges.tolist()}
+
+
+def test_a_convex_mesh_stays_as_it_is(block: Mesh) -> None:
+    for how in ("hull", "pieces"):
+        (shape,) = convex_shapes([block], how)  # type: ignore[arg-type]
+        assert {tuple(v) for v in shape.vertices.tolist()} == {tuple(v) for v in block.vertices.tolist()}
+
+
+def test_convex_and_other_meshes_are_told_apart(block: Mesh, gate: Mesh) -> None:
+    assert is_convex(block)
+    assert not is_convex(gate)
+
+
+def test_the_hull_of_parts_holds_them_all(block: Mesh, gate: Mesh) -> None:
+    (shape,) = convex_shapes([block, gate])
+    assert outside(shape, np.concatenate([block.vertices, gate.vertices])).max() < 1e-9
+
+
+def test_pieces_contain_the_surface_and_leave_the_gate_open(gate: Mesh) -> None:
+    pieces = convex_pieces(gate)
+    assert len(pieces) > 1
+    assert all(piece.convex for piece in pieces)
+    points = on_surface(gate, 4000, np.random.default_rng(0))
+    depth = np.min([outside(piece, points) for piece in pieces], axis=0)
+    assert depth.max() < 1e-9
+    doorway = np.array([[2.0, 0.4, 1.0], [2.0, 0.4, 0.2], [1.5, 0.4, 1.5]])
+    assert np.min([outside(piece, doorway) for piece in pieces], axis=0).min() > 0.2
+
+
+def test_a_ball_touches_the_pieces_wherever_it_touches_the_mesh(gate: Mesh) -> None:
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(len(gate.faces), len(gate.vertices))
+    model.addVertices(np.array(gate.vertices))
+    model.addTriangles(np.array(gate.faces, dtype=np.int64))
+    model.endModel()
+    ball = coal.Sphere(0.1)
+    pieces = convex_pieces(gate)
+    rng = np.random.default_rng(1)
+    hits = 0
+    for center in rng.uniform((-0.2, -0.2, -0.2), (4.2, 1.0, 3.2), (400, 3)):
+        at = coal.Transform3s(np.eye(3), center)
+        if coal.collide(model, coal.Transform3s.Identity(), ball, at, coal.CollisionRequest(), coal.CollisionResult()):
+            hits += 1
+            assert min(outside(piece, center[None])[0] for piece in pieces) <= 0.1 + 1e-9
+    assert hits > 50
+
+
+@pytest.mark.parametrize("how", ["hull", "pieces"])
+def test_a_flat_mesh_is_refused(how: convex.Convexity) -> None:
+    flat = Mesh(np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]), np.array([(0, 1, 2), (1, 3, 2)]))
+    with pytest.raises(InputError, match="flat"):
+        convex_shapes([flat], how)
+
+
+def test_an_unknown_way_is_refused(block: Mesh) -> None:
+    with pytest.raises(UnknownNameError, match="pieces"):
+        convex_shapes([block], "piece")  # type: ignore[arg-type]
+
+
+def test_a_failing_decomposition_is_our_error(gate: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("inner")
+
+    monkeypatch.setattr("coacd.run_coacd", fail)
+    with pytest.raises(BackendError, match="decompose a mesh of 28 triangles"):
+        convex_pieces(gate)
+
+
+# ---- the cache ---------------------------------------------------------------------------
+
+
+def same(one: list[Mesh], other: list[Mesh]) -> bool:
+    return len(one) == len(other) and all(
+        np.array_equal(a.vertices, b.vertices) and np.array_equal(a.faces, b.faces)
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def test_pieces_are_made_once_and_read_back_equal(gate: Mesh, own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = convex_pieces(gate)
+    assert len(list(own_cache.glob("*.npz"))) == 1
+    assert not list(own_cache.glob("*.part"))
+    monkeypatch.setattr(convex, "_decompose", lambda _: pytest.fail("made twice"))
+    assert same(convex_pieces(gate), first)
+
+
+def test_another_mesh_has_another_entry(gate: Mesh, own_cache: Path) -> None:
+    convex_pieces(gate)
+    convex_pieces(Mesh(gate.vertices * 1.001, gate.faces))
+    assert len(list(own_cache.glob("*.npz"))) == 2
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "pickled", "wrong arrays", "a folder"])
+def test_a_damaged_entry_is_made_anew(
+    gate: Mesh, own_cache: Path, damage: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pieces = [convex_hull(gate.vertices)]
+    monkeypatch.setattr(convex, "_decompose", lambda mesh: [mesh.vertices])
+    first = convex_pieces(gate)
+    assert same(first, pieces)
+    (file,) = own_cache.glob("*.npz")
+    data = file.read_bytes()
+    if damage == "cut":
+        file.write_bytes(data[: len(data) // 2])
+    elif damage == "flipped":
+        middle = len(data) // 3
+        file.write_bytes(data[:middle] + bytes(255 - b for b in data[middle : middle + 40]) + data[middle + 40 :])
+    elif damage == "empty":
+        file.write_bytes(b"")
+    elif damage == "pickled":
+        np.savez(file, vertices0=np.array([{"a": 1}], dtype=object))
+    elif damage == "wrong arrays":
+        np.savez(file, vertices0=np.zeros((4, 3)), faces1=np.zeros((1, 3)))
+    else:
+        file.unlink()
+        file.mkdir()
+    assert same(convex_pieces(gate), first)
+
+
+def test_a_cache_that_cannot_be_written_costs_nothing_but_time(
+    gate: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_the_way = tmp_path / "file"
+    in_the_way.write_text("not a folder")
+    monkeypatch.setenv("RR1PLAN_CACHE", str(in_the_way))
+    monkeypatch.setattr(convex, "_decompose", lambda mesh: [mesh.vertices])
+    assert len(convex_pieces(gate)) == 1
+    assert in_the_way.read_text() == "not a folder"
+
+
+def test_a_failed_write_leaves_nothing_behind(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Path, "replace", fail)
+    store_cached("key", {"a": np.zeros(3)})
+    assert list(own_cache.iterdir()) == []
+    assert load_cached("key") is None
+
+
+def test_the_folder_is_the_environments_or_the_platforms(
+    tmp_path: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert cache_folder() == own_cache
+    monkeypatch.delenv("RR1PLAN_CACHE")
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / "rr1plan"
+    monkeypatch.setattr("sys.platform", "darwin")
+    assert cache_folder().parts[-3:] == ("Library", "Caches", "rr1plan")
+    monkeypatch.setattr("sys.platform", "win32")
+    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path))
+    assert cache_folder() == tmp_path / "rr1plan" / "cache"
+
+
+def test_the_key_knows_content_kind_and_shape() -> None:
+    a = np.arange(6.0)
+    keys = {
+        cache_key("x", a),
+        cache_key("y", a),
+        cache_key("x", a + 1),
+        cache_key("x", a.reshape(2, 3)),
+        cache_key("x"),
+    }
+    assert len(keys) == 5
+    assert cache_key("x", a) == cache_key("x", a.copy())
+    assert os.sep not in cache_key("x")

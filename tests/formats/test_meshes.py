@@ -1,0 +1,278 @@
+"""Mesh files: found only where they may be, read as what they are, refused when they are not."""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rr1plan.errors import FormatError
+from rr1plan.formats import meshes
+from rr1plan.formats.mesh_lookup import MeshLookup
+from rr1plan.formats.meshes import read_mesh
+from rr1plan.formats.urdf import read_urdf
+from rr1plan.shapes import Mesh
+
+
+def binary_stl(mesh: Mesh, count: int | None = None) -> bytes:
+    triangles = mesh.vertices[mesh.faces].astype("<f4")
+    rows = b"".join(struct.pack("<3f", 0, 0, 1) + t.tobytes() + b"\0\0" for t in triangles)
+    return b"\0" * 80 + struct.pack("<I", len(triangles) if count is None else count) + rows
+
+
+def ascii_stl(mesh: Mesh) -> bytes:
+    lines = ["solid s"]
+    for triangle in mesh.vertices[mesh.faces]:
+        lines += ["facet normal 0 0 1", "outer loop"]
+        lines += [f"vertex {x!r} {y!r} {z!r}" for x, y, z in triangle.tolist()]
+        lines += ["endloop", "endfacet"]
+    return "\n".join([*lines, "endsolid s", ""]).encode()
+
+
+def obj(mesh: Mesh, head: str = "") -> bytes:
+    lines = [head] + ["v " + " ".join(map(repr, v)) for v in mesh.vertices.tolist()]
+    lines += ["f " + " ".join(str(i + 1) for i in f) for f in mesh.faces.tolist()]
+    return "\n".join([*lines, ""]).encode()
+
+
+def dae(
+    mesh: Mesh, unit: str = "1", up: str = "Z_UP", matrix: str = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", head: str = ""
+) -> bytes:
+    floats = " ".join(map(repr, mesh.vertices.ravel().tolist()))
+    n = len(mesh.vertices)
+    indices = " ".join(map(str, mesh.faces.ravel().tolist()))
+    diffuse = "<diffuse><color>1 0.2 0 1</color></diffuse>"
+    axes = "".join(f'<param name="{axis}" type="float"/>' for axis in "XYZ")
+    return f"""<?xml version="1.0"?>{head}
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified>
+<unit name="u" meter="{unit}"/><up_axis>{up}</up_axis></asset>
+<library_effects><effect id="e"><profile_COMMON><technique sid="common">
+<phong>{diffuse}</phong></technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="pa" count="{3 * n}">{floats}</float_array>
+<technique_common><accessor source="#pa" count="{n}" stride="3">{axes}</accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="{len(mesh.faces)}" material="ms">
+<input semantic="VERTEX" source="#v" offset="0"/><p>{indices}</p></triangles>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n"><matrix>{matrix}</matrix><instance_geometry url="#g">
+<bind_material><technique_common><instance_material symbol="ms" target="#m"/></technique_common></bind_material>
+</instance_geometry></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>""".encode()
+
+
+WRITERS = {"binary.stl": binary_stl, "ascii.stl": ascii_stl, "a.obj": obj, "a.dae": dae, "UPPER.STL": binary_stl}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_gives_the_same_mesh(tmp_path: Path, block: Mesh, name: str) -> None:
+    (tmp_path / name).write_bytes(WRITERS[name](block))
+    (part,) = read_mesh(tmp_path / name, (1.0, 0.5, 2.0))
+    assert len(part.mesh.vertices) == 8
+    assert len(part.mesh.faces) == 12
+    expected = {tuple(v) for v in (block.vertices * (1.0, 0.5, 2.0)).tolist()}
+    assert {tuple(v) for v in part.mesh.vertices.tolist()} == expected
+    corners = part.mesh.vertices[part.mesh.faces]
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    assert volume == pytest.approx(6.0)
+
+
+def test_a_dae_brings_its_colour_its_unit_and_its_nodes_place(tmp_path: Path, block: Mesh) -> None:
+    file = tmp_path / "a.dae"
+    file.write_bytes(dae(block, unit="0.001", matrix="1 0 0 500 0 1 0 0 0 0 1 0 0 0 0 1"))
+    (part,) = read_mesh(file)
+    assert np.allclose(part.mesh.vertices.min(axis=0), [0.5, 0, 0])
+    assert np.allclose(part.mesh.vertices.max(axis=0), [0.501, 0.002, 0.003])
+    assert part.color is not None
+    assert np.allclose(part.color, [1, 0.2, 0, 1], atol=0.01)
+
+
+def test_the_up_axis_of_a_dae_is_ignored_as_other_readers_do(tmp_path: Path, block: Mesh) -> None:
+    (tmp_path / "y.dae").write_bytes(dae(block, up="Y_UP"))
+    (part,) = read_mesh(tmp_path / "y.dae")
+    assert part.mesh.vertices.max(axis=0).tolist() == [1, 2, 3]
+
+
+def test_nothing_but_the_file_is_opened(tmp_path: Path, block: Mesh) -> None:
+    (tmp_path / "secret.mtl").write_text("newmtl m\nKd 1 0 0\nmap_Kd /etc/hostname\n")
+    (tmp_path / "a.obj").write_bytes(obj(block, "mtllib secret.mtl\nmtllib http://localhost:9/x.mtl\nusemtl m"))
+    (part,) = read_mesh(tmp_path / "a.obj")
+    assert part.color is None
+
+
+NAN_TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 nan 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
+
+BAD = {
+    "empty.stl": b"",
+    "short.stl": b"\0" * 50,
+    "no_triangle.stl": b"\0" * 84,
+    "words.stl": b"solid s\nfacet normal a b c\nouter loop\nvertex x y z\nendloop\nendfacet\nendsolid\n",
+    "empty.obj": b"",
+    "points.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n",
+    "nan.obj": NAN_TRIANGLE,
+    "triangle.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    "index.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 9\n",
+    "empty.dae": b"",
+    "other.dae": b"<html/>",
+    "cut.dae": b"<COLLADA><asset>",
+    "mesh.stp": b"x",
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_mesh_is_a_format_error_with_the_files_name(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(BAD[name])
+    with pytest.raises(FormatError, match=re.escape(name)):
+        read_mesh(tmp_path / name)
+
+
+def test_a_cut_stl_is_refused(tmp_path: Path, block: Mesh) -> None:
+    (tmp_path / "cut.stl").write_bytes(binary_stl(block)[:-70])
+    with pytest.raises(FormatError, match=r"cut\.stl"):
+        read_mesh(tmp_path / "cut.stl")
+
+
+@pytest.mark.parametrize("unit", ["0", "-1", "nan", "inf", "inch"])
+def test_an_impossible_unit_is_refused(tmp_path: Path, block: Mesh, unit: str) -> None:
+    (tmp_path / "a.dae").write_bytes(dae(block, unit=unit))
+    with pytest.raises(FormatError, match="unit"):
+        read_mesh(tmp_path / "a.dae")
+
+
+def test_entities_in_a_dae_are_refused(tmp_path: Path, block: Mesh) -> None:
+    (tmp_path / "a.dae").write_bytes(dae(block, head='<!DOCTYPE x [<!ENTITY a "b">]>'))
+    with pytest.raises(FormatError, match="DOCTYPE"):
+        read_mesh(tmp_path / "a.dae")
+
+
+def test_too_many_triangles_or_bytes_are_refused(tmp_path: Path, block: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.stl").write_bytes(binary_stl(block))
+    monkeypatch.setattr(meshes, "MAX_FACES", 11)
+    with pytest.raises(FormatError, match="12 triangles, expected at most 11"):
+        read_mesh(tmp_path / "a.stl")
+    monkeypatch.setattr(meshes, "MAX_BYTES", 100)
+    with pytest.raises(FormatError, match="larger"):
+        read_mesh(tmp_path / "a.stl")
+
+
+def test_a_mesh_that_is_not_there_is_a_format_error(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="cannot be read"):
+        read_mesh(tmp_path / "none.stl")
+
+
+# ---- where meshes may be -----------------------------------------------------------------
+
+
+@pytest.fixture
+def package(tmp_path: Path, block: Mesh) -> Path:
+    """ws/pkg/{package.xml, urdf/r.urdf, meshes/a.stl} and, outside, ws/../outside.stl."""
+    root = tmp_path / "deep" / "ws" / "pkg"
+    (root / "urdf").mkdir(parents=True)
+    (root / "meshes").mkdir()
+    (root / "package.xml").write_text("<package/>")
+    (root / "urdf" / "r.urdf").write_text("<robot/>")
+    (root / "meshes" / "a.stl").write_bytes(binary_stl(block))
+    (root / "urdf" / "b.stl").write_bytes(binary_stl(block))
+    return root
+
+
+@pytest.mark.parametrize("name", ["package://pkg/meshes/a.stl", "package://meshes/a.stl", "../meshes/a.stl", "b.stl"])
+def test_meshes_are_found_around_the_urdf_without_options(package: Path, name: str) -> None:
+    found = MeshLookup((), package / "urdf" / "r.urdf").find(name)
+    assert found.resolve().parent in (package / "meshes", package / "urdf")
+
+
+def test_absolute_and_file_names_work_inside_the_folders(package: Path) -> None:
+    lookup = MeshLookup((), package / "urdf" / "r.urdf")
+    mesh = package / "meshes" / "a.stl"
+    assert lookup.find(str(mesh)).samefile(mesh)
+    assert lookup.find(f"file://{mesh}").samefile(mesh)
+
+
+def test_given_folders_and_ros_package_path_are_searched(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    name = "package://pkg/meshes/a.stl"
+    assert MeshLookup([package], elsewhere / "r.urdf").find(name).is_file()
+    assert MeshLookup([package.parent], None).find(name).is_file()
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(package.parent))
+    assert MeshLookup((), elsewhere / "r.urdf").find(name).is_file()
+
+
+def test_the_error_lists_every_place_that_was_tried(package: Path, tmp_path: Path) -> None:
+    given = tmp_path / "given"
+    with pytest.raises(FormatError) as caught:
+        MeshLookup([given], package / "urdf" / "r.urdf").find("package://pkg/meshes/none.stl")
+    for place in (given / "pkg" / "meshes" / "none.stl", package / "meshes" / "none.stl"):
+        assert str(place) in str(caught.value)
+    assert "package_dirs" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [
+        ("package://pkg/../../outside.stl", "leads out"),
+        ("http://localhost/a.stl", "scheme"),
+        ("file:///etc/passwd", "suffix"),
+        ("/etc/hostname", "suffix"),
+        ("a.step", "suffix"),
+        ("a\0.stl", "file name"),
+        ("package://pkg", "suffix"),
+    ],
+)
+def test_a_name_that_may_not_be_is_refused(package: Path, name: str, word: str) -> None:
+    with pytest.raises(FormatError, match=word):
+        MeshLookup((), package / "urdf" / "r.urdf").find(name)
+
+
+def test_a_mesh_outside_the_folders_is_refused_by_any_way(package: Path, tmp_path: Path, block: Mesh) -> None:
+    outside = tmp_path / "outside.stl"
+    outside.write_bytes(binary_stl(block))
+    lookup = MeshLookup([package], None)
+    (package / "meshes" / "link.stl").symlink_to(outside)
+    for name in (str(outside), f"file://{outside}", "meshes/../../../../outside.stl", "package://pkg/meshes/link.stl"):
+        with pytest.raises(FormatError, match="outside the robot's folders"):
+            lookup.find(name)
+
+
+def test_above_the_folder_of_the_package_nothing_is_taken(package: Path, tmp_path: Path, block: Mesh) -> None:
+    (package.parent.parent / "near.stl").write_bytes(binary_stl(block))
+    with pytest.raises(FormatError, match="outside the robot's folders"):
+        MeshLookup((), package / "urdf" / "r.urdf").find("../../../near.stl")
+
+
+def test_the_home_folder_is_not_searched(tmp_path: Path, block: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "a.stl").write_bytes(binary_stl(block))
+    lookup = MeshLookup((), tmp_path / "robot" / "r.urdf")
+    assert lookup.find("../a.stl").is_file()
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    with pytest.raises(FormatError, match="outside"):
+        MeshLookup((), tmp_path / "robot" / "r.urdf").find("../a.stl")
+
+
+def test_a_urdf_places_scales_and_hulls_its_meshes(package: Path) -> None:
+    geometry = '<geometry><mesh filename="package://pkg/meshes/a.stl" scale="0.1 0.1 0.1"/></geometry>'
+    text = f'<robot name="r"><link name="a"><visual>{geometry}</visual><collision>{geometry}</collision></link></robot>'
+    link = read_urdf(text, file=package / "urdf" / "r.urdf").links[0]
+    for g in (*link.visuals, *link.collisions):
+        assert isinstance(g.shape, Mesh)
+        assert np.allclose(g.shape.vertices.max(axis=0), [0.1, 0.2, 0.3])
+    assert link.collisions[0].shape.convex  # type: ignore[union-attr]
+
+
+def test_a_flat_collision_mesh_is_refused_with_the_line(package: Path) -> None:
+    (package / "meshes" / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n")
+    geometry = '<geometry><mesh filename="package://pkg/meshes/flat.obj"/></geometry>'
+    text = f'<robot name="r"><link name="a">\n<collision>{geometry}</collision></link></robot>'
+    with pytest.raises(FormatError, match="flat") as caught:
+        read_urdf(text, file=package / "urdf" / "r.urdf")
+    assert caught.value.line == 2
+    text = text.replace("collision>", "visual>")
+    assert len(read_urdf(text, file=package / "urdf" / "r.urdf").links[0].visuals) == 1

@@ -1,0 +1,194 @@
+"""The SRDF reader and the pairs proposed where there is no SRDF."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.errors import FormatError, InputError
+from rr1plan.formats.robots import Choice, assemble
+from rr1plan.formats.srdf import read_srdf
+from rr1plan.formats.srdf_proposal import LinkBodies, free_configuration, propose_never_collide
+from rr1plan.formats.urdf import Tree, read_urdf
+
+LIMIT = '<limit lower="-1" upper="1" velocity="2" effort="3"/>'
+LENGTH = 0.4
+
+
+def chain_text(links: int, lower: float = -3.0, upper: float = 3.0) -> str:
+    """A planar chain of thin bars; a fixed tool at its end."""
+    bar = (
+        f'<collision><origin xyz="{LENGTH / 2} 0 0"/><geometry><box size="{LENGTH} 0.02 0.02"/></geometry></collision>'
+    )
+    parts = [f'<link name="l{i}">{bar}</link>' for i in range(links)] + ['<link name="tool"/>']
+    parts += [
+        f'<joint name="j{i}" type="revolute"><parent link="l{i - 1}"/><child link="l{i}"/>'
+        f'<origin xyz="{LENGTH} 0 0"/><axis xyz="0 0 1"/>'
+        f'<limit lower="{lower}" upper="{upper}" velocity="1" effort="1"/></joint>'
+        for i in range(1, links)
+    ]
+    parts.append(
+        f'<joint name="jt" type="fixed"><parent link="l{links - 1}"/><child link="tool"/>'
+        f'<origin xyz="{LENGTH} 0 0"/></joint>'
+    )
+    return '<robot name="chain">' + "".join(parts) + "</robot>"
+
+
+@pytest.fixture
+def chain() -> Tree:
+    return read_urdf(chain_text(5))
+
+
+def srdf_text(*parts: str, name: str = "chain") -> str:
+    return f'<robot name="{name}">\n' + "\n".join(parts) + "\n</robot>"
+
+
+ARM = '<group name="arm"><chain base_link="l0" tip_link="l3"/></group>'
+
+BAD = {
+    "unknown link": ('<disable_collisions link1="l0" link2="x"/>', "unknown link 'x'"),
+    "one link twice": ('<disable_collisions link1="l0" link2="l0"/>', "twice"),
+    "no second link": ('<disable_collisions link1="l0"/>', "link2"),
+    "unknown joint in a group": ('<group name="g"><joint name="x"/></group>', "unknown joint 'x'"),
+    "unknown link in a group": ('<group name="g"><link name="x"/></group>', "unknown link 'x'"),
+    "unknown subgroup": ('<group name="g"><group name="x"/></group>', "unknown group 'x'"),
+    "group in itself": ('<group name="g"><group name="g"/></group>', "contains itself"),
+    "group twice": ('<group name="g"/><group name="g"/>', "twice"),
+    "chain upside down": ('<group name="g"><chain base_link="l3" tip_link="l0"/></group>', "not below"),
+    "state of an unknown group": ('<group_state name="s" group="x"/>', "unknown group 'x'"),
+    "state with a word": (
+        ARM + '<group_state name="s" group="arm"><joint name="j1" value="abc"/></group_state>',
+        "'abc'",
+    ),
+    "state with nan": (
+        ARM + '<group_state name="s" group="arm"><joint name="j1" value="nan"/></group_state>',
+        "finite",
+    ),
+    "state of an unknown joint": (
+        ARM + '<group_state name="s" group="arm"><joint name="x" value="0"/></group_state>',
+        "unknown joint 'x'",
+    ),
+    "state twice": (ARM + '<group_state name="s" group="arm"/><group_state name="s" group="arm"/>', "twice"),
+    "hand on an unknown link": (ARM + '<end_effector name="e" group="arm" parent_link="x"/>', "unknown link 'x'"),
+    "unknown passive joint": ('<passive_joint name="x"/>', "unknown joint 'x'"),
+    "doctype": ("<!DOCTYPE x>", "well-formed"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_a_format_error_with_its_line(chain: Tree, name: str) -> None:
+    text, word = BAD[name]
+    with pytest.raises(FormatError) as caught:
+        read_srdf(srdf_text("", text), chain, file="bad.srdf")
+    assert word in str(caught.value)
+    assert caught.value.line == 3
+
+
+def test_another_robots_name_is_a_warning(chain: Tree, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        read_srdf(srdf_text(name="other"), chain)
+    assert "'other'" in caplog.text
+
+
+def test_groups_hold_the_movable_joints_of_chains_joints_links_and_subgroups(chain: Tree) -> None:
+    more = '<group name="more"><joint name="jt"/><link name="l4"/><group name="arm"/></group>'
+    found = read_srdf(srdf_text(ARM, more), chain)
+    assert found.groups == {"arm": ("j1", "j2", "j3"), "more": ("j1", "j2", "j3", "j4")}
+    assert found.chains == {"arm": ("l0", "l3")}
+
+
+def test_links_off_by_default_can_be_switched_on_again_by_pair(chain: Tree) -> None:
+    text = srdf_text('<disable_default_collisions link="l0"/>', '<enable_collisions link1="l3" link2="l0"/>')
+    disabled = read_srdf(text, chain).disabled
+    assert frozenset(("l0", "l2")) in disabled
+    assert frozenset(("l0", "l3")) not in disabled
+
+
+def test_passive_joints_are_held(chain: Tree) -> None:
+    text = srdf_text('<passive_joint name="j2"/>', '<disable_collisions link1="l0" link2="l1"/>')
+    robot = assemble(chain, read_srdf(text, chain), Choice())
+    assert robot.joint_names == ("j1", "j3", "j4")
+    assert dict(robot.held) == {"j2": 0.0}
+
+
+def test_a_state_outside_the_limits_is_kept_with_a_warning_but_is_no_home(
+    chain: Tree, caplog: pytest.LogCaptureFixture
+) -> None:
+    state = '<group_state name="far" group="arm">' + "".join(f'<joint name="j{i}" value="9"/>' for i in (1, 2, 3))
+    robot = assemble(chain, read_srdf(srdf_text(ARM, state + "</group_state>"), chain), Choice())
+    assert robot.configurations["far"].tolist() == [9, 9, 9]
+    assert robot.home.tolist() == [0, 0, 0]
+    assert "'far'" in caplog.text
+
+
+def test_the_arm_that_carries_the_gripper_is_planned_for_and_the_gripper_held(chain: Tree) -> None:
+    hand = '<group name="hand"><joint name="j4"/></group>'
+    effector = '<end_effector name="e" group="hand" parent_link="l3" parent_group="arm"/>'
+    states = '<group_state name="open" group="hand"><joint name="j4" value="0.5"/></group_state>'
+    robot = assemble(chain, read_srdf(srdf_text(hand, ARM, effector, states), chain), Choice())
+    assert robot.joint_names == ("j1", "j2", "j3")
+    assert robot.tool == "l3"
+    assert robot.with_held("open").held["j4"] == 0.5
+    without_parent = effector.replace(' parent_group="arm"', "")
+    robot = assemble(chain, read_srdf(srdf_text(hand, ARM, without_parent), chain), Choice())
+    assert robot.joint_names == ("j1", "j2", "j3")
+
+
+def test_a_group_that_only_holds_a_gripper_with_no_joint_is_refused(chain: Tree) -> None:
+    semantics = read_srdf(srdf_text('<group name="g"><joint name="jt"/></group>'), chain)
+    with pytest.raises(InputError, match="no joint to plan for in group 'g'"):
+        assemble(chain, semantics, Choice(group="g"))
+
+
+def test_neighbours_links_that_always_touch_and_that_never_can_are_proposed() -> None:
+    rod = '<collision><geometry><sphere radius="{}"/></geometry></collision>'
+    links = [("a", 0.1), ("b", 0.05), ("c", 0.1), ("d", 0.05)]
+    text = "".join(f'<link name="{n}">{rod.format(r)}</link>' for n, r in links)
+    for name, parent, child, x in (("j1", "a", "b", 0.05), ("j2", "b", "c", 0.05), ("j3", "c", "d", 0.5)):
+        text += (
+            f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/>{LIMIT}</joint>'
+        )
+    robot = assemble(read_urdf(f'<robot name="r">{text}</robot>'), None, Choice())
+    found = {tuple(sorted(pair)): reason for pair, reason in propose_never_collide(robot, 200, rng=0).items()}
+    assert found == {
+        ("a", "b"): "Adjacent",
+        ("b", "c"): "Adjacent",
+        ("c", "d"): "Adjacent",
+        ("a", "c"): "Always",
+        ("a", "d"): "Never",
+        ("b", "d"): "Never",
+    }
+    assert frozenset(("a", "d")) not in robot.never_collide
+    assert frozenset(("a", "c")) in robot.never_collide
+
+
+def test_pairs_that_touch_sometimes_are_not_proposed(chain: Tree) -> None:
+    robot = assemble(chain, None, Choice())
+    assert frozenset(("l0", "l3")) not in propose_never_collide(robot, 500, rng=0)
+
+
+def test_the_proposal_is_the_same_for_the_same_seed_and_needs_samples(chain: Tree) -> None:
+    robot = assemble(chain, None, Choice())
+    assert propose_never_collide(robot, 50, rng=3) == propose_never_collide(robot, 50, rng=3)
+    with pytest.raises(InputError, match="samples"):
+        propose_never_collide(robot, 0)
+
+
+def test_a_robot_whose_middle_collides_gets_a_free_home() -> None:
+    tree = read_urdf(chain_text(5, lower=1.0, upper=3.0))
+    robot = assemble(tree, None, Choice())
+    bodies = LinkBodies(robot)
+    pairs = [pair for pair in bodies.pairs if pair not in robot.never_collide]
+    middle = np.full(4, 2.0)
+    assert bodies.touching(robot.joint_values(middle), pairs)
+    assert not bodies.touching(robot.joint_values(robot.home), pairs)
+    assert np.array_equal(free_configuration(robot, robot.home, rng=0), robot.home)
+
+
+def test_rr1_has_an_end_effector_group_and_its_states(rr1: rp.Robot) -> None:
+    assert set(rr1.configurations) == {"home", "zero", "raised"}
+    assert set(rr1.named_held) == {"open", "closed"}

@@ -1,0 +1,89 @@
+"""Xacro files, through the optional package xacrodoc."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.errors import FormatError, MissingPackageError
+from rr1plan.formats.xacro import expand_xacro
+
+XACRO = """<robot name="stack" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="length" default="0.5"/>
+  <xacro:property name="length" value="$(arg length)"/>
+  <xacro:macro name="arm" params="i parent">
+    <link name="l${i}"><collision><origin xyz="${length / 2} 0 0"/>
+      <geometry><box size="${length} 0.02 0.02"/></geometry></collision></link>
+    <joint name="j${i}" type="revolute"><parent link="${parent}"/><child link="l${i}"/>
+      <origin xyz="${length} 0 0"/><axis xyz="0 0 1"/>
+      <limit lower="${-pi / 2}" upper="${pi / 2}" velocity="1" effort="1"/></joint>
+  </xacro:macro>
+  <link name="base"/>
+  <xacro:arm i="1" parent="base"/>
+  <xacro:arm i="2" parent="l1"/>
+</robot>
+"""
+
+
+@pytest.fixture
+def stack(tmp_path: Path) -> Path:
+    file = tmp_path / "stack.urdf.xacro"
+    file.write_text(XACRO)
+    return file
+
+
+def test_a_xacro_file_loads_like_a_urdf(stack: Path) -> None:
+    pytest.importorskip("xacrodoc")
+    robot = rp.load_robot(stack)
+    assert robot.joint_names == ("j1", "j2")
+    assert np.allclose(robot.limits.upper, np.pi / 2)
+    assert np.allclose(robot.link_poses([0, 0])["l2"][:3, 3], [1.0, 0, 0])
+
+
+def test_arguments_reach_the_file(stack: Path) -> None:
+    pytest.importorskip("xacrodoc")
+    robot = rp.load_robot(str(stack), xacro_arguments={"length": "0.2"})
+    assert np.allclose(robot.link_poses([0, 0])["l2"][:3, 3], [0.4, 0, 0])
+
+
+def test_includes_from_packages_are_found_in_the_given_folders(tmp_path: Path) -> None:
+    pytest.importorskip("xacrodoc")
+    package = tmp_path / "ws" / "my_arm"
+    package.mkdir(parents=True)
+    (package / "part.xacro").write_text('<robot xmlns:xacro="http://x"><link name="base"/></robot>')
+    file = tmp_path / "top.xacro"
+    file.write_text(
+        '<robot name="r" xmlns:xacro="http://x"><xacro:include filename="$(find my_arm)/part.xacro"/></robot>'
+    )
+    assert 'name="base"' in expand_xacro(file, package_dirs=[package.parent])
+    assert 'name="base"' in expand_xacro(file, package_dirs=[package])
+    with pytest.raises(FormatError, match="my_arm"):
+        expand_xacro(file)
+
+
+RECURSION = '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>'
+
+
+@pytest.mark.parametrize("inside", [RECURSION, "<a x='${1/0}'/>", "<xacro:none/>", "<a x='${unknown}'/>", "<a>"])
+def test_whatever_goes_wrong_inside_is_a_format_error(tmp_path: Path, inside: str) -> None:
+    pytest.importorskip("xacrodoc")
+    file = tmp_path / "bad.xacro"
+    file.write_text(f'<robot name="r" xmlns:xacro="http://x">{inside}</robot>')
+    with pytest.raises(FormatError, match=r"bad\.xacro"):
+        expand_xacro(file)
+
+
+def test_a_missing_file_is_a_format_error(tmp_path: Path) -> None:
+    pytest.importorskip("xacrodoc")
+    with pytest.raises(FormatError, match="no such file"):
+        expand_xacro(tmp_path / "none.xacro")
+
+
+def test_without_xacrodoc_the_extra_is_named(stack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "xacrodoc", None)
+    with pytest.raises(MissingPackageError, match=r"rr1plan\[xacro\]"):
+        rp.load_robot(stack)

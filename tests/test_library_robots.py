@@ -1,0 +1,186 @@
+"""Loading robots by name and from files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan import library
+from rr1plan.errors import FormatError, InputError, UnknownNameError
+from rr1plan.limits import Limits
+
+LIMIT = '<limit lower="{}" upper="{}" velocity="2" effort="3"/>'
+
+
+def arm_text(*joints: tuple[str, float, float], limit: str = LIMIT) -> str:
+    parts = ['<link name="l0"/>']
+    for i, (name, lower, upper) in enumerate(joints):
+        parts.append(
+            f'<link name="l{i + 1}"/><joint name="{name}" type="revolute"><parent link="l{i}"/>'
+            f'<child link="l{i + 1}"/><axis xyz="0 0 1"/>{limit.format(lower, upper)}</joint>'
+        )
+    return '<robot name="arm">' + "".join(parts) + "</robot>"
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    file = tmp_path / "urdf" / "arm.urdf"
+    file.parent.mkdir()
+    file.write_text(arm_text(("a", -1, 1), ("b", 0.5, 1.5), ("c", -2, -1)))
+    return file
+
+
+def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
+    with pytest.raises(UnknownNameError, match="rr1"):
+        rp.load_robot("rr11")
+
+
+def test_a_file_with_another_suffix_or_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="suffix"):
+        rp.load_robot(tmp_path / "robot.sdf")
+    with pytest.raises(FormatError, match="cannot be read"):
+        rp.load_robot(tmp_path / "robot.urdf")
+
+
+def test_all_driven_joints_are_planned_for_by_default(arm: Path) -> None:
+    robot = rp.load_robot(arm)
+    assert robot.joint_names == ("a", "b", "c")
+    assert robot.tool == "l3"
+    assert robot.home.tolist() == [0.0, 1.0, -1.5]
+    assert robot.source == str(arm)
+
+
+def test_chosen_joints_keep_their_order_and_the_others_are_held_near_zero(arm: Path) -> None:
+    robot = rp.load_robot(arm, joints=["b", "a"], tool="l1", name="mine")
+    assert robot.joint_names == ("b", "a")
+    assert robot.limits.upper.tolist() == [1.5, 1.0]
+    assert dict(robot.held) == {"c": -1.0}
+    assert (robot.tool, robot.name) == ("l1", "mine")
+
+
+@pytest.mark.parametrize("joints", [[], ["a", "a"], ["x"]])
+def test_joints_that_cannot_be_planned_for_are_refused(arm: Path, joints: list[str]) -> None:
+    with pytest.raises(InputError):
+        rp.load_robot(arm, joints=joints)
+
+
+def test_unknown_groups_tools_and_presets_are_refused(arm: Path) -> None:
+    with pytest.raises(UnknownNameError, match="group"):
+        rp.load_robot(arm, group="arm")
+    with pytest.raises(UnknownNameError, match="link"):
+        rp.load_robot(arm, tool="l9")
+    with pytest.raises(UnknownNameError, match="preset"):
+        rp.load_robot(arm, limits="sim")
+    with pytest.raises(UnknownNameError, match="sim"):
+        rp.load_robot("rr1", limits="simulation")
+
+
+def test_limits_of_another_length_are_refused(arm: Path) -> None:
+    with pytest.raises(InputError, match="limits for 2 of 3"):
+        rp.load_robot(arm, limits=Limits(*(np.full(2, v) for v in (-1, 1, 1, 1, 1, 1))))
+
+
+def test_a_preset_or_limits_can_be_asked_for() -> None:
+    robot = rp.load_robot("rr1", limits="hardware")
+    assert robot.limits.velocity[0] == 0.346
+    assert rp.load_robot("rr1", limits=robot.limits).limits is robot.limits
+
+
+def test_what_urdf_does_not_know_is_taken_carefully(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
+    limits = rp.load_robot(arm).limits
+    assert limits.acceleration.tolist() == [8.0] * 3
+    assert limits.jerk.tolist() == [80.0] * 3
+    arm.write_text(arm_text(("a", -1, 1), limit='<limit lower="{}" upper="{}"/>'))
+    limits = rp.load_robot(arm).limits
+    assert (limits.velocity[0], limits.acceleration[0], limits.effort[0]) == (1.0, 4.0, np.inf)
+    assert "no velocity limit for a" in caplog.text
+
+
+STATE = '<robot name="arm"><group name="g"><joint name="a"/></group><group_state name="up" group="g"><joint name="a" value="0.5"/></group_state></robot>'  # noqa: E501
+
+
+@pytest.mark.parametrize("place", ["urdf/arm.srdf", "srdf/arm.srdf"])
+def test_an_srdf_of_the_same_name_is_found_beside_the_urdf(arm: Path, place: str) -> None:
+    file = arm.parent.parent / place
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(STATE)
+    robot = rp.load_robot(arm)
+    assert robot.joint_names == ("a",)
+    assert robot.home.tolist() == [0.5]
+    assert rp.load_robot(arm, srdf=False).joint_names == ("a", "b", "c")
+    assert rp.load_robot(arm, group="g", srdf=file).joint_names == ("a",)
+
+
+def test_a_broken_srdf_is_an_error_not_ignored(arm: Path) -> None:
+    (arm.parent / "arm.srdf").write_text('<robot name="arm"><group name="g"><joint name="x"/></group></robot>')
+    with pytest.raises(FormatError, match=r"arm\.srdf:1"):
+        rp.load_robot(arm)
+
+
+def test_fixed_and_mimic_joints_are_not_planned_for(tmp_path: Path) -> None:
+    text = arm_text(("a", -1, 1), ("b", -1, 1)).replace("</joint></robot>", '<mimic joint="a"/></joint></robot>')
+    (tmp_path / "arm.urdf").write_text(text)
+    robot = rp.load_robot(tmp_path / "arm.urdf")
+    assert robot.joint_names == ("a",)
+    assert dict(robot.held) == {}
+    with pytest.raises(InputError, match="'b' is fixed or mimics"):
+        rp.load_robot(tmp_path / "arm.urdf", joints=["b"])
+
+
+def test_a_robot_that_cannot_move_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "stone.urdf").write_text('<robot name="stone"><link name="a"/></robot>')
+    with pytest.raises(InputError, match="no joint to plan for"):
+        rp.load_robot(tmp_path / "stone.urdf")
+
+
+# ---- robot.toml --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def own_models(tmp_path: Path, arm: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "models" / "robots" / "arm"
+    folder.mkdir(parents=True)
+    (folder / "arm.urdf").write_text(arm.read_text())
+    monkeypatch.setattr(library, "models_folder", lambda: tmp_path / "models")
+    return folder / "robot.toml"
+
+
+def test_a_folder_adds_presets_and_held_values(own_models: Path) -> None:
+    own_models.write_text(
+        'urdf = "arm.urdf"\nlimits = "slow"\n[presets.slow]\na = { velocity = 0.5 }\n[presets.fast]\nb = { jerk = 9 }\n'
+    )
+    robot = rp.load_robot("arm")
+    assert robot.limits.velocity.tolist() == [0.5, 2, 2]
+    assert robot.presets["fast"].jerk.tolist() == [80, 9, 80]
+    assert rp.load_robot("arm", joints=["b"]).limits.velocity.tolist() == [2]
+
+
+BAD_TOML = {
+    "not toml": ("urdf = ", "cannot be read"),
+    "no urdf": ("[about]\n", "no 'urdf'"),
+    "unknown key": ('urdf = "arm.urdf"\nsdf = "x"\n', "unknown key 'sdf'"),
+    "urdf of another kind": ("urdf = 3\n", "urdf"),
+    "limits of another kind": ('urdf = "arm.urdf"\nlimits = 3\n', "expected text"),
+    "presets of another kind": ('urdf = "arm.urdf"\npresets = 3\n', "presets"),
+    "preset of another kind": ('urdf = "arm.urdf"\npresets.slow = 3\n', "slow"),
+    "row of another kind": ('urdf = "arm.urdf"\npresets.slow.a = 3\n', "presets.slow.a"),
+    "unknown preset": ('urdf = "arm.urdf"\nlimits = "slow"\n', "slow"),
+    "unknown joint": ('urdf = "arm.urdf"\npresets.slow.x.velocity = 1\n', "'x'"),
+    "unknown limit": ('urdf = "arm.urdf"\npresets.slow.a.speed = 1\n', "'speed'"),
+    "nan limit": ('urdf = "arm.urdf"\npresets.slow.a.velocity = nan\n', "presets.slow.a.velocity"),
+    "velocity zero": ('urdf = "arm.urdf"\npresets.slow.a.velocity = 0\n', "velocity"),
+    "a word for a number": ('urdf = "arm.urdf"\npresets.slow.a.velocity = "x"\n', "velocity"),
+    "unknown held joint": ('urdf = "arm.urdf"\nheld.x = 0\n', "held joint 'x'"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_TOML)
+def test_a_bad_robot_toml_is_a_format_error_with_the_file(own_models: Path, name: str) -> None:
+    text, word = BAD_TOML[name]
+    own_models.write_text(text)
+    with pytest.raises(FormatError, match=r"robot\.toml") as caught:
+        rp.load_robot("arm")
+    assert word in str(caught.value)
