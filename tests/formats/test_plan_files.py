@@ -1,0 +1,354 @@
+"""Saved paths, trajectories and motions: whole, exact, for the right scene, or refused by name."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rr1plan.errors import FormatError, InputError, UnknownNameError
+from rr1plan.formats import files, plan_files
+from rr1plan.formats.values import from_plain, to_plain
+from rr1plan.library import load_problems, load_robot, load_scene
+from rr1plan.path import Path
+from rr1plan.problem import PoseGoal, Problem, RegionGoal
+from rr1plan.report import Report, Violation
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Mesh, PointCloud
+from rr1plan.trajectory import Trajectory
+from rr1plan.transforms import pose
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_scene("planar2r_path")
+
+
+@pytest.fixture(scope="module")
+def trajectory(scene: Scene) -> Trajectory:
+    q0, move = np.array([0.2, -0.9]), np.array([1.0 / 3.0, 0.7])
+    return Trajectory(scene.joint_names(), [0.0, 2.0], np.array([q0, 0 * q0, 3 * move / 4, -2 * move / 8])[None])
+
+
+@pytest.fixture
+def path(scene: Scene) -> Path:
+    return Path(scene.joint_names(), [[0.1, 1.0 / 3.0], [0.2, 1e-17], [np.pi, -2.0]])
+
+
+def rewritten(file: FilePath, change: Callable[[dict[str, Any]], object]) -> FilePath:
+    data = json.loads(file.read_text())
+    change(data)
+    file.write_text(json.dumps(data))
+    return file
+
+
+def resealed(file: FilePath, change: Callable[[dict[str, Any]], object]) -> FilePath:
+    """The file with another content and the sha256 that goes with it."""
+    data = json.loads(file.read_text())
+    change(data["content"])
+    plan_files._write(file, data["kind"], data["content"])
+    return file
+
+
+def test_paths_and_trajectories_read_back_to_the_last_bit(
+    tmp_path: FilePath, scene: Scene, path: Path, trajectory: Trajectory
+) -> None:
+    read = plan_files.load_path(plan_files.save_path(tmp_path / "p.json", path, scene), scene)
+    assert np.array_equal(read.waypoints, path.waypoints)
+    assert read.joint_names == path.joint_names
+    timed = plan_files.load_trajectory(plan_files.save_trajectory(tmp_path / "t.json", trajectory, scene), scene)
+    assert timed.allclose(trajectory, atol=0.0)
+
+
+def test_files_name_joints_units_and_models(tmp_path: FilePath, scene: Scene, path: Path) -> None:
+    data = json.loads(plan_files.save_path(tmp_path / "p.json", path, scene).read_text())
+    assert (data["format"], data["version"], data["kind"]) == ("rr1plan", 1, "path")
+    assert data["content"]["path"]["joint_names"] == ["arm/joint1", "arm/joint2"]
+    assert data["content"]["path"]["units"] == ["rad", "rad"]
+    assert data["content"]["made_for"]["sha256"] == scene.content_hash
+    assert data["content"]["made_for"]["arms"]["arm"]["sha256"] == scene.arms["arm"].robot.content_hash
+
+
+def test_a_motion_is_read_without_anything_but_its_file(
+    tmp_path: FilePath, scene: Scene, path: Path, trajectory: Trajectory
+) -> None:
+    problem = load_problems("planar2r_path")["to_a_point"]
+    violation = Violation("velocity", ("arm/joint1",), 0.5, 2.0, 1.0, "too fast")
+    report = Report((violation,), {"clearance": np.inf, "velocity": 2.0}, ("velocity",), {"torque": "not asked"}, 2.0)
+    file = plan_files.save_motion(tmp_path / "m.json", scene, path, trajectory, report, problem)
+    read = plan_files.load_motion(file, scene)
+    assert read.scene.content_hash == scene.content_hash
+    assert read.report == report
+    assert read.problem is not None
+    assert np.array_equal(read.problem.start, problem.start)
+    assert read.path is not None
+    assert read.path.allclose(path, atol=0.0)
+    assert read.trajectory is not None
+    assert read.trajectory.allclose(trajectory, atol=0.0)
+    assert plan_files.load_trajectory(file).allclose(trajectory, atol=0.0)
+    assert plan_files.load_motion(plan_files.save_motion(file, scene)).trajectory is None
+
+
+@pytest.mark.parametrize("name", ["rr1_pair", "rr1_twelve", "rr1_cage"])
+def test_scenes_in_motion_files_keep_their_hash_and_share_robots(name: str, tmp_path: FilePath) -> None:
+    scene = load_scene(name)
+    read = plan_files.load_motion(plan_files.save_motion(tmp_path / "m.json", scene)).scene
+    assert read.content_hash == scene.content_hash
+    assert len({id(arm.robot) for arm in read.arms.values()}) == 1
+    assert not read.arms[next(iter(read.arms))].base.flags.writeable
+
+
+def test_every_goal_and_shape_survives(tmp_path: FilePath) -> None:
+    robot = load_robot("rr1")
+    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.array([[0, 2, 1]]))
+    scene = Scene().with_arm("a", robot).with_arm("b", robot, (0, 2, 0)).with_padding(0.01, "a", "b")
+    scene = scene.with_obstacle("m", mesh, (3, 3, 3)).with_obstacle("p", PointCloud([[4.0, 4, 4]]))
+    scene = scene.with_obstacle("x", Box((0.1, 0.1, 0.1)), (-0.4, 0, 0.2)).attach("x", "a", touch=["hand_link"])
+    goals = {"a": [PoseGoal("tool", pose((0.1, 0, 0.2), rpy=(1, 2, 3))), RegionGoal("tool", (0, 0, 0), (1, 1, 1))]}
+    problem = Problem(scene, None, goals, ["a", "b"])
+    read = plan_files.load_motion(plan_files.save_motion(tmp_path / "m.json", scene, problem=problem))
+    assert read.scene.content_hash == scene.content_hash
+    assert read.problem is not None
+    first, second = read.problem.goal["a"]
+    assert isinstance(first, PoseGoal)
+    assert np.array_equal(first.rotation, problem.goal["a"][0].rotation)  # type: ignore[arg-type,union-attr]  # a pose goal
+    assert isinstance(second, RegionGoal)
+    assert len(read.problem.goal["b"]) == 1
+
+
+# ---- what is refused -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9, 0.999])
+def test_a_file_that_was_cut_off_is_refused(
+    tmp_path: FilePath, scene: Scene, trajectory: Trajectory, share: float
+) -> None:
+    file = plan_files.save_trajectory(tmp_path / "t.json", trajectory, scene)
+    text = file.read_text().rstrip()
+    file.write_text(text[: int(len(text) * share)])
+    with pytest.raises(FormatError, match=r"t\.json.*cut off"):
+        plan_files.load_trajectory(file)
+
+
+def test_an_altered_number_is_refused(tmp_path: FilePath, scene: Scene, path: Path) -> None:
+    file = plan_files.save_path(tmp_path / "p.json", path, scene)
+    rewritten(file, lambda data: data["content"]["path"]["waypoints"][0].__setitem__(0, 0.1000001))
+    with pytest.raises(FormatError, match=r"p\.json: was altered"):
+        plan_files.load_path(file)
+
+
+@pytest.mark.parametrize(
+    ("entry", "value", "message"),
+    [
+        ("version", 2, "version 2, expected 1"),
+        ("version", None, "version None"),
+        ("format", "other", "not a file of rr1plan"),
+        ("kind", "trajectory", "holds a trajectory, expected a path or a motion"),
+        ("sha256", "00", "was altered"),
+        ("sha256", 5, "expected text"),
+        ("content", 5, "expected a table"),
+        ("extra", 5, "unknown key 'extra'"),
+    ],
+)
+def test_a_wrong_head_is_refused(
+    tmp_path: FilePath, scene: Scene, path: Path, entry: str, value: object, message: str
+) -> None:
+    file = rewritten(
+        plan_files.save_path(tmp_path / "p.json", path, scene), lambda data: data.__setitem__(entry, value)
+    )
+    with pytest.raises(FormatError, match=message) as caught:
+        plan_files.load_path(file)
+    assert caught.value.file == str(file)
+
+
+@pytest.mark.parametrize("text", ["", "null", "[]", "{}", "1e999", "NaN", '{"format": "rr1plan"', "[" * 50_000])
+def test_files_that_are_something_else_are_refused(tmp_path: FilePath, text: str) -> None:
+    (tmp_path / "x.json").write_text(text)
+    for load in (plan_files.load_path, plan_files.load_trajectory, plan_files.load_motion):
+        with pytest.raises(FormatError, match=r"x\.json"):
+            load(tmp_path / "x.json")
+
+
+def test_a_nan_is_refused(tmp_path: FilePath, scene: Scene, path: Path) -> None:
+    file = plan_files.save_path(tmp_path / "p.json", path, scene)
+    rewritten(file, lambda data: data["content"]["path"]["waypoints"][0].__setitem__(0, float("nan")))
+    with pytest.raises(FormatError, match="not finite"):
+        plan_files.load_path(file)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda c: c["path"].pop("waypoints"),
+        lambda c: c["path"].__setitem__("waypoints", [[1.0]]),
+        lambda c: c["path"].__setitem__("waypoints", [["1", "2"]]),
+        lambda c: c["path"].__setitem__("joint_names", ["arm/joint1", "arm/joint1"]),
+        lambda c: c.pop("scene"),
+        lambda c: c.__setitem__("scene", {"type": "os.system", "fields": {}}),
+        lambda c: c.__setitem__("scene", {"type": "Box", "fields": {"size": [1, 1, 1]}}),
+        lambda c: c["scene"]["fields"].__setitem__("padding", -1.0),
+        lambda c: c["scene"]["fields"].__setitem__("surprise", 1),
+        lambda c: c["robots"].clear(),
+        lambda c: c["robots"][0]["fields"].__setitem__("tool", "no such link"),
+        lambda c: c.__setitem__("report", {"map": []}),
+        lambda c: c.__setitem__("problem", {"start": [0.0], "goal": "home", "arms": ["arm"]}),
+    ],
+)
+def test_content_that_makes_no_sense_is_refused_even_with_the_right_hash(
+    tmp_path: FilePath, scene: Scene, path: Path, change: Callable[[dict[str, Any]], object]
+) -> None:
+    file = resealed(plan_files.save_motion(tmp_path / "m.json", scene, path), change)
+    with pytest.raises(FormatError, match=r"m\.json"):
+        plan_files.load_motion(file)
+
+
+def test_a_motion_without_a_path_has_no_path_to_load(tmp_path: FilePath, scene: Scene) -> None:
+    file = plan_files.save_motion(tmp_path / "m.json", scene)
+    with pytest.raises(FormatError, match="has no 'waypoints'"):
+        plan_files.load_path(file)
+
+
+def test_another_scene_is_refused_and_what_differs_is_said(tmp_path: FilePath, scene: Scene, path: Path) -> None:
+    file = plan_files.save_path(tmp_path / "p.json", path, scene)
+    robot = scene.arms["arm"].robot
+    with pytest.raises(FormatError, match="obstacles, places or rules differ"):
+        plan_files.load_path(file, scene.without_obstacle("red"))
+    with pytest.raises(FormatError, match="robot of arm 'arm' differs"):
+        plan_files.load_path(file, scene.with_robot("arm", robot.with_limits(robot.limits.scaled(0.5))))
+    with pytest.raises(FormatError, match="robot of arm 'second' differs"):
+        plan_files.load_path(file, scene.with_arm("second", robot, (5, 5, 5)))
+
+
+def test_joints_the_scene_does_not_have_cannot_be_saved(tmp_path: FilePath, scene: Scene) -> None:
+    with pytest.raises(UnknownNameError, match=r"Did you mean .*'arm/joint1'"):
+        plan_files.save_path(tmp_path / "p.json", Path(("arm/joint9",), [[0.0]]), scene)
+    assert list(tmp_path.iterdir()) == []
+
+
+# ---- written in one step -----------------------------------------------------------------------
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_no_other(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = files.write_text(tmp_path / "a.txt", "old")
+
+    def broken(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", broken)
+    with pytest.raises(InputError, match="No space left"):
+        files.write_text(file, "new")
+    assert file.read_text() == "old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = files.write_text(tmp_path / "a.txt", "old")
+
+    def interrupted(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        files.write_text(file, "new")
+    assert [entry.read_text() for entry in tmp_path.iterdir()] == ["old"]
+
+
+def test_a_missing_folder_is_named(tmp_path: FilePath) -> None:
+    with pytest.raises(InputError, match=r"cannot write .*gone"):
+        files.write_text(tmp_path / "gone" / "a.txt", "x")
+
+
+def test_written_files_have_the_usual_mode_and_replaced_ones_keep_theirs(tmp_path: FilePath) -> None:
+    (tmp_path / "usual").write_text("")
+    file = files.write_text(tmp_path / "new", "x")
+    assert file.stat().st_mode == (tmp_path / "usual").stat().st_mode
+    file.chmod(0o640)
+    assert files.write_text(file, "y").stat().st_mode & 0o777 == 0o640
+
+
+def test_files_that_are_too_large_are_refused_packed_or_not(tmp_path: FilePath) -> None:
+    import gzip
+
+    (tmp_path / "a.json.gz").write_bytes(gzip.compress(b" " * 100_000))
+    with pytest.raises(FormatError, match="larger than 1000 bytes"):
+        files.read_bytes(tmp_path / "a.json.gz", max_bytes=1000)
+    assert len(files.read_bytes(tmp_path / "a.json.gz")) == 100_000
+    (tmp_path / "b.json.gz").write_bytes(gzip.compress(b"x" * 100)[:-12])
+    with pytest.raises(FormatError, match="cannot be read"):
+        files.read_bytes(tmp_path / "b.json.gz")
+    (tmp_path / "c.json.gz").write_bytes(b"not gzip")
+    with pytest.raises(FormatError, match="cannot be read"):
+        files.read_bytes(tmp_path / "c.json.gz")
+
+
+# ---- CSV ---------------------------------------------------------------------------------------
+
+
+def test_csv_has_its_header_and_ends_with_zero_velocities(tmp_path: FilePath, trajectory: Trajectory) -> None:
+    lines = plan_files.save_csv(tmp_path / "t.csv", trajectory, dt=0.3).read_text().splitlines()
+    assert lines[0] == "t,q:arm/joint1,q:arm/joint2,v:arm/joint1,v:arm/joint2,a:arm/joint1,a:arm/joint2"
+    rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
+    assert rows[-1, 0] == trajectory.end_time
+    assert (rows[-1, 3:5] == 0.0).all()
+    assert (np.diff(rows[:, 0]) > 0).all()
+
+
+def test_csv_reads_back_the_same_motion(tmp_path: FilePath, trajectory: Trajectory) -> None:
+    read = plan_files.load_csv(plan_files.save_csv(tmp_path / "t.csv", trajectory, dt=0.13))
+    times = np.linspace(0.0, 2.0, 101)
+    for derivative in range(3):
+        assert np.allclose(read(times, derivative), trajectory(times, derivative), rtol=0.0, atol=1e-10)
+
+
+def test_csv_of_standing_still_has_one_row(tmp_path: FilePath) -> None:
+    still = Trajectory.rest(("arm/joint1",), [0.5])
+    assert plan_files.load_csv(plan_files.save_csv(tmp_path / "t.csv", still)).allclose(still, atol=0.0)
+
+
+def test_a_motion_that_does_not_end_at_rest_is_not_written_as_csv(tmp_path: FilePath) -> None:
+    moving = Trajectory(("arm/joint1",), [0.0, 1.0], np.array([[[0.0], [1.0]]]))
+    with pytest.raises(InputError, match="'arm/joint1' has the speed 1"):
+        plan_files.save_csv(tmp_path / "t.csv", moving)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "another header"),
+        ("t,q:a,v:a\n0,0,0\n", "another header"),
+        ("t,q:a,v:b,a:a\n", "another header"),
+        ("t,q:a,v:a,a:a\n", "has no rows"),
+        ("t,q:a,v:a,a:a\n0,0,0\n", ":2: has 3 values, expected 4"),
+        ("t,q:a,v:a,a:a\n0,0,0,x\n", ":2: could not convert"),
+        ("t,q:a,v:a,a:a\n0,nan,0,0\n1,0,0,0\n", "is nan"),
+        ("t,q:a,v:a,a:a\n1,0,0,0\n1,0,0,0\n", "strictly increase"),
+        ("t,q:a,q:a,v:a,v:a,a:a,a:a\n0,0,0,0,0,0,0\n", "'a' twice"),
+    ],
+)
+def test_wrong_csv_is_refused(tmp_path: FilePath, text: str, message: str) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(FormatError, match=message):
+        plan_files.load_csv(tmp_path / "t.csv")
+
+
+# ---- values ------------------------------------------------------------------------------------
+
+
+def test_only_our_own_values_have_a_form() -> None:
+    with pytest.raises(InputError, match="no form in a plan file"):
+        to_plain(object())
+    with pytest.raises(InputError, match="no value of rr1plan"):
+        from_plain({"type": "Path", "fields": {}})
+    with pytest.raises(InputError, match="no value of rr1plan"):
+        from_plain({"eval": "1 + 1"})
+    assert from_plain(to_plain({"a": frozenset({"x"}), "b": (np.inf, None, np.int64(3))})) == {
+        "a": frozenset({"x"}),
+        "b": (np.inf, None, 3),
+    }
