@@ -288,7 +288,7 @@ def _read_obstacles(entry: Table) -> dict[str, Obstacle]:
         "spheres": (3, lambda row: Sphere(row[1])),
     }
     for kind, (length, make) in makers.items():
-        for row in entry.raw(kind, []):
+        for row in entry.rows(kind):
             if not isinstance(row, list) or len(row) != length or not isinstance(row[0], str):
                 raise entry.error(f"expected a name and {length - 1} values, got {row!r}", kind)
             if row[0] in obstacles:

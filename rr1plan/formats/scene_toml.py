@@ -235,7 +235,7 @@ def _with_attachment(scene: Scene, name: str, entry: Table, folder: Path) -> Sce
 
 def _with_rules(scene: Scene, top: Table) -> Scene:
     padding = top.number("padding", 0.0)
-    allowed: set[Pair] = {_read_pair(top, "allowed", both) for both in top.raw("allowed", [])}
+    allowed: set[Pair] = {_read_pair(top, "allowed", both) for both in top.rows("allowed")}
     distances: dict[Pair, float] = {}
     for entry in top.tables("pair_padding"):
         distances[_read_pair(entry, "between", entry.required("between"))] = entry.number("distance")

@@ -97,16 +97,21 @@ class Table:
             raise self.error(f"expected a list of texts, got {_shown(value)}", key)
         return tuple(value)
 
+    def rows(self, key: str) -> list[Any]:
+        """A list of anything, empty when it is not there."""
+        value = self.raw(key, [])
+        if not isinstance(value, list):
+            raise self.error(f"expected a list, got {_shown(value)}", key)
+        return value
+
     def table(self, key: str) -> Table:
         """A table within this one, empty when it is not there."""
         return Table(self.raw(key, {}), self.file, (*self.path, key), self.text)
 
     def tables(self, key: str) -> list[Table]:
         """A list of tables, empty when it is not there."""
-        value = self.raw(key, [])
-        if not isinstance(value, list):
-            raise self.error(f"expected a list of tables, got {_shown(value)}", key)
-        return [Table(item, self.file, (*self.path, f"{key}[{i}]"), self.text) for i, item in enumerate(value)]
+        rows = enumerate(self.rows(key))
+        return [Table(item, self.file, (*self.path, f"{key}[{i}]"), self.text) for i, item in rows]
 
     def one_of(self, kinds: Mapping[str, Any]) -> str:
         """The single key of `kinds` that is there.

@@ -263,6 +263,7 @@ def test_robots_point_files_and_meshes_are_found_beside_the_scene_file(tmp_path:
         (SIMPLE + "[attachments.tool]\nsphere = 0.1\nlink = 'hand'\n", "unknown link 'hand'"),
         ("[attachments.tool]\nsphere = 0.1\n", "the scene has 0 arms"),
         ("allowed = [['arm', 'box']]\n" + SIMPLE, "unknown element 'box'"),
+        ("allowed = 5\n" + SIMPLE, "scene.toml:1: allowed: expected a list, got 5"),
         ("allowed = [['arm']]\n" + SIMPLE, "expected pairs of names"),
         ("pair_padding = [{ between = ['arm', 'arm/link1'] }]\n" + SIMPLE, "has no 'distance'"),
         (SIMPLE + "[queries.q]\n", "expected exactly one of goal, goals"),

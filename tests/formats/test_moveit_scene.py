@@ -1,0 +1,168 @@
+"""MoveIt's `.scene` text in both its forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rr1plan.errors import FormatError, InputError
+from rr1plan.formats.moveit_scene import cone, read_moveit_scene, write_moveit_scene
+from rr1plan.library import load_scene, scene_names
+from rr1plan.robot import Geometry
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
+from rr1plan.transforms import pose
+
+HALF = 0.7071067811865476
+NEWER = f"""my scene
+* first box
+1 2 3
+0 0 {HALF} {HALF}
+2
+box
+0.1 0.2 0.3
+0 0 1
+0 0 0 1
+1 0.5 0 1
+cylinder
+0.05 0.4
+0 0 0
+{HALF} 0 0 {HALF}
+0 0 0 0
+1
+grip
+0 0 0.1
+0 0 0 1
+* plane
+0 0 0
+0 0 0 1
+1
+plane
+0 0 2 -1
+0 0 0
+0 0 0 1
+0 0 0 0
+0
+.
+"""
+OLDER = f"""old scene
+* box
+1
+box
+0.1 0.2 0.3
+1 2 3
+0 0 {HALF} {HALF}
+0 0 0 0
+* ball
+2
+sphere
+0.25
+0 0 0
+0 0 0 1
+0 0 0 0
+cone
+0.1
+0.3
+0 0 5
+0 0 0 1
+0 0 0 0
+.
+"""
+
+
+def read(tmp_path: Path, text: str) -> Scene:
+    (tmp_path / "a.scene").write_text(text)
+    return read_moveit_scene(tmp_path / "a.scene")
+
+
+def test_the_newer_form_has_object_poses_and_subframes(tmp_path: Path) -> None:
+    scene = read(tmp_path, NEWER)
+    assert scene.name == "my scene"
+    thing = scene.obstacles["first box"]
+    box, rod = thing.geometries
+    assert (box.shape, rod.shape) == (Box((0.1, 0.2, 0.3)), Cylinder(radius=0.05, length=0.4))
+    assert (box.color, rod.color) == ((1.0, 0.5, 0.0, 1.0), None)
+    assert np.allclose(thing.pose, pose((1, 2, 3), rpy=(0, 0, np.pi / 2)))
+    assert np.allclose(rod.pose, pose(rpy=(np.pi / 2, 0, 0)))
+    assert scene.obstacles["plane"].geometries[0].shape == HalfSpace((0, 0, 1), 0.5)
+
+
+def test_the_older_form_poses_its_shapes_in_the_world(tmp_path: Path) -> None:
+    scene = read(tmp_path, OLDER)
+    assert list(scene.obstacles) == ["box", "ball"]
+    box = scene.obstacles["box"]
+    assert np.allclose(box.pose @ box.geometries[0].pose, pose((1, 2, 3), rpy=(0, 0, np.pi / 2)))
+    assert scene.obstacles["ball"].geometries[0].shape == Sphere(0.25)
+
+
+def test_a_cone_is_taken_as_a_convex_mesh_around_it() -> None:
+    mesh = cone(0.1, 0.3)
+    assert mesh.convex
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    for angle in np.linspace(0, 2 * np.pi, 50):
+        rim = np.array([0.1 * np.cos(angle), 0.1 * np.sin(angle), -0.15])
+        assert (np.einsum("ij,ij->i", normals, rim - a) <= 1e-12).all()
+    assert mesh.vertices[:, 2].max() == 0.15
+
+
+def test_a_mesh_becomes_convex_solids(tmp_path: Path) -> None:
+    corners = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
+    text = f"s\n* m\n1\nmesh\n4 4\n{corners}0 2 1\n0 1 3\n0 3 2\n1 2 3\n0 0 0\n0 0 0 1\n0 0 0 0\n.\n"
+    shapes = [g.shape for g in read(tmp_path, text).obstacles["m"].geometries]
+    assert shapes
+    assert all(isinstance(shape, Mesh) and shape.convex for shape in shapes)
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_obstacles_of_shipped_scenes_survive_the_round_trip(name: str, tmp_path: Path) -> None:
+    scene = load_scene(name)
+    read_back = load_scene(write_moveit_scene(tmp_path / "a.scene", scene))
+    for obstacle, thing in scene.obstacles.items():
+        shapes = [(g.shape, thing.pose @ g.pose) for g in thing.geometries if not isinstance(g.shape, Capsule)]
+        other = read_back.obstacles[obstacle]
+        assert len(other.geometries) == len(shapes) + 3 * (len(thing.geometries) - len(shapes))
+        for shape, T in shapes:
+            assert any(g.shape == shape and np.allclose(other.pose @ g.pose, T, atol=1e-12) for g in other.geometries)
+
+
+def test_a_capsule_is_written_as_the_same_solid(tmp_path: Path) -> None:
+    scene = Scene().with_obstacle("c", (Geometry("g", Capsule(0.1, 0.4), pose((1, 0, 0), rpy=(0, np.pi / 2, 0))),))
+    rod, *ends = read_moveit_scene(write_moveit_scene(tmp_path / "a.scene", scene)).obstacles["c"].geometries
+    assert rod.shape == Cylinder(0.1, 0.4)
+    assert [end.shape for end in ends] == [Sphere(0.1)] * 2
+    assert sorted(end.pose[0, 3].round(12) for end in ends) == [0.8, 1.2]
+
+
+def test_what_the_format_has_no_word_for_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="'scan' has a PointCloud"):
+        write_moveit_scene(tmp_path / "a.scene", Scene().with_obstacle("scan", PointCloud([[0.0, 0, 0]])))
+    with pytest.raises(InputError, match="more than one line"):
+        write_moveit_scene(tmp_path / "a.scene", Scene().with_obstacle("a\nb", Sphere(1.0)))
+    assert not (tmp_path / "a.scene").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("box\n0.1 0.2 0.3", "box\n0.1 0.2 -0.3", "object 'first box': box size is -0.3"),
+        ("box\n0.1 0.2 0.3", "box\n0.1 0.2 nan", r"a\.scene:7: expected a finite number"),
+        ("box\n0.1 0.2 0.3", "box\n0.1 0.2 x", r"a\.scene:7: expected a number, got 'x'"),
+        ("box\n0.1", "bax\n0.1", r"a\.scene:6: unknown type of shape 'bax', expected one of box"),
+        ("0 0 0 1\n1 0.5 0 1", "0 0 0 0\n1 0.5 0 1", "norm 0"),
+        ("\n2\nbox", "\n2.5\nbox", "expected a count, got 2.5"),
+        ("\n2\nbox", "\n99999999999\nbox", "expected a count"),
+        ("* plane", "plane", r"expected '\*' before an object or '\.' at the end, got 'plane'"),
+        ("* plane", "* first box", "two objects named 'first box'"),
+        ("* plane", "* a/b", "cannot name an element"),
+        ("0\n.\n", "", "ends too early"),
+    ],
+)
+def test_wrong_text_is_refused_with_its_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert old in NEWER
+    with pytest.raises(FormatError, match=message):
+        read(tmp_path, NEWER.replace(old, new, 1))
+    with pytest.raises(FormatError, match="ends too early"):
+        read(tmp_path, "")
