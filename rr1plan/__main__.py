@@ -7,9 +7,14 @@ import sys
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    from rr1plan.cli import run
+    try:
+        from rr1plan.cli import run
 
-    sys.exit(run(sys.argv[1:]))
+        code = run(sys.argv[1:])
+    except KeyboardInterrupt:
+        # Ctrl-C while the command line itself is being loaded.
+        code = 130
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import os
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
+from importlib import import_module
 
 from rr1plan.cli.console import Console
 from rr1plan.cli.parser import build_parser
@@ -28,7 +30,7 @@ def run(arguments: Sequence[str]) -> int:
     options = build_parser().parse_args(list(arguments))
     console = Console(as_json=options.json, quiet=options.quiet)
     try:
-        code: int = options.command(options, console)
+        code = _run_command(options, console)
     except KeyboardInterrupt:
         return _fail(console, "interrupted", INTERRUPTED)
     except (NoPlanError, RetimingError) as error:
@@ -39,6 +41,12 @@ def run(arguments: Sequence[str]) -> int:
         # The reader of our output has left (`| head`); nothing more can be said to it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
+    return code
+
+
+def _run_command(options: Namespace, console: Console) -> int:
+    module, function = options.command.split(".")
+    code: int = getattr(import_module(f"rr1plan.cli.{module}"), function)(options, console)
     return code
 
 

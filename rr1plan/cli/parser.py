@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any
 
 import rr1plan
-from rr1plan.cli import looking, planning, showing
 
 _EPILOG = "exit codes: 0 done, 2 bad input, 3 no plan, 4 invalid plan, 130 interrupted"
 
@@ -20,19 +19,20 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"rr1plan {rr1plan.__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    _demo(_command(commands, "demo", showing.demo, "plan, prove, replay and show a motion of RR1 among clutter"))
-    _plan(_command(commands, "plan", planning.plan, "plan a motion and prove it"))
-    _validate(_command(commands, "validate", planning.validate, "check a saved motion with the referee"))
-    _play(_command(commands, "play", planning.play, "replay a saved motion in MuJoCo"))
-    _view(_command(commands, "view", showing.view, "look at a scene or a saved motion in the browser"))
-    _cspace(_command(commands, "cspace", showing.cspace, "draw the configuration space of a two-joint arm"))
-    _robots(_command(commands, "robots", looking.robots, "list the robots, or describe one"))
-    _scenes(_command(commands, "scenes", looking.scenes, "list the scenes, or describe one"))
-    _doctor(_command(commands, "doctor", looking.doctor, "versions, and what is missing"))
+    _demo(_command(commands, "demo", "showing.demo", "plan, prove, replay and show a motion of RR1 among clutter"))
+    _plan(_command(commands, "plan", "planning.plan", "plan a motion and prove it"))
+    _validate(_command(commands, "validate", "planning.validate", "check a saved motion with the referee"))
+    _play(_command(commands, "play", "planning.play", "replay a saved motion in MuJoCo"))
+    _view(_command(commands, "view", "showing.view", "look at a scene or a saved motion in the browser"))
+    _cspace(_command(commands, "cspace", "showing.cspace", "draw the configuration space of a two-joint arm"))
+    _robots(_command(commands, "robots", "looking.robots", "list the robots, or describe one"))
+    _scenes(_command(commands, "scenes", "looking.scenes", "list the scenes, or describe one"))
+    _doctor(_command(commands, "doctor", "looking.doctor", "versions, and what is missing"))
     return parser
 
 
-def _command(commands: Any, name: str, run: Callable[..., int], text: str) -> argparse.ArgumentParser:
+def _command(commands: Any, name: str, run: str, text: str) -> argparse.ArgumentParser:
+    """A command; `run` is "module.function" under `rr1plan.cli`, loaded when the command is run."""
     parser: argparse.ArgumentParser = commands.add_parser(
         name, help=text, description=text[0].upper() + text[1:] + ".", epilog=_EPILOG
     )

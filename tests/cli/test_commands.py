@@ -1,0 +1,255 @@
+"""The command line: exit codes, JSON, files, and words for every mistake."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rr1plan.cli import BAD_INPUT, INTERRUPTED, INVALID_PLAN, NO_PLAN, OK, run
+from rr1plan.library import robot_names, scene_names
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("motion") / "motion.json"
+    assert run(["plan", "rr1_table", "--seed", "1", "--output", str(file), "--quiet"]) == OK
+    return file
+
+
+def answer(capsys: pytest.CaptureFixture[str]) -> dict:
+    """The one JSON value on stdout; nothing else may stand there."""
+    return json.loads(capsys.readouterr().out)
+
+
+def test_plan_writes_what_was_asked_for_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["plan", "rr1_table", "--output", "m.json", "--csv", "m.csv", "--html", "m.html"]
+    assert run(arguments) == OK
+    said = capsys.readouterr().out
+    assert "certified free" in said
+    assert sorted(p.name for p in Path.cwd().iterdir()) == ["m.csv", "m.html", "m.json"]
+    for name in ("m.csv", "m.html", "m.json"):
+        assert name in said
+
+
+def test_plan_as_json_is_one_value(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plan", "rr1_table", "--json", "--planner", "bkpiece1", "--limits", "hardware"]) == OK
+    value = answer(capsys)
+    assert value["status"] == "solved"
+    assert value["planner"] == "bkpiece1"
+    assert value["report"]["certified"]
+    assert set(value["seconds"]) == {"plan", "shorten", "retime", "validate"}
+
+
+def test_the_same_seed_and_iterations_give_the_same_motion() -> None:
+    for name in ("a", "b"):
+        assert (
+            run(["plan", "rr1_table", "--seed", "5", "--iterations", "3000", "--output", f"{name}.json", "--quiet"])
+            == OK
+        )
+    first, second = (json.loads(Path(f"{n}.json").read_text())["content"] for n in ("a", "b"))
+    assert first["path"] == second["path"]
+    assert first["trajectory"] == second["trajectory"]
+
+
+@pytest.mark.parametrize(
+    ("question", "said"),
+    [
+        (["--goal", "home"], "certified"),
+        (["--goal", "-0.3", "0.1", "0.2", "0", "0.6", "0"], "certified"),
+        (["--position", "-0.30", "0.25", "0.20"], "certified"),
+        (["--query", "above_parcel"], "certified"),
+        (["--start", "raised", "--goal", "home"], "certified"),
+    ],
+)
+def test_questions_may_be_asked_in_many_ways(
+    question: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["plan", "rr1_table", *question]) == OK
+    assert said in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plan", "rr1_tabel"], "unknown scene 'rr1_tabel'. Did you mean 'rr1_table'"),
+        (["plan", "missing.toml"], "missing.toml"),
+        (["plan", "rr1_table", "--query", "abov_parcel"], "Did you mean 'above_parcel'"),
+        (["plan", "rr1_table", "--planner", "rrtconnect"], "Did you mean 'rrt_connect'"),
+        (["plan", "rr1_table", "--retiming", "blends"], "Did you mean 'blend'"),
+        (["plan", "rr1_table", "--goal", "hme"], "Did you mean 'home'"),
+        (["plan", "rr1_table", "--goal", "1", "2"], "expected (6,)"),
+        (["plan", "rr1_table", "--goal", "9", "0", "0", "0", "0", "0"], "shoulder_joint"),
+        (["plan", "rr1_table", "--goal", "nan", "0", "0", "0", "0", "0"], "shoulder_joint"),
+        (["plan", "rr1_table", "--goal", "home", "--position", "0", "0", "1"], "more than one goal"),
+        (["plan", "rr1_table", "--limits", "hardwear"], "Did you mean 'hardware'"),
+        (["plan", "rr1_table", "--frame", "tol", "--position", "0", "0", "1"], "tol"),
+        (["plan", "rr1_pair", "--goal", "home"], "2 arms"),
+        (["validate", "missing.json"], "no such file"),
+        (["play", "missing.json"], "no such file"),
+        (["view", "missing.json", "--no-browser"], "no such file"),
+        (["robots", "rr2"], "Did you mean 'rr1'"),
+        (["scenes", "rr1_shelve"], "Did you mean 'rr1_shelf'"),
+        (["cspace", "planar2r_path", "--joints", "joint1", "joint9", "--resolution", "8"], "joint9"),
+        (["cspace", "planar2r_path", "--resolution", "3"], "resolution is 3"),
+        (["demo", "--output", "/proc/nowhere"], "cannot make the folder"),
+    ],
+)
+def test_mistakes_are_named_and_exit_with_2(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(arguments) == BAD_INPUT
+    said = capsys.readouterr().err
+    assert words in said
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["plan"],
+        ["plan", "rr1_table", "--seconds", "0"],
+        ["plan", "rr1_table", "--seconds", "nan"],
+        ["plan", "rr1_table", "--iterations", "0"],
+        ["plan", "rr1_table", "--seed", "-1"],
+        ["plan", "rr1_table", "--position", "0", "0", "inf"],
+        ["dance"],
+    ],
+)
+def test_the_parser_refuses_with_2(arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as leaving:
+        run(arguments)
+    assert leaving.value.code == BAD_INPUT
+
+
+def test_mistakes_are_json_when_json_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plan", "nowhere", "--json"]) == BAD_INPUT
+    value = answer(capsys)
+    assert value["exit_code"] == BAD_INPUT
+    assert "unknown scene" in value["error"]
+
+
+def test_no_plan_exits_with_3(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plan", "planar2r_no_path", "--seconds", "0.5", "--json"]) == NO_PLAN
+    assert answer(capsys)["status"] == "timeout"
+    assert run(["plan", "rr1_table", "--position", "-3", "0", "0.2"]) == NO_PLAN
+    assert "infeasible" in capsys.readouterr().err
+
+
+def test_validate_accepts_a_good_motion_and_refuses_it_elsewhere(
+    motion: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["validate", str(motion)]) == OK
+    assert "certified free" in capsys.readouterr().out
+    assert run(["validate", str(motion), "--scene", "rr1_shelf"]) == BAD_INPUT
+    assert "rr1_table" in capsys.readouterr().err
+
+
+def test_a_motion_that_is_too_fast_is_invalid_and_exits_with_4(
+    motion: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rr1plan.formats.plan_files import load_motion, save_motion
+
+    saved = load_motion(motion)
+    assert saved.trajectory is not None
+    save_motion("fast.json", saved.scene, saved.path, saved.trajectory.stretched(0.3), None, saved.problem)
+    assert run(["validate", "fast.json", "--json"]) == INVALID_PLAN
+    kinds = {violation["kind"] for violation in answer(capsys)["violations"]}
+    assert "acceleration" in kinds
+
+
+def test_an_altered_file_is_refused_by_name(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = motion.read_text()
+    Path("altered.json").write_text(text.replace('"coefficients":', '"coefficient":', 1))
+    Path("cut.json").write_text(text[: len(text) // 2])
+    for name in ("altered.json", "cut.json"):
+        for command in ("validate", "play"):
+            assert run([command, name]) == BAD_INPUT
+            assert name in capsys.readouterr().err
+
+
+def test_play_reports_tracking_and_contacts(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["play", str(motion), "--json"]) == OK
+    value = answer(capsys)
+    assert value["contacts"] == []
+    assert 0.0 < max(j["max_error"] for j in value["joints"].values()) < 5e-3
+    assert run(["play", str(motion), "--mode", "kinematic"]) == OK
+    assert "contacts: none" in capsys.readouterr().out
+
+
+def test_demo_goes_the_whole_way(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["demo", "--output", "out"]) == OK
+    said = capsys.readouterr().out
+    for words in ("certified free", "tracking error", "contacts: none", "how long each step took", "motion.html"):
+        assert words in said
+    names = sorted(p.name for p in Path("out").iterdir())
+    assert names == ["motion.html", "motion.json", "trajectory.csv", "trajectory.json"]
+    assert run(["validate", "out/motion.json"]) == OK
+
+
+def test_view_writes_an_offline_page_of_a_scene_or_a_motion(motion: Path) -> None:
+    assert run(["view", "rr1_shelf", "--html", "scene.html"]) == OK
+    assert run(["view", str(motion), "--html", "motion.html"]) == OK
+    assert "http://" not in Path("scene.html").read_text()[:2000]
+    assert Path("motion.html").stat().st_size > 100_000
+
+
+def test_cspace_draws_and_proves(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["cspace", "planar2r_no_path", "--resolution", "120", "--svg", "a.svg", "--json"]) == OK
+    assert answer(capsys)["proves_no_path"] is True
+    assert Path("a.svg").stat().st_size > 1000
+    assert run(["cspace", "planar2r_path", "--resolution", "60"]) == OK
+    assert "planar2r_path-cspace.png" in capsys.readouterr().out
+
+
+def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["robots", "--json"]) == OK
+    assert [robot["name"] for robot in answer(capsys)] == list(robot_names())
+    assert run(["scenes", "--json"]) == OK
+    assert [scene["name"] for scene in answer(capsys)] == list(scene_names())
+    assert run(["doctor", "--json"]) == OK
+    assert answer(capsys)["missing"] == []
+    assert run(["robots", "rr1"]) == OK
+    assert "shoulder_joint" in capsys.readouterr().out
+    assert run(["scenes", "rr1_table"]) == OK
+    assert "reach_over_crate" in capsys.readouterr().out
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    from rr1plan.cli import looking
+
+    monkeypatch.setattr(looking, "_REQUIRED", ("numpy", "no-such-package"))
+    assert run(["doctor"]) == BAD_INPUT
+    assert "no-such-package" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.2, 1.0, 3.0])
+def test_ctrl_c_at_any_moment_ends_with_130_and_no_traceback(delay: float) -> None:
+    start = "import sys, rr1plan.__main__ as m; sys.stdout.write('started\\n'); sys.stdout.flush(); m.main()"
+    command = [sys.executable, "-c", start, "plan", "planar2r_no_path", "--seconds", "60"]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    assert child.stdout.readline() == "started\n"
+    time.sleep(delay)
+    os.kill(child.pid, signal.SIGINT)
+    _, said = child.communicate(timeout=30)
+    assert child.returncode == INTERRUPTED, said
+    assert "Traceback" not in said
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    command = f"{sys.executable} -m rr1plan robots rr1 | head -1"
+    done = subprocess.run(["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
+    assert "rr1" in done.stdout
