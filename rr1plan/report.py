@@ -36,7 +36,7 @@ class Violation:
         kind: Which rule is broken.
         subject: The joint ("arm/joint",) or the pair ("arm/link", "obstacle") it is about.
         time: When it is worst [s], or None when no time applies.
-        value: What was found, in the unit of the rule.
+        value: What was found, in the unit of the rule; for a collision the clearance, minus the depth [m].
         limit: What was allowed, in the unit of the rule.
         message: The same in words.
     """

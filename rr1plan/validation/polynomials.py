@@ -71,13 +71,15 @@ def peaks(coefficients: Array, breaks: Array) -> Peak:
     Returns:
         Largest values (nq,) to 1e-13 relative, and their times (nq,) [s].
     """
-    m, _, nq = coefficients.shape
+    m, count, nq = coefficients.shape
     widths = np.diff(breaks) if len(breaks) > 1 else np.zeros(1)
-    control = bernstein(coefficients, np.zeros(m), widths).transpose(0, 2, 1).reshape(m * nq, -1)
+    control = bernstein(coefficients, np.zeros(m), widths).transpose(0, 2, 1).reshape(m * nq, count)
     column = np.tile(np.arange(nq), m)
     start = np.repeat(breaks[:m], nq)
     width = np.repeat(widths, nq)
     best, when = np.full(nq, -np.inf), np.zeros(nq)
+    if nq == 0:
+        return Peak(best, when)
     for _ in range(_MOST_HALVINGS):
         for values, times in ((control[:, 0], start), (control[:, -1], start + width)):
             _keep_largest(best, when, column, values, times)

@@ -28,7 +28,9 @@ from rr1plan.validation.limits import Ledger, check_continuity, check_positions,
 from rr1plan.validation.motion import SceneMotion
 from rr1plan.validation.torque import check_torques
 
-_MOST_DISTANCES = 1_000_000
+_MOST_DISTANCES = 400_000
+# Positions beyond this [rad or m] are no motion of an arm, and cost digits.
+_FARTHEST = 1e6
 
 
 def validate(
@@ -38,7 +40,7 @@ def validate(
     *,
     torque_limits: bool = False,
     jerk_limits: bool = False,
-    clearance_tolerance: float = 1e-3,
+    clearance_tolerance: float = 2e-4,
     progress: ProgressCallback | None = None,
 ) -> Report:
     """Check a trajectory against a scene: collisions in continuous time, limits between samples.
@@ -67,9 +69,7 @@ def validate(
     _check_columns(trajectory, scene)
     ledger = Ledger()
     if not _check_values(ledger, trajectory):
-        for rule in ("collision", "limits", "start", "goal"):
-            ledger.not_checked[rule] = "the numbers of the trajectory make no motion"
-        return _report(ledger, 0.0)
+        return _no_motion(ledger)
     motion = _motion(trajectory, scene)
     _check_collisions(ledger, motion, clearance_tolerance, progress)
     names, units = trajectory.joint_names, _units(trajectory.joint_names, scene)
@@ -91,7 +91,7 @@ def certify_path(
     path: Path,
     scene: Scene,
     *,
-    clearance_tolerance: float = 1e-3,
+    clearance_tolerance: float = 2e-4,
     progress: ProgressCallback | None = None,
 ) -> Report:
     """Check the straight lines of a path: collisions in between, position limits.
@@ -113,6 +113,8 @@ def certify_path(
     trajectory = _unit_speed(path)
     _check_columns(trajectory, scene)
     ledger = Ledger()
+    if not _check_values(ledger, trajectory):
+        return _no_motion(ledger)
     motion = _motion(trajectory, scene)
     _check_collisions(ledger, motion, clearance_tolerance, progress)
     names, units = trajectory.joint_names, _units(trajectory.joint_names, scene)
@@ -175,7 +177,26 @@ def _check_values(ledger: Ledger, trajectory: Trajectory) -> bool:
         )
         ledger.violations.append(Violation("clock", (), float(breaks[i]), float(steps[i]), 0.0, message))
         return False
-    return not bad
+    return not bad and _check_reach(ledger, trajectory)
+
+
+def _no_motion(ledger: Ledger) -> Report:
+    for rule in ("collision", "limits", "start", "goal"):
+        ledger.not_checked[rule] = "the numbers make no motion"
+    return _report(ledger, 0.0)
+
+
+def _check_reach(ledger: Ledger, trajectory: Trajectory) -> bool:
+    """No position is so large that nothing can be reckoned with it."""
+    widths = np.diff(trajectory.breaks) if len(trajectory.breaks) > 1 else np.zeros(1)
+    powers = np.arange(trajectory.coefficients.shape[1])
+    with np.errstate(over="ignore", invalid="ignore"):
+        reach = (np.abs(trajectory.coefficients) * (widths[:, None] ** powers)[:, :, None]).sum(axis=1).max(axis=0)
+    for name, value in zip(trajectory.joint_names, reach.tolist(), strict=True):
+        if not value <= _FARTHEST:
+            message = f"{name} has terms that add up to more than {_FARTHEST:.0e}, which is no motion of an arm"
+            ledger.violations.append(Violation("finite", (name,), None, min(value, 1e308), _FARTHEST, message))
+    return bool((reach <= _FARTHEST).all())
 
 
 def _motion(trajectory: Trajectory, scene: Scene) -> SceneMotion:
@@ -260,9 +281,8 @@ def _check_ends(
         return
     ends = np.array([motion.breaks[0], motion.breaks[-1]])
     q = motion.positions(*motion.locate(ends))
-    # The last piece holds at the end, and locate gives the later piece at a break: there is none after it.
     columns = {name: i for i, name in enumerate(trajectory.joint_names)}
-    postures = [{arm: _posture(scene, arm, columns, row) for arm in (*scene.arms,)} for row in q]
+    postures = [{arm: _posture(scene, arm, columns, row) for arm in scene.arms} for row in q]
     for arm in problem.arms:
         scene.arm(arm)
     check_start(ledger, problem, postures[0], float(ends[0]))

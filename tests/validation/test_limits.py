@@ -145,6 +145,20 @@ def test_a_number_that_is_not_finite_names_its_joint(slider: Make, quintic: Make
     assert (bad.kind, bad.subject) == ("finite", ("arm/slide",))
 
 
+@pytest.mark.parametrize("size", [1e9, 1e300])
+def test_positions_beyond_all_reason_are_refused_at_once(size: float, slider: Make, trajectory: Make) -> None:
+    report = validate(trajectory(["arm/slide"], [0.0, 10.0], [[0.0, 0.0, size]]), scene_of(slider(rp.Sphere(0.1))))
+    assert (only(report).kind, only(report).subject) == ("finite", ("arm/slide",))
+    assert not report.certified
+
+
+def test_a_trajectory_without_columns_is_a_scene_at_rest(slider: Make) -> None:
+    still = rp.Trajectory((), np.array([0.0, 1.0]), np.zeros((1, 1, 0)))
+    assert validate(still, rp.Scene()).valid
+    scene = scene_of(slider(rp.Sphere(0.1))).with_obstacle("wall", rp.Box((1.0, 1.0, 1.0)), [0.55, 0.0, 0.0])
+    assert {v.kind for v in validate(still, scene).violations} == {"collision"}
+
+
 def test_torques_are_held_to_their_limits_on_request_and_said_to_be_sampled(rr1: rp.Robot, quintic: Make) -> None:
     from dataclasses import replace
 

@@ -106,10 +106,10 @@ def test_fcl_agrees_at_every_sample_of_random_motions(seed: int, chain: Make, sh
         assert hit.value > -1e-5 or world.pair_touches(*pair)
     if not hits:
         found = report.margins["clearance"]
-        assert 0.0 < found.value <= nearest + 1e-3
+        assert 0.0 < found.value <= nearest + 2e-4 + 1e-6
         world.place(move.joint_names, move(found.time))
         assert found.value == pytest.approx(world.distance(), abs=1e-4)
-        assert report.margins["clearance_proven"].value >= found.value - 1e-3 - 1e-6
+        assert report.margins["clearance_proven"].value >= found.value - 2e-4 - 1e-4
 
 
 def test_the_random_motions_hold_both_free_ones_and_collisions(chain: Make, shape: Make) -> None:
