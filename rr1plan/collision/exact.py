@@ -321,27 +321,15 @@ def _solid_pairs(
     return table[:, :2].copy(), table[:, 2].copy()
 
 
-def joints_between(model: SceneModel, a: int, b: int) -> tuple[list[int], list[int]]:
-    """The joints above joint a only and above joint b only (themselves included), root first."""
-    chains = []
-    for joint in (a, b):
-        chain = []
-        while joint:
-            chain.append(joint)
-            joint = int(model.model.parents[joint])
-        chains.append(chain[::-1])
-    shared = set(chains[0]) & set(chains[1])
-    return [j for j in chains[0] if j not in shared], [j for j in chains[1] if j not in shared]
-
-
 def _relative_motion(model: SceneModel, solids: tuple[Solid, ...], index: NDArray[np.int64]) -> NDArray[np.bool_]:
     """For each pair of solids whether any column of q moves one against the other, shape (m,)."""
-    driven = np.concatenate([[False], (model.columns >= 0) & (model.gains != 0.0)])
-    joints = sorted({s.joint for s in solids})
-    moves = {
-        (a, b): any(driven[j] for chain in joints_between(model, a, b) for j in chain) for a in joints for b in joints
-    }
-    return np.array([moves[solids[i].joint, solids[j].joint] for i, j in index], dtype=np.bool_)
+    parents = [int(p) for p in model.model.parents]
+    driven = [False, *((model.columns >= 0) & (model.gains != 0.0)).tolist()]
+    movers: list[frozenset[int]] = [frozenset()]
+    for joint in range(1, len(parents)):
+        movers.append(movers[parents[joint]] | ({joint} if driven[joint] else frozenset()))
+    above = [movers[s.joint] for s in solids]
+    return np.array([above[i] != above[j] for i, j in index.tolist()], dtype=np.bool_)
 
 
 def _geometry_model(model: SceneModel, solids: tuple[Solid, ...], index: NDArray[np.int64]) -> Any:

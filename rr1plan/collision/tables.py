@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rr1plan._kernels.separation import BOX, CELLS, CORNERS, CYLINDER, HALF_SPACE, POINT, SEGMENT
 from rr1plan.checks import Array
-from rr1plan.collision.exact import CollisionChecker, Solid, joints_between
+from rr1plan.collision.exact import CollisionChecker, Solid
 from rr1plan.collision.solids import occupied_cells
 from rr1plan.errors import InputError
 from rr1plan.model import SceneModel
@@ -79,7 +79,7 @@ def build_tables(checker: CollisionChecker) -> Tables:
         _link_table(checker.solids, len(corners)),
         np.array([j for c in chains for j in c], dtype=np.int64),
         np.array([r for reach in reaches for r in reach], dtype=np.float64),
-        _pair_table(checker, joints),
+        _pair_table(checker, chains),
         np.array(checker.solid_padding),
         joint_poses,
         poses,
@@ -163,27 +163,26 @@ def _body_tables(solids: tuple[Solid, ...], chains: list[list[int]]) -> tuple[_I
 
 def _link_table(solids: tuple[Solid, ...], count: int) -> _INTS:
     """Neighbours of every corner along the edges of its mesh; see the kernel's `support`."""
-    begins: list[int] = []
-    neighbours: list[int] = []
+    degrees, neighbours = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     first = 0
     for solid in solids:
-        around = _neighbours(solid.shape)
-        for corner in around:
-            begins.append(count + 1 + len(neighbours))
-            neighbours.extend(int(i) + first for i in corner)
-        first += len(around)
-    return np.array([*begins, count + 1 + len(neighbours), *neighbours], dtype=np.int64)
+        degree, around = _neighbours(solid.shape)
+        degrees.append(degree)
+        neighbours.append(around + first)
+        first += len(degree)
+    begins = np.concatenate([[0], np.cumsum(np.concatenate(degrees))]) + count + 1
+    return np.concatenate([begins, *neighbours])
 
 
 @lru_cache(maxsize=1024)
-def _neighbours(shape: Shape) -> list[_INTS]:
-    """For each point of a shape's core the points it shares an edge with."""
+def _neighbours(shape: Shape) -> tuple[_INTS, _INTS]:
+    """How many edges leave each point of a shape's core, and where they lead, point after point."""
     count = len(_core(shape).points)
     if not isinstance(shape, Mesh):
-        return [np.zeros(0, np.int64)] * count
+        return np.zeros(count, np.int64), np.zeros(0, np.int64)
     edges = np.concatenate([shape.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2])])
-    edges = np.unique(edges, axis=0)
-    return np.split(edges[:, 1].astype(np.int64), np.searchsorted(edges[:, 0], np.arange(1, count)))
+    edges = np.unique(edges, axis=0).astype(np.int64)
+    return np.bincount(edges[:, 0], minlength=count), edges[:, 1].copy()
 
 
 def _rest_poses(bodies: _INTS, values: Array, joint_poses: Array) -> tuple[Array, Array]:
@@ -197,23 +196,17 @@ def _rest_poses(bodies: _INTS, values: Array, joint_poses: Array) -> tuple[Array
     return poses, centres
 
 
-def _pair_table(checker: CollisionChecker, joints: _INTS) -> _INTS:
+def _pair_table(checker: CollisionChecker, chains: list[list[int]]) -> _INTS:
     """Body, body, and how many driven joints move both; the body without an inside surface comes second."""
     table = np.zeros((len(checker.solid_pairs), 3), np.int64)
-    for k, (a, b) in enumerate(checker.solid_pairs):
-        one, two = checker.solids[a], checker.solids[b]
-        if _is_special(one.shape) and _is_special(two.shape):
-            raise InputError(
-                f"{one.element!r} and {two.element!r} are half-spaces or point clouds; they cannot be checked"
-            )
-        between = joints_between(checker.model, one.joint, two.joint)[0]
-        shared = len(_driven_chain(joints, one.joint)) - sum(joints[j, 2] >= 0 for j in between)
-        table[k] = (b, a, shared) if _is_special(one.shape) else (a, b, shared)
+    special = [isinstance(s.shape, HalfSpace | PointCloud) for s in checker.solids]
+    for k, (a, b) in enumerate(checker.solid_pairs.tolist()):
+        if special[a] and special[b]:
+            one, two = checker.solids[a].element, checker.solids[b].element
+            raise InputError(f"{one!r} and {two!r} are half-spaces or point clouds; they cannot be checked")
+        shared = sum(x == y for x, y in zip(chains[a], chains[b], strict=False))
+        table[k] = (b, a, shared) if special[a] else (a, b, shared)
     return table
-
-
-def _is_special(shape: Shape) -> bool:
-    return isinstance(shape, HalfSpace | PointCloud)
 
 
 @lru_cache(maxsize=1024)

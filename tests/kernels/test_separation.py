@@ -27,9 +27,9 @@ SHAPES = {
 
 def body_of(shape, T):
     core = _core(shape)
-    around = _neighbours(shape)
-    begins = np.cumsum([0, *(len(a) for a in around)]) + len(around) + 1
-    links = np.concatenate([begins, *around]).astype(np.int64)
+    degrees, around = _neighbours(shape)
+    begins = np.cumsum([0, *degrees]) + len(degrees) + 1
+    links = np.concatenate([begins, around]).astype(np.int64)
     points = np.ascontiguousarray(core.points.reshape(-1, 3))
     return core.kind, core.size, np.concatenate([T[:3, :3].ravel(), T[:3, 3]]), points, links, 0
 
