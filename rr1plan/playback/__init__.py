@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rr1plan.playback.configuration_space import CSpace as CSpace
     from rr1plan.playback.configuration_space import cspace as cspace
+    from rr1plan.playback.export import save_mjcf as save_mjcf
+    from rr1plan.playback.export import save_rosbag as save_rosbag
     from rr1plan.playback.replay import Replay as Replay
     from rr1plan.playback.simulation import simulate as simulate
     from rr1plan.playback.viewer import Panel as Panel
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
 _EXPORTS = {
     "rr1plan.playback.configuration_space": ("CSpace", "cspace"),
+    "rr1plan.playback.export": ("save_mjcf", "save_rosbag"),
     "rr1plan.playback.replay": ("Replay",),
     "rr1plan.playback.simulation": ("simulate",),
     "rr1plan.playback.viewer": ("Panel", "Viewer", "pack", "save_html", "screenshot", "show"),

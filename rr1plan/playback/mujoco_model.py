@@ -61,9 +61,11 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
     builder = _Builder(scene, timestep)
     spec = builder.spec
     model = spec.compile()
-    inertia = _joint_inertia(model, _qpos(scene, builder.joints))
+    posture = _qpos(scene, builder.joints)
+    inertia = _joint_inertia(model, posture)
     for joint, carried in zip(builder.joints, inertia, strict=True):
         _add_servo(spec, joint, stiffness, float(carried))
+    spec.add_key(name="posture", qpos=posture)
     model = spec.compile()
     elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
     return MujocoScene(spec, model, tuple(j.name for j in builder.joints), elements)
