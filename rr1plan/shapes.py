@@ -138,7 +138,7 @@ class Mesh:
 
     def __post_init__(self) -> None:
         vertices = finite_array("mesh vertices", self.vertices, (None, 3))
-        faces = np.array(self.faces, dtype=np.int32)
+        faces = _whole_numbers(self.faces)
         if len(vertices) < 4 or faces.ndim != 2 or faces.shape[1:] != (3,) or len(faces) < 1:
             raise InputError(
                 f"mesh has {len(vertices)} vertices and faces of shape {faces.shape}, expected >= 4 and (m, 3)"
@@ -152,6 +152,17 @@ class Mesh:
         self.__dict__.update(state)
         read_only(self.vertices)
         read_only(self.faces)
+
+
+def _whole_numbers(faces: Any) -> NDArray[np.int32]:
+    """Face indices as they were meant: numpy would cut 1.5 to 1 and wrap what is too large."""
+    try:
+        array = np.array(faces, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"mesh faces is not an array of numbers: {faces!r}") from error
+    if not (np.abs(array) < 2**31).all() or (array != np.round(array)).any():
+        raise InputError("mesh faces holds an index that is not a whole number, or too large")
+    return array.astype(np.int32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,161 @@
+"""Trajectories: piecewise polynomials on one clock, and arithmetic that keeps them exact."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.trajectory import Trajectory
+
+
+@st.composite
+def trajectories(draw: st.DrawFn, arm: str = "a") -> Trajectory:
+    """Smooth in position, with the pieces, degree and clock drawn."""
+    rng = np.random.default_rng(draw(st.integers(0, 10_000)))
+    pieces, degree, nq = draw(st.integers(1, 4)), draw(st.integers(0, 4)), draw(st.integers(1, 3))
+    breaks = rng.uniform(-1, 1) + np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 1.5, pieces))])
+    coefficients = rng.normal(size=(pieces, degree + 1, nq))
+    for i in range(1, pieces):
+        powers = (breaks[i] - breaks[i - 1]) ** np.arange(degree + 1)
+        coefficients[i, 0] = powers @ coefficients[i - 1]
+    return Trajectory(tuple(f"{arm}/j{k}" for k in range(nq)), breaks, coefficients)
+
+
+def spread(trajectory: Trajectory, margin: float = 0.5) -> np.ndarray:
+    return np.linspace(trajectory.start_time - margin, trajectory.end_time + margin, 61)
+
+
+@given(trajectories("a"), trajectories("b"), trajectories("c"))
+@settings(deadline=None, max_examples=60)
+def test_merging_keeps_every_arm_s_motion_and_select_gives_it_back(a: Trajectory, b: Trajectory, c: Trajectory) -> None:
+    merged = Trajectory.merge(a, b, c)
+    assert merged.arms == ("a", "b", "c")
+    assert merged.start_time == min(part.start_time for part in (a, b, c))
+    assert merged.end_time == max(part.end_time for part in (a, b, c))
+    times = spread(merged)
+    times = times[np.abs(times[:, None] - merged.breaks).min(axis=1) > 1e-9]
+    for part, arm in ((a, "a"), (b, "b"), (c, "c")):
+        alone = merged.select(arm)
+        assert alone.joint_names == part.joint_names
+        for derivative in range(3):
+            assert np.allclose(alone(times, derivative), part(times, derivative), rtol=1e-9, atol=1e-9)
+
+
+@given(trajectories(), st.floats(0.2, 5.0))
+@settings(deadline=None, max_examples=60)
+def test_stretching_takes_the_same_way_and_scales_the_rates(trajectory: Trajectory, factor: float) -> None:
+    slow = trajectory.stretched(factor)
+    assert np.isclose(slow.duration, factor * trajectory.duration)
+    times = np.linspace(trajectory.start_time, trajectory.end_time, 37)[1:-1]
+    times = times[np.abs(times[:, None] - trajectory.breaks).min(axis=1) > 1e-9]
+    later = slow.start_time + factor * (times - trajectory.start_time)
+    for derivative in range(4):
+        expected = trajectory(times, derivative) / factor**derivative
+        assert np.allclose(slow(later, derivative), expected, rtol=1e-8, atol=1e-8)
+
+
+@given(trajectories(), st.floats(-3.0, 3.0))
+@settings(deadline=None, max_examples=40)
+def test_shifting_moves_the_clock_only(trajectory: Trajectory, seconds: float) -> None:
+    later = trajectory.shifted(seconds)
+    assert np.array_equal(later.coefficients, trajectory.coefficients)
+    assert np.isclose(later.start_time, trajectory.start_time + seconds, atol=1e-12)
+
+
+@given(trajectories(), st.integers(1, 3))
+@settings(deadline=None, max_examples=60)
+def test_derivatives_agree_with_differences(trajectory: Trajectory, derivative: int) -> None:
+    h = 1e-6
+    times = np.linspace(trajectory.start_time, trajectory.end_time, 23)
+    times = times[np.abs(times[:, None] - trajectory.breaks).min(axis=1) > 2 * h]
+    slope = (trajectory(times + h, derivative - 1) - trajectory(times - h, derivative - 1)) / (2 * h)
+    assert np.allclose(trajectory(times, derivative), slope, rtol=1e-5, atol=1e-5)
+
+
+@given(trajectories(), st.floats(0.01, 2.0))
+@settings(deadline=None, max_examples=60)
+def test_sample_times_step_by_dt_and_end_exactly(trajectory: Trajectory, dt: float) -> None:
+    times, positions = trajectory.sample(dt)
+    assert times[0] == trajectory.start_time
+    assert np.isclose(times[-1], trajectory.end_time, atol=1e-9)
+    assert (np.diff(times) <= dt * (1 + 1e-9)).all()
+    assert (np.diff(times) > 0).all()
+    assert positions.shape == (len(times), len(trajectory.joint_names))
+
+
+def test_outside_its_span_a_trajectory_rests() -> None:
+    moving = Trajectory(("a/x",), [1.0, 2.0], [[[0.0], [1.0]]])
+    assert moving([0.0, 3.0]).ravel().tolist() == [0.0, 1.0]
+    assert moving([0.0, 3.0], 1).ravel().tolist() == [0.0, 0.0]
+    assert moving(1.5).shape == (1,)
+    assert moving(np.zeros((2, 3))).shape == (2, 3, 1)
+
+
+def test_at_a_break_the_piece_that_begins_there_counts() -> None:
+    bent = Trajectory(("a/x",), [0.0, 1.0, 2.0], [[[0.0], [1.0]], [[1.0], [-1.0]]])
+    assert bent([0.0, 1.0, 2.0], 1).ravel().tolist() == [1.0, -1.0, -1.0]
+
+
+def test_standing_still_can_take_time_or_none() -> None:
+    for duration in (0.0, 2.0):
+        still = Trajectory.rest(("a/x", "a/y"), [1.0, 2.0], start=0.5, duration=duration)
+        assert still.duration == duration
+        assert still(0.7).tolist() == [1.0, 2.0]
+        assert still.sample(0.1)[1].shape[1] == 2
+    assert Trajectory.rest(("a/x",), [1.0]).sample_times(0.1).tolist() == [0.0]
+
+
+def test_one_who_stands_still_merges_with_one_who_moves() -> None:
+    moving = Trajectory(("a/x",), [0.0, 1.0], [[[0.0], [0.0], [3.0], [-2.0]]])
+    merged = Trajectory.merge(moving, Trajectory.rest(("b/x",), [5.0]))
+    assert merged(0.5).tolist() == [0.5, 5.0]
+    assert Trajectory.merge(Trajectory.rest(("a/x",), [1.0]), Trajectory.rest(("b/x",), [2.0])).duration == 0.0
+
+
+def test_arrays_stay_read_only_through_pickling() -> None:
+    still = Trajectory.rest(("a/x",), [1.0], duration=1.0)
+    for one in (still, pickle.loads(pickle.dumps(still))):
+        assert one.allclose(still, atol=0.0)
+        for array in (one.breaks, one.coefficients):
+            with pytest.raises(ValueError, match="read-only"):
+                array.flat[0] = 9.0
+
+
+@pytest.mark.parametrize(
+    ("breaks", "coefficients", "message"),
+    [
+        ([0.0, 0.0], [[[0.0]]], r"breaks\[1\] = 0.0 is not after"),
+        ([1.0, 0.0], [[[0.0]]], "is not after"),
+        ([0.0, 1.0, 2.0], [[[0.0]]], "do not fit"),
+        ([], [[[0.0]]], "do not fit"),
+        ([0.0, 1.0], np.zeros((1, 0, 1)), "do not fit"),
+        ([0.0, np.inf], [[[0.0]]], "is inf"),
+        ([0.0, 1.0], [[[np.nan]]], "is nan"),
+        ([0.0, 1.0], [[[0.0, 1.0]]], "shape"),
+    ],
+)
+def test_what_is_no_trajectory_is_refused(breaks: object, coefficients: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Trajectory(("a/x",), breaks, coefficients)  # type: ignore[arg-type]  # the mistake is the test
+
+
+def test_wrong_calls_are_refused() -> None:
+    still = Trajectory.rest(("left/x",), [1.0], duration=1.0)
+    with pytest.raises(UnknownNameError, match="Did you mean 'left'"):
+        still.select("lef")
+    with pytest.raises(InputError, match="'left/x' twice"):
+        Trajectory.merge(still, still)
+    with pytest.raises(InputError, match="no trajectories"):
+        Trajectory.merge()
+    for factor in (0.0, -1.0, float("nan")):
+        with pytest.raises(InputError, match="factor"):
+            still.stretched(factor)
+        with pytest.raises(InputError, match="dt"):
+            still.sample(factor)
+    with pytest.raises(InputError, match="not finite"):
+        still(float("nan"))
