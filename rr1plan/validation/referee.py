@@ -54,7 +54,7 @@ def validate(
         problem: Check the start and the goals of this problem too.
         torque_limits: Check torques (sampled every millisecond) too.
         jerk_limits: Check jerk limits too; a jump of acceleration is then an infinite jerk.
-        clearance_tolerance: The smallest clearance is found to this [m], and so is the worst depth.
+        clearance_tolerance: The smallest clearance is found to this [m]; a worst depth to this or 5 % of it.
         progress: Called while the collision certificate is worked out; if it returns False, collisions
             are reported as not checked.
 

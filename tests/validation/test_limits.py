@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -160,8 +161,6 @@ def test_a_trajectory_without_columns_is_a_scene_at_rest(slider: Make) -> None:
 
 
 def test_torques_are_held_to_their_limits_on_request_and_said_to_be_sampled(rr1: rp.Robot, quintic: Make) -> None:
-    from dataclasses import replace
-
     scene = rp.Scene().with_arm("rr1", rr1)
     move = quintic(scene.joint_names(), rr1.home, rr1.home + 0.3, 2.0)
     assert "torque_limits=True" in validate(move, scene).not_checked["torque"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -55,8 +56,6 @@ def test_rr1_is_where_the_robot_says(rr1: rp.Robot) -> None:
 def test_a_chain_of_mimics_is_followed_and_a_circle_refused(gripper: Callable[..., rp.Robot]) -> None:
     robot = gripper(rp.Sphere(0.01))
     third = Joint("third", "prismatic", "arm", "extra", mimic=Mimic("right_slide", 2.0, 0.5))
-    from dataclasses import replace
-
     longer = replace(robot, links=(*robot.links, Link("extra")), joints=(*robot.joints, third))
     drive = drives(longer, {"turn": 0}, {})["third"]
     assert (drive.column, drive.offset) == (-1, pytest.approx(2.0 * (-0.05 - 0.01) + 0.5))
