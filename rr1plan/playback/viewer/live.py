@@ -208,7 +208,11 @@ def show(
         MissingPackageError: Meshcat is not installed.
     """
     document = view_document(scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title)
-    viewer = Viewer(scene, document, panels, view, port)
+    return open_viewer(Viewer(scene, document, panels, view, port), open_browser)
+
+
+def open_viewer(viewer: Viewer, open_browser: bool = True) -> Viewer:
+    """Open a viewer's page in the browser of this machine, where there is a screen; gives the viewer back."""
     if open_browser and _has_screen():
         webbrowser.open(viewer.url)
     return viewer

@@ -1,0 +1,274 @@
+"""The lesson page: the arm in 3-D beside its configuration space, linked by sliders, clicks and the clock.
+
+The picture of the configuration space is drawn by the page itself from the cells of the grid, as a
+panel of the 3-D page, so one offline file holds everything.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib.resources import files
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from rr1plan.checks import Array
+from rr1plan.errors import InputError
+from rr1plan.path import Path
+from rr1plan.playback.cspace_figure import layer_colors
+from rr1plan.playback.cspace_grid import LIMITS, SELF, CSpaceGrid
+from rr1plan.playback.viewer.document import Document, pack, view_document
+from rr1plan.playback.viewer.live import Viewer, open_viewer
+from rr1plan.playback.viewer.page import Panel, page_html, write_page
+from rr1plan.planning import SearchTree
+from rr1plan.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from rr1plan.playback.configuration_space import CSpace
+
+_CRUMB = 255  # label of all components too small to have a colour of their own
+_FROM_ABOVE = (0.0, 0.0, 1.0)
+
+
+def save_page(
+    cspace: CSpace,
+    file: str | os.PathLike[str],
+    *,
+    trajectory: Trajectory | None = None,
+    title: str | None = None,
+    play: bool = True,
+) -> FilePath:
+    """Write the lesson as one self-contained page.
+
+    Args:
+        cspace: The configuration space, with a question and its answer if it has one.
+        file: Where to write it; written whole or not at all.
+        trajectory: The timed motion to play; None plays the path at a steady speed.
+        title: Headline of the page (default: the scene's name).
+        play: The motion runs from the start.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: the trajectory moves other joints than the two shown, or a file that cannot be written.
+        MissingPackageError: Meshcat is not installed.
+    """
+    document, panel, view = _parts(cspace, trajectory, title)
+    return write_page(file, page_html(document, [panel], view=view, play=play))
+
+
+def show_page(
+    cspace: CSpace,
+    *,
+    trajectory: Trajectory | None = None,
+    title: str | None = None,
+    port: int | None = None,
+    open_browser: bool = True,
+) -> Viewer:
+    """Open the lesson live in the browser of this machine; the program can move the arm with `Viewer.update`.
+
+    Args:
+        cspace: The configuration space, with a question and its answer if it has one.
+        trajectory: The timed motion to play; None plays the path at a steady speed.
+        title: Headline of the page (default: the scene's name).
+        port: First port to try, the next free one is taken; None: 7000.
+        open_browser: Open the page in a browser, where there is a screen.
+
+    Raises:
+        InputError: the trajectory moves other joints than the two shown, or a port that is no port.
+        BackendError: no free port.
+        MissingPackageError: Meshcat is not installed.
+    """
+    document, panel, view = _parts(cspace, trajectory, title)
+    return open_viewer(Viewer(cspace.grid.scene, document, [panel], view, port), open_browser)
+
+
+def _parts(
+    cspace: CSpace, trajectory: Trajectory | None, title: str | None
+) -> tuple[Document, Panel, tuple[float, float, float] | None]:
+    grid = cspace.grid
+    names = tuple(f"{grid.arm}/{name}" for name in grid.joint_names)
+    if trajectory is not None and set(trajectory.joint_names) != set(names):
+        raise InputError(
+            f"the trajectory moves {', '.join(trajectory.joint_names)}, expected the joints shown: {', '.join(names)}"
+        )
+    path = None if cspace.path is None else Path(names, cspace.path)
+    document = view_document(grid.scene, trajectory, path=path, title=title)
+    document["ghosts"] = _ghosts(cspace)
+    planar = _planar(grid)
+    panel = Panel(
+        "cspace",
+        "Configuration space",
+        html=_asset("cspace.html"),
+        css=_asset("cspace.css"),
+        script=_asset("cspace_picture.js") + _asset("cspace_workspace.js") + _asset("cspace.js"),
+        data=_data(cspace, names, planar),
+        width=520,
+    )
+    return document, panel, None if planar is None else _FROM_ABOVE
+
+
+def _asset(name: str) -> str:
+    return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")
+
+
+# ---- what the panel needs to know --------------------------------------------------------------
+
+
+def _data(cspace: CSpace, names: tuple[str, str], planar: dict[str, Any] | None) -> dict[str, Any]:
+    grid = cspace.grid
+    joints = [grid.scene.arms[grid.arm].robot.joint(name) for name in grid.joint_names]
+    columns = grid.scene.joint_names()
+    steps = [float(centres[1] - centres[0]) for centres in grid.axes]
+    labels, shares = _ranked_components(cspace)
+    return {
+        "arm": grid.arm,
+        "columns": [columns.index(name) for name in names],
+        "joints": [{"name": joint.name, "straight": joint.kind == "prismatic"} for joint in joints],
+        "low": [float(c[0]) - 0.5 * s for c, s in zip(grid.axes, steps, strict=True)],
+        "high": [float(c[-1]) + 0.5 * s for c, s in zip(grid.axes, steps, strict=True)],
+        "periodic": list(grid.periodic),
+        "size": list(grid.free.shape),
+        "layers": _layers(grid),
+        "labels": _bytes(labels),
+        "shares": shares,
+        "start": None if cspace.start is None else cspace.start.tolist(),
+        "goals": [goal.tolist() for goal in cspace.goals],
+        "waypoints": None if cspace.path is None else pack(cspace.path, "f8"),
+        "tree": None if cspace.tree is None else _tree(cspace.tree, cspace.start),
+        "verdict": verdict(cspace),
+        "proof": cspace.proves_no_path,
+        "planar": planar,
+    }
+
+
+def _bytes(values: NDArray[np.uint8]) -> dict[str, Any]:
+    """Bytes as the words the page unpacks, zeros at the end."""
+    flat = np.ascontiguousarray(values, dtype=np.uint8).ravel()
+    return pack(np.frombuffer(flat.tobytes() + bytes(-len(flat) % 4), dtype="<u4"), "u4")
+
+
+def _layers(grid: CSpaceGrid) -> list[dict[str, Any]]:
+    kinds = {SELF: "self", LIMITS: "limits"}
+    return [
+        {
+            "name": name,
+            "color": color,
+            "kind": kinds.get(name, "thing"),
+            "cells": _bytes(np.packbits(grid.layers[name].ravel(), bitorder="little")),
+        }
+        for name, color in layer_colors(grid).items()
+    ]
+
+
+def _ranked_components(cspace: CSpace) -> tuple[NDArray[np.uint8], list[float]]:
+    """Components as the page colours them: the start's first, then the goals', then by size; and their shares."""
+    grid = cspace.grid
+    counts = np.bincount(grid.labels.ravel(), minlength=grid.components + 1)
+    ends = [grid.component_of(q) for q in ([] if cspace.start is None else [cspace.start]) + list(cspace.goals)]
+    by_size = (np.argsort(-counts[1:], kind="stable") + 1).tolist()
+    order = [k for k in dict.fromkeys([*ends, *by_size]) if k > 0]
+    rank = np.zeros(grid.components + 1, dtype=np.uint8)
+    rank[order] = np.minimum(np.arange(1, len(order) + 1), _CRUMB)
+    return rank[grid.labels], [float(counts[k] / grid.labels.size) for k in order[: _CRUMB - 1]]
+
+
+def _tree(tree: SearchTree, start: Array | None) -> dict[str, Any]:
+    """The tree, its edges in the order of how far along it they are from its roots."""
+    vertices, edges = tree.vertices, np.asarray(tree.edges).reshape(-1, 2)
+    reach = _from_roots(vertices, edges, start)
+    order = np.argsort(reach[edges].max(axis=1, initial=0.0), kind="stable")
+    return {"vertices": pack(vertices), "edges": pack(edges[order], "u4")}
+
+
+def _from_roots(vertices: Array, edges: NDArray[np.int64], start: Array | None) -> Array:
+    """Distance of every vertex along the edges from the first vertex of its tree, or from the start."""
+    lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) + 1e-12
+    graph = coo_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(vertices), len(vertices))).tocsr()
+    reach = np.full(len(vertices), np.inf)
+    first = [] if start is None else np.flatnonzero((vertices == start).all(axis=1))[:1].tolist()
+    for root in [*first, *range(len(vertices))]:
+        if np.isinf(reach[root]):
+            reach = np.minimum(reach, dijkstra(graph, directed=False, indices=root))
+    return reach
+
+
+def _ghosts(cspace: CSpace) -> list[dict[str, Any]]:
+    """The arm at the start and at every goal configuration, as the 3-D page draws ghosts."""
+    grid = cspace.grid
+    standing = [] if cspace.start is None else [("start", cspace.start)]
+    standing += [("goal", goal) for goal in cspace.goals]
+    return [{"kind": kind, "arm": grid.arm, "q": _posture(grid, q).tolist()} for kind, q in standing]
+
+
+def _posture(grid: CSpaceGrid, q: Any) -> Array:
+    """The arm's configuration with the two joints at q, the others as the scene has them."""
+    arm = grid.scene.arms[grid.arm]
+    full = np.array(arm.q)
+    for name, value in zip(grid.joint_names, q, strict=True):
+        full[arm.robot.joint_names.index(name)] = value
+    return full
+
+
+def _planar(grid: CSpaceGrid) -> dict[str, Any] | None:
+    """The arm as two bars in the plane, or None when it is not that: base, bars at zero, turning senses."""
+    arm = grid.scene.arms[grid.arm]
+    robot = arm.robot
+    joints = [robot.joint(name) for name in grid.joint_names]
+    if len(robot.joint_names) != 2 or any(joint.kind == "prismatic" for joint in joints):
+        return None
+    zero = {name: arm.base @ T for name, T in robot.link_poses(_posture(grid, (0.0, 0.0))).items()}
+    axes = np.array([zero[joint.child][:3, :3] @ joint.axis for joint in joints])
+    if np.abs(axes[:, 2]).min() < 1.0 - 1e-9:
+        return None
+    base, elbow, tool = (zero[link][:3, 3] for link in (joints[0].child, joints[1].child, robot.tool))
+    senses = np.sign(axes[:, 2])
+    bars = [complex(*(b - a)[:2]) for a, b in ((base, elbow), (elbow, tool))]
+    trial = (0.7, -1.1)
+    turned = np.exp(1j * senses[0] * trial[0]) * (bars[0] + np.exp(1j * senses[1] * trial[1]) * bars[1])
+    there = (arm.base @ robot.link_poses(_posture(grid, trial))[robot.tool])[:2, 3] - base[:2]
+    if abs(turned - complex(*there)) > 1e-9 or min(abs(bar) for bar in bars) < 1e-9:
+        return None
+    return {
+        "base": base.tolist(),
+        "bars": [[bar.real, bar.imag] for bar in bars],
+        "senses": senses.tolist(),
+        "height": float(tool[2]),
+    }
+
+
+def verdict(cspace: CSpace) -> str:
+    """One sentence about the question: whether start and goal lie in the same component of free space."""
+    grid = cspace.grid
+    count = f"{grid.components} component{'s' if grid.components != 1 else ''} of free space"
+    if cspace.start is None or not cspace.goals:
+        return f"{grid.free.mean():.0%} of all configurations are free, in {count}."
+    if not grid.component_of(cspace.start):
+        return f"The start is not free: {' and '.join(grid.why_not_free(cspace.start))}."
+    if cspace.proves_no_path:
+        if not any(grid.component_of(goal) for goal in cspace.goals):
+            return "No path exists: no configuration that reaches the goal is free."
+        cells = " × ".join(str(n) for n in grid.free.shape)
+        return (
+            "No path exists: start and goal are both free, but they lie in different components of free space "
+            f"({cells} cells, each checked exactly)."
+        )
+    seam = ", and its way leads over the seam" if _crosses_seam(cspace) else ""
+    return f"Start and goal lie in the same component of free space{seam}."
+
+
+def _crosses_seam(cspace: CSpace) -> bool:
+    """Whether the path leaves the square somewhere and comes in again at the other side."""
+    if cspace.path is None:
+        return False
+    for axis, (centres, closes) in enumerate(zip(cspace.grid.axes, cspace.grid.periodic, strict=True)):
+        step = centres[1] - centres[0]
+        turns = np.floor((cspace.path[:, axis] - centres[0] + 0.5 * step) / (step * len(centres)))
+        if closes and len(np.unique(turns)) > 1:
+            return True
+    return False

@@ -1,0 +1,486 @@
+// The lesson: the configuration space, what stands in it, and what a click in it does.
+
+const q2 = () => data.columns.map((column) => viewer.q[column]);
+const part = (selector) => root.querySelector(selector);
+const make = (tag, text, name) => {
+  const node = document.createElement(tag);
+  if (text !== undefined) node.textContent = text;
+  if (name) node.className = name;
+  return node;
+};
+
+class Lesson {
+  constructor() {
+    this.canvas = part("canvas");
+    this.pen = this.canvas.getContext("2d");
+    this.cells = new Cells();
+    this.workspace = data.planar ? new Workspace() : null;
+    this.tree = data.tree ? treePieces(data.tree) : [];
+    this.grown = this.tree.length;
+    this.showTree = this.tree.length > 0;
+    this.tinted = data.proof;
+    this.only = -1;
+    this.pinned = -1;
+    this.pointer = null;
+    this.blocked = false;
+    this.fillSliders();
+    this.fillLegend();
+    this.fillTools();
+    this.fillVerdict();
+    this.wireCanvas();
+    this.wireKeys();
+    viewer.on("load", () => this.meet());
+    viewer.on("change", () => this.follow());
+    this.meet();
+    new ResizeObserver(() => this.resize()).observe(part(".plot"));
+    this.resize();
+  }
+
+  /** Takes in the motion of the document. */
+  meet() {
+    this.curve = [];
+    const { player } = viewer;
+    if (viewer.at(0) && player.end > player.start) {
+      for (let k = 0; k <= 800; k++) {
+        const q = viewer.at(player.start + (k / 800) * (player.end - player.start));
+        this.curve.push([share(0, q[data.columns[0]]), share(1, q[data.columns[1]])]);
+      }
+    }
+    this.motion = wrappedCopies(this.curve.length ? this.curve : [[0, 0]]);
+    if (this.workspace) {
+      document.body.classList.add("folded");
+      this.workspace.draw();
+      this.workspace.look();
+    }
+    this.follow();
+  }
+
+  // ---- controls ----------------------------------------------------------------------------
+
+  fillSliders() {
+    this.sliders = [0, 1].map((axis) => {
+      const row = make("div"), label = make("label"), slider = make("input"), out = make("output");
+      Object.assign(slider, { type: "range", min: data.low[axis], max: data.high[axis], step: data.joints[axis].straight ? 0.001 : Math.PI / 360, id: `cspace-${axis}` });
+      label.htmlFor = slider.id;
+      label.append(make("b", symbol(axis)), ` ${data.joints[axis].name}`);
+      slider.oninput = () => this.pose(q2().map((v, k) => (k === axis ? Number(slider.value) : v)));
+      row.append(label, out, slider);
+      part(".pair").append(row);
+      return { slider, out };
+    });
+  }
+
+  fillLegend() {
+    data.layers.forEach((layer, k) => {
+      const chip = make("button", undefined, "chip"), dot = make("i");
+      chip.type = "button";
+      chip.title = `Only the image of ${layer.name}`;
+      chip.setAttribute("aria-pressed", "false");
+      dot.style.background = layer.color;
+      chip.append(dot, layer.name);
+      chip.onclick = () => { this.pinned = this.pinned === k ? -1 : k; this.single(this.pinned); };
+      chip.onpointerenter = () => this.single(k);
+      chip.onpointerleave = () => this.single(this.pinned);
+      part(".legend").append(chip);
+    });
+  }
+
+  single(layer) {
+    [...part(".legend").children].forEach((chip, k) => chip.setAttribute("aria-pressed", String(this.pinned === k)));
+    if (layer === this.only) return;
+    this.only = layer;
+    this.repaint();
+  }
+
+  fillTools() {
+    const tool = (name) => part(`[data-tool=${name}]`);
+    this.tools = Object.fromEntries(["parts", "elbow", "tree", "grow"].map((name) => [name, tool(name)]));
+    this.reach = part(".grow input");
+    part(".grow").hidden = !this.tree.length;
+    this.tools.elbow.hidden = !this.workspace;
+    this.tools.parts.onclick = () => { this.tinted = !this.tinted; this.repaint(); };
+    this.tools.elbow.onclick = () => this.pose(this.workspace.twin(q2()));
+    this.tools.tree.onclick = () => { this.showTree = !this.showTree; this.redraw(); };
+    this.tools.grow.onclick = () => this.grow();
+    Object.assign(this.reach, { max: this.tree.length, step: 1, value: this.tree.length });
+    this.reach.oninput = () => { cancelAnimationFrame(this.growing); this.growTo(Number(this.reach.value)); };
+  }
+
+  /** Lets the tree grow from its roots, in five seconds or at once where motion is not wanted. */
+  grow() {
+    cancelAnimationFrame(this.growing);
+    if (!this.tree.length) return;
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches) { this.growTo(this.tree.length); return; }
+    const length = Math.min(5000, 1500 + 10 * this.tree.length), began = performance.now();
+    const step = (now) => {
+      const done = Math.min(Math.max((now - began) / length, 0), 1);
+      this.growTo(Math.round(done * this.tree.length));
+      if (done < 1) this.growing = requestAnimationFrame(step);
+    };
+    this.growTo(0);
+    this.growing = requestAnimationFrame(step);
+  }
+
+  growTo(count) {
+    this.grown = count;
+    this.showTree = true;
+    this.redraw();
+  }
+
+  fillVerdict() {
+    const text = part(".verdict");
+    text.textContent = data.verdict;
+    const known = data.start !== null && data.goals.length > 0;
+    text.classList.toggle("bad", data.proof);
+    text.classList.toggle("good", known && !data.proof && this.place(data.start).free);
+    if (!data.proof) return;
+    const chip = (q) => {
+      const swatch = make("i"), label = this.place(q).part;
+      swatch.style.background = label ? PARTS[Math.min(label, PARTS.length) - 1] : "#fff";
+      return swatch;
+    };
+    const free = data.goals.find((goal) => this.place(goal).free);
+    if (free) text.append(make("br"), chip(data.start), "the start’s ", chip(free), "the goal’s");
+  }
+
+  place(q) {
+    return this.cells.answer(share(0, q[0]), share(1, q[1]));
+  }
+
+  wireKeys() {
+    const keys = {
+      c: () => this.tools.parts.click(),
+      e: () => { if (this.workspace) this.tools.elbow.click(); },
+      t: () => { if (this.tree.length) this.tools.tree.click(); },
+      g: () => this.grow(),
+    };
+    window.addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
+      const act = keys[event.key.toLowerCase()];
+      if (act) { event.preventDefault(); act(); }
+    });
+    const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    this.canvas.addEventListener("keydown", (event) => {
+      const move = moves[event.key];
+      if (!move || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      event.stopPropagation();
+      const step = (event.shiftKey ? 10 : 1) / 360;
+      this.pose(q2().map((v, axis) => v + move[axis] * step * (data.high[axis] - data.low[axis])));
+    });
+  }
+
+  // ---- the configuration -------------------------------------------------------------------
+
+  /** Moves the two joints, wrapped where their axes close, held inside the picture elsewhere. */
+  pose(q) {
+    const full = viewer.q.slice();
+    q.forEach((v, axis) => {
+      full[data.columns[axis]] = data.periodic[axis] ? wrapped(axis, v) : Math.min(Math.max(v, data.low[axis]), data.high[axis]);
+    });
+    viewer.setQ(full);
+  }
+
+  follow() {
+    const q = q2(), answer = this.place(q);
+    this.sliders.forEach(({ slider, out }, axis) => {
+      const v = wrapped(axis, q[axis]);
+      slider.value = v;
+      slider.style.setProperty("--part", `${100 * share(axis, v)}%`);
+      out.textContent = reading(axis, v);
+    });
+    const state = part(".state"), { text, color, ink } = words(answer);
+    if (state.textContent !== text) {
+      Object.assign(state, { textContent: text });
+      Object.assign(state.style, { background: color, color: ink });
+    }
+    const blocked = !answer.free && !answer.edge && viewer.manual;
+    if (blocked !== this.blocked) {
+      this.blocked = blocked;
+      viewer.world.paint(false, blocked ? viewer.kinematics.arms.filter((a) => a.name === data.arm).flatMap((a) => a.robot.links.map((l) => `${a.name}/${l}`)) : []);
+      viewer.redraw();
+    }
+    if (this.workspace) {
+      this.workspace.follow(q);
+      this.tools.elbow.disabled = Math.abs(this.workspace.bend(q)) < 1e-6;
+    }
+    this.draw();
+  }
+
+  // ---- the pointer -------------------------------------------------------------------------
+
+  wireCanvas() {
+    const { canvas } = this;
+    let held = false;
+    const take = (event) => {
+      const spot = this.spot(event);
+      this.pose(this.snapped(spot, event.type === "pointerdown") || spot.map((part, axis) => value(axis, part)));
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0 || !this.inPlot(this.spot(event))) return;
+      held = true;
+      canvas.setPointerCapture(event.pointerId);
+      take(event);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const spot = this.spot(event);
+      this.pointer = held || this.inPlot(spot) ? spot : null;
+      if (held) take(event); else this.draw();
+      this.tip();
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = false; });
+    canvas.addEventListener("pointerleave", () => { this.pointer = null; this.tip(); this.draw(); });
+    if (this.workspace) this.workspace.wire(q2, (q) => this.pose(q));
+  }
+
+  /** Where the pointer is, as shares of the axes. */
+  spot(event) {
+    const box = this.canvas.getBoundingClientRect(), { x, y, size } = this.plot, ratio = this.ratio;
+    return [((event.clientX - box.left) * ratio - x) / size, 1 - ((event.clientY - box.top) * ratio - y) / size];
+  }
+
+  inPlot([u, v]) {
+    return u >= 0 && u <= 1 && v >= 0 && v <= 1;
+  }
+
+  /** A click on the start or a goal means exactly it. */
+  snapped(spot, wanted) {
+    if (!wanted) return null;
+    const near = (q) => {
+      const [u, v] = q.map((x, axis) => share(axis, wrapped(axis, x)));
+      return Math.hypot(u - spot[0], v - spot[1]) * this.plot.size < 9 * this.unit;
+    };
+    return [data.start, ...data.goals].filter(Boolean).find(near) || null;
+  }
+
+  tip() {
+    const tip = part(".tip");
+    tip.hidden = !this.pointer;
+    if (!this.pointer) return;
+    const answer = this.cells.answer(...this.pointer);
+    const head = make("b"), dot = make("i");
+    dot.style.background = answer.layers.length ? answer.layers[0].color : "#3ecf9a";
+    head.append(dot, words(answer).text);
+    const q = this.pointer.map((share, axis) => reading(axis, wrapped(axis, value(axis, share))));
+    tip.replaceChildren(head, `${symbol(0)} ${q[0]}   ${symbol(1)} ${q[1]}`);
+    const { x, y, size } = this.plot, k = 1 / this.ratio, wide = this.canvas.clientWidth;
+    const px = (x + this.pointer[0] * size) * k, py = (y + (1 - this.pointer[1]) * size) * k;
+    const left = px + 16 + tip.offsetWidth > wide ? px - 16 - tip.offsetWidth : px + 16;
+    const top = py - 12 - tip.offsetHeight < 0 ? py + 16 : py - 12 - tip.offsetHeight;
+    tip.style.transform = `translate(${Math.round(Math.max(0, left))}px, ${Math.round(top)}px)`;
+  }
+
+  // ---- drawing -----------------------------------------------------------------------------
+
+  resize() {
+    const box = part(".plot").getBoundingClientRect();
+    this.ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const side = Math.max(64, Math.round(box.width * this.ratio));
+    this.canvas.width = this.canvas.height = side;
+    this.unit = this.ratio * Math.min(Math.max(box.width / 480, 0.85), 1.6);
+    const left = Math.round(40 * this.unit), below = Math.round(26 * this.unit), rim = Math.round(8 * this.unit);
+    const size = side - Math.max(left + rim, below + rim);
+    this.plot = { x: left, y: rim, size };
+    // The square is as wide as the panel; what its axis needs below is less than what it needs at the left.
+    part(".plot").style.marginBottom = `${(rim + size + below - side) / this.ratio}px`;
+    this.repaint();
+    if (this.workspace && !viewer.stage.dragged) this.workspace.look();
+  }
+
+  /** The cells anew: something of them is shown otherwise. */
+  repaint() {
+    const { size } = this.plot;
+    this.area = document.createElement("canvas");
+    this.area.width = this.area.height = size;
+    this.area.getContext("2d").putImageData(this.cells.paint(size, this.ratio, this.tinted, this.only), 0, 0);
+    this.tools.parts.setAttribute("aria-pressed", String(this.tinted));
+    this.redraw();
+  }
+
+  /** Everything that stands still anew: cells, tree, frame. */
+  redraw() {
+    this.still = document.createElement("canvas");
+    this.still.width = this.still.height = this.canvas.width;
+    const pen = this.still.getContext("2d"), { x, y } = this.plot;
+    pen.drawImage(this.area, x, y);
+    if (this.showTree) this.inside(pen, () => this.drawTree(pen));
+    drawFrame(pen, this.plot, this.unit);
+    this.tools.tree.setAttribute("aria-pressed", String(this.showTree));
+    this.reach.value = this.grown;
+    this.reach.style.setProperty("--part", `${(100 * this.grown) / (this.tree.length || 1)}%`);
+    part(".grow output").textContent = `${this.grown}`;
+    this.draw();
+  }
+
+  inside(pen, draw) {
+    const { x, y, size } = this.plot;
+    pen.save();
+    pen.beginPath();
+    pen.rect(x, y, size, size);
+    pen.clip();
+    draw();
+    pen.restore();
+  }
+
+  at(u, v) {
+    const { x, y, size } = this.plot;
+    return [x + u * size, y + (1 - v) * size];
+  }
+
+  line(pen, points) {
+    pen.beginPath();
+    points.forEach(([u, v], k) => (k ? pen.lineTo(...this.at(u, v)) : pen.moveTo(...this.at(u, v))));
+    pen.stroke();
+  }
+
+  drawTree(pen) {
+    const dense = this.tree.length > 800;
+    pen.strokeStyle = INK;
+    pen.lineWidth = (dense ? 0.7 : 1.1) * this.unit;
+    pen.globalAlpha = dense ? 0.42 : 0.6;
+    pen.beginPath();
+    for (let e = 0; e < this.grown; e++) {
+      for (const [a, b] of this.tree[e]) { pen.moveTo(...this.at(...a)); pen.lineTo(...this.at(...b)); }
+    }
+    pen.stroke();
+    if (dense) return;
+    pen.fillStyle = INK;
+    for (let e = 0; e < this.grown; e++) {
+      for (const ends of this.tree[e]) for (const end of ends) { pen.beginPath(); pen.arc(...this.at(...end), 1.9 * this.unit, 0, 7); pen.fill(); }
+    }
+  }
+
+  draw() {
+    if (!this.still) return;
+    const { pen, unit } = this;
+    pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    pen.drawImage(this.still, 0, 0);
+    this.inside(pen, () => {
+      this.drawMotion(pen);
+      const [u, v] = q2().map((x, axis) => share(axis, wrapped(axis, x)));
+      this.drawHairs(pen, u, v);
+      if (this.workspace && Math.abs(this.workspace.bend(q2())) > 0.02) {
+        const twin = this.workspace.twin(q2()).map((x, axis) => share(axis, wrapped(axis, x)));
+        this.around(twin, (x, y) => disc(pen, x, y, 5.5 * unit, "rgba(255,255,255,.75)", ACCENT, 2 * unit));
+      }
+      data.goals.forEach((goal) => this.around(this.shares(goal), (x, y) => star(pen, x, y, 10.5 * unit, GOAL, unit)));
+      if (data.start) this.around(this.shares(data.start), (x, y) => disc(pen, x, y, 6.5 * unit, START, "#fff", 2 * unit));
+      this.around([u, v], (x, y) => {
+        disc(pen, x, y, 9.5 * unit, "#fff", INK, 1.2 * unit);
+        disc(pen, x, y, 6 * unit, ACCENT);
+      });
+    });
+    this.drawLabels(pen);
+  }
+
+  shares(q) {
+    return q.map((x, axis) => share(axis, wrapped(axis, x)));
+  }
+
+  /** A mark near an edge that is glued to another is seen at both. */
+  around([u, v], mark) {
+    for (const du of data.periodic[0] ? [-1, 0, 1] : [0]) {
+      for (const dv of data.periodic[1] ? [-1, 0, 1] : [0]) {
+        if (u + du > -0.05 && u + du < 1.05 && v + dv > -0.05 && v + dv < 1.05) mark(...this.at(u + du, v + dv));
+      }
+    }
+  }
+
+  drawHairs(pen, u, v) {
+    const { x, y, size } = this.plot, [px, py] = this.at(u, v);
+    pen.save();
+    pen.strokeStyle = INK;
+    pen.globalAlpha = 0.35;
+    pen.lineWidth = this.ratio;
+    pen.setLineDash([3 * this.unit, 4 * this.unit]);
+    pen.beginPath();
+    pen.moveTo(px, y + size); pen.lineTo(px, py);
+    pen.moveTo(x, py); pen.lineTo(px, py);
+    pen.stroke();
+    pen.restore();
+  }
+
+  /** The motion: faint as a whole, bright as far as it has come. */
+  drawMotion(pen) {
+    if (!this.curve.length) return;
+    const come = viewer.manual ? 1 : viewer.player.fraction, last = Math.max(2, Math.ceil(come * this.curve.length));
+    pen.lineJoin = pen.lineCap = "round";
+    for (const copy of this.motion) {
+      pen.strokeStyle = "rgba(255,255,255,.92)";
+      pen.lineWidth = 6 * this.unit;
+      this.line(pen, copy);
+      pen.strokeStyle = "#f2a27f";
+      pen.lineWidth = 3 * this.unit;
+      this.line(pen, copy);
+    }
+    pen.strokeStyle = ACCENT;
+    pen.lineWidth = 3.4 * this.unit;
+    for (const copy of this.motion) this.line(pen, copy.slice(0, last));
+  }
+
+  drawLabels(pen) {
+    const marks = data.goals.map((goal, k) => [goal, data.goals.length > 1 ? `goal ${k + 1}` : "goal", GOAL]);
+    if (data.start) marks.push([data.start, "start", START]);
+    const { x, y, size } = this.plot;
+    pen.save();
+    pen.font = `650 ${12.5 * this.unit}px ${getComputedStyle(root).fontFamily}`;
+    pen.textBaseline = "middle";
+    pen.lineJoin = "round";
+    for (const [q, text, color] of marks) {
+      const [px, py] = this.at(...this.shares(q)), wide = pen.measureText(text).width;
+      const left = px + 13 * this.unit + wide > x + size ? px - 13 * this.unit - wide : px + 13 * this.unit;
+      const top = Math.min(Math.max(py - 9 * this.unit, y + 9 * this.unit), y + size - 9 * this.unit);
+      pen.strokeStyle = "rgba(255,255,255,.95)";
+      pen.lineWidth = 4.5 * this.unit;
+      pen.strokeText(text, left, top);
+      pen.fillStyle = color;
+      pen.fillText(text, left, top);
+    }
+    pen.restore();
+  }
+}
+
+/** An answer in words, and the colours to say it in. */
+function words(answer) {
+  if (answer.outside) return { text: "outside the picture", color: "#e6e9ee", ink: INK };
+  if (answer.free && !answer.edge) return { text: "free", color: "#d8f3e7", ink: "#13795b" };
+  const things = answer.layers.filter((l) => l.kind === "thing").map((l) => l.name);
+  const reasons = [];
+  if (things.length) reasons.push(`${answer.edge ? "at the edge of" : "blocked by"} ${listed(things)}`);
+  const own = answer.edge ? { self: "at the edge of self-collision", limits: "at the joint limits" } : { self: "blocked by the arm itself", limits: "outside the joint limits" };
+  for (const layer of answer.layers) if (own[layer.kind]) reasons.push(own[layer.kind]);
+  const text = reasons.join(", ");
+  if (answer.edge) return { text, color: "#fdf0cf", ink: "#7a5600" };
+  const color = answer.layers[0].color, [r, g, b] = rgb(color);
+  return { text, color, ink: 0.299 * r + 0.587 * g + 0.114 * b > 150 ? INK : "#fff" };
+}
+
+const listed = (names) => (names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names[names.length - 1]}` : names[0]);
+
+function disc(pen, x, y, r, fill, rim, width) {
+  pen.beginPath();
+  pen.arc(x, y, r, 0, 7);
+  pen.fillStyle = fill;
+  pen.fill();
+  if (!rim) return;
+  pen.strokeStyle = rim;
+  pen.lineWidth = width;
+  pen.stroke();
+}
+
+function star(pen, x, y, r, fill, unit) {
+  pen.beginPath();
+  for (let k = 0; k < 10; k++) {
+    const a = -Math.PI / 2 + (k * Math.PI) / 5, far = k % 2 ? 0.45 * r : r;
+    pen.lineTo(x + far * Math.cos(a), y + far * Math.sin(a));
+  }
+  pen.closePath();
+  pen.fillStyle = fill;
+  pen.strokeStyle = "#fff";
+  pen.lineWidth = 3 * unit;
+  pen.lineJoin = "round";
+  pen.stroke();
+  pen.fill();
+}
+
+viewer.lesson = new Lesson();

@@ -1,0 +1,204 @@
+// The picture of a configuration space: cells as smooth areas, a square whose opposite edges meet, axes.
+// Places are shares (u, v) of the two axes, 0 to 1, v upwards.
+
+const PARTS = ["#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7", "#fbd7e4", "#dfe8b8", "#c9ecee", "#efdfcf"];
+const CRUMBS = "#e6e9ee", INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
+const START = "#2f66c8", GOAL = "#14855a";
+
+const rgb = (color) => [1, 3, 5].map((i) => parseInt(color.slice(i, i + 2), 16));
+const modulo = (value, size) => ((value % size) + size) % size;
+const bytes = (packed) => new Uint8Array(viewer.unpack(packed).values.buffer);
+
+class Cells {
+  constructor() {
+    [this.n, this.m] = data.size;
+    this.bits = new Uint32Array(this.n * this.m);
+    data.layers.forEach((layer, k) => {
+      const packed = bytes(layer.cells);
+      for (let c = 0; c < this.bits.length; c++) if ((packed[c >> 3] >> (c & 7)) & 1) this.bits[c] |= 1 << k;
+    });
+    this.labels = bytes(data.labels);
+  }
+
+  /** The cell of a place, or -1 outside of the picture. */
+  at(u, v) {
+    let i = Math.floor(u * this.n), j = Math.floor(v * this.m);
+    if (data.periodic[0]) i = modulo(i, this.n);
+    if (data.periodic[1]) j = modulo(j, this.m);
+    return i >= 0 && j >= 0 && i < this.n && j < this.m ? i * this.m + j : -1;
+  }
+
+  /** What forbids a place: {free, edge, outside, layers}; edge: a neighbouring cell answers otherwise. */
+  answer(u, v) {
+    const cell = this.at(u, v);
+    if (cell < 0) return { free: false, edge: false, outside: true, layers: [] };
+    let bits = this.bits[cell], edge = false;
+    for (const [du, dv] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+      const next = this.at(u + du / this.n, v + dv / this.m);
+      if (next >= 0 && !this.bits[next] !== !this.bits[cell]) { edge = true; bits |= this.bits[next]; }
+    }
+    return { free: !this.bits[cell], edge, outside: false, layers: data.layers.filter((_, k) => (bits >>> k) & 1), part: this.labels[cell] };
+  }
+
+  /** The cells as a picture of size by size pixels: areas with smooth rims, overlaps striped; only: the layer shown in full. */
+  paint(size, ratio, tinted, only) {
+    const { n, m, bits, labels } = this;
+    const image = new ImageData(size, size), out = image.data;
+    const colors = data.layers.map((layer) => rgb(layer.color));
+    const parts = [...PARTS.map(rgb), rgb(CRUMBS)];
+    const columns = lookup(size, n, data.periodic[0]), rows = lookup(size, m, data.periodic[1]);
+    const sharp = size / Math.max(n, m), band = Math.max(2, Math.round(5 * ratio));
+    const inside = new Float64Array(colors.length);
+    for (let y = 0; y < size; y++) {
+      const [j0, j1, fj, jn] = rows(size - 1 - y);
+      for (let x = 0; x < size; x++) {
+        const [i0, i1, fi, ni] = columns(x);
+        const a = bits[i0 * m + j0], b = bits[i1 * m + j0], c = bits[i0 * m + j1], d = bits[i1 * m + j1];
+        const any = a | b | c | d;
+        let color = [255, 255, 255];
+        if (tinted) {
+          // Beside a rim the nearest cell may be forbidden, and its free neighbour tells the colour.
+          const label = labels[ni * m + jn] || labels[i0 * m + j0] || labels[i1 * m + j0] || labels[i0 * m + j1] || labels[i1 * m + j1];
+          if (label) color = parts[label > PARTS.length ? PARTS.length : label - 1];
+        }
+        if (any) {
+          let full = 0, cover = 0, count = 0, best = 0;
+          for (let k = 0; k < colors.length; k++) {
+            inside[k] = 0;
+            if (!((any >>> k) & 1)) continue;
+            const value = (1 - fj) * ((1 - fi) * ((a >>> k) & 1) + fi * ((b >>> k) & 1)) + fj * ((1 - fi) * ((c >>> k) & 1) + fi * ((d >>> k) & 1));
+            inside[k] = Math.min(Math.max((value - 0.5) * sharp + 0.5, 0), 1);
+            if (inside[k] >= 0.5) { count += 1; full |= 1 << k; }
+            if (inside[k] > cover) { cover = inside[k]; best = k; }
+          }
+          let chosen = best;
+          if (count > 1) {
+            let turn = Math.floor((x + y) / band) % count;
+            for (let k = 0; k < colors.length; k++) if ((full >>> k) & 1 && turn-- === 0) { chosen = k; break; }
+            cover = 1;
+          }
+          if (only >= 0) { chosen = (full >>> only) & 1 ? only : chosen; if (chosen !== only) cover *= 0.16; }
+          const own = colors[chosen];
+          color = [0, 1, 2].map((k) => color[k] + cover * (own[k] - color[k]));
+        }
+        const at = 4 * (y * size + x);
+        out[at] = color[0]; out[at + 1] = color[1]; out[at + 2] = color[2]; out[at + 3] = 255;
+      }
+    }
+    return image;
+  }
+}
+
+/** For each pixel of a row: the two cells it lies between, how far it is to the second, the nearest one. */
+function lookup(size, count, closes) {
+  const rows = Array.from({ length: size }, (_, x) => {
+    const at = ((x + 0.5) / size) * count - 0.5, low = Math.floor(at);
+    const place = (i) => (closes ? modulo(i, count) : Math.min(Math.max(i, 0), count - 1));
+    return [place(low), place(low + 1), at - low, place(Math.round(at))];
+  });
+  return (x) => rows[x];
+}
+
+/** Edges as pieces [u0, v0, u1, v1] inside the square; one over a seam is there twice. */
+function treePieces(tree) {
+  const vertices = viewer.unpack(tree.vertices).values, edges = viewer.unpack(tree.edges).values;
+  const pieces = [];
+  for (let e = 0; e < edges.length; e += 2) {
+    const ends = [edges[e], edges[e + 1]].map((k) => [share(0, vertices[2 * k]), share(1, vertices[2 * k + 1])]);
+    pieces.push(wrappedCopies(ends));
+  }
+  return pieces;
+}
+
+/** A polyline of places shifted so that each of its tiles comes to lie in the square. */
+function wrappedCopies(points) {
+  const range = (axis) => {
+    if (!data.periodic[axis]) return [0];
+    const values = points.map((p) => p[axis]);
+    const low = Math.floor(Math.min(...values)), high = Math.floor(Math.max(...values));
+    return Array.from({ length: high - low + 1 }, (_, k) => low + k);
+  };
+  return range(0).flatMap((du) => range(1).map((dv) => points.map(([u, v]) => [u - du, v - dv])));
+}
+
+/** Value of a joint as a share of its axis, and back. */
+const share = (axis, value) => (value - data.low[axis]) / (data.high[axis] - data.low[axis]);
+const value = (axis, part) => data.low[axis] + part * (data.high[axis] - data.low[axis]);
+
+/** A joint's value inside the picture where its axis closes. */
+function wrapped(axis, angle) {
+  return data.periodic[axis] ? value(axis, modulo(share(axis, angle), 1)) : angle;
+}
+
+/** Marks of an axis: quarter turns for angles, round numbers else: [share, text]. */
+function ticks(axis) {
+  const span = data.high[axis] - data.low[axis];
+  if (data.joints[axis].straight) {
+    const step = 10 ** Math.floor(Math.log10(span)) / 2;
+    const marks = [];
+    for (let k = Math.ceil(data.low[axis] / step - 1e-6); k * step <= data.high[axis] + 1e-6; k++) marks.push([share(axis, k * step), `${+(k * step).toFixed(3)}`]);
+    return marks;
+  }
+  const names = { "-2": "−π", "-1": "−π/2", 0: "0", 1: "π/2", 2: "π", "-3": "−3π/2", 3: "3π/2", "-4": "−2π", 4: "2π" };
+  const marks = [];
+  for (let k = Math.ceil((data.low[axis] * 2) / Math.PI - 1e-6); (k * Math.PI) / 2 <= data.high[axis] + 1e-6; k++) {
+    marks.push([share(axis, (k * Math.PI) / 2), names[k] || `${k / 2}π`]);
+  }
+  return marks;
+}
+
+/** Axes, marks and edges around a plot; dashed edges with arrows are the same place as the edge across. */
+function drawFrame(pen, plot, unit) {
+  const { x, y, size } = plot;
+  pen.save();
+  pen.fillStyle = SOFT;
+  pen.strokeStyle = INK;
+  pen.font = `${11.5 * unit}px ${getComputedStyle(root).fontFamily}`;
+  pen.textAlign = "center";
+  for (const [part, text] of ticks(0)) pen.fillText(text, x + part * size, y + size + 16 * unit);
+  pen.textAlign = "right";
+  pen.textBaseline = "middle";
+  for (const [part, text] of ticks(1)) pen.fillText(text, x - 8 * unit, y + (1 - part) * size);
+  pen.fillStyle = INK;
+  pen.font = `600 ${13 * unit}px ${getComputedStyle(root).fontFamily}`;
+  pen.textAlign = "center";
+  pen.textBaseline = "alphabetic";
+  pen.fillText(symbol(0), x + size / 2 + (data.periodic[0] ? size / 8 : 0), y + size + 18 * unit);
+  pen.save();
+  pen.translate(x - 20 * unit, y + size / 2 - (data.periodic[1] ? size / 8 : 0));
+  pen.fillText(symbol(1), 0, 0);
+  pen.restore();
+  for (const axis of [0, 1]) {
+    pen.setLineDash(data.periodic[axis] ? [6 * unit, 4 * unit] : []);
+    pen.lineWidth = (data.periodic[axis] ? 1.6 : 1.1) * unit;
+    for (const side of [0, size]) {
+      pen.beginPath();
+      if (axis === 0) { pen.moveTo(x + side, y); pen.lineTo(x + side, y + size); } else { pen.moveTo(x, y + side); pen.lineTo(x + size, y + side); }
+      pen.stroke();
+    }
+  }
+  pen.setLineDash([]);
+  for (const side of [0, size]) {
+    if (data.periodic[0]) arrows(pen, x + side, y + size * 0.375, 0, -1, 1, unit);
+    if (data.periodic[1]) arrows(pen, x + size * 0.375, y + side, 1, 0, 2, unit);
+  }
+  pen.restore();
+}
+
+/** Topologists' marks: edges with the same number of arrows are glued. */
+function arrows(pen, x, y, dx, dy, count, unit) {
+  for (let k = 0; k < count; k++) {
+    const at = (k - (count - 1) / 2) * 7 * unit, s = 5 * unit;
+    const px = x + at * dx, py = y + at * dy;
+    pen.fillStyle = INK;
+    pen.beginPath();
+    pen.moveTo(px + s * dx, py + s * dy);
+    pen.lineTo(px - s * dx - s * dy, py - s * dy - s * dx);
+    pen.lineTo(px - s * dx + s * dy, py - s * dy + s * dx);
+    pen.closePath();
+    pen.fill();
+  }
+}
+
+const symbol = (axis) => `${data.joints[axis].straight ? "d" : "θ"}${"₁₂"[axis]}`;
+const reading = (axis, v) => (data.joints[axis].straight ? `${(1000 * v).toFixed(1)} mm` : `${((180 / Math.PI) * v).toFixed(1)}°`.replace("-", "−"));

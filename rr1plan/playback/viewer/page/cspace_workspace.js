@@ -1,0 +1,119 @@
+// The planar arm in its workspace: the ring it reaches, and where its joints must be for the tool to be somewhere.
+
+const turn = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
+
+class Workspace {
+  constructor() {
+    const { bars, senses } = data.planar;
+    this.lengths = bars.map(([x, y]) => Math.hypot(x, y));
+    this.rest = bars.map(([x, y]) => Math.atan2(y, x));
+    this.senses = senses;
+    this.outer = this.lengths[0] + this.lengths[1];
+    this.inner = Math.abs(this.lengths[0] - this.lengths[1]);
+  }
+
+  /** The bend at the elbow, its sign says which of the two solutions this is. */
+  bend(q) {
+    return turn(this.senses[1] * q[1] + this.rest[1] - this.rest[0]);
+  }
+
+  /** Joint values that put the tool at a point of the plane, bent to one side; the nearest point when it is out of reach. */
+  solve(x, y, side) {
+    const [a, b] = this.lengths;
+    const dx = x - data.planar.base[0], dy = y - data.planar.base[1];
+    const far = Math.min(Math.max(Math.hypot(dx, dy), this.inner), this.outer);
+    const bend = side * Math.acos(Math.min(Math.max((far * far - a * a - b * b) / (2 * a * b), -1), 1));
+    const first = Math.atan2(dy, dx) - Math.atan2(b * Math.sin(bend), a + b * Math.cos(bend)) - this.rest[0];
+    return [this.senses[0] * turn(first), this.senses[1] * turn(bend - this.rest[1] + this.rest[0])];
+  }
+
+  /** The other joint values with the tool where it is. */
+  twin(q) {
+    const [x, y] = this.tool(q);
+    return this.solve(x, y, this.bend(q) >= 0 ? -1 : 1);
+  }
+
+  tool(q) {
+    const first = this.senses[0] * q[0] + this.rest[0], second = first + this.bend(q), [a, b] = this.lengths;
+    const { base } = data.planar;
+    return [base[0] + a * Math.cos(first) + b * Math.cos(second), base[1] + a * Math.sin(first) + b * Math.sin(second)];
+  }
+
+  /** The ring the tool reaches, and a handle on the tool. */
+  draw() {
+    const { base, height } = data.planar, { THREE } = viewer;
+    const group = new THREE.Group();
+    const flat = (geometry, color, opacity) => new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color, opacity, transparent: true, depthWrite: false, side: THREE.DoubleSide }));
+    const fine = 0.004 * this.outer;
+    group.add(flat(new THREE.RingGeometry(this.inner, this.outer, 128), 0x4a74ad, 0.09));
+    for (const r of [this.inner, this.outer]) if (r > 0) group.add(flat(new THREE.RingGeometry(r - fine, r + fine, 128), 0x4a74ad, 0.5));
+    group.position.set(base[0], base[1], height);
+    viewer.add("ring", group);
+    this.handle = flat(new THREE.RingGeometry(0.042 * this.outer, 0.054 * this.outer, 48), 0xe4500e, 0.85);
+    this.handle.material.depthTest = false;
+    this.handle.renderOrder = 9;
+    viewer.add("handle", this.handle);
+  }
+
+  follow(q) {
+    const [x, y] = this.tool(q);
+    this.handle.position.set(x, y, data.planar.height);
+  }
+
+  /** Looks at the whole ring from above. */
+  look() {
+    const { base, height } = data.planar, r = 1.02 * this.outer, { THREE } = viewer;
+    viewer.box = new THREE.Box3(new THREE.Vector3(base[0] - r, base[1] - r, height), new THREE.Vector3(base[0] + r, base[1] + r, height));
+    viewer.look([0, 0, 1]);
+  }
+
+  /** The point of the arm's plane under the pointer, or null. */
+  under(event) {
+    const { THREE } = viewer, { camera, pane } = viewer.stage, box = pane.getBoundingClientRect();
+    const spot = new THREE.Vector2((2 * (event.clientX - box.left)) / box.width - 1, 1 - (2 * (event.clientY - box.top)) / box.height);
+    const ray = new THREE.Raycaster();
+    ray.setFromCamera(spot, camera);
+    // The camera's world has its y where the scene's z is.
+    const hit = ray.ray.intersectPlane(new THREE.Plane(new THREE.Vector3(0, 1, 0), -data.planar.height), new THREE.Vector3());
+    return hit && [hit.x, -hit.z];
+  }
+
+  /** Pixels between the pointer and a point of the arm's plane. */
+  distance(event, [x, y]) {
+    const { camera, pane } = viewer.stage, box = pane.getBoundingClientRect();
+    const at = new viewer.THREE.Vector3(x, data.planar.height, -y).project(camera);
+    return Math.hypot(box.left + ((at.x + 1) / 2) * box.width - event.clientX, box.top + ((1 - at.y) / 2) * box.height - event.clientY);
+  }
+
+  /** A drag that begins at the tool, and a click anywhere in the ring, put the tool there; every other drag turns the view. */
+  wire(current, pose) {
+    const { pane } = viewer.stage;
+    let held = false, down = null;
+    const reach = (event) => {
+      const point = this.under(event);
+      if (point) pose(this.solve(...point, this.bend(current()) >= 0 ? 1 : -1));
+    };
+    pane.addEventListener("pointerdown", (event) => {
+      down = event.button === 0 ? [event.clientX, event.clientY] : null;
+      held = down !== null && this.distance(event, this.tool(current())) < 30;
+      if (!held) return;
+      event.stopImmediatePropagation();
+      event.preventDefault();
+      pane.setPointerCapture(event.pointerId);
+    }, true);
+    pane.addEventListener("pointermove", (event) => {
+      if (held) reach(event);
+      else pane.style.cursor = this.distance(event, this.tool(current())) < 30 ? "move" : "";
+    }, true);
+    window.addEventListener("pointerup", (event) => {
+      const still = down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < 4;
+      const point = still && !held ? this.under(event) : null;
+      if (point) {
+        const far = Math.hypot(point[0] - data.planar.base[0], point[1] - data.planar.base[1]);
+        if (far <= this.outer && far >= this.inner) reach(event);
+      }
+      held = false;
+      down = null;
+    }, true);
+  }
+}
