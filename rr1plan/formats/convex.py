@@ -28,7 +28,8 @@ CONVEXITIES: tuple[Convexity, ...] = ("hull", "pieces")
 
 CONCAVITY = 0.05
 CUTS_PER_SIZE = 16
-_VERSION = "pieces-1"
+_EFFORT = {"resolution": 1000, "mcts_nodes": 10, "mcts_iterations": 60}
+_VERSION = "pieces-3"
 
 
 def convex_shapes(meshes: Sequence[Mesh], convex: Convexity = "hull") -> list[Mesh]:
@@ -62,11 +63,9 @@ def convex_hull(points: Array) -> Mesh:
     return _oriented(points, _qhull(points))
 
 
-def is_convex(mesh: Mesh, tolerance: float = 1e-6) -> bool:
+def is_convex(mesh: Mesh, tolerance: float = 2e-3) -> bool:
     """Whether every triangle of a mesh lies on its own hull, within `tolerance` times its size."""
-    equations = _qhull(mesh.vertices).equations
-    middles = mesh.vertices[mesh.faces].mean(axis=1)
-    depth = -(middles @ equations[:, :3].T + equations[:, 3]).max(axis=1)
+    depth = -_outside(mesh, mesh.vertices[mesh.faces].mean(axis=1))
     return bool(depth.max() <= tolerance * _size(mesh.vertices))
 
 
@@ -80,7 +79,11 @@ def convex_pieces(mesh: Mesh) -> list[Mesh]:
     if mesh.convex or is_convex(mesh):
         return [convex_hull(mesh.vertices)]
     key = cache_key(
-        _VERSION, importlib.metadata.version("coacd"), f"{CONCAVITY} {CUTS_PER_SIZE}", mesh.vertices, mesh.faces
+        _VERSION,
+        importlib.metadata.version("coacd"),
+        f"{CONCAVITY} {CUTS_PER_SIZE} {_EFFORT}",
+        mesh.vertices,
+        mesh.faces,
     )
     kept = load_cached(key)
     if kept is not None:
@@ -123,7 +126,7 @@ def _decompose(mesh: Mesh) -> list[Array]:
 
     coacd.set_log_level("error")
     try:
-        parts = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=CONCAVITY, seed=0)
+        parts = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=CONCAVITY, seed=0, **_EFFORT)
     except Exception as error:  # coacd raises bare RuntimeErrors from its C++ part
         raise BackendError(f"coacd could not decompose a mesh of {len(mesh.faces)} triangles: {error}") from error
     return [np.asarray(vertices, dtype=np.float64) for vertices, _ in parts]
@@ -134,13 +137,20 @@ def _covering(mesh: Mesh, pieces: list[Mesh]) -> list[Mesh]:
     triangles = _cut(mesh.vertices[mesh.faces], _size(mesh.vertices) / CUTS_PER_SIZE)
     outside = np.empty((len(pieces), len(triangles)))
     for row, piece in zip(outside, pieces, strict=True):
-        equations = _qhull(piece.vertices).equations
-        row[:] = np.max([(triangles[:, k] @ equations[:, :3].T + equations[:, 3]).max(axis=1) for k in range(3)], 0)
+        row[:] = _outside(piece, triangles.reshape(-1, 3)).reshape(-1, 3).max(axis=1)
     best = outside.argmin(axis=0)
-    return [
-        convex_hull(np.concatenate([piece.vertices, triangles[best == i].reshape(-1, 3)]))
-        for i, piece in enumerate(pieces)
-    ]
+    return [_grown(piece, triangles[best == i].reshape(-1, 3)) for i, piece in enumerate(pieces)]
+
+
+def _grown(piece: Mesh, points: Array) -> Mesh:
+    """The hull of a piece and those of the points that it does not hold."""
+    return convex_hull(np.concatenate([piece.vertices, points[_outside(piece, points) > 0.0]]))
+
+
+def _outside(piece: Mesh, points: Array) -> Array:
+    """How far points (n, 3) are outside a convex mesh [m], (n,)."""
+    equations = _qhull(piece.vertices).equations
+    return np.asarray((points @ equations[:, :3].T + equations[:, 3]).max(axis=1, initial=-np.inf))
 
 
 def _cut(triangles: Array, longest: float) -> Array:
