@@ -361,10 +361,8 @@ class Scene:
         robot = self.arm(arm).robot
         link = robot.link(robot.tool if link is None else link).name
         touch = frozenset(robot.link(name).name for name in touch)
-        if pose is None:
-            T = read_only(inverse(self.link_poses()[f"{arm}/{link}"]) @ thing.pose)
-        else:
-            T = as_pose(pose)
+        where = inverse(self.link_poses()[f"{arm}/{link}"]) @ thing.pose if pose is None else pose
+        T = as_pose(where, "pose of the held object")
         held = Attachment(thing.geometries, arm, link, T, touch)
         rest = {n: o for n, o in self.obstacles.items() if n != obstacle}
         return replace(self, obstacles=rest, attachments={**self.attachments, obstacle: held})
