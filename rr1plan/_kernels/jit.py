@@ -1,4 +1,8 @@
-"""The one way to compile: explicit signatures, strict floating point, cached on disk where that is possible."""
+"""The one way to compile: explicit signatures, strict floating point, cached on disk where that is possible.
+
+The cache looks at the file of a kernel, not at the files of the kernels it calls: whoever edits
+`separation.py` touches `motion.py` too.
+"""
 
 from __future__ import annotations
 

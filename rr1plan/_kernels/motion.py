@@ -191,7 +191,7 @@ def _ball_gap_to_box(body, poses, body_values, x, y, z):
 
 @jit(F64(I64, I64, INTS2, FLOATS2, OUT2, OUT2, F64))
 def quick_gap(a, b, bodies, body_values, poses, centres, enough):
-    """A lower bound of the distance of two bodies from their balls and boxes [m]; a is no half-space; stops at enough."""
+    """A lower bound of the distance of two bodies from their balls and boxes [m]; it stops at enough."""
     if bodies[b, 0] == HALF_SPACE:
         return -np.inf
     dx, dy, dz = centres[a, 0] - centres[b, 0], centres[a, 1] - centres[b, 1], centres[a, 2] - centres[b, 2]

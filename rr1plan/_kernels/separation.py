@@ -207,7 +207,7 @@ def separation(
     for _ in range(_ITERATIONS):
         length = np.sqrt(x * x + y * y + z * z)
         if length < 1e-12:
-            return lower, 0.0
+            return lower, max(lower, 0.0)
         ax, ay, az, corner_a = support(kind_a, size_a, pose_a, corners_a, links_a, corner_a, -x, -y, -z)
         bx, by, bz, corner_b = support(kind_b, size_b, pose_b, corners_b, links_b, corner_b, x, y, z)
         wx, wy, wz = ax - bx, ay - by, az - bz
@@ -225,7 +225,8 @@ def separation(
         s[count, 0], s[count, 1], s[count, 2] = wx, wy, wz
         count, x, y, z = _reduce(s, count + 1)
         if count == 0:
-            return lower, 0.0
+            # A tetrahedron so flat that rounding puts the origin inside does not refute a proven gap.
+            return lower, upper if lower > 0.0 else 0.0
         nearer = np.sqrt(x * x + y * y + z * z)
         if nearer >= upper:
             return lower, upper

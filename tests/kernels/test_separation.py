@@ -69,6 +69,25 @@ def test_the_gap_is_never_more_than_coals_distance_and_closes_on_it(one, two):
     assert apart > 5
 
 
+THIN = [Box((1, 1, 1e-6)), Box((1, 1e-3, 1e-3)), Cylinder(0.5, 0.001), Cylinder(0.0005, 1.0), SHAPES["box"]]
+
+
+def test_thin_shapes_on_a_grid_and_nearly_parallel_ones_are_told_apart_too():
+    rng = np.random.default_rng(10)
+    for k in range(3000):
+        one, two = (THIN[i] for i in rng.integers(len(THIN), size=2))
+        A = pose(np.round(rng.uniform(-5, 5, 3)) * 0.1, rpy=np.round(rng.uniform(-4, 4, 3)) * np.pi / 4)
+        if k % 2:
+            B = pose(np.round(rng.uniform(-5, 5, 3)) * 0.05, rpy=np.round(rng.uniform(-4, 4, 3)) * np.pi / 2)
+        else:
+            B = pose(A[:3, 3] + rng.normal(size=3) * 0.2, rpy=rng.normal(size=3) * 1e-6)
+        distance = coal_distance(one, A, two, B)
+        lower, upper = gap_bounds(one, A, two, B)
+        if distance > 1e-6:
+            assert distance - 1e-5 < lower < distance + 1e-6
+            assert upper > 1e-9
+
+
 def test_it_stops_once_the_gap_is_enough_or_certainly_is_not():
     A, B = pose([0, 0, 0]), pose([1.0, 0.1, 0.2])
     shapes = SHAPES["pebble"], A, SHAPES["ball"], B
