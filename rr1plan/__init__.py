@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from rr1plan.errors import Rr1PlanError as Rr1PlanError
     from rr1plan.errors import UnknownNameError as UnknownNameError
     from rr1plan.formats.plan_files import load_motion as load_motion
+    from rr1plan.kinematics import IkResult as IkResult
     from rr1plan.kinematics import Kinematics as Kinematics
+    from rr1plan.kinematics import copies_within_limits as copies_within_limits
     from rr1plan.kinematics import solve_ik as solve_ik
     from rr1plan.library import load_problems as load_problems
     from rr1plan.library import load_robot as load_robot
@@ -61,9 +63,12 @@ if TYPE_CHECKING:
     from rr1plan.problem import PoseGoal as PoseGoal
     from rr1plan.problem import Problem as Problem
     from rr1plan.problem import RegionGoal as RegionGoal
+    from rr1plan.report import Margin as Margin
     from rr1plan.report import Report as Report
     from rr1plan.report import Violation as Violation
+    from rr1plan.retiming import point_to_point as point_to_point
     from rr1plan.retiming import retime as retime
+    from rr1plan.retiming import retiming_names as retiming_names
     from rr1plan.robot import Robot as Robot
     from rr1plan.scene import Arm as Arm
     from rr1plan.scene import Scene as Scene
@@ -75,6 +80,7 @@ if TYPE_CHECKING:
     from rr1plan.shapes import PointCloud as PointCloud
     from rr1plan.shapes import Sphere as Sphere
     from rr1plan.trajectory import Trajectory as Trajectory
+    from rr1plan.validation import certify_path as certify_path
     from rr1plan.validation import validate as validate
 
 __version__ = "0.1.0"
@@ -93,7 +99,7 @@ _EXPORTS = {
         "UnknownNameError",
     ),
     "rr1plan.formats.plan_files": ("load_motion",),
-    "rr1plan.kinematics": ("Kinematics", "solve_ik"),
+    "rr1plan.kinematics": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
     "rr1plan.library": ("load_problems", "load_robot", "load_scene", "robot_names", "scene_names"),
     "rr1plan.limits": ("Limits",),
     "rr1plan.multi": ("place_grid", "place_ring"),
@@ -104,13 +110,13 @@ _EXPORTS = {
     "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus"),
     "rr1plan.playback": ("cspace", "save_html", "show", "simulate"),
     "rr1plan.problem": ("JointGoal", "PoseGoal", "Problem", "RegionGoal"),
-    "rr1plan.report": ("Report", "Violation"),
-    "rr1plan.retiming": ("retime",),
+    "rr1plan.report": ("Margin", "Report", "Violation"),
+    "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
     "rr1plan.robot": ("Robot",),
     "rr1plan.scene": ("Arm", "Scene"),
     "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Sphere"),
     "rr1plan.trajectory": ("Trajectory",),
-    "rr1plan.validation": ("validate",),
+    "rr1plan.validation": ("certify_path", "validate"),
 }
 _SUBMODULES = ("multi", "playback", "retiming", "transforms")
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
