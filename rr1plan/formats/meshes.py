@@ -21,6 +21,7 @@ from rr1plan.shapes import Mesh
 
 MAX_FACES = 1_000_000
 MAX_BYTES = 256 * 1024 * 1024
+MAX_COORDINATE = 1e9
 SUFFIXES = (".stl", ".obj", ".dae")
 
 
@@ -108,13 +109,23 @@ def _color(mesh: Any) -> Color | None:
 
 def _join(file: Path, meshes: list[Any], factors: Any) -> Mesh:
     """One mesh of several; corners at the very same place become one vertex."""
+    for mesh in meshes:
+        _check(file, np.asarray(mesh.vertices), np.asarray(mesh.faces))
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     corners = np.concatenate([mesh.vertices for mesh in meshes]) * factors
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
-    if not np.isfinite(corners).all():
-        raise FormatError("has a vertex that is not finite", file)
     vertices, where = np.unique(corners, axis=0, return_inverse=True)
     try:
         return Mesh(vertices, where.reshape(-1)[faces])
     except InputError as error:
         raise FormatError(str(error), file) from error
+
+
+def _check(file: Path, vertices: Any, faces: Any) -> None:
+    """Refuse what trimesh passes on from a damaged file."""
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise FormatError(f"has vertices of shape {vertices.shape}, expected three numbers each", file)
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise FormatError(f"has a triangle with the corner {faces.max()}, but {len(vertices)} vertices", file)
+    if not (np.abs(vertices) < MAX_COORDINATE).all():
+        raise FormatError("has a vertex that is not finite or farther away than a robot can be", file)

@@ -136,6 +136,25 @@ def test_a_cut_stl_is_refused(tmp_path: Path, block: Mesh) -> None:
         read_mesh(tmp_path / "cut.stl")
 
 
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_damaged_mesh_is_read_or_refused_and_nothing_else(tmp_path: Path, block: Mesh, name: str) -> None:
+    rng = np.random.default_rng(0)
+    whole = WRITERS[name](block)
+    refused = 0
+    for _ in range(60):
+        data = bytearray(whole)
+        for place in rng.integers(len(data) - 40, size=rng.integers(1, 5)):
+            data[place : place + int(rng.integers(0, 20))] = rng.bytes(int(rng.integers(0, 8)))
+        (tmp_path / name).write_bytes(bytes(data))
+        try:
+            parts = read_mesh(tmp_path / name)
+        except FormatError:
+            refused += 1
+        else:
+            assert all(np.isfinite(part.mesh.vertices).all() for part in parts)
+    assert refused > 0
+
+
 @pytest.mark.parametrize("unit", ["0", "-1", "nan", "inf", "inch"])
 def test_an_impossible_unit_is_refused(tmp_path: Path, block: Mesh, unit: str) -> None:
     (tmp_path / "a.dae").write_bytes(dae(block, unit=unit))
