@@ -1,4 +1,4 @@
-"""One headless Chromium for all tests of this folder."""
+"""One headless Chromium for all tests of a module."""
 
 from __future__ import annotations
 
@@ -7,19 +7,21 @@ from typing import Any
 
 import pytest
 
-from rr1plan.errors import MissingPackageError
 from rr1plan.playback.viewer.capture import find_browser, open_browser
 
 
+# No longer than a module: as long as it runs, nothing else of this thread can use asyncio.
+@pytest.fixture(scope="module")
+def browser(needs_browser: None) -> Iterator[Any]:
+    with open_browser((960, 640)) as context:
+        yield context
+
+
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def needs_browser() -> None:
     if find_browser() is None:
         pytest.skip("no Chromium on this machine")
-    try:
-        with open_browser((960, 640)) as context:
-            yield context
-    except MissingPackageError as error:
-        pytest.skip(str(error))
+    pytest.importorskip("playwright", reason="playwright is not installed")
 
 
 class Tab:

@@ -13,6 +13,7 @@ from PIL import Image
 
 import rr1plan as rp
 from rr1plan.playback import Panel, Replay, pack, save_html, show
+from rr1plan.playback.viewer import view_document
 from rr1plan.playback.viewer.capture import wait_until
 from rr1plan.report import Margin, Violation
 
@@ -233,6 +234,47 @@ def test_a_violation_leads_to_its_moment_and_pair(calm: Any) -> None:
     calm.page.click("#report .violation")
     assert calm.ask("RR1.time") == 1.25
     assert calm.ask("RR1.touched") == ["left/hand", "ball"]
+
+
+def test_the_frame_button_looks_at_everything_and_back(calm: Any) -> None:
+    calm.ask("RR1.look()")
+    near = calm.ask("RR1.stage.camera.position.distanceTo(RR1.stage.controls.target)")
+    calm.page.click("#home")
+    assert calm.ask("RR1.framed") == "whole"
+    whole = calm.ask("RR1.stage.camera.position.distanceTo(RR1.stage.controls.target)")
+    calm.page.click("#home")
+    assert calm.ask("RR1.framed") == "near"
+    assert whole >= near
+
+
+def test_dragging_turns_the_camera(calm: Any) -> None:
+    before = calm.ask("RR1.stage.camera.position.toArray()")
+    calm.page.mouse.move(480, 350)
+    calm.page.mouse.down()
+    calm.page.mouse.move(600, 330, steps=4)
+    calm.page.mouse.up()
+    wait_until(calm.page, f"RR1.stage.camera.position.distanceTo(new RR1.THREE.Vector3(...{before})) > 0.05")
+
+
+def test_more_arms_are_not_more_things_to_draw(calm: Any, planar2r: rp.Robot) -> None:
+    def drawn_things(count: int) -> int:
+        scene = rp.Scene()
+        for i in range(count):
+            scene = scene.with_arm(f"arm{i}", planar2r, [i % 4, i // 4, 0.0])
+        found = calm.ask(
+            """doc => {
+                const before = RR1.document;
+                RR1.load(doc);
+                const { robots, layers } = RR1.world;
+                const found = robots.sets.length + layers.toolpath.children[0].children.length;
+                RR1.load(before);
+                return found;
+            }""",
+            view_document(scene, wander(scene)),
+        )
+        return int(found)
+
+    assert drawn_things(24) == drawn_things(6)
 
 
 def test_the_page_follows_its_window(calm: Any) -> None:

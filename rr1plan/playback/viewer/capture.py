@@ -31,6 +31,7 @@ _FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+_PATIENCE = 90.0  # [s] for a page to come up, drawn by a busy processor
 
 
 def find_browser() -> str | None:
@@ -109,31 +110,31 @@ def screenshot(
     return FilePath(file)
 
 
-def settle_page(page: Any, time: float | None = None, timeout: float = 60.0) -> None:
+def settle_page(page: Any, time: float | None = None) -> None:
     """Wait until the page stands, stop it at a moment, and wait until that is drawn.
 
     Raises:
         BackendError: the page does not come up.
     """
-    wait_until(page, "Boolean(window.RR1 && RR1.ready)", timeout)
+    wait_until(page, "Boolean(window.RR1 && RR1.ready)")
     page.evaluate("t => { RR1.pause(); RR1.seek(t === null ? RR1.player.start : t); RR1.look(); }", time)
     frames = page.evaluate("RR1.frames")
-    wait_until(page, f"RR1.frames > {frames} + 3", timeout)
+    wait_until(page, f"RR1.frames > {frames} + 3")
 
 
-def wait_until(page: Any, expression: str, timeout: float = 60.0) -> None:
+def wait_until(page: Any, expression: str) -> None:
     """Ask the page until a JavaScript expression is true (playwright's own way needs `eval`, which the page forbids).
 
     Raises:
-        BackendError: it is not true after `timeout` [s], or the page is gone.
+        BackendError: it does not become true, or the page is gone.
     """
     from playwright.sync_api import Error
 
-    end = monotonic() + timeout
+    end = monotonic() + _PATIENCE
     try:
         while not page.evaluate(expression):
             if monotonic() > end:
-                raise BackendError(f"the page does not come up: waited {timeout:g} s for {expression}")
+                raise BackendError(f"the page does not come up: waited {_PATIENCE:g} s for {expression}")
             page.wait_for_timeout(30)
     except Error as error:
         raise BackendError(f"the page does not come up: {error}") from error

@@ -59,7 +59,7 @@ class Controls {
     };
     find("speed").onchange = (event) => viewer.setSpeed(Number(event.target.value));
     find("loop").onclick = () => viewer.setLoop(!viewer.player.loop);
-    find("home").onclick = () => viewer.look();
+    find("home").onclick = () => viewer.look(null, viewer.framed === "near");
   }
 
   wireKeys() {
@@ -74,7 +74,7 @@ class Controls {
       Home: () => viewer.seek(viewer.player.start),
       End: () => viewer.seek(viewer.player.end),
       l: () => viewer.setLoop(!viewer.player.loop),
-      r: () => viewer.look(),
+      r: () => viewer.look(null, viewer.framed === "near"),
       h: () => this.fold(),
     };
     window.addEventListener("keydown", (event) => {

@@ -29,6 +29,7 @@ class Lesson {
     this.fillVerdict();
     this.wireCanvas();
     this.wireKeys();
+    if (this.workspace) this.workspace.prepare();
     viewer.on("load", () => this.meet());
     viewer.on("change", () => this.follow());
     this.meet();
@@ -48,7 +49,6 @@ class Lesson {
     }
     this.motion = wrappedCopies(this.curve.length ? this.curve : [[0, 0]]);
     if (this.workspace) {
-      document.body.classList.add("folded");
       this.workspace.draw();
       this.workspace.look();
     }
@@ -140,7 +140,7 @@ class Lesson {
       return swatch;
     };
     const free = data.goals.find((goal) => this.place(goal).free);
-    if (free) text.append(make("br"), chip(data.start), "the start’s ", chip(free), "the goal’s");
+    if (free) text.append(" ", chip(data.start), "the start’s, ", chip(free), "the goal’s.");
   }
 
   place(q) {
@@ -284,7 +284,7 @@ class Lesson {
     // The square is as wide as the panel; what its axis needs below is less than what it needs at the left.
     part(".plot").style.marginBottom = `${(rim + size + below - side) / this.ratio}px`;
     this.repaint();
-    if (this.workspace && !viewer.stage.dragged) this.workspace.look();
+    if (this.workspace && !this.workspace.turned) this.workspace.look();
   }
 
   /** The cells anew: something of them is shown otherwise. */

@@ -60,10 +60,20 @@ class Workspace {
     this.handle.position.set(x, y, data.planar.height);
   }
 
+  /** A card-free view, lit so that obstacles have the colours of their images. */
+  prepare() {
+    const { stage } = viewer;
+    document.body.classList.add("lesson");
+    stage.margins = () => [0.03, 0.03, 0.03, 0.04 + 84 / (stage.pane.clientHeight || 1)];
+    stage.key.intensity = 0.42;
+    stage.controls.addEventListener("start", () => { this.turned = true; });
+  }
+
   /** Looks at the whole ring from above. */
   look() {
     const { base, height } = data.planar, r = 1.02 * this.outer, { THREE } = viewer;
-    viewer.box = new THREE.Box3(new THREE.Vector3(base[0] - r, base[1] - r, height), new THREE.Vector3(base[0] + r, base[1] + r, height));
+    const box = new THREE.Box3(new THREE.Vector3(base[0] - r, base[1] - r, height), new THREE.Vector3(base[0] + r, base[1] + r, height));
+    Object.assign(viewer.extent, { near: box, whole: box });
     viewer.look([0, 0, 1]);
   }
 

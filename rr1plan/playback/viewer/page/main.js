@@ -10,7 +10,7 @@
 //   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column after column
 //   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
 //   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, collisions
-//   viewer.look(direction)                        frame everything, seen from a direction of the world
+//   viewer.look(direction, whole)                 frame the arms (or everything), seen from a direction of the world
 //   viewer.add(name, object3d)  viewer.redraw()   put something of three.js (viewer.THREE) into the world, z up
 //   viewer.unpack(packed)                         {values, shape} of an array sent with rr1plan's `pack`
 
@@ -61,8 +61,8 @@ class Viewer {
     const samples = [kinematics.rest(), this.q];
     if (track) for (let i = 0; i <= 12; i++) samples.push(track.at(track.start + (i / 12) * (track.end - track.start), kinematics.rest()));
     this.samples = samples;
-    this.box = world.extent(samples);
-    const radius = this.box.getSize(new THREE.Vector3()).length() / 2;
+    this.extent = world.extent(samples);
+    const radius = this.extent.near.getSize(new THREE.Vector3()).length() / 2;
     const thin = Math.min(Math.max(0.0022 * radius, 0.0012), 0.008);
     if (track) {
       this.toolPath = new ToolPath(kinematics, track, thin);
@@ -73,8 +73,7 @@ class Viewer {
     world.paint(this.byArm && doc.arms.length > 1);
     for (const [name, layer] of Object.entries(world.layers)) layer.visible = !this.hidden.has(name);
     this.stage.show("world", world.root);
-    const all = this.box.clone().union(world.obstacleBox());
-    this.stage.furnish(all, world.floor === null ? Math.min(0, all.min.z) : world.floor);
+    this.stage.furnish(this.extent.whole, this.extent.floor);
   }
 
   // ---- the configuration -------------------------------------------------------------------
@@ -170,10 +169,11 @@ class Viewer {
     this.redraw();
   }
 
-  look(direction) {
-    this.framed = true;
+  /** Frames the arms and what is near them, or with whole everything; null keeps the direction. */
+  look(direction = null, whole = false) {
+    this.framed = whole ? "whole" : "near";
     this.lastDirection = direction || this.lastDirection || this.world.openDirection(this.samples, this.front());
-    this.stage.look(this.box, this.lastDirection);
+    this.stage.look(this.extent[this.framed], this.lastDirection);
   }
 
   /** The direction [rad about z] in which the arms reach out as shown; where they reach apart, along -y. */

@@ -151,12 +151,13 @@ class Stage {
     this.meshcat.set_dirty();
   }
 
-  /** Shares of the picture's halves that cards cover: left, right, top, bottom. */
+  /** Shares of the picture that cards cover: left, right, top, bottom. */
   margins() {
-    const width = this.pane.clientWidth, height = this.pane.clientHeight;
-    if (document.body.classList.contains("bare") || width < 700) return [0.02, 0.02, 0.05, 0.08];
-    const side = document.body.classList.contains("folded") ? 0 : 290;
-    return [0.13, 0.02 + side / width, 0.04, 0.04 + 90 / height];
+    const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1;
+    if (document.body.classList.contains("bare")) return [0.03, 0.03, 0.03, 0.03];
+    const folded = document.body.classList.contains("folded"), bottom = 0.04 + 84 / height;
+    if (width < 700) return [0.03, 0.03, folded ? 0.04 : Math.min(0.4, 0.02 + find("headline").offsetHeight / height), bottom];
+    return [0.13, 0.02 + (folded ? 0 : 290 / width), 0.04, bottom];
   }
 
   resize() {

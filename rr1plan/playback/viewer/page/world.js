@@ -28,7 +28,7 @@ class World {
     this.layers = {};
     const rest = kinematics.rest();
     kinematics.forwardAll(rest, this.poses);
-    const sides = kinematics.arms.length > 4 ? 18 : 36;
+    const count = kinematics.arms.length, sides = count > 24 ? 10 : count > 4 ? 18 : 36;
     this.robots = this.layer("robots", new Bodies(this.linkItems("visuals", LINK_GREY), { roughness: 0.5, sides }));
     this.held = this.layer("robots", new Bodies(this.heldItems(), {}));
     this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.05, 0.72, 0.66]), { opacity: 0.4, order: 6, sides }));
@@ -224,20 +224,24 @@ class World {
 
   // ---- extent ------------------------------------------------------------------------------
 
-  /** The box to look at: the arms along the motion, and what stands near them. */
+  /** Boxes of the world: `near` to look at (the arms along the motion and what stands near them), and `whole`. */
   extent(samples) {
-    const arms = new THREE.Box3(), p = new THREE.Vector3(), poses = new Float64Array(this.poses.length);
+    const arms = new THREE.Box3(), poses = new Float64Array(this.poses.length);
     for (const q of samples) {
       this.kinematics.forwardAll(q, poses);
-      for (let i = 0; i < poses.length; i += 16) arms.expandByPoint(p.set(poses[i + 12], poses[i + 13], poses[i + 14]));
+      for (let i = 0; i < poses.length; i += 16) arms.expandByPoint(new THREE.Vector3(poses[i + 12], poses[i + 13], poses[i + 14]));
     }
-    const things = this.obstacleBox();
-    if (arms.isEmpty() && things.isEmpty()) return new THREE.Box3(new THREE.Vector3(-0.5, -0.5, 0), new THREE.Vector3(0.5, 0.5, 0.5));
-    if (arms.isEmpty()) return things;
-    const size = arms.getSize(new THREE.Vector3()).length();
-    arms.expandByScalar(0.07 * size);
-    things.intersect(arms.clone().expandByScalar(0.14 * size));
-    return things.isEmpty() ? arms : arms.union(things);
+    const whole = this.obstacleBox();
+    if (arms.isEmpty() && whole.isEmpty()) whole.set(new THREE.Vector3(-0.5, -0.5, 0), new THREE.Vector3(0.5, 0.5, 0.5));
+    const near = arms.isEmpty() ? whole.clone() : arms.clone();
+    const lowest = Math.min(arms.isEmpty() ? Infinity : arms.min.z, whole.isEmpty() ? Infinity : whole.min.z);
+    if (!arms.isEmpty()) {
+      const size = arms.getSize(new THREE.Vector3()).length();
+      near.expandByScalar(0.07 * size);
+      const things = whole.clone().intersect(near.clone().expandByScalar(0.14 * size));
+      if (!things.isEmpty()) near.union(things);
+    }
+    return { near, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };
   }
 
   obstacleBox() {
@@ -319,15 +323,16 @@ function toolLines(kinematics, columns, configurations) {
   });
 }
 
-/** A tube through points whose index runs along its length, so a part of it can be drawn. */
-function tube(points, radius) {
-  const sides = 7, positions = [], normals = [], indices = [];
+/** Appends rings of points around a line, and the directions they face; a line that stands still keeps its last ring. */
+function addRings(points, radius, sides, positions, normals) {
   const tangent = new THREE.Vector3(1, 0, 0), u = new THREE.Vector3(), w = new THREE.Vector3(), n = new THREE.Vector3();
   points.forEach((p, i) => {
     const d = points[Math.min(i + 1, points.length - 1)].clone().sub(points[Math.max(i - 1, 0)]);
     if (d.lengthSq() > 1e-14) tangent.copy(d).normalize();
-    if (u.lengthSq() === 0) u.set(Math.abs(tangent.z) < 0.9 ? 0 : 1, 0, Math.abs(tangent.z) < 0.9 ? 1 : 0);
-    u.addScaledVector(tangent, -u.dot(tangent)).normalize();
+    u.addScaledVector(tangent, -u.dot(tangent));
+    if (u.lengthSq() < 1e-6) u.set(0, 0, 1).cross(tangent);
+    if (u.lengthSq() < 1e-6) u.set(1, 0, 0);
+    u.normalize();
     w.crossVectors(tangent, u);
     for (let k = 0; k < sides; k++) {
       const a = (2 * Math.PI * k) / sides;
@@ -335,45 +340,57 @@ function tube(points, radius) {
       positions.push(p.x + radius * n.x, p.y + radius * n.y, p.z + radius * n.z);
       normals.push(n.x, n.y, n.z);
     }
-    if (i === 0) return;
-    for (let k = 0; k < sides; k++) {
-      const a = (i - 1) * sides + k, b = (i - 1) * sides + ((k + 1) % sides);
-      indices.push(a, b, a + sides, b, b + sides, a + sides);
-    }
   });
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.Float32BufferAttribute(positions, 3));
-  geometry.setAttribute("normal", new THREE.Float32BufferAttribute(normals, 3));
-  geometry.setIndex(indices);
-  geometry.perPiece = 6 * sides;
-  return geometry;
 }
 
-/** The tools' ways: faint as a whole, bright as far as the motion has come. */
+/**
+ * The tools' ways as tubes: faint as a whole, bright as far as the motion has come.
+ * The triangles of all tubes are sorted by time, so that one call draws the bright part of all.
+ */
 class ToolPath {
   constructor(kinematics, track, radius) {
-    this.group = new THREE.Group();
-    this.done = [];
-    const most = Math.max(60, Math.min(400, Math.floor(6000 / kinematics.arms.length)));
+    const many = kinematics.arms.length, sides = many > 24 ? 4 : 7;
+    const most = Math.max(60, Math.min(400, Math.floor(6000 / many)));
     this.pieces = Math.max(2, Math.min(most, Math.ceil(60 * (track.end - track.start))));
     const rows = [];
     for (let i = 0; i <= this.pieces; i++) {
       rows.push(track.at(track.start + (i / this.pieces) * (track.end - track.start), kinematics.rest()));
     }
-    for (const { arm, points } of toolLines(kinematics, track.columns, rows)) {
+    const positions = [], normals = [], colors = [], indices = [];
+    const lines = toolLines(kinematics, track.columns, rows);
+    for (const { arm, points } of lines) {
+      addRings(points, radius, sides, positions, normals);
       const color = light(armColor(kinematics.arms.indexOf(arm)));
-      const whole = tube(points, radius);
-      const part = new THREE.BufferGeometry();
-      for (const name of ["position", "normal"]) part.setAttribute(name, whole.attributes[name]);
-      part.setIndex(whole.index);
-      this.group.add(new THREE.Mesh(whole, new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.22, depthWrite: false })));
-      this.group.add(new THREE.Mesh(part, new THREE.MeshStandardMaterial({ color, roughness: 0.6, emissive: color, emissiveIntensity: 0.25 })));
-      this.done.push([part, whole.perPiece]);
+      for (let i = 0; i < points.length * sides; i++) colors.push(color.r, color.g, color.b);
     }
+    for (let i = 0; i < this.pieces; i++) {
+      for (let line = 0; line < lines.length; line++) {
+        const ring = (line * (this.pieces + 1) + i) * sides;
+        for (let k = 0; k < sides; k++) {
+          const a = ring + k, b = ring + ((k + 1) % sides);
+          indices.push(a, b, a + sides, b, b + sides, a + sides);
+        }
+      }
+    }
+    this.perPiece = 6 * sides * lines.length;
+    const [whole, part] = [new THREE.BufferGeometry(), new THREE.BufferGeometry()];
+    const attributes = { position: positions, normal: normals, color: colors };
+    for (const [name, values] of Object.entries(attributes)) {
+      const attribute = new THREE.Float32BufferAttribute(values, 3);
+      whole.setAttribute(name, attribute);
+      part.setAttribute(name, attribute);
+    }
+    whole.setIndex(indices);
+    part.setIndex(whole.index);
+    this.part = part;
+    this.group = new THREE.Group();
+    this.group.add(new THREE.Mesh(whole, new THREE.MeshBasicMaterial({ vertexColors: true, transparent: true, opacity: 0.22, depthWrite: false })));
+    this.group.add(new THREE.Mesh(part, new THREE.MeshLambertMaterial({ vertexColors: true, emissive: 0x333333 })));
+    for (const mesh of this.group.children) mesh.frustumCulled = false;
   }
 
   show(fraction) {
-    for (const [part, perPiece] of this.done) part.setDrawRange(0, perPiece * Math.round(fraction * this.pieces));
+    this.part.setDrawRange(0, this.perPiece * Math.round(fraction * this.pieces));
   }
 }
 
