@@ -8,7 +8,7 @@ many shipped files differ there.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -102,9 +102,9 @@ class _Reader:
         return self._known(element, attribute, "group", self.groups)
 
     @staticmethod
-    def _known(element: Element, attribute: str, kind: str, known: object) -> str:
+    def _known(element: Element, attribute: str, kind: str, known: Container[str]) -> str:
         name = element.text(attribute)
-        if name not in known:  # type: ignore[operator]
+        if name not in known:
             raise element.error(f"<{element.tag}> names the unknown {kind} {name!r}")
         return name
 
