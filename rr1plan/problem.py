@@ -13,7 +13,7 @@ from rr1plan.checks import Array, finite_array, known_name, positive_number, rea
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
-from rr1plan.transforms import as_pose, rotation_from_quaternion
+from rr1plan.transforms import as_pose, quaternion_from_rotation, rotation_from_quaternion, unit_quaternion
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +38,8 @@ class PoseGoal:
         position_tolerance: [m].
         orientation_tolerance: [rad].
 
+    After construction `position` is (3,) and `quaternion` a unit quaternion or None.
+
     Raises:
         InputError: not finite, wrong shape, or the orientation given twice.
     """
@@ -53,21 +55,20 @@ class PoseGoal:
             if self.quaternion is not None:
                 raise InputError("PoseGoal got a full pose and a quaternion, expected one of them")
             T = as_pose(self.position, "goal pose")
-            rotation: Array | None = T[:3, :3]
+            quaternion: Array | None = unit_quaternion(quaternion_from_rotation(T[:3, :3]))
             position = T[:3, 3].copy()
         else:
             position = finite_array("goal position", self.position, (3,))
-            rotation = None if self.quaternion is None else rotation_from_quaternion(self.quaternion)
+            quaternion = None if self.quaternion is None else unit_quaternion(self.quaternion)
         positive_number("position_tolerance", self.position_tolerance)
         positive_number("orientation_tolerance", self.orientation_tolerance)
         object.__setattr__(self, "position", read_only(position))
-        object.__setattr__(self, "_rotation", None if rotation is None else read_only(np.array(rotation)))
+        object.__setattr__(self, "quaternion", quaternion)
 
     @property
     def rotation(self) -> Array | None:
         """Wanted rotation matrix R_world_frame (3, 3), or None when any will do."""
-        rotation: Array | None = self._rotation  # type: ignore[attr-defined]  # set in __post_init__
-        return rotation
+        return None if self.quaternion is None else rotation_from_quaternion(self.quaternion)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,7 @@ class RegionGoal:
         if (lower > upper).any():
             raise InputError(f"region has lower {lower.tolist()} above upper {upper.tolist()}")
         if self.quaternion is not None:
-            rotation_from_quaternion(self.quaternion)
+            object.__setattr__(self, "quaternion", unit_quaternion(self.quaternion))
         positive_number("orientation_tolerance", self.orientation_tolerance)
         object.__setattr__(self, "lower", read_only(lower))
         object.__setattr__(self, "upper", read_only(upper))

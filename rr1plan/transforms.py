@@ -38,8 +38,8 @@ def rotation_about(axis: Array, angle: float) -> Array:
     return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K))
 
 
-def rotation_from_quaternion(wxyz: Any) -> Array:
-    """Rotation matrix of a quaternion wxyz, normalised first, shape (3, 3).
+def unit_quaternion(wxyz: Any) -> Array:
+    """A quaternion wxyz of norm 1, shape (4,); one that has it to rounding is kept to the bit.
 
     Raises:
         InputError: not four finite numbers, or a norm too near zero to have a direction.
@@ -48,7 +48,16 @@ def rotation_from_quaternion(wxyz: Any) -> Array:
     norm = float(np.linalg.norm(q))
     if norm < 1e-6:
         raise InputError(f"quaternion wxyz {q.tolist()} has norm {norm:.3g}, expected about 1")
-    w, x, y, z = q / norm
+    return read_only(q if abs(norm - 1.0) < 1e-15 else q / norm)
+
+
+def rotation_from_quaternion(wxyz: Any) -> Array:
+    """Rotation matrix of a quaternion wxyz, normalised first, shape (3, 3).
+
+    Raises:
+        InputError: not four finite numbers, or a norm too near zero to have a direction.
+    """
+    w, x, y, z = unit_quaternion(wxyz)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

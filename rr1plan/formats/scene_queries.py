@@ -16,12 +16,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from rr1plan.formats.tables import Table, check_numbers, is_number
 from rr1plan.problem import Goal, JointGoal, PoseGoal, Problem, RegionGoal
 from rr1plan.scene import Scene
-from rr1plan.transforms import quaternion_from_rotation, rotation_from_quaternion
 
 
 def read_queries(queries: Table, scene: Scene) -> dict[str, Problem]:
@@ -81,21 +78,12 @@ def _one_goal(entry: Table, place: str, value: Any) -> Any:
     goal: PoseGoal | RegionGoal
     with table.blame():
         if table.one_of({"position": None, "lower": None}) == "position":
-            rotation = table.numbers("rotation", (3, 3)) if "rotation" in table else None
-            target = _target(table.numbers("position", (3,)), rotation)
-            goal = PoseGoal(frame, target, quaternion, table.number("position_tolerance", 1e-4), tolerance)
+            position = table.numbers("position", (3,))
+            goal = PoseGoal(frame, position, quaternion, table.number("position_tolerance", 1e-4), tolerance)
         else:
             goal = RegionGoal(frame, table.numbers("lower", (3,)), table.numbers("upper", (3,)), quaternion, tolerance)
     table.finish()
     return goal
-
-
-def _target(position: Any, rotation: Any) -> Any:
-    if rotation is None:
-        return position
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation, position
-    return T
 
 
 def _goal_entry(goal: Goal) -> Any:
@@ -105,17 +93,8 @@ def _goal_entry(goal: Goal) -> Any:
     if isinstance(goal, PoseGoal):
         entry["position"] = goal.position.tolist()
         entry["position_tolerance"] = goal.position_tolerance
-        entry |= _rotation_entry(goal.rotation)
     else:
         entry |= {"lower": goal.lower.tolist(), "upper": goal.upper.tolist()}
-        if goal.quaternion is not None:
-            entry["quaternion"] = [float(v) for v in goal.quaternion]
+    if goal.quaternion is not None:
+        entry["quaternion"] = goal.quaternion.tolist()
     return entry | {"orientation_tolerance": goal.orientation_tolerance}
-
-
-def _rotation_entry(R: Any) -> dict[str, Any]:
-    if R is None:
-        return {}
-    quaternion = quaternion_from_rotation(R)
-    exact = np.array_equal(rotation_from_quaternion(quaternion), R)
-    return {"quaternion": quaternion.tolist()} if exact else {"rotation": R.tolist()}

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.problem import JointGoal, PoseGoal, RegionGoal
@@ -80,21 +79,10 @@ def _plain_nest(value: Any, shared: list[Robot] | None) -> Any:
         return {"set": sorted((to_plain(item, shared) for item in value), key=repr)}
     if isinstance(value, list | tuple):
         return [to_plain(item, shared) for item in value]
-    if type(value) is PoseGoal:  # its rotation may have come with a full pose, which no field holds any more
-        return {"type": "PoseGoal", "fields": _pose_goal_fields(value)}
     if type(value).__name__ in _CLASSES:
         names = [f.name for f in dataclasses.fields(value)]
         return {"type": type(value).__name__, "fields": {n: to_plain(getattr(value, n), shared) for n in names}}
     raise InputError(f"a {type(value).__name__} has no form in a plan file")
-
-
-def _pose_goal_fields(goal: PoseGoal) -> dict[str, Any]:
-    target: Array = goal.position
-    if goal.rotation is not None:
-        target = np.eye(4)
-        target[:3, :3], target[:3, 3] = goal.rotation, goal.position
-    names = ("frame", "position_tolerance", "orientation_tolerance")
-    return {n: to_plain(getattr(goal, n)) for n in names} | {"position": to_plain(target)}
 
 
 def _plain_number(value: float) -> Any:
