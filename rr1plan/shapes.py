@@ -167,11 +167,13 @@ def _whole_numbers(faces: Any) -> NDArray[np.int32]:
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """Points with a thickness: a cube of side `resolution` is solid around each point (an octree's leaf).
+    """Points with a thickness: each cell that holds a point is solid (an octree's leaf).
+
+    The cells are cubes of side `resolution` on the grid floor(p / resolution) of the cloud's frame.
 
     Args:
         points: Points [m], shape (n, 3).
-        resolution: Side of an octree leaf [m].
+        resolution: Side of a cell [m].
 
     Raises:
         InputError: no point, a point that is not finite, a resolution not above zero.
