@@ -32,7 +32,7 @@ def solid_pieces(shape: Shape) -> tuple[Shape, ...]:
     return _mesh_pieces(shape)
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=256)
 def _mesh_pieces(mesh: Mesh) -> tuple[Mesh, ...]:
     return (convex_hull(mesh.vertices),) if mesh.convex else tuple(convex_pieces(mesh))
 
@@ -43,7 +43,7 @@ def occupied_cells(cloud: PointCloud) -> Array:
     return np.asarray((keys + 0.5) * cloud.resolution)
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=256)
 def coal_geometry(shape: Shape) -> Any:
     """A convex shape or a point cloud as a `coal.CollisionGeometry`."""
     try:

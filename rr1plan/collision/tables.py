@@ -174,7 +174,7 @@ def _link_table(solids: tuple[Solid, ...], count: int) -> _INTS:
     return np.concatenate([begins, *neighbours])
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=256)
 def _neighbours(shape: Shape) -> tuple[_INTS, _INTS]:
     """How many edges leave each point of a shape's core, and where they lead, point after point."""
     count = len(_core(shape).points)
@@ -209,7 +209,7 @@ def _pair_table(checker: CollisionChecker, chains: list[list[int]]) -> _INTS:
     return table
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=256)
 def _core(shape: Shape) -> _Core:
     zero, none = np.zeros(3), np.zeros((0, 3))
     match shape:

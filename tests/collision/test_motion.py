@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rr1plan._kernels.motion import bound_travel, place_body, place_joints, take_interval
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.errors import InputError
+from rr1plan.library import load_scene
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud, Sphere
 from rr1plan.transforms import pose
@@ -44,11 +45,13 @@ def scenes(cluttered, odd, six, planar):
         "odd padded": (odd_scene(odd).with_padding(0.02), 1.0),
         "held": (held_scene(six), 2.0),
         "two arms": (two_arms(six), 1.5),
+        "rr1": (load_scene("rr1_cluttered"), 1.5),
+        "rr1 pair": (load_scene("rr1_pair"), 1.0),
         "planar": (Scene().with_arm("p", planar).with_obstacle("b", Sphere(0.1), [0.6, 0.4, 0]), 3.0),
     }
 
 
-SCENES = ("cluttered", "padded", "odd", "odd padded", "held", "two arms", "planar")
+SCENES = ("cluttered", "padded", "odd", "odd padded", "held", "two arms", "rr1", "rr1 pair", "planar")
 
 
 def random_edges(checker, wide, count, seed, long=0.5):
