@@ -18,7 +18,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -168,7 +168,8 @@ class Answer:
 def setting_names(planner: str) -> tuple[str, ...]:
     """What can be set of a planner, by OMPL's names."""
     setters = [n for n in dir(getattr(og, planner)) if n.startswith("set") and n[3:4].isupper()]
-    return tuple(sorted(_snake(name[3:]) for name in setters if name not in _NOT_SETTINGS))
+    without = _NOT_SETTINGS | ({"setExtendedFMT"} if planner == "BFMT" else set())
+    return tuple(sorted(_snake(name[3:]) for name in setters if name not in without))
 
 
 def solve(
@@ -195,12 +196,21 @@ def solve(
     with _interrupts(watch):
         try:
             answer = _search(planner, query, watch, seed, settings, tree)
+            before = 0
+            while planner == "BFMT" and answer.waypoints is None and not watch.over and watch.checks > before:
+                before = watch.checks
+                settings = {**settings, "num_samples": 2 * settings.get("num_samples", 1000)}
+                answer = _search(planner, query, watch, seed, settings, tree)
         except (RuntimeError, TypeError) as error:
             if watch.error is None:
                 raise BackendError(f"OMPL's {planner} failed: {error}") from error
             answer = Answer(None)
-    if watch.error is not None:
-        raise watch.error
+    kept, watch.error = watch.error, None
+    try:
+        if kept is not None:
+            raise kept
+    finally:
+        del kept  # its traceback holds this frame: a cycle would keep OMPL's objects until some later collection
     return answer
 
 
@@ -208,12 +218,16 @@ def _search(planner: str, query: Query, watch: Watch, seed: int, settings: Mappi
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
     space = _space(query)
-    information = _information(space, query, watch)
+    # Asked for its tree, OMPL's BIT* never lets go of its states, so its certified edges are written down.
+    edges: list[tuple[tuple[float, ...], ...]] | None = [] if tree and planner == "BITstar" else None
+    information = _information(space, query, watch, edges)
     definition = _definition(information, query)
     search = getattr(og, planner)(information)
     search.setProblemDefinition(definition)
     for name, value in settings.items():
         _set(search, planner, name, value)
+    if planner == "BFMT":
+        search.setExtendedFMT(False)  # it dies when its samples do not suffice; `solve` begins again with more
     search.setup()
     if isinstance(search, og.PRM):
         answer = _search_roadmap(search, information, query, watch)
@@ -227,8 +241,7 @@ def _search(planner: str, query: Query, watch: Watch, seed: int, settings: Mappi
         answer = _solution(definition, len(query.lower))
     if not tree:
         return answer
-    vertices, edges, _ = _explored(search, information, len(query.lower))
-    return Answer(answer.waypoints, answer.difference, SearchTree(vertices, edges))
+    return replace(answer, tree=_tree_of(edges) if edges is not None else _explored(search, information, query)[0])
 
 
 # ---- building ---------------------------------------------------------------------------------
@@ -260,7 +273,9 @@ class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]  # the stubs of 
         return self.valid(self.a, self.b)
 
 
-def _information(space: Any, query: Query, watch: Watch) -> Any:
+def _information(
+    space: Any, query: Query, watch: Watch, edges: list[tuple[tuple[float, ...], ...]] | None = None
+) -> Any:
     n = len(query.lower)
     q = np.zeros(n)
 
@@ -269,7 +284,11 @@ def _information(space: Any, query: Query, watch: Watch) -> Any:
         return watch.in_time() and query.state_valid(q)
 
     def edge_valid(a: Array, b: Array) -> bool:
-        return watch.in_time() and query.edge_valid(a, b)
+        if not (watch.in_time() and query.edge_valid(a, b)):
+            return False
+        if edges is not None:
+            edges.append((tuple(a.tolist()), tuple(b.tolist())))
+        return True
 
     information = ob.SpaceInformation(space)
     information.setStateValidityChecker(watch.guarded(state_valid, failed=False))
@@ -323,15 +342,24 @@ def _solution(definition: Any, n: int) -> Answer:
     return Answer(np.array([state[0:n] for state in states]))
 
 
-def _explored(search: Any, information: Any, n: int) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
-    """Vertices (v, n), edges (e, 2) and the indices of the goals, copied."""
+def _tree_of(edges: list[tuple[tuple[float, ...], ...]]) -> SearchTree:
+    """The graph of edges that are given by their ends."""
+    index: dict[tuple[float, ...], int] = {}
+    pairs = [(index.setdefault(a, len(index)), index.setdefault(b, len(index))) for a, b in edges]
+    return SearchTree(np.array(list(index)), np.array(pairs, dtype=np.int64).reshape(-1, 2))
+
+
+def _explored(search: Any, information: Any, query: Query) -> tuple[SearchTree, NDArray[np.int64]]:
+    """What a planner explored, copied, and the indices of the goals in it."""
+    n = len(query.lower)
     data = ob.PlannerData(information)
     search.getPlannerData(data)
     count = data.numVertices()
     vertices = np.array([data.getVertex(i).getState()[0:n] for i in range(count)]).reshape(count, n)
     edges = [(i, j) for i in range(count) for j in data.getEdges(i)]
     goals = [data.getGoalIndex(i) for i in range(data.numGoalVertices())]
-    return vertices, np.array(edges, dtype=np.int64).reshape(-1, 2), np.array(goals, dtype=np.int64)
+    tree = SearchTree(vertices, np.array(edges, dtype=np.int64).reshape(-1, 2))
+    return tree, np.array(goals, dtype=np.int64)
 
 
 # ---- roadmaps ---------------------------------------------------------------------------------
@@ -370,9 +398,13 @@ def _turn(watch: Watch, checks: int) -> Any:
 
 def _ask_roadmap(search: Any, information: Any, query: Query) -> Answer:
     """The shortest path on the roadmap (Dijkstra 1959), or how near to a goal the start's part of it comes."""
-    vertices, edges, ends = _explored(search, information, len(query.lower))
-    start = int(np.flatnonzero((vertices == query.start).all(axis=1))[0])
-    i, j = edges.T
+    tree, ends = _explored(search, information, query)
+    vertices = tree.vertices
+    found = np.flatnonzero((vertices == query.start).all(axis=1))
+    if len(found) == 0:  # OMPL found the start invalid
+        return Answer(None)
+    start = int(found[0])
+    i, j = tree.edges.T
     lengths = np.linalg.norm(vertices[i] - vertices[j], axis=1)
     graph = coo_array((lengths, (i, j)), shape=(len(vertices), len(vertices))).tocsr()
     table, links = dijkstra(graph, directed=False, indices=np.array([start]), return_predecessors=True)
