@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,23 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
     """The same array, no longer writeable."""
     array.setflags(write=False)
     return array
+
+
+class Value:
+    """Base of our immutable dataclasses: their arrays and mappings are still read-only after pickling."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields alone, without what was cached beside them."""
+        fields = self.__dataclass_fields__  # type: ignore[attr-defined]  # every subclass is a dataclass
+        return {n: dict(v) if isinstance(v, MappingProxyType) else v for n, v in self.__dict__.items() if n in fields}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """The fields again, frozen as they were."""
+        for name, value in state.items():
+            for array in value.values() if isinstance(value, dict) else (value,):
+                if isinstance(array, np.ndarray):
+                    read_only(array)
+            object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
 
 
 def as_generator(rng: Seed) -> np.random.Generator:

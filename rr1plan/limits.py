@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, read_only
+from rr1plan.checks import Array, Value, read_only
 from rr1plan.errors import InputError
 
 _POSITIVE = ("velocity", "acceleration", "jerk", "effort")
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class Limits(Value):
     """Limits of n joints; infinity stands for "no limit known".
 
     Args:
@@ -51,11 +50,6 @@ class Limits:
             if (array <= 0).any():
                 j = int(np.argmax(array <= 0))
                 raise InputError(f"limits: {name} of joint {j} is {array[j]}, expected a number above zero")
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        for name in ("lower", "upper", *_POSITIVE):
-            read_only(getattr(self, name))
 
     def __len__(self) -> int:
         return len(self.lower)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_array, read_only
+from rr1plan.checks import Array, Value, finite_array, read_only
 from rr1plan.errors import InputError
 
 
@@ -27,7 +27,7 @@ def check_joint_names(joint_names: Any) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class Path(Value):
     """Waypoints joined by straight lines in joint space.
 
     Args:
@@ -48,10 +48,6 @@ class Path:
             raise InputError("a path has at least one waypoint, got none")
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "waypoints", read_only(waypoints))
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        read_only(self.waypoints)
 
     def __len__(self) -> int:
         return len(self.waypoints)

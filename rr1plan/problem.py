@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_array, known_name, positive_number, read_only
+from rr1plan.checks import Array, Value, finite_array, known_name, positive_number, read_only
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
@@ -17,7 +17,7 @@ from rr1plan.transforms import as_pose, quaternion_from_rotation, rotation_from_
 
 
 @dataclass(frozen=True, eq=False)
-class JointGoal:
+class JointGoal(Value):
     """Get to a configuration.
 
     Args:
@@ -28,7 +28,7 @@ class JointGoal:
 
 
 @dataclass(frozen=True, eq=False)
-class PoseGoal:
+class PoseGoal(Value):
     """Bring a frame to a position, or to a full pose, in the world.
 
     Args:
@@ -72,7 +72,7 @@ class PoseGoal:
 
 
 @dataclass(frozen=True, eq=False)
-class RegionGoal:
+class RegionGoal(Value):
     """Bring a frame's origin anywhere into a box of the world.
 
     Args:
@@ -108,7 +108,7 @@ Goal = JointGoal | PoseGoal | RegionGoal
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(Value):
     """A planning question.
 
     Args:
@@ -138,14 +138,6 @@ class Problem:
         object.__setattr__(self, "arms", arms)
         object.__setattr__(self, "start", read_only(self._start(arms)))
         object.__setattr__(self, "goal", MappingProxyType(self._goals(arms)))
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"scene": self.scene, "start": self.start, "goal": dict(self.goal), "arms": self.arms}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            object.__setattr__(self, name, MappingProxyType(value) if name == "goal" else value)
-        read_only(self.start)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
+from rr1plan.checks import Value
 from rr1plan.errors import FormatError
 
 ViolationKind = Literal[
@@ -75,7 +76,7 @@ class Margin:
 
 
 @dataclass(frozen=True)
-class Report:
+class Report(Value):
     """The referee's verdict on one trajectory.
 
     Args:
@@ -99,13 +100,6 @@ class Report:
     def __post_init__(self) -> None:
         for name in ("margins", "not_checked", "statistics"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in self.__dict__.items()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
 
     @property
     def valid(self) -> bool:

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_array, finite_number, known_name, read_only
+from rr1plan.checks import Array, Value, finite_array, finite_number, known_name, read_only
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.shapes import Mesh, PointCloud, Shape
@@ -27,19 +27,13 @@ JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
 Color = tuple[float, float, float, float]
 
 
-class _ReadOnlyArrays:
-    """Makes a value's arrays read-only, at construction and after pickling."""
+class _ReadOnlyArrays(Value):
+    """Makes a value's arrays read-only at construction, on copies of its own."""
 
     def __post_init__(self) -> None:
         for name, value in self.__dict__.items():
             if isinstance(value, np.ndarray) and value.flags.writeable:
                 object.__setattr__(self, name, read_only(value.copy()))
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        for value in state.values():
-            if isinstance(value, np.ndarray):
-                read_only(value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +118,7 @@ class Joint(_ReadOnlyArrays):
 
 
 @dataclass(frozen=True, eq=False)
-class Robot:
+class Robot(Value):
     """One arm's description. Build it with `rr1plan.load_robot` or `rr1plan.formats`.
 
     Args:
@@ -168,16 +162,6 @@ class Robot:
         if len(self.limits) != self.nq:
             raise InputError(f"robot {self.name!r} has limits for {len(self.limits)} of {self.nq} joints")
         known_name("link", self.tool, self.link_names)
-
-    def __getstate__(self) -> dict[str, Any]:
-        state = {k: v for k, v in self.__dict__.items() if k in self.__dataclass_fields__}
-        return {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in state.items()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
-        for q in self.configurations.values():
-            read_only(q)
 
     # ---- reading -----------------------------------------------------------------------
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_number, known_name, read_only
+from rr1plan.checks import Array, Value, finite_number, known_name
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.robot import Color, Geometry, Robot, feed_digest
@@ -26,7 +26,7 @@ Pair = frozenset[str]
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class Arm(Value):
     """A robot at a place, in a posture.
 
     Args:
@@ -43,14 +43,9 @@ class Arm:
         object.__setattr__(self, "base", as_pose(self.base, "arm base"))
         object.__setattr__(self, "q", self.robot.configuration(self.q, "arm posture"))
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        read_only(self.base)
-        read_only(self.q)
-
 
 @dataclass(frozen=True, eq=False)
-class Obstacle:
+class Obstacle(Value):
     """A rigid object in the world, of one shape or several.
 
     Args:
@@ -67,13 +62,9 @@ class Obstacle:
         if not self.geometries:
             raise InputError("an obstacle has at least one shape, got none")
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        read_only(self.pose)
-
 
 @dataclass(frozen=True, eq=False)
-class Attachment:
+class Attachment(Value):
     """An object that moves with a link.
 
     Args:
@@ -90,10 +81,6 @@ class Attachment:
     pose: Array
     touch: frozenset[str] = frozenset()
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        read_only(self.pose)
-
 
 def pair(a: str, b: str) -> Pair:
     """The unordered pair of two element names."""
@@ -101,7 +88,7 @@ def pair(a: str, b: str) -> Pair:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(Value):
     """Arms by name, obstacles by name, attached objects by name, allowed contacts, padding.
 
     Args:
@@ -132,14 +119,6 @@ class Scene:
         for value in (self.padding, *self.pair_padding.values()):
             if finite_number("padding", value) < 0.0:
                 raise InputError(f"padding is {value}, expected a distance >= 0")
-
-    def __getstate__(self) -> dict[str, Any]:
-        state = {k: v for k, v in self.__dict__.items() if k in self.__dataclass_fields__}
-        return {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in state.items()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
 
     def _check_names(self) -> None:
         names = [*self.arms, *self.obstacles, *self.attachments]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, finite_array, finite_number, positive_number, read_only
+from rr1plan.checks import Array, Value, finite_array, finite_number, positive_number, read_only
 from rr1plan.errors import InputError
 
 
@@ -120,7 +120,7 @@ class HalfSpace:
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(Value):
     """A triangle mesh.
 
     Args:
@@ -148,11 +148,6 @@ class Mesh:
         object.__setattr__(self, "vertices", read_only(vertices))
         object.__setattr__(self, "faces", read_only(faces))
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        read_only(self.vertices)
-        read_only(self.faces)
-
 
 def _whole_numbers(faces: Any) -> NDArray[np.int32]:
     """Face indices as they were meant: numpy would cut 1.5 to 1 and wrap what is too large."""
@@ -166,7 +161,7 @@ def _whole_numbers(faces: Any) -> NDArray[np.int32]:
 
 
 @dataclass(frozen=True, eq=False)
-class PointCloud:
+class PointCloud(Value):
     """Points with a thickness: each cell that holds a point is solid (an octree's leaf).
 
     The cells are cubes of side `resolution` on the grid floor(p / resolution) of the cloud's frame.
@@ -188,10 +183,6 @@ class PointCloud:
             raise InputError("point cloud has no points, expected at least one")
         object.__setattr__(self, "points", read_only(points))
         object.__setattr__(self, "resolution", positive_number("point cloud resolution", self.resolution))
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        read_only(self.points)
 
 
 Shape = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh | PointCloud

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_array, known_name, read_only
+from rr1plan.checks import Array, Value, finite_array, known_name, read_only
 from rr1plan.errors import InputError
 from rr1plan.path import check_joint_names
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Value):
     """Position as a function of time: q(t) = sum_k coefficients[i, k] (t - breaks[i])^k on piece i.
 
     Outside its time span a trajectory rests at its ends (rates are zero there).
@@ -51,11 +51,6 @@ class Trajectory:
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "breaks", read_only(breaks))
         object.__setattr__(self, "coefficients", read_only(coefficients))
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        read_only(self.breaks)
-        read_only(self.coefficients)
 
     # ---- construction ------------------------------------------------------------------
 
