@@ -97,6 +97,12 @@ def _what(name: str) -> tuple[rp.Scene, dict[str, Any]]:
     }
 
 
+def _with_tree(name: str) -> rp.Planner:
+    """A planner that keeps what it explored, where it can."""
+    planner = rp.make_planner(name)
+    return rp.make_planner(name, tree=True) if hasattr(planner, "tree") else planner
+
+
 def cspace(options: Namespace, console: Console) -> int:
     """Draw the configuration space of a two-joint arm."""
     scene = load_scene(options.scene)
@@ -107,7 +113,7 @@ def cspace(options: Namespace, console: Console) -> int:
     result = None
     if problem is not None:
         with console.progress("planning") as advance:
-            planner = rp.make_planner(options.planner)
+            planner = _with_tree(options.planner)
             result = planner.plan(problem, rp.Budget(5.0), options.seed, told_to(advance))
     with console.progress("checking every cell") as advance:
         picture = rp.cspace(

@@ -135,7 +135,15 @@ def _draw_annulus(axes: Any, cspace: CSpace) -> float:
     seconds = grid.axes[1][:: max(1, len(grid.axes[1]) // 180)]
     radii = [float(np.linalg.norm(_tool(grid, np.array([grid.axes[0][0], s])) - base)) for s in seconds]
     inner, outer = min(radii), max(radii)
-    ring = Annulus((float(base[0]), float(base[1])), outer, max(outer - inner, 1e-6), facecolor="#eef1f5", edgecolor="#c5ccd6", lw=0.8, zorder=0)
+    ring = Annulus(
+        (float(base[0]), float(base[1])),
+        outer,
+        max(outer - inner, 1e-6),
+        facecolor="#eef1f5",
+        edgecolor="#c5ccd6",
+        lw=0.8,
+        zorder=0,
+    )
     axes.add_patch(ring)
     return outer
 

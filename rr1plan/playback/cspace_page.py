@@ -19,12 +19,12 @@ from scipy.sparse.csgraph import dijkstra
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.path import Path
+from rr1plan.planning import SearchTree
 from rr1plan.playback.cspace_figure import layer_colors
 from rr1plan.playback.cspace_grid import LIMITS, SELF, CSpaceGrid
 from rr1plan.playback.viewer.document import Document, pack, view_document
 from rr1plan.playback.viewer.live import Viewer, open_viewer
 from rr1plan.playback.viewer.page import Panel, page_html, write_page
-from rr1plan.planning import SearchTree
 from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def _parts(
     cspace: CSpace, trajectory: Trajectory | None, title: str | None
 ) -> tuple[Document, Panel, tuple[float, float, float] | None]:
     grid = cspace.grid
-    names = tuple(f"{grid.arm}/{name}" for name in grid.joint_names)
+    names = (f"{grid.arm}/{grid.joint_names[0]}", f"{grid.arm}/{grid.joint_names[1]}")
     if trajectory is not None and set(trajectory.joint_names) != set(names):
         raise InputError(
             f"the trajectory moves {', '.join(trajectory.joint_names)}, expected the joints shown: {', '.join(names)}"
@@ -255,10 +255,10 @@ def verdict(cspace: CSpace) -> str:
             return "No path exists: no configuration that reaches the goal is free."
         cells = " × ".join(str(n) for n in grid.free.shape)
         return (
-            "No path exists: start and goal are both free, but they lie in different components of free space "
-            f"({cells} cells, each checked exactly)."
+            "No path exists: start and goal are both free, but lie in different components of free space "
+            f"(on {cells} cells)."
         )
-    seam = ", and its way leads over the seam" if _crosses_seam(cspace) else ""
+    seam = "; the path leads over the seam" if _crosses_seam(cspace) else ""
     return f"Start and goal lie in the same component of free space{seam}."
 
 

@@ -4,6 +4,7 @@ const turn = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 
 class Workspace {
   constructor() {
+    this.turned = false;
     const { bars, senses } = data.planar;
     this.lengths = bars.map(([x, y]) => Math.hypot(x, y));
     this.rest = bars.map(([x, y]) => Math.atan2(y, x));
@@ -60,18 +61,17 @@ class Workspace {
     this.handle.position.set(x, y, data.planar.height);
   }
 
-  /** A card-free view, lit so that obstacles have the colours of their images. */
+  /** A view without cards, lit so that obstacles have the colours of their images. */
   prepare() {
     const { stage } = viewer;
     document.body.classList.add("lesson");
     stage.margins = () => [0.03, 0.03, 0.03, 0.04 + 84 / (stage.pane.clientHeight || 1)];
     stage.key.intensity = 0.42;
-    stage.controls.addEventListener("start", () => { this.turned = true; });
   }
 
   /** Looks at the whole ring from above. */
   look() {
-    const { base, height } = data.planar, r = 1.02 * this.outer, { THREE } = viewer;
+    const { base, height } = data.planar, r = 1.14 * this.outer, { THREE } = viewer;
     const box = new THREE.Box3(new THREE.Vector3(base[0] - r, base[1] - r, height), new THREE.Vector3(base[0] + r, base[1] + r, height));
     Object.assign(viewer.extent, { near: box, whole: box });
     viewer.look([0, 0, 1]);
@@ -122,8 +122,10 @@ class Workspace {
         const far = Math.hypot(point[0] - data.planar.base[0], point[1] - data.planar.base[1]);
         if (far <= this.outer && far >= this.inner) reach(event);
       }
+      this.turned ||= Boolean(down && !still && !held);
       held = false;
       down = null;
     }, true);
+    pane.addEventListener("wheel", () => { this.turned = true; }, { passive: true });
   }
 }

@@ -1,0 +1,355 @@
+"""The lesson page in a real browser: sliders, clicks, hovering, the tree, the proof that there is no path."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import rr1plan as rp
+from rr1plan.library import load_problems
+from rr1plan.playback.viewer.capture import wait_until
+
+pytestmark = pytest.mark.browser
+
+READY = "Boolean(window.RR1 && RR1.ready && RR1.lesson)"
+CELLS = 90
+
+
+@pytest.fixture(scope="module")
+def lesson() -> rp.CSpace:
+    problem = load_problems("planar2r_path")["over_the_seam"]
+    result = rp.make_planner("rrt_connect", tree=True).plan(problem, rng=0)
+    assert result.solved
+    assert result.tree is not None
+    return rp.cspace(problem.scene, problem, result, resolution=CELLS)
+
+
+@pytest.fixture(scope="module")
+def page_file(lesson: rp.CSpace, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    return lesson.save_html(tmp_path_factory.mktemp("lesson") / "lesson.html", play=False)
+
+
+@pytest.fixture(scope="module")
+def opened(shared_tab: Any, page_file: FilePath) -> Any:
+    shared_tab.page.set_viewport_size({"width": 1280, "height": 720})
+    shared_tab.page.goto(page_file.as_uri())
+    wait_until(shared_tab.page, READY)
+    return shared_tab
+
+
+@pytest.fixture
+def calm(opened: Any) -> Iterator[Any]:
+    opened.ask("document.activeElement.blur(), RR1.pause(), RR1.seek(0)")
+    opened.page.mouse.move(2, 2)
+    yield opened
+    assert opened.complaints == []
+
+
+def shown(tab: Any) -> np.ndarray:
+    """The two joints, as the 3-D arm stands."""
+    return np.array(tab.ask("Array.from(RR1.q)"))
+
+
+def on_canvas(tab: Any, q: Any) -> tuple[float, float]:
+    """The pixel of the page where a configuration is drawn."""
+    x, y = tab.ask(
+        """([a, b]) => {
+            const { plot, ratio, canvas } = RR1.lesson, box = canvas.getBoundingClientRect();
+            const u = (a + Math.PI) / (2 * Math.PI), v = (b + Math.PI) / (2 * Math.PI);
+            return [box.left + (plot.x + u * plot.size) / ratio, box.top + (plot.y + (1 - v) * plot.size) / ratio];
+        }""",
+        [float(v) for v in q],
+    )
+    return float(x), float(y)
+
+
+def in_view(tab: Any, point: Any) -> tuple[float, float]:
+    """The pixel of the page where a point of the world is drawn."""
+    x, y = tab.ask(
+        """([x, y, z]) => {
+            const { camera, pane } = RR1.stage, box = pane.getBoundingClientRect();
+            camera.updateMatrixWorld();
+            const p = new RR1.THREE.Vector3(x, z, -y).project(camera);
+            return [box.left + (p.x + 1) / 2 * box.width, box.top + (1 - p.y) / 2 * box.height];
+        }""",
+        [float(v) for v in point],
+    )
+    return float(x), float(y)
+
+
+def canvas_pixels(tab: Any) -> np.ndarray:
+    """What is drawn into the configuration space, as numbers."""
+    png = tab.page.locator("#panel-cspace canvas").screenshot()
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
+
+
+def near(pixels: np.ndarray, color: str, tolerance: int = 12) -> np.ndarray:
+    wanted = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)])
+    return np.asarray(np.abs(pixels - wanted).max(axis=2) <= tolerance)
+
+
+def check_arm(tab: Any, scene: rp.Scene, q: np.ndarray) -> None:
+    """The page's kinematics put every link where ours do."""
+    expected = scene.link_poses({"arm": q})
+    for name, T in expected.items():
+        found = np.reshape(tab.ask("n => RR1.linkPose(n)", name), (4, 4)).T
+        np.testing.assert_allclose(found, T, atol=1e-6)
+
+
+def test_the_page_asks_nobody_for_anything(opened: Any, page_file: FilePath) -> None:
+    assert opened.requests == [page_file.as_uri()]
+    assert opened.complaints == []
+
+
+def test_every_cell_reached_the_page(calm: Any, lesson: rp.CSpace) -> None:
+    grid = lesson.grid
+    bits = np.array(calm.ask("Array.from(RR1.lesson.cells.bits)")).reshape(grid.free.shape)
+    for k, mask in enumerate(grid.layers.values()):
+        assert (((bits >> k) & 1).astype(bool) == mask).all()
+    labels = np.array(calm.ask("Array.from(RR1.lesson.cells.labels)"))[: bits.size].reshape(bits.shape)
+    assert ((labels > 0) == grid.free).all()
+
+
+def test_obstacles_images_are_drawn_in_their_own_colours(calm: Any, lesson: rp.CSpace) -> None:
+    calm.ask("RR1.lesson.showTree = false, RR1.lesson.redraw()")
+    pixels = canvas_pixels(calm)
+    calm.ask("RR1.lesson.showTree = true, RR1.lesson.redraw()")
+    area = np.prod(calm.ask("[RR1.lesson.plot.size, RR1.lesson.plot.size]")) / calm.ask("RR1.lesson.ratio ** 2")
+    for name, mask in lesson.grid.layers.items():
+        color = lesson.grid.scene.obstacles[name].geometries[0].color
+        text = "#{:02x}{:02x}{:02x}".format(*(round(255 * c) for c in color[:3]))
+        # Overlaps are shared among their layers, and the path covers a little.
+        assert near(pixels, text).sum() == pytest.approx(mask.mean() * area, rel=0.25)
+
+
+def test_a_slider_moves_the_arm_and_the_mark(calm: Any, lesson: rp.CSpace) -> None:
+    before = canvas_pixels(calm)
+    slider = calm.page.locator("#cspace-0")
+    slider.focus()
+    q = shown(calm)
+    for _ in range(8):
+        calm.page.keyboard.press("ArrowLeft")
+    moved = shown(calm)
+    assert moved[0] == pytest.approx(q[0] - 8 * np.pi / 360, abs=np.pi / 360)
+    assert moved[1] == pytest.approx(q[1])
+    check_arm(calm, lesson.grid.scene, moved)
+    after = canvas_pixels(calm)
+    x, y = on_canvas(calm, moved)
+    box = calm.page.locator("#panel-cspace canvas").bounding_box()
+    spot = after[round(y - box["y"]), round(x - box["x"])]
+    assert near(spot[None, None], "#e4500e", 20).all()
+    assert (before != after).any()
+
+
+def test_a_click_puts_the_arm_there_and_a_drag_wraps_over_the_seam(calm: Any, lesson: rp.CSpace) -> None:
+    for q in ([-1.0, 0.4], [2.9, -2.5], [-3.0, 3.0]):
+        calm.page.mouse.click(*on_canvas(calm, q))
+        np.testing.assert_allclose(shown(calm), q, atol=0.02)
+        check_arm(calm, lesson.grid.scene, shown(calm))
+        assert float(calm.page.locator("#cspace-0").input_value()) == pytest.approx(q[0], abs=0.02)
+    calm.page.mouse.move(*on_canvas(calm, [3.0, 0.0]))
+    calm.page.mouse.down()
+    calm.page.mouse.move(*on_canvas(calm, [3.3, 0.0]))
+    calm.page.mouse.up()
+    np.testing.assert_allclose(shown(calm), [3.3 - 2 * np.pi, 0.0], atol=0.02)
+
+
+def test_the_keyboard_moves_the_arm(calm: Any) -> None:
+    calm.page.locator("#panel-cspace canvas").focus()
+    q = shown(calm)
+    calm.page.keyboard.press("ArrowRight")
+    calm.page.keyboard.press("Shift+ArrowUp")
+    np.testing.assert_allclose(shown(calm) - q, [np.pi / 180, 10 * np.pi / 180], atol=1e-9)
+    assert calm.ask("RR1.time") == 0.0
+
+
+def test_hovering_says_what_forbids_a_cell(calm: Any, lesson: rp.CSpace) -> None:
+    grid = lesson.grid
+    for name in ("yellow", "violet", "red"):
+        alone = grid.layers[name] & (sum(m.astype(int) for m in grid.layers.values()) == 1)
+        i, j = deep_inside(alone)
+        calm.page.mouse.move(*on_canvas(calm, [grid.axes[0][i], grid.axes[1][j]]))
+        assert calm.page.locator(".tip b").inner_text() == f"blocked by {name}"
+    overlap = grid.layers["red"] & grid.layers["blue"]
+    i, j = deep_inside(overlap)
+    calm.page.mouse.move(*on_canvas(calm, [grid.axes[0][i], grid.axes[1][j]]))
+    assert calm.page.locator(".tip b").inner_text() == "blocked by red and blue"
+    i, j = deep_inside(grid.free)
+    calm.page.mouse.move(*on_canvas(calm, [grid.axes[0][i], grid.axes[1][j]]))
+    assert calm.page.locator(".tip b").inner_text() == "free"
+    calm.page.mouse.move(2, 2)
+    assert calm.page.locator(".tip").is_hidden()
+
+
+def deep_inside(mask: np.ndarray) -> tuple[int, int]:
+    """The cell of a mask farthest from its rim."""
+    from scipy.ndimage import distance_transform_edt
+
+    i, j = np.unravel_index(np.argmax(distance_transform_edt(np.pad(mask, 1))), np.add(mask.shape, 2))
+    return int(i) - 1, int(j) - 1
+
+
+def test_the_badge_says_whether_the_arm_is_free_and_the_arm_turns_red(calm: Any, lesson: rp.CSpace) -> None:
+    state = calm.page.locator("#panel-cspace .state")
+    assert state.inner_text() == "free"
+    i, j = deep_inside(lesson.grid.layers["yellow"])
+    calm.page.mouse.click(*on_canvas(calm, [lesson.grid.axes[0][i], lesson.grid.axes[1][j]]))
+    assert state.inner_text() == "blocked by yellow"
+    assert calm.ask("RR1.lesson.blocked")
+    calm.page.mouse.click(*on_canvas(calm, lesson.start))
+    assert state.inner_text() == "free"
+    assert not calm.ask("RR1.lesson.blocked")
+    np.testing.assert_allclose(shown(calm), lesson.start, atol=1e-9)  # a click on the mark means the mark
+
+
+def test_the_mark_follows_the_clock(calm: Any, lesson: rp.CSpace) -> None:
+    calm.ask("RR1.seek(0.4 * RR1.duration)")
+    q = shown(calm)
+    np.testing.assert_allclose(q, calm.ask("Array.from(RR1.at(0.4 * RR1.duration))"))
+    wrapped = (q + np.pi) % (2 * np.pi) - np.pi
+    x, y = on_canvas(calm, wrapped)
+    box = calm.page.locator("#panel-cspace canvas").bounding_box()
+    assert near(canvas_pixels(calm)[round(y - box["y"]), round(x - box["x"])][None, None], "#e4500e", 20).all()
+
+
+def test_a_path_over_the_seam_is_drawn_on_both_sides(calm: Any, lesson: rp.CSpace) -> None:
+    assert np.abs(lesson.path).max() > np.pi
+    assert "over the seam" in calm.page.locator(".verdict").inner_text()
+    calm.ask("RR1.lesson.showTree = false, RR1.lesson.redraw()")
+    with_path = canvas_pixels(calm)
+    calm.ask("RR1.lesson.kept = RR1.lesson.curve, RR1.lesson.curve = [], RR1.lesson.redraw()")
+    without = canvas_pixels(calm)
+    calm.ask("RR1.lesson.curve = RR1.lesson.kept, RR1.lesson.showTree = true, RR1.lesson.redraw()")
+    changed = (np.abs(with_path - without).max(axis=2) > 30).any(axis=0)
+    x, size = calm.ask("[RR1.lesson.plot.x / RR1.lesson.ratio, RR1.lesson.plot.size / RR1.lesson.ratio]")
+    left, right = round(x) + 3, round(x + size) - 3
+    assert changed[left : left + 4].any()
+    assert changed[right - 4 : right].any()
+
+
+def test_the_tree_can_be_hidden_and_grown(calm: Any, lesson: rp.CSpace) -> None:
+    edges = len(lesson.tree.edges)
+    assert calm.ask("RR1.lesson.tree.length") == edges
+    whole = canvas_pixels(calm)
+    calm.page.locator("[data-tool=tree]").click()
+    calm.page.mouse.move(2, 2)
+    hidden = canvas_pixels(calm)
+    assert (np.abs(whole - hidden).max(axis=2) > 40).sum() > 200
+    slider = calm.page.locator("#panel-cspace .grow input")
+    slider.fill(str(edges // 2))
+    half = canvas_pixels(calm)
+    ink = [(np.abs(p - hidden).max(axis=2) > 40).sum() for p in (half, whole)]
+    assert 0.1 * ink[1] < ink[0] < 0.9 * ink[1]
+    calm.page.keyboard.press("g")
+    wait_until(calm.page, f"RR1.lesson.grown === {edges}")
+    assert (canvas_pixels(calm) == whole).all()
+
+
+def test_the_tree_grows_from_its_roots(calm: Any, lesson: rp.CSpace) -> None:
+    """However far it has grown, every edge hangs together with the start or a goal."""
+    pieces = calm.ask("RR1.lesson.tree.map((copies) => copies[0])")
+    first = np.array([pieces[0][0], pieces[0][1]])
+    span = 2 * np.pi
+    roots = [(np.asarray(q) + np.pi) / span for q in (lesson.start, *lesson.goals)]
+    turns = [np.abs((end - root + 0.5) % 1.0 - 0.5).max() for end in first for root in roots]
+    assert min(turns) < 1e-5
+
+
+def test_the_elbow_flips_and_the_tool_stays(calm: Any, lesson: rp.CSpace) -> None:
+    tool = calm.ask("RR1.linkPose('arm/tool').slice(12, 14)")
+    q = shown(calm)
+    calm.page.locator("[data-tool=elbow]").click()
+    np.testing.assert_allclose(calm.ask("RR1.linkPose('arm/tool').slice(12, 14)"), tool, atol=1e-9)
+    flipped = shown(calm)
+    assert flipped[1] == pytest.approx(-q[1])
+    calm.page.keyboard.press("e")
+    np.testing.assert_allclose(shown(calm), q, atol=1e-9)
+    for goal in lesson.goals:
+        calm.page.mouse.click(*on_canvas(calm, goal))
+        np.testing.assert_allclose(shown(calm), goal, atol=1e-9)
+
+
+def test_a_click_and_a_drag_in_the_workspace_bring_the_tool_there(calm: Any) -> None:
+    def tool() -> np.ndarray:
+        return np.array(calm.ask("RR1.linkPose('arm/tool').slice(12, 15)"))
+
+    for target in ([0.5, 0.9, 0.0], [-1.0, 0.3, 0.0]):
+        calm.page.mouse.click(*in_view(calm, target))
+        np.testing.assert_allclose(tool(), target, atol=0.01)
+    calm.page.mouse.move(*in_view(calm, tool()))
+    calm.page.mouse.down()
+    calm.page.mouse.move(*in_view(calm, [-0.9, -0.6, 0.0]), steps=4)
+    np.testing.assert_allclose(tool(), [-0.9, -0.6, 0.0], atol=0.01)
+    calm.page.mouse.move(*in_view(calm, [-0.1, 0.0, 0.0]))  # too near: as near as the arm can
+    calm.page.mouse.up()
+    assert np.linalg.norm(tool()) == pytest.approx(0.3, abs=1e-6)
+    assert not calm.ask("RR1.lesson.workspace.turned")
+
+
+def test_components_get_colours(calm: Any) -> None:
+    plain = canvas_pixels(calm)
+    calm.page.keyboard.press("c")
+    tinted = canvas_pixels(calm)
+    calm.page.keyboard.press("c")
+    assert near(plain, "#cfe0fb", 2).sum() < 100
+    assert near(tinted, "#cfe0fb", 2).sum() > 20_000
+    assert (canvas_pixels(calm) == plain).all()
+
+
+def test_where_no_path_exists_the_page_says_so_in_two_colours(tab: Any, tmp_path: FilePath) -> None:
+    problem = load_problems("planar2r_no_path")["no_way"]
+    picture = rp.cspace(problem.scene, problem, resolution=CELLS)
+    file = picture.save_html(tmp_path / "none.html", title="<b>no & way</b>")
+    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.page.goto(file.as_uri())
+    wait_until(tab.page, READY)
+    said = tab.page.locator(".verdict").inner_text()
+    assert said.startswith("No path exists")
+    assert f"{CELLS} × {CELLS}" in said
+    pixels = canvas_pixels(tab)
+    assert near(pixels, "#cfe0fb", 2).sum() > 10_000
+    assert near(pixels, "#cdeedb", 2).sum() > 10_000
+    assert tab.page.locator(".grow").is_hidden()
+    assert tab.page.title() == "<b>no & way</b>"
+    assert tab.complaints == []
+    assert tab.requests == [file.as_uri()]
+    # Nothing is cut off on the smallest projector.
+    assert tab.ask("(p => p.scrollHeight <= p.clientHeight)(document.getElementById('panels'))")
+
+
+def test_a_timed_motion_plays_on_its_own_clock(tab: Any, lesson: rp.CSpace, tmp_path: FilePath) -> None:
+    trajectory = rp.retime(rp.Path(("arm/joint1", "arm/joint2"), lesson.path), lesson.grid.scene)
+    file = lesson.save_html(tmp_path / "timed.html", trajectory=trajectory, play=False)
+    tab.page.goto(file.as_uri())
+    wait_until(tab.page, READY)
+    assert tab.ask("RR1.duration") == pytest.approx(trajectory.duration)
+    tab.ask("t => RR1.seek(t)", trajectory.duration / 3)
+    np.testing.assert_allclose(shown(tab), trajectory(trajectory.duration / 3), atol=1e-5)
+    assert tab.complaints == []
+
+
+def test_two_joints_of_a_bigger_arm_have_their_page_too(tab: Any, rr1_table: rp.Scene, tmp_path: FilePath) -> None:
+    picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=32)
+    tab.page.goto(picture.save_html(tmp_path / "rr1.html").as_uri())
+    wait_until(tab.page, READY)
+    start = shown(tab)
+    i, j = deep_inside(picture.grid.free)
+    columns = tab.ask(
+        "RR1.lesson.cells && RR1.joints.map((n) => n.endsWith('/shoulder_joint') || n.endsWith('/elbow_joint'))"
+    )
+    low, high = (np.array([a[k] for a in picture.grid.axes]) for k in (0, -1))
+    q = np.array([picture.grid.axes[0][i], picture.grid.axes[1][j]])
+    half = 0.5 * (high - low) / 31
+    part = (q - low + half) / (high - low + 2 * half)
+    tab.page.mouse.click(*on_canvas(tab, -np.pi + 2 * np.pi * part))
+    np.testing.assert_allclose(shown(tab)[columns], q, atol=0.05)
+    assert (shown(tab)[~np.array(columns)] == start[~np.array(columns)]).all()
+    assert tab.page.locator("#panel-cspace .state").inner_text() == "free"
+    assert tab.page.locator("[data-tool=elbow]").is_hidden()
+    assert tab.complaints == []
