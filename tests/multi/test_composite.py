@@ -1,0 +1,40 @@
+"""Two arms that move at once are one problem with more columns: planned, certified arm against arm, like any other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.library import load_problems
+from rr1plan.planning import Budget
+
+
+@pytest.fixture(scope="module")
+def change_places():
+    return load_problems("rr1_pair")["change_places"]
+
+
+def test_two_arms_are_planned_at_once_and_certified_against_each_other(change_places):
+    budget = Budget(seconds=float("inf"), iterations=20000)
+    result = rp.plan(change_places, budget=budget, rng=1)
+    assert result.solved, result.reason
+    points = result.path.waypoints
+    assert points.shape[1] == change_places.nq == 12
+    assert points[0].tobytes() == change_places.start.tobytes()
+    goal = np.concatenate([change_places.goal[arm][0].q for arm in change_places.arms])
+    np.testing.assert_array_equal(points[-1], goal)
+    checker = CollisionChecker(change_places.scene, change_places.arms)
+    assert any(a.startswith("left/") and b.startswith("right/") for a, b in checker.pairs)
+    assert MotionChecker(checker).path_is_free(points)
+    assert all(checker.is_free(q) for q in result.path.sample(0.02))
+    again = rp.plan(change_places, budget=budget, rng=1)
+    assert again.path.waypoints.tobytes() == points.tobytes()
+
+
+def test_an_arm_of_the_pair_can_move_alone_while_the_other_holds():
+    problem = load_problems("rr1_pair")["left_alone"]
+    result = rp.plan(problem, rng=1)
+    assert result.solved, result.reason
+    assert result.path.joint_names == problem.scene.joint_names(["left"])
