@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Literal
 
 from rr1plan.checks import known_name
-from rr1plan.errors import InputError
+from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.convex import Convexity
 from rr1plan.formats.motion_bench import read_bench_scene
 from rr1plan.formats.moveit_scene import read_moveit_scene
 from rr1plan.formats.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.formats.robots import Choice, assemble
 from rr1plan.formats.scene_toml import read_scene
-from rr1plan.formats.srdf import read_srdf
+from rr1plan.formats.srdf import Semantics, read_srdf
 from rr1plan.formats.urdf import Tree, read_urdf
 from rr1plan.formats.xacro import expand_xacro
 from rr1plan.limits import Limits
@@ -104,9 +104,10 @@ def load_robot(
     """
     folder, file = _locate(name_or_file)
     tree = _read_tree(file, package_dirs, convex, xacro_arguments)
-    if srdf is None:
-        srdf = folder.srdf if folder is not None else _srdf_beside(file)
-    semantics = None if srdf is None or srdf is False else read_srdf(Path(srdf), tree)
+    if srdf is not None:
+        semantics = None if srdf is False else read_srdf(Path(srdf), tree)
+    else:
+        semantics = _semantics_beside(folder.srdf if folder is not None else _srdf_beside(file), tree)
     if folder is not None:
         group, tool = group or folder.group, tool or folder.tool
     robot = assemble(tree, semantics, Choice(group, joints, tool, name))
@@ -136,6 +137,14 @@ def _read_tree(
         return read_urdf(file, package_dirs=package_dirs, convex=convex)
     text = expand_xacro(file, package_dirs=package_dirs, arguments=arguments)
     return read_urdf(text, package_dirs=package_dirs, convex=convex, file=file)
+
+
+def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:
+    """What an SRDF says that nobody asked for by name; one that does not fit says how to do without."""
+    try:
+        return None if srdf is None else read_srdf(srdf, tree)
+    except FormatError as error:
+        raise FormatError(f"{error}; to load {tree.name!r} without this SRDF, say srdf=False") from error
 
 
 def _srdf_beside(file: Path) -> Path | None:

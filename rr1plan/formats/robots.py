@@ -11,7 +11,7 @@ import numpy as np
 from rr1plan.checks import Array, known_name
 from rr1plan.errors import InputError
 from rr1plan.formats.srdf import Semantics
-from rr1plan.formats.srdf_proposal import free_configuration, propose_never_collide, rigid_pairs
+from rr1plan.formats.srdf_proposal import free_configuration, propose_never_collide, rigid_pairs, touching_links
 from rr1plan.formats.urdf import Tree
 from rr1plan.limits import Limits
 from rr1plan.robot import Joint, Robot
@@ -82,7 +82,14 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     if "home" not in configurations:
         home = free_configuration(robot, robot.home, rng=0)
         robot = replace(robot, configurations={**robot.configurations, "home": home})
+    _warn_of_touching_home(robot)
     return robot
+
+
+def _warn_of_touching_home(robot: Robot) -> None:
+    touching = sorted(" - ".join(sorted(pair)) for pair in touching_links(robot, robot.home))
+    if touching:
+        log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, ", ".join(touching))
 
 
 def _sampled_pairs(robot: Robot) -> frozenset[frozenset[str]]:

@@ -106,6 +106,12 @@ def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed 
     return next((q for q in candidates if not bodies.touching(robot.joint_values(q), pairs)), wish)
 
 
+def touching_links(robot: Robot, q: Array) -> set[Pair]:
+    """The pairs of links that touch at q (nq,), those that may left out."""
+    bodies = LinkBodies(robot)
+    return bodies.touching(robot.joint_values(q), [pair for pair in bodies.pairs if pair not in robot.never_collide])
+
+
 class LinkBodies:
     """The collision shapes of a robot's links as Coal objects."""
 
