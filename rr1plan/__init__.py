@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from rr1plan import retiming as retiming
     from rr1plan import transforms as transforms
     from rr1plan.collision import CollisionChecker as CollisionChecker
+    from rr1plan.collision import Contact as Contact
+    from rr1plan.collision import FirstContact as FirstContact
     from rr1plan.collision import MotionChecker as MotionChecker
+    from rr1plan.collision import Nearest as Nearest
     from rr1plan.errors import BackendError as BackendError
     from rr1plan.errors import FormatError as FormatError
     from rr1plan.errors import InputError as InputError
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
     from rr1plan.errors import Rr1PlanError as Rr1PlanError
     from rr1plan.errors import UnknownNameError as UnknownNameError
     from rr1plan.formats.plan_files import load_motion as load_motion
+    from rr1plan.formats.srdf_proposal import propose_never_collide as propose_never_collide
     from rr1plan.kinematics import IkResult as IkResult
     from rr1plan.kinematics import Kinematics as Kinematics
     from rr1plan.kinematics import copies_within_limits as copies_within_limits
@@ -87,7 +91,7 @@ __version__ = "0.1.0"
 
 # A name here and a line above; a test holds the two together.
 _EXPORTS = {
-    "rr1plan.collision": ("CollisionChecker", "MotionChecker"),
+    "rr1plan.collision": ("CollisionChecker", "Contact", "FirstContact", "MotionChecker", "Nearest"),
     "rr1plan.errors": (
         "BackendError",
         "FormatError",
@@ -99,6 +103,7 @@ _EXPORTS = {
         "UnknownNameError",
     ),
     "rr1plan.formats.plan_files": ("load_motion",),
+    "rr1plan.formats.srdf_proposal": ("propose_never_collide",),
     "rr1plan.kinematics": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
     "rr1plan.library": ("load_problems", "load_robot", "load_scene", "robot_names", "scene_names"),
     "rr1plan.limits": ("Limits",),
