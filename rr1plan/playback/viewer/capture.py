@@ -65,6 +65,7 @@ def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
             )
         except Error as error:
             raise BackendError(f"{binary} does not start: {error}") from error
+        context.set_default_timeout(1e3 * _PATIENCE)
         try:
             yield context
         finally:
@@ -101,13 +102,27 @@ def screenshot(
     url = source.url if isinstance(source, Viewer) else _file_url(source)
     with open_browser(check_size(size)) as context:
         page = context.pages[0]
-        page.goto(url + ("#bare" if bare else ""))
+        open_page(page, url + ("#bare" if bare else ""))
         settle_page(page, time)
         try:
             page.screenshot(path=file)
         except OSError as error:
             raise InputError(f"cannot write {str(file)!r}: {error.strerror}") from error
     return FilePath(file)
+
+
+def open_page(page: Any, url: str) -> None:
+    """Go to an address.
+
+    Raises:
+        BackendError: the page does not come up.
+    """
+    from playwright.sync_api import Error
+
+    try:
+        page.goto(url)
+    except Error as error:
+        raise BackendError(f"the page does not come up: {error}") from error
 
 
 def settle_page(page: Any, time: float | None = None) -> None:

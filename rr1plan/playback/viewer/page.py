@@ -26,7 +26,7 @@ from rr1plan.checks import finite_array
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.playback.viewer.document import Document
 
-_SCRIPTS = ("math.js", "shapes.js", "world.js", "stage.js", "player.js", "controls.js", "live.js", "main.js")
+_SCRIPTS = ("math.js", "shapes.js", "ways.js", "world.js", "stage.js", "player.js", "controls.js", "live.js", "main.js")
 
 
 @dataclass(frozen=True)

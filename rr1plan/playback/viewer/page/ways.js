@@ -1,0 +1,152 @@
+// Where the tools go and where they have to get to: tool paths, paths without times, goals.
+
+/** Positions of the tools of the arms that move, at each of the configurations: one Float32Array an arm. */
+function toolLines(kinematics, columns, configurations) {
+  const poses = new Float64Array(16 * kinematics.links);
+  const arms = kinematics.arms.filter((a) => columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
+  return arms.map((arm) => {
+    const points = [];
+    const at = 16 * kinematics.toolIndex(arm);
+    for (const q of configurations) {
+      kinematics.forward(arm, q, poses);
+      points.push(new THREE.Vector3(poses[at + 12], poses[at + 13], poses[at + 14]));
+    }
+    return { arm, points };
+  });
+}
+
+/** Appends rings of points around a line, and the directions they face; a line that stands still keeps its last ring. */
+function addRings(points, radius, sides, positions, normals) {
+  const tangent = new THREE.Vector3(1, 0, 0), u = new THREE.Vector3(), w = new THREE.Vector3(), n = new THREE.Vector3();
+  points.forEach((p, i) => {
+    const d = points[Math.min(i + 1, points.length - 1)].clone().sub(points[Math.max(i - 1, 0)]);
+    if (d.lengthSq() > 1e-14) tangent.copy(d).normalize();
+    u.addScaledVector(tangent, -u.dot(tangent));
+    if (u.lengthSq() < 1e-6) u.set(0, 0, 1).cross(tangent);
+    if (u.lengthSq() < 1e-6) u.set(1, 0, 0);
+    u.normalize();
+    w.crossVectors(tangent, u);
+    for (let k = 0; k < sides; k++) {
+      const a = (2 * Math.PI * k) / sides;
+      n.copy(u).multiplyScalar(Math.cos(a)).addScaledVector(w, Math.sin(a));
+      positions.push(p.x + radius * n.x, p.y + radius * n.y, p.z + radius * n.z);
+      normals.push(n.x, n.y, n.z);
+    }
+  });
+}
+
+/**
+ * The tools' ways as tubes: faint as a whole, bright as far as the motion has come.
+ * The triangles of all tubes are sorted by time, so that one call draws the bright part of all.
+ */
+class ToolPath {
+  constructor(kinematics, track, radius) {
+    const many = kinematics.arms.length, sides = many > 24 ? 4 : 7;
+    const most = Math.max(60, Math.min(400, Math.floor(6000 / many)));
+    this.pieces = Math.max(2, Math.min(most, Math.ceil(60 * (track.end - track.start))));
+    const rows = [];
+    for (let i = 0; i <= this.pieces; i++) {
+      rows.push(track.at(track.start + (i / this.pieces) * (track.end - track.start), kinematics.rest()));
+    }
+    const positions = [], normals = [], colors = [], indices = [];
+    const lines = toolLines(kinematics, track.columns, rows);
+    for (const { arm, points } of lines) {
+      addRings(points, radius, sides, positions, normals);
+      const color = light(armColor(kinematics.arms.indexOf(arm)));
+      for (let i = 0; i < points.length * sides; i++) colors.push(color.r, color.g, color.b);
+    }
+    for (let i = 0; i < this.pieces; i++) {
+      for (let line = 0; line < lines.length; line++) {
+        const ring = (line * (this.pieces + 1) + i) * sides;
+        for (let k = 0; k < sides; k++) {
+          const a = ring + k, b = ring + ((k + 1) % sides);
+          indices.push(a, b, a + sides, b, b + sides, a + sides);
+        }
+      }
+    }
+    this.perPiece = 6 * sides * lines.length;
+    const [whole, part] = [new THREE.BufferGeometry(), new THREE.BufferGeometry()];
+    const attributes = { position: positions, normal: normals, color: colors };
+    for (const [name, values] of Object.entries(attributes)) {
+      const attribute = new THREE.Float32BufferAttribute(values, 3);
+      whole.setAttribute(name, attribute);
+      part.setAttribute(name, attribute);
+    }
+    whole.setIndex(indices);
+    part.setIndex(whole.index);
+    this.part = part;
+    this.group = new THREE.Group();
+    this.group.add(new THREE.Mesh(whole, new THREE.MeshBasicMaterial({ vertexColors: true, transparent: true, opacity: 0.22, depthWrite: false })));
+    this.group.add(new THREE.Mesh(part, new THREE.MeshLambertMaterial({ vertexColors: true, emissive: 0x333333 })));
+    for (const mesh of this.group.children) mesh.frustumCulled = false;
+  }
+
+  show(fraction) {
+    this.part.setDrawRange(0, this.perPiece * Math.round(fraction * this.pieces));
+  }
+}
+
+/** A path without times: thin dark lines of the tools, a dot at each waypoint. */
+function waypointLines(kinematics, row, radius) {
+  const { values, shape } = unpack(row.waypoints);
+  const at = (i, share) => {
+    const q = kinematics.rest(), j = Math.min(i + 1, shape[0] - 1);
+    row.columns.forEach((column, k) => {
+      q[column] = (1 - share) * values[i * shape[1] + k] + share * values[j * shape[1] + k];
+    });
+    return q;
+  };
+  const pieces = Math.max(2, Math.min(24, Math.floor(2000 / shape[0])));
+  const rows = [];
+  for (let i = 0; i + 1 < shape[0]; i++) for (let k = 0; k < pieces; k++) rows.push(at(i, k / pieces));
+  rows.push(at(shape[0] - 1, 0));
+  const group = new THREE.Group();
+  const material = new THREE.LineBasicMaterial({ color: 0x1b2430, transparent: true, opacity: 0.55 });
+  for (const { points } of toolLines(kinematics, row.columns, rows)) {
+    group.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), material));
+    const dots = new THREE.InstancedMesh(solid({ kind: "sphere", radius: 1 }, 18).geometry, new THREE.MeshBasicMaterial({ color: 0x1b2430 }), shape[0]);
+    dots.frustumCulled = false;
+    for (let i = 0; i < shape[0]; i++) {
+      const p = points[Math.min(i * pieces, points.length - 1)];
+      dots.setMatrixAt(i, new THREE.Matrix4().makeScale(radius, radius, radius).setPosition(p));
+    }
+    group.add(dots);
+  }
+  return group;
+}
+
+/** Goals that are places: a ball, with axes when it is turned; a region as a clear box. */
+function targetMarks(targets, radius) {
+  const group = new THREE.Group();
+  const green = light(GHOSTS.goal);
+  for (const target of targets) {
+    if (target.kind === "region") {
+      const low = new THREE.Vector3(...target.lower), size = new THREE.Vector3(...target.upper).sub(low);
+      const box = new THREE.BoxGeometry(...size.toArray().map((v) => Math.max(v, 1e-3)));
+      const clear = new THREE.Mesh(box, new THREE.MeshBasicMaterial({ color: green, transparent: true, opacity: 0.14, depthWrite: false }));
+      clear.add(new THREE.LineSegments(new THREE.EdgesGeometry(box), new THREE.LineBasicMaterial({ color: green })));
+      clear.position.copy(low).addScaledVector(size, 0.5);
+      clear.renderOrder = 5;
+      group.add(clear);
+      continue;
+    }
+    const mark = new THREE.Group();
+    mark.applyMatrix4(new THREE.Matrix4().fromArray(target.pose));
+    mark.add(new THREE.Mesh(new THREE.SphereGeometry(2.6 * radius, 24, 16), new THREE.MeshStandardMaterial({ color: green, emissive: green, emissiveIntensity: 0.4 })));
+    if (target.turned) mark.add(axes(22 * radius, radius));
+    group.add(mark);
+  }
+  return group;
+}
+
+function axes(length, radius) {
+  const group = new THREE.Group();
+  [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((d, i) => {
+    const color = [0xd6336c, 0x2b8a3e, 0x1c7ed6][i];
+    const rod = new THREE.Mesh(new THREE.CylinderGeometry(0.6 * radius, 0.6 * radius, length, 12), new THREE.MeshBasicMaterial({ color }));
+    rod.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), new THREE.Vector3(...d));
+    rod.position.set(...d).multiplyScalar(length / 2);
+    group.add(rod);
+  });
+  return group;
+}
