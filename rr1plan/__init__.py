@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from rr1plan.planning import PlanStatus as PlanStatus
     from rr1plan.playback import cspace as cspace
     from rr1plan.playback import save_html as save_html
+    from rr1plan.playback import screenshot as screenshot
     from rr1plan.playback import show as show
     from rr1plan.playback import simulate as simulate
     from rr1plan.problem import JointGoal as JointGoal
@@ -113,7 +114,7 @@ _EXPORTS = {
     "rr1plan.planners": ("make_planner", "plan", "planner_names"),
     "rr1plan.planners.shortcut": ("shorten",),
     "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus"),
-    "rr1plan.playback": ("cspace", "save_html", "show", "simulate"),
+    "rr1plan.playback": ("cspace", "save_html", "screenshot", "show", "simulate"),
     "rr1plan.problem": ("JointGoal", "PoseGoal", "Problem", "RegionGoal"),
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),

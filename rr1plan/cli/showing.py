@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import webbrowser
 from argparse import Namespace
 from pathlib import Path
 from typing import Any
@@ -75,11 +74,9 @@ def view(options: Namespace, console: Console) -> int:
         console.say(f"page: {file}")
         console.result({"page": str(file)})
         return 0
-    with rp.show(scene, port=options.port, open_browser=False, **extra) as viewer:
+    with rp.show(scene, port=options.port, open_browser=not options.no_browser, **extra) as viewer:
         console.say(f"{viewer.url}  (Ctrl-C ends it)")
         console.result({"url": viewer.url})
-        if not options.no_browser:
-            webbrowser.open(viewer.url)
         viewer.wait()
     return 0
 
