@@ -1,0 +1,122 @@
+"""The whole line on one problem, stage by stage: plan, shorten, retime, validate, replay.
+
+The order and the margins are those of `rr1plan.plan_motion`; here every stage has a clock of CPU time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from shared import Clock
+
+import rr1plan as rp
+
+STAGES = ("set up", "plan", "shorten", "retime", "validate")
+
+
+@dataclass
+class Outcome:
+    """What came of one problem."""
+
+    name: str
+    clock: Clock = field(default_factory=Clock)
+    status: str = ""
+    reason: str = ""
+    margin: float = 0.0
+    retiming: str = ""
+    raw: rp.Path | None = None
+    path: rp.Path | None = None
+    trajectory: rp.Trajectory | None = None
+    report: rp.Report | None = None
+    replay: Any = None
+
+    @property
+    def solved(self) -> bool:
+        """There is a path."""
+        return self.raw is not None
+
+    @property
+    def certified(self) -> bool:
+        """The referee proved the timed motion."""
+        return self.report is not None and self.report.certified
+
+    def to_dict(self) -> dict[str, Any]:
+        """The figures, without the motions."""
+        data: dict[str, Any] = {
+            "name": self.name,
+            "status": self.status,
+            "cpu": self.clock.cpu,
+            "wall": self.clock.wall,
+        }
+        if self.reason:
+            data["reason"] = self.reason
+        if self.raw is not None and self.path is not None and self.trajectory is not None:
+            data |= {"length_raw": self.raw.length, "length": self.path.length, "waypoints": len(self.path)}
+            data |= {"duration": self.trajectory.duration, "margin": self.margin, "retiming": self.retiming}
+        if self.report is not None:
+            data |= {"certified": self.report.certified, "violations": [v.message for v in self.report.violations]}
+            data["clearance"] = float(self.report.margins["clearance"]) if "clearance" in self.report.margins else None
+        if self.replay is not None:
+            data["tracking_error"] = self.replay.worst_error
+            data["contacts"] = [[*c.pair, c.first, c.depth] for c in self.replay.contacts]
+        return data
+
+
+def run_line(
+    name: str, problem: rp.Problem, seed: int, *, margin: float = 0.002, seconds: float = 10.0, replay: bool = False
+) -> Outcome:
+    """Answer a problem as `plan_motion` does, each stage under a clock."""
+    out = Outcome(name)
+    rng = np.random.default_rng(seed)
+    result, roomy, out.margin = _plan(problem, margin, rp.Budget(seconds=seconds), rng, out.clock)
+    out.status, out.reason = result.status.value, result.reason
+    if result.path is None:
+        return out
+    out.raw = result.path
+    with out.clock.stage("set up"):
+        motions = rp.MotionChecker(roomy.scene, problem.arms)
+    with out.clock.stage("shorten"):
+        out.path = rp.shorten(out.raw, motions, rng=rng)
+    for out.retiming in ("blend", "stop"):
+        with out.clock.stage("retime"):
+            out.trajectory = rp.retime(out.path, roomy.scene, out.retiming, checker=motions)
+        with out.clock.stage("validate"):
+            out.report = rp.validate(out.trajectory, problem.scene, problem)
+        if out.report.valid:
+            break
+    if replay:
+        with out.clock.stage("replay"):
+            out.replay = rp.simulate(out.trajectory, problem.scene)
+    return out
+
+
+def _plan(
+    problem: rp.Problem, margin: float, budget: rp.Budget, rng: np.random.Generator, clock: Clock
+) -> tuple[rp.PlanResult, rp.Problem, float]:
+    """The planner's answer, the problem it answers and its margin: given up where no goal has it."""
+    checker = rp.CollisionChecker(problem.scene, problem.arms)
+    padding = np.array([problem.scene.padding_of(a, b) for a, b in checker.pairs])
+    room = float((checker.distances(problem.start) - padding).min(initial=np.inf))
+    margin = max(0.0, min(margin, 0.5 * room))
+    for m in (margin, 0.0):
+        roomy = with_margin(problem, m)
+        with clock.stage("plan"):
+            result = rp.plan(roomy, "rrt_connect", budget, rng)
+        if result.status not in (rp.PlanStatus.INVALID_GOAL, rp.PlanStatus.INFEASIBLE):
+            break
+    return result, roomy, m
+
+
+def with_margin(problem: rp.Problem, margin: float) -> rp.Problem:
+    """The same question in a scene that keeps `margin` [m] more between every pair."""
+    scene = problem.scene
+    pairs = {pair: distance + margin for pair, distance in scene.pair_padding.items()}
+    roomy = replace(scene, padding=scene.padding + margin, pair_padding=pairs)
+    return rp.Problem(roomy, problem.start, dict(problem.goal), problem.arms)
+
+
+def warm_up() -> None:
+    """Compile and load what is compiled and loaded once."""
+    run_line("warm up", rp.load_problems("rr1_table")["reach_over_crate"], 0, replay=True)
