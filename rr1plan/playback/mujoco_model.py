@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 
 from rr1plan.checks import Array
+from rr1plan.errors import BackendError
 from rr1plan.formats.convex import convex_shapes
 from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.scene import Scene
@@ -25,6 +26,8 @@ from rr1plan.transforms import quaternion_from_rotation
 
 # A moving body needs some mass in MuJoCo; a frame that has none gets this much [kg, kg m²].
 _NO_MASS = 1e-9
+# MuJoCo refuses principal moments below 1e-14 [kg m²].
+_LEAST_MOMENT = 1e-12
 # Input signature of the `pid` actuator: position, velocity and feed-forward [MuJoCo's mjtCtrlInput].
 _POSITION_VELOCITY_FEEDFORWARD = 7
 
@@ -57,18 +60,28 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
 
     Returns:
         The model with one `pid` actuator (position, velocity, feed-forward) for each movable joint.
+
+    Raises:
+        BackendError: MuJoCo does not take the scene.
     """
     builder = _Builder(scene, timestep)
     spec = builder.spec
-    model = spec.compile()
+    model = _compile(spec)
     posture = _qpos(scene, builder.joints)
     inertia = _joint_inertia(model, posture)
     for joint, carried in zip(builder.joints, inertia, strict=True):
         _add_servo(spec, joint, stiffness, float(carried))
     spec.add_key(name="posture", qpos=posture)
-    model = spec.compile()
+    model = _compile(spec)
     elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
     return MujocoScene(spec, model, tuple(j.name for j in builder.joints), elements)
+
+
+def _compile(spec: Any) -> Any:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise BackendError(f"MuJoCo does not take the scene: {error}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +129,7 @@ class _Builder:
         body = self._add_body(parent, f"{arm}/{link.name}", pose)
         body.explicitinertial = True
         if link.inertial is not None and link.inertial.mass > 0.0:
-            inertia = link.inertial.inertia
+            inertia = _definite(link.inertial.inertia)
             body.mass = link.inertial.mass
             body.ipos = link.inertial.com
             body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
@@ -211,6 +224,12 @@ def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
                 if a != b and not same_arm and frozenset((a, b)) not in seen:
                     seen.add(frozenset((a, b)))
                     yield a, b
+
+
+def _definite(inertia: Array) -> Array:
+    """The inertia, or a little more of it for a body that is a point or nearly one."""
+    least = float(np.linalg.eigvalsh(inertia)[0])
+    return inertia if least >= _LEAST_MOMENT else inertia + _LEAST_MOMENT * np.eye(3)
 
 
 def _offset(xyz: Any) -> Array:
