@@ -77,7 +77,7 @@ class CartesianPlanner:
             problem: One moving arm, whose goal is a `PoseGoal` (or several, any of which will do).
             budget: When to stop (default: 10 s); an iteration is one step tried.
             rng: Only for finding the reason where there is no line; the line itself is not random.
-            progress: Told how far along the line it is.
+            progress: Told how far along the line it is; it may return False to cancel.
 
         Raises:
             InputError: several arms move, or a goal that is no `PoseGoal`.
@@ -88,8 +88,8 @@ class CartesianPlanner:
         walk = _Walk(self, problem, motion, budget or Budget(), progress)
         try:
             return self._answer(problem, goals, walk, generator)
-        except KeyboardInterrupt:
-            return walk.result(PlanStatus.CANCELLED, None, "interrupted")
+        except _CancelledError:
+            return walk.result(PlanStatus.CANCELLED, None, "the progress callback said so")
 
     def _answer(
         self, problem: Problem, goals: tuple[PoseGoal, ...], walk: _Walk, rng: np.random.Generator
@@ -124,6 +124,10 @@ def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
             raise InputError(f"the cartesian planner needs a PoseGoal, got a {type(goal).__name__}")
         goals.append(goal)
     return tuple(goals)
+
+
+class _CancelledError(Exception):
+    """The progress callback returned False."""
 
 
 class _Walk:
@@ -205,8 +209,8 @@ class _Walk:
         used = seconds / self.budget.seconds
         if self.budget.iterations is not None:
             used = max(used, self.iterations / self.budget.iterations)
-        if self.progress is not None:
-            self.progress(Progress("cartesian", seconds, min(used, 1.0)))
+        if self.progress is not None and self.progress(Progress("cartesian", seconds, min(used, 1.0))) is False:
+            raise _CancelledError
         self.iterations += 1
         return used >= 1.0
 

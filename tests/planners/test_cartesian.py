@@ -159,14 +159,16 @@ def test_budget_and_progress_are_kept(rr1):
     assert [p.fraction for p in said] == [0.0, 0.5, 1.0]
 
 
-def test_an_interrupt_is_a_status(rr1):
+def test_a_callback_cancels_and_an_interrupt_comes_through(rr1):
     T = rr1.link_poses(START)["tool"]
     problem = Problem(alone(rr1), START, PoseGoal("tool", T[:3, 3] + [0.0, -0.05, 0.05]))
 
     def interrupt(_progress):
         raise KeyboardInterrupt
 
-    assert CartesianPlanner().plan(problem, progress=interrupt).status is PlanStatus.CANCELLED
+    assert CartesianPlanner().plan(problem, progress=lambda _progress: False).status is PlanStatus.CANCELLED
+    with pytest.raises(KeyboardInterrupt):
+        CartesianPlanner().plan(problem, progress=interrupt)
 
 
 def test_the_line_is_the_same_whatever_the_seed(rr1):
