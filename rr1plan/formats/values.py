@@ -54,7 +54,8 @@ def to_plain(value: Any, shared: list[Robot] | None = None) -> Any:
     if isinstance(value, float | np.floating):
         return _plain_number(float(value))
     if isinstance(value, np.ndarray):
-        return {"array": _plain_list(value.tolist()), "dtype": value.dtype.name, "shape": list(value.shape)}
+        items = value.tolist() if np.isfinite(value).all() else _plain_list(value.tolist())
+        return {"array": items, "dtype": value.dtype.name, "shape": list(value.shape)}
     return _plain_nest(value, shared)
 
 
@@ -106,7 +107,7 @@ def _value(data: Any, shared: list[Robot]) -> Any:
         case {"number": "inf" | "-inf" | "nan" as text}:
             return float(text)
         case {"array": items, "dtype": dtype, "shape": shape}:
-            return np.array(_listed(items), dtype=_DTYPES[dtype]).reshape(shape)
+            return _array(items, _DTYPES[dtype]).reshape(shape)
         case {"map": items}:
             return {_value(k, shared): _value(v, shared) for k, v in items}
         case {"set": items}:
@@ -114,6 +115,13 @@ def _value(data: Any, shared: list[Robot]) -> Any:
         case {"type": name, "fields": fields}:
             return _CLASSES[name](**{n: _value(v, shared) for n, v in fields.items()})
     raise InputError(f"holds an entry with the keys {', '.join(map(str, data))}, which is no value of rr1plan")
+
+
+def _array(items: Any, dtype: Any) -> Any:
+    try:
+        return np.array(items, dtype=dtype)
+    except TypeError:  # it holds infinities, in the form that JSON has for them
+        return np.array(_listed(items), dtype=dtype)
 
 
 def _listed(items: Any) -> Any:
