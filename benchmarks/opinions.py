@@ -82,6 +82,8 @@ def _body(element: str, shape: Any, local: Array) -> Body:
             center, half = np.zeros(3), np.array([radius, radius, 0.5 * length])
         case rp.Sphere(radius):
             center, half = np.zeros(3), np.full(3, radius)
+        case rp.Capsule(radius, length):
+            center, half = np.zeros(3), np.array([radius, radius, 0.5 * length + radius])
         case rp.Mesh():
             lower, upper = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
             center, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
@@ -195,6 +197,8 @@ def _coal_shape(shape: Any) -> Any:
             return coal.Cylinder(radius, length)
         case rp.Sphere(radius):
             return coal.Sphere(radius)
+        case rp.Capsule(radius, length):
+            return coal.Capsule(radius, length)
     points = coal.StdVec_Vec3s()
     for vertex in shape.vertices:
         points.append(vertex)
@@ -225,6 +229,8 @@ def _fcl_shape(shape: Any) -> Any:
             return fcl.Cylinder(radius, length)
         case rp.Sphere(radius):
             return fcl.Sphere(radius)
+        case rp.Capsule(radius, length):
+            return fcl.Capsule(radius, length)
     faces = np.concatenate([[3, *face] for face in shape.faces]).astype(np.int32)
     return fcl.Convex(np.array(shape.vertices), len(shape.faces), faces)
 

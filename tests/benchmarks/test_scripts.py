@@ -1,0 +1,83 @@
+"""Every benchmark runs, on two problems, and writes what it found."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+import rr1plan as rp
+from rr1plan.library import robot_folder
+
+
+@pytest.fixture
+def problem_file(tmp_path):
+    """Two problems for RR1 in the format of the problem sets: a box and a can on a table."""
+    robot = rp.load_robot("rr1")
+    starts, goals = (
+        [[-0.6, 0.1, 0.2, 0.0, 0.5, 0.0], [0.4, 0.0, 0.3, 0.2, 0.6, 0.1]],
+        [[0.6, 0.1, 0.2, 0.0, 0.5, 0.0]] * 2,
+    )
+    common = {
+        "other": {},
+        "boxes": [["table", [1.0, 1.0, 0.02], [-0.3, 0.0, -0.05], [0, 0, 0, 1]]],
+        "cylinders": [["can", 0.04, 0.2, [-0.33, 0.0, 0.3], [0, 0, 0, 1]]],
+        "spheres": [["ball", 0.03, [-0.3, 0.4, 0.1]]],
+    }
+    entries = [{"i": i, "start": s, "goals": [g], **common} for i, (s, g) in enumerate(zip(starts, goals, strict=True))]
+    file = tmp_path / "problems.json"
+    file.write_text(json.dumps({"robot": "rr1", "joints": list(robot.joint_names), "problems": {"can": entries}}))
+    return file
+
+
+def test_problems_of_a_file_are_solved_and_judged(script, problem_file, tmp_path):
+    folder = robot_folder("rr1")
+    arguments = [problem_file, "--robot", folder / "rr1.urdf", "--srdf", folder / "rr1.srdf", "--out", tmp_path]
+    assert script("panda_problems").main(list(map(str, arguments))) == 0
+    results = json.loads((tmp_path / "panda_problems.json").read_text())
+    assert [p["status"] for p in results["problems"]] == ["solved", "solved"]
+    for answer in results["problems"]:
+        assert answer["certified"]
+        assert set(answer["opinions"]) == {"raw", "short", "timed"}
+        assert all(o["samples"] > 100 and set(o["touches"]) == {"Coal", "FCL"} for o in answer["opinions"].values())
+    assert results["machine"]["processor"]
+    assert "| validate" in (tmp_path / "panda_problems.md").read_text()
+    assert (tmp_path / "panda_problems.png").stat().st_size > 0
+
+
+def test_random_queries_are_drawn_answered_and_replayed(script, tmp_path):
+    arguments = ["--count", "2", "--scenes", "rr1_table", "--nodes", "40", "--out", str(tmp_path)]
+    assert script("rr1_queries").main(arguments) == 0
+    results = json.loads((tmp_path / "rr1_queries.json").read_text())["queries"]
+    assert [q["limits"] for q in results] == ["sim", "hardware"]
+    assert all(q["certified"] and q["contacts"] == [] and q["faults"] == [] for q in results)
+    assert all(0.0 < q["tracking_error"] < 0.005 for q in results)
+
+
+def test_queries_of_two_arms_move_both(script, tmp_path):
+    assert script("two_arms").main(["--count", "2", "--nodes", "40", "--out", str(tmp_path)]) == 0
+    results = json.loads((tmp_path / "two_arms.json").read_text())["queries"]
+    assert all(q["certified"] and q["faults"] == [] for q in results)
+
+
+def test_planners_are_timed_to_their_first_path(script, tmp_path):
+    arguments = ["--planners", "rrt_connect", "rrt_star", "--scenes", "planar2r_path", "--seconds", "0.3"]
+    assert script("planners").main([*arguments, "--every", "2", "--out", str(tmp_path)]) == 0
+    runs = json.loads((tmp_path / "planners.json").read_text())["runs"]
+    assert {r["planner"] for r in runs} == {"rrt_connect", "rrt_star"}
+    assert all(r["solved"] and 0.0 < r["first"] <= 1.0 for r in runs if r["planner"] == "rrt_connect")
+
+
+def test_cells_of_the_picture_are_those_of_coal(script, tmp_path):
+    assert script("cspace_cells").main(["--resolution", "24", "--out", str(tmp_path)]) == 0
+    scenes = json.loads((tmp_path / "cspace_cells.json").read_text())["scenes"]
+    assert [(s["cells"], s["wrong"]) for s in scenes] == [(576, 0)] * 2
+
+
+def test_the_same_seed_draws_the_same_feasible_queries(script):
+    queries = script("queries")
+    first, second = (queries.draw_queries(["rr1_bin"], 4, 3, 40) for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        assert a.name == b.name
+        assert (a.problem.start == b.problem.start).all()
+        assert rp.CollisionChecker(a.problem.scene).is_free(a.problem.start)
