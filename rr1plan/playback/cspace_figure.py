@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,7 @@ _INK = "#22262b"
 _SELF_COLOR = "#4a4f57"
 _LIMIT_COLOR = "#c9ced6"
 _START, _GOAL = "#111418", "#ff5a00"
+_TINTS = ("#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7")  # the page's colours of components
 _STRIPE = 5
 _STYLE = {"font.family": "DejaVu Sans", "font.size": 10.5, "svg.hashsalt": "rr1plan", "axes.edgecolor": _INK}
 
@@ -49,10 +51,17 @@ def layer_colors(grid: CSpaceGrid) -> dict[str, str]:
     return colors
 
 
-def layer_image(grid: CSpaceGrid) -> Array:
-    """The layers as an image (rows: second joint upwards, columns: first joint), overlaps striped, (m, n, 3)."""
+def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Array:
+    """The layers as an image (rows: second joint upwards, columns: first joint), overlaps striped, (m, n, 3).
+
+    Args:
+        grid: The grid.
+        tints: Colours of components of free space, by number; the others stay white.
+    """
     n, m = grid.free.shape
     image = np.ones((n, m, 3))
+    for component, color in (tints or {}).items():
+        image[grid.labels == component] = to_rgb(color)
     count = np.zeros((n, m), dtype=int)
     stripe = (np.add.outer(np.arange(n), np.arange(m)) // _STRIPE).astype(int)
     total = sum((mask.astype(int) for mask in grid.layers.values()), np.zeros((n, m), dtype=int))
@@ -199,7 +208,14 @@ def _torus(axes: Any, cspace: CSpace) -> None:
     grid = cspace.grid
     axes.set_title("configuration space", loc="left", fontsize=11, color=_INK)
     extent = [*_edges(grid.axes[0]), *_edges(grid.axes[1])]
-    axes.imshow(layer_image(grid), origin="lower", extent=extent, interpolation="nearest", aspect="auto", zorder=0)
+    axes.imshow(
+        layer_image(grid, _tints(cspace)),
+        origin="lower",
+        extent=extent,
+        interpolation="nearest",
+        aspect="auto",
+        zorder=0,
+    )
     axes.set_box_aspect(1.0)
     if cspace.tree is not None and len(cspace.tree.edges):
         lines = [piece for a, b in cspace.tree.edges for piece in wrapped_pieces(cspace.tree.vertices[[a, b]], grid)]
@@ -212,6 +228,14 @@ def _torus(axes: Any, cspace: CSpace) -> None:
     axes.set(xlabel=f"{grid.joint_names[0]} [rad]", ylabel=f"{grid.joint_names[1]} [rad]")
     for which, values in zip((axes.xaxis, axes.yaxis), grid.axes, strict=True):
         _pi_ticks(which, *_edges(values))
+
+
+def _tints(cspace: CSpace) -> dict[int, str]:
+    """Where there is no path: the components that hold the start and the goals, each in a colour of its own."""
+    if not cspace.proves_no_path or cspace.start is None:
+        return {}
+    ends = [cspace.grid.component_of(q) for q in (cspace.start, *cspace.goals)]
+    return dict(zip((k for k in dict.fromkeys(ends) if k), _TINTS, strict=False))
 
 
 def _edges(centres: Array) -> tuple[float, float]:

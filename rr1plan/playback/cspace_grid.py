@@ -3,8 +3,10 @@
 Idea: every cell is one configuration, its centre, and every answer is Coal's. A block of cells is
 free of an obstacle as a whole when the clearance at its centre exceeds how far any point of the
 arm can move on the way to the block's farthest cell (Lozano-Perez 1983 for the picture; the bound
-is the one of Schwarzer, Saha, Latombe 2005), so only cells near an obstacle's image are asked for
-one by one. Components of free space are joined across the seams of the torus.
+is the one of Schwarzer, Saha, Latombe 2005), and forbidden by it as a whole when two convex solids
+are deeper in each other than that. Other blocks are quartered, so only cells at the rim of an
+obstacle's image are asked for one by one. Components of free space are joined across the seams of
+the torus.
 """
 
 from __future__ import annotations
@@ -23,11 +25,13 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.playback.outlines import bounding_radius
 from rr1plan.scene import Scene
+from rr1plan.shapes import PointCloud
 
 Mask = NDArray[np.bool_]
 SELF = "self-collision"
 LIMITS = "joint limits"
-_BLOCK = 8
+_BLOCK = 16
+_SLACK = 1e-6  # how much a depth may be overestimated [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,6 +209,7 @@ class _Images:
         self.progress = progress
         self.owners = [_layer_of(checker.scene, pair) for pair in checker.pairs]
         self.padding = np.array([checker.scene.padding_of(a, b) for a, b in checker.pairs])
+        self.convex = np.array([not _has_cloud(checker.scene, pair) for pair in checker.pairs], dtype=bool)
         self.reach = _reach(checker.scene, checker.arms[0], columns)
 
     def compute(self) -> dict[str, Mask]:
@@ -212,22 +217,27 @@ class _Images:
         hits = {name: np.zeros(shape, dtype=bool) for name in dict.fromkeys(self.owners)}
         blocks = [(i, j) for i in range(0, shape[0], _BLOCK) for j in range(0, shape[1], _BLOCK)]
         for done, (i, j) in enumerate(blocks):
-            self._block(i, j, hits)
+            self._block(i, j, _BLOCK, hits)
             if self.progress is not None and done % 64 == 0:
                 self.progress(done / len(blocks))
         return {name: mask for name, mask in hits.items() if mask.any() or name != SELF}
 
-    def _block(self, i: int, j: int, hits: dict[str, Mask]) -> None:
-        rows, cols = self.axes[0][i : i + _BLOCK], self.axes[1][j : j + _BLOCK]
-        centre = (0.5 * (rows[0] + rows[-1]), 0.5 * (cols[0] + cols[-1]))
-        travel = self.reach[0] * 0.5 * (rows[-1] - rows[0]) + self.reach[1] * 0.5 * (cols[-1] - cols[0])
-        if (self._distances(*centre) - self.padding > travel + 1e-9).all():
+    def _block(self, i: int, j: int, size: int, hits: dict[str, Mask]) -> None:
+        rows, cols = self.axes[0][i : i + size], self.axes[1][j : j + size]
+        if len(rows) == 0 or len(cols) == 0:
             return
-        for di, first in enumerate(rows):
-            for dj, second in enumerate(cols):
-                touching = self._distances(first, second) <= self.padding
-                for index in np.flatnonzero(touching):
-                    hits[self.owners[index]][i + di, j + dj] = True
+        travel = self.reach[0] * 0.5 * (rows[-1] - rows[0]) + self.reach[1] * 0.5 * (cols[-1] - cols[0])
+        clearance = self._distances(0.5 * (rows[0] + rows[-1]), 0.5 * (cols[0] + cols[-1])) - self.padding
+        single = len(rows) == len(cols) == 1
+        # Where a capsule's core lies in the other's surface Coal may answer a depth of 1e308 m.
+        inside = clearance <= 0.0 if single else self.convex & (clearance < -travel - _SLACK) & (clearance > -1e9)
+        if single or (inside | (clearance > travel + 1e-9)).all():
+            for index in np.flatnonzero(inside):
+                hits[self.owners[index]][i : i + size, j : j + size] = True
+            return
+        half = size // 2
+        for di, dj in ((0, 0), (0, half), (half, 0), (half, half)):
+            self._block(i + di, j + dj, half, hits)
 
     def _distances(self, first: float, second: float) -> Array:
         self.q[self.columns[0]] = first
@@ -242,6 +252,16 @@ def _layer_of(scene: Scene, pair: tuple[str, str]) -> str:
             return name
     first, second = (scene.owner(name) for name in pair)
     return SELF if first == second else f"{second}"
+
+
+def _has_cloud(scene: Scene, pair: tuple[str, str]) -> bool:
+    """Whether one of the elements holds a point cloud, whose depth is no depth of a solid."""
+    return any(isinstance(shape, PointCloud) for name in pair for shape in _shapes_of(scene, name))
+
+
+def _shapes_of(scene: Scene, name: str) -> list[Any]:
+    holder = scene.obstacles.get(name) or scene.attachments.get(name)
+    return [] if holder is None else [g.shape for g in holder.geometries]
 
 
 def _reach(scene: Scene, arm: str, columns: list[int]) -> tuple[float, float]:
