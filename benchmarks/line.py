@@ -86,7 +86,7 @@ def run_line(
             out.report = rp.validate(out.trajectory, problem.scene, problem)
         if out.report.valid:
             break
-    if replay:
+    if replay and out.trajectory is not None:
         with out.clock.stage("replay"):
             out.replay = rp.simulate(out.trajectory, problem.scene)
     return out

@@ -129,7 +129,7 @@ def boxes_meet(turn_a: Array, half_a: Array, turn_b: Array, half_b: Array, offse
             reach = half_a[:, i1] * size[:, i2, j] + half_a[:, i2] * size[:, i1, j]
             reach += half_b[:, j1] * size[:, i, j2] + half_b[:, j2] * size[:, i, j1]
             meet &= np.abs(shift[:, i2] * relative[:, i1, j] - shift[:, i1] * relative[:, i2, j]) <= reach + 1e-9
-    return meet
+    return np.asarray(meet)
 
 
 # ---- samples -----------------------------------------------------------------------------------

@@ -181,11 +181,11 @@ def _comparison(solved: list[Outcome], verdicts: list[dict[str, Verdict]], peers
         number(np.median([_length(p.waypoints) for o in solved if (p := getattr(o, k))])) for k in ("raw", "path")
     ]
     rows = []
-    for label, plan, both, set_up in (
+    for label, one, two, set_up in (
         ("rr1plan, set up included", "plan", "both", "-"),
         ("rr1plan, set up apart", "search", "search both", number(spread(times["set up"])["median"])),
     ):
-        rows.append([label, str(len(solved)), set_up, *_two(times[plan]), *_two(times[both]), *lengths, *touch])
+        rows.append([label, str(len(solved)), set_up, *_two(times[one]), *_two(times[two]), *lengths, *touch])
     for step in STEPS:
         done, plan, both = _peer_times(peers, step)
         share = [f"{100 * np.mean([any(p['touches'][k].values()) for p in done]):.1f} %" for k in ("raw", "short")]

@@ -38,7 +38,7 @@ class Run:
     @property
     def solved(self) -> bool:
         """It found a path."""
-        return np.isfinite(self.length)
+        return bool(np.isfinite(self.length))
 
 
 def main(argv: Sequence[str] | None = None) -> int:

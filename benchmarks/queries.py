@@ -115,7 +115,7 @@ class Drawer:
 def draw_queries(scenes: Sequence[str], count: int, seed: int, nodes: int) -> list[Query]:
     """`count` queries, spread evenly over scenes, limits and kinds of goals."""
     wanted = [(scene, limits) for limits in TRACKING for scene in scenes]
-    drawers = [Drawer(*w, seed, nodes) for w in track(wanted, "roadmaps")]
+    drawers = [Drawer(scene, limits, seed, nodes) for scene, limits in track(wanted, "roadmaps")]
     queries = []
     for k in track(range(count), "drawing queries"):
         drawer, goal = drawers[k % len(drawers)], GOALS[(k // len(drawers)) % len(GOALS)]
@@ -138,9 +138,8 @@ class Answer:
         out = self.outcome
         if not out.solved:
             return [] if out.status in _ANSWERS else [f"{out.status}: {out.reason}"]
-        found = []
-        if out.report is None or not out.report.certified:
-            found.append("refused: " + "; ".join(v.message for v in out.report.violations if out.report))
+        violations = out.report.violations if out.report is not None else ()
+        found = [] if out.certified else ["refused: " + "; ".join(v.message for v in violations)]
         if out.replay is not None:
             contacts = out.replay.contacts
             found += [

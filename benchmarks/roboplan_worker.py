@@ -5,10 +5,13 @@ input: one JSON object with `urdf`, `srdf`, `joints`, `problems` (a list), `step
 one JSON line for each problem and step.
 """
 
+from __future__ import annotations
+
 import json
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from roboplan.core import (
@@ -27,7 +30,7 @@ GROUP = "panda_arm"
 COLOR = np.array([0.5, 0.5, 0.5, 1.0])
 
 
-def main():
+def main() -> None:
     task = json.load(sys.stdin)
     for problem in task["problems"]:
         started = time.process_time()
@@ -38,7 +41,7 @@ def main():
             print(json.dumps({"name": problem["name"], "step": step, "set up": set_up, **answer}), flush=True)
 
 
-def build_scene(task, problem):
+def build_scene(task: dict[str, Any], problem: dict[str, Any]) -> Scene:
     """The robot and the problem's obstacles; these must not be checked against each other."""
     urdf = Path(task["urdf"])
     scene = Scene("benchmark", loadUrdfSceneDescription(str(urdf), [str(urdf.parent)]))
@@ -58,7 +61,8 @@ def build_scene(task, problem):
     return scene
 
 
-def transform(place, quaternion):
+def transform(place: list[float], quaternion: list[float]) -> Any:
+    """A pose as a matrix, from a position and a quaternion xyzw."""
     x, y, z, w = np.array(quaternion) / np.linalg.norm(quaternion)
     T = np.eye(4, order="F")
     T[:3, :3] = [
@@ -70,7 +74,7 @@ def transform(place, quaternion):
     return T
 
 
-def solve(scene, joints, problem, step, seed):
+def solve(scene: Scene, joints: list[str], problem: dict[str, Any], step: float, seed: int) -> dict[str, Any]:
     """Plan and shorten with one collision-check step; CPU seconds, and the two paths."""
     options = RRTOptions(
         group_name=GROUP,
