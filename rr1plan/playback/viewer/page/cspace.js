@@ -81,6 +81,7 @@ class Lesson {
       chip.onclick = () => { this.pinned = this.pinned === k ? -1 : k; this.single(this.pinned); };
       chip.onpointerenter = () => this.single(k);
       chip.onpointerleave = () => this.single(this.pinned);
+      chip.hidden = !this.cells.bits.some((bits) => (bits >>> k) & 1);
       part(".legend").append(chip);
     });
   }
@@ -197,7 +198,8 @@ class Lesson {
     const blocked = !answer.free && !answer.edge && viewer.manual;
     if (blocked !== this.blocked) {
       this.blocked = blocked;
-      viewer.world.paint(false, blocked ? viewer.kinematics.arms.filter((a) => a.name === data.arm).flatMap((a) => a.robot.links.map((l) => `${a.name}/${l}`)) : []);
+      const { arms } = viewer.kinematics, own = arms.find((a) => a.name === data.arm);
+      viewer.world.paint(viewer.byArm && arms.length > 1, blocked ? own.robot.links.map((link) => `${own.name}/${link}`) : []);
       viewer.redraw();
     }
     if (this.workspace) {

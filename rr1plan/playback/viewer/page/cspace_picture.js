@@ -163,9 +163,9 @@ function drawFrame(pen, plot, unit) {
   pen.font = `600 ${13 * unit}px ${getComputedStyle(root).fontFamily}`;
   pen.textAlign = "center";
   pen.textBaseline = "alphabetic";
-  pen.fillText(symbol(0), x + size / 2 + (data.periodic[0] ? size / 8 : 0), y + size + 18 * unit);
+  pen.fillText(symbol(0), x + 0.625 * size, y + size + 18 * unit);
   pen.save();
-  pen.translate(x - 20 * unit, y + size / 2 - (data.periodic[1] ? size / 8 : 0));
+  pen.translate(x - 20 * unit, y + 0.375 * size);
   pen.fillText(symbol(1), 0, 0);
   pen.restore();
   for (const axis of [0, 1]) {
