@@ -35,6 +35,7 @@ class Lesson {
     this.meet();
     new ResizeObserver(() => this.resize()).observe(part(".plot"));
     this.resize();
+    if (this.workspace) new ResizeObserver(() => { if (!this.workspace.turned) this.workspace.look(); }).observe(viewer.stage.pane);
   }
 
   /** Takes in the motion of the document. */
@@ -275,18 +276,18 @@ class Lesson {
   // ---- drawing -----------------------------------------------------------------------------
 
   resize() {
-    const box = part(".plot").getBoundingClientRect();
+    const wide = part(".plot").clientWidth;
+    if (wide === this.wide) return;
+    this.wide = wide;
     this.ratio = Math.min(window.devicePixelRatio || 1, 2);
-    const side = Math.max(64, Math.round(box.width * this.ratio));
-    this.canvas.width = this.canvas.height = side;
-    this.unit = this.ratio * Math.min(Math.max(box.width / 480, 0.85), 1.6);
+    this.unit = this.ratio * Math.min(Math.max(wide / 480, 0.85), 1.6);
     const left = Math.round(40 * this.unit), below = Math.round(26 * this.unit), rim = Math.round(8 * this.unit);
-    const size = side - Math.max(left + rim, below + rim);
+    const size = Math.max(32, Math.round(wide * this.ratio) - left - rim);
     this.plot = { x: left, y: rim, size };
-    // The square is as wide as the panel; what its axis needs below is less than what it needs at the left.
-    part(".plot").style.marginBottom = `${(rim + size + below - side) / this.ratio}px`;
+    this.canvas.width = left + size + rim;
+    this.canvas.height = rim + size + below;
+    part(".plot").style.height = `${this.canvas.height / this.ratio}px`;
     this.repaint();
-    if (this.workspace && !this.workspace.turned) this.workspace.look();
   }
 
   /** The cells anew: something of them is shown otherwise. */
@@ -302,7 +303,8 @@ class Lesson {
   /** Everything that stands still anew: cells, tree, frame. */
   redraw() {
     this.still = document.createElement("canvas");
-    this.still.width = this.still.height = this.canvas.width;
+    this.still.width = this.canvas.width;
+    this.still.height = this.canvas.height;
     const pen = this.still.getContext("2d"), { x, y } = this.plot;
     pen.drawImage(this.area, x, y);
     if (this.showTree) this.inside(pen, () => this.drawTree(pen));
