@@ -14,4 +14,4 @@ replay = rp.playback.simulate(motion.trajectory, scene)
 print(replay)
 
 # motion.show() opens the same page live; this one plays offline, in any browser.
-print(motion.save_html("01_first_motion.html"))
+print(motion.save_html("01_first_motion.html"), motion.save("01_first_motion.json"))

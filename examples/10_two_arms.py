@@ -16,4 +16,4 @@ for arm, part in zip(problem.arms, parts, strict=True):
     print(f"  {arm}: {part.duration:.2f} s, {len(part.joint_names)} joints")
 
 print(rp.simulate(motion.trajectory, scene))
-print(motion.save_html("10_two_arms.html"))
+print(motion.save_html("10_two_arms.html"), motion.save("10_two_arms.json"))
