@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from rr1plan.errors import InputError, UnknownNameError
 
 Array = NDArray[np.float64]
+# Beyond this [m] distances are no longer good to a micrometre, and Coal gives wrong ones (or none).
+FARTHEST = 1e4
 Seed = np.random.Generator | int | None
 
 
@@ -27,6 +29,8 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
         InputError: not numbers, wrong shape, NaN or infinite.
     """
     try:
+        if np.asarray(value).dtype.kind in "US":
+            raise TypeError("text is no number, though numpy reads it as one")
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} is not an array of numbers: {value!r}") from error
@@ -38,7 +42,21 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     if not np.isfinite(array).all():
         bad = np.argwhere(~np.isfinite(array))[0]
         index = ", ".join(str(i) for i in bad)
-        raise InputError(f"{name}[{index}] is {array[tuple(bad)]}, expected a finite number")
+        where = f"[{index}]" if index else ""
+        raise InputError(f"{name}{where} is {array[tuple(bad)]}, expected a finite number")
+    return array
+
+
+def near_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
+    """`finite_array` of lengths or coordinates [m], none beyond 10 km.
+
+    Raises:
+        InputError: not numbers, wrong shape, not finite, or farther than that.
+    """
+    array = finite_array(name, value, shape)
+    farthest = float(np.abs(array).max(initial=0.0))
+    if farthest > FARTHEST:
+        raise InputError(f"{name} holds {farthest:.6g} m, expected at most {FARTHEST:g} m")
     return array
 
 
@@ -61,6 +79,15 @@ def positive_number(name: str, value: Any) -> float:
     if number <= 0.0:
         raise InputError(f"{name} is {number}, expected a number above zero")
     return number
+
+
+def positive_length(name: str, value: Any) -> float:
+    """`value` as a length above zero and at most 10 km [m].
+
+    Raises:
+        InputError: not a number, NaN, zero, negative or too long.
+    """
+    return positive_number(name, near_array(name, value, ()))
 
 
 def known_name(kind: str, name: str, known: Iterable[str]) -> str:

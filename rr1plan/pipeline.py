@@ -149,11 +149,13 @@ def plan_motion(
 
     Raises:
         UnknownNameError: a planner or retiming nobody knows.
-        InputError: a margin below zero.
+        InputError: a margin below zero, or no problem at all.
         RetimingError: the path cannot be timed under the limits (a torque limit below gravity).
     """
     seconds: dict[str, float] = {}
     generator = as_generator(rng)
+    if not isinstance(problem, Problem):
+        raise InputError(f"problem is {type(problem).__name__}, expected a Problem")
     with _timed(seconds, "plan"):
         margin = _affordable(problem, margin)
         roomy = _with_margin(problem, margin)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,12 +46,16 @@ class Budget:
     iterations: int | None = None
 
     def __post_init__(self) -> None:
-        if not self.seconds > 0.0:
-            raise InputError(f"budget of {self.seconds} seconds, expected more than zero")
-        if self.iterations is not None and self.iterations < 1:
-            raise InputError(f"budget of {self.iterations} iterations, expected at least one")
+        if not _is_above_zero(self.seconds, numbers.Real):
+            raise InputError(f"budget of {self.seconds!r} seconds, expected more than zero")
+        if self.iterations is not None and not _is_above_zero(self.iterations, numbers.Integral):
+            raise InputError(f"budget of {self.iterations!r} iterations, expected at least one")
         if math.isinf(self.seconds) and self.iterations is None:
             raise InputError("a budget needs seconds or iterations, got neither")
+
+
+def _is_above_zero(value: Any, kind: type) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool) and bool(np.asarray(value) > 0)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, finite_array, known_name, positive_number, read_only
+from rr1plan.checks import Array, Value, finite_array, known_name, near_array, positive_number, read_only
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
@@ -58,7 +58,7 @@ class PoseGoal(Value):
             quaternion: Array | None = unit_quaternion(quaternion_from_rotation(T[:3, :3]))
             position = T[:3, 3].copy()
         else:
-            position = finite_array("goal position", self.position, (3,))
+            position = near_array("goal position", self.position, (3,))
             quaternion = None if self.quaternion is None else unit_quaternion(self.quaternion)
         positive_number("position_tolerance", self.position_tolerance)
         positive_number("orientation_tolerance", self.orientation_tolerance)
@@ -93,8 +93,8 @@ class RegionGoal(Value):
     orientation_tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
-        lower = finite_array("region lower", self.lower, (3,))
-        upper = finite_array("region upper", self.upper, (3,))
+        lower = near_array("region lower", self.lower, (3,))
+        upper = near_array("region upper", self.upper, (3,))
         if (lower > upper).any():
             raise InputError(f"region has lower {lower.tolist()} above upper {upper.tolist()}")
         if self.quaternion is not None:
@@ -134,6 +134,8 @@ class Problem(Value):
     arms: Any = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.scene, Scene):
+            raise InputError(f"scene is {self.scene!r}, expected a Scene; load one with load_scene")
         arms = self._moving_arms()
         object.__setattr__(self, "arms", arms)
         object.__setattr__(self, "start", read_only(self._start(arms)))
@@ -151,6 +153,8 @@ class Problem(Value):
 
     def _moving_arms(self) -> tuple[str, ...]:
         if self.arms is not None:
+            if not isinstance(self.arms, str | Sequence):
+                raise InputError(f"arms is {self.arms!r}, expected a sequence of names")
             return self.scene.arm_names([self.arms] if isinstance(self.arms, str) else list(self.arms))
         if isinstance(self.goal, Mapping):
             return self.scene.arm_names(list(self.goal))

@@ -9,6 +9,7 @@ so they cannot disagree about the robot. The forward kinematics here is the plai
 from __future__ import annotations
 
 import hashlib
+import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,7 +18,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, finite_array, finite_number, known_name, read_only
+from rr1plan.checks import FARTHEST, Array, Value, finite_array, finite_number, known_name, read_only
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.shapes import Mesh, PointCloud, Shape
@@ -211,7 +212,7 @@ class Robot(Value):
 
         Raises:
             UnknownNameError: no configuration of that name.
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite, or beyond all reason.
         """
         if isinstance(value, str):
             return self.configurations[known_name("configuration", value, self.configurations)]
@@ -220,11 +221,10 @@ class Robot(Value):
             raise InputError(
                 f"{name} has shape {np.shape(value)}, expected ({self.nq},): one value for each of {joints}"
             )
-        try:
-            return read_only(finite_array(name, value, (self.nq,)))
-        except InputError as error:
-            bad = [n for n, v in zip(self.joint_names, value, strict=True) if not np.isfinite(float(v))]
-            raise InputError(f"{name}: {error} (joint {', '.join(bad)})") from None
+        joints = ", ".join(n for n, v in zip(self.joint_names, value, strict=True) if not _is_joint_value(v))
+        if joints:
+            raise InputError(f"{name} is {value}, expected finite numbers within ±{FARTHEST:g} (joint {joints})")
+        return read_only(finite_array(name, value, (self.nq,)))
 
     @cached_property
     def content_hash(self) -> str:
@@ -315,6 +315,10 @@ class Robot(Value):
     @cached_property
     def _links(self) -> dict[str, Link]:
         return {link.name: link for link in self.links}
+
+
+def _is_joint_value(value: Any) -> bool:
+    return isinstance(value, numbers.Real) and abs(float(value)) <= FARTHEST
 
 
 def feed_digest(digest: Any, value: Any) -> None:

@@ -40,6 +40,8 @@ class Arm(Value):
     q: Any = "home"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.robot, Robot):
+            raise InputError(f"robot is {self.robot!r}, expected a Robot; load one with load_robot")
         object.__setattr__(self, "base", as_pose(self.base, "arm base"))
         object.__setattr__(self, "q", self.robot.configuration(self.q, "arm posture"))
 
@@ -57,10 +59,23 @@ class Obstacle(Value):
     pose: Array = field(default_factory=identity)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "geometries", tuple(self.geometries))
+        object.__setattr__(self, "geometries", _geometries(self.geometries))
         object.__setattr__(self, "pose", as_pose(self.pose, "obstacle pose"))
         if not self.geometries:
             raise InputError("an obstacle has at least one shape, got none")
+
+
+def _geometries(values: Any) -> tuple[Geometry, ...]:
+    """Posed shapes.
+
+    Raises:
+        InputError: something else.
+    """
+    geometries = tuple(values) if isinstance(values, Iterable) else (values,)
+    for one in geometries:
+        if not isinstance(one, Geometry):
+            raise InputError(f"got {one!r} as an object's shape, expected a shape, or Geometry values")
+    return geometries
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +138,8 @@ class Scene(Value):
     def _check_names(self) -> None:
         names = [*self.arms, *self.obstacles, *self.attachments]
         for name in names:
-            if not isinstance(name, str) or not name or "/" in name:
-                raise InputError(f"{name!r} cannot name an element of a scene: expected text without '/'")
+            if not isinstance(name, str) or not name.isprintable() or not name or "/" in name:
+                raise InputError(f"{name!r} cannot name an element of a scene: expected printable text without '/'")
         if len(set(names)) != len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise InputError(f"the scene has two elements named {twice!r}")
@@ -293,7 +308,7 @@ class Scene(Value):
         """
         if isinstance(shape, Shape):
             shape = (Geometry(name, shape, identity(), color),)
-        return replace(self, obstacles={**self.obstacles, name: Obstacle(tuple(shape), as_pose(pose))})
+        return replace(self, obstacles={**self.obstacles, name: Obstacle(_geometries(shape), as_pose(pose))})
 
     def without_obstacle(self, name: str) -> Scene:
         """A scene without that obstacle."""
@@ -302,6 +317,8 @@ class Scene(Value):
 
     def allow(self, a: str, b: str) -> Scene:
         """A scene in which two elements (or all links of an arm, by the arm's name) may touch."""
+        if a == b:
+            raise InputError(f"allow got {a!r} twice, expected two elements; an arm's own pairs are its robot's")
         return replace(self, allowed=self.allowed | {pair(a, b)})
 
     def with_padding(self, distance: float, a: str | None = None, b: str | None = None) -> Scene:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, finite_array, finite_number, positive_number, read_only
+from rr1plan.checks import Array, Value, finite_array, near_array, positive_length, read_only
 from rr1plan.errors import InputError
 
 
@@ -31,7 +31,7 @@ class Box:
 
     def __post_init__(self) -> None:
         size = finite_array("box size", self.size, (3,))
-        x, y, z = (positive_number("box size", s) for s in size)
+        x, y, z = (positive_length("box size", s) for s in size)
         object.__setattr__(self, "size", (x, y, z))
 
 
@@ -49,7 +49,7 @@ class Sphere:
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", positive_number("sphere radius", self.radius))
+        object.__setattr__(self, "radius", positive_length("sphere radius", self.radius))
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class Cylinder:
     length: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", positive_number("cylinder radius", self.radius))
-        object.__setattr__(self, "length", positive_number("cylinder length", self.length))
+        object.__setattr__(self, "radius", positive_length("cylinder radius", self.radius))
+        object.__setattr__(self, "length", positive_length("cylinder length", self.length))
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,8 @@ class Capsule:
     length: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", positive_number("capsule radius", self.radius))
-        object.__setattr__(self, "length", positive_number("capsule length", self.length))
+        object.__setattr__(self, "radius", positive_length("capsule radius", self.radius))
+        object.__setattr__(self, "length", positive_length("capsule length", self.length))
 
 
 @dataclass(frozen=True)
@@ -110,13 +110,14 @@ class HalfSpace:
     def __post_init__(self) -> None:
         n = finite_array("half-space normal", self.normal, (3,))
         length = float(np.linalg.norm(n))
-        if length < 1e-9:
-            raise InputError("half-space normal has length zero, expected a direction")
+        if not 1e-9 <= length <= 1e9:
+            size = "length zero" if length < 1.0 else f"length {length:.3g}"
+            raise InputError(f"half-space normal has {size}, expected a direction, about 1 long")
         if abs(length - 1.0) > 1e-15:  # a unit normal is kept to the last bit, so that files read back equal
             n = n / length
         x, y, z = (float(c) for c in n)
         object.__setattr__(self, "normal", (x, y, z))
-        object.__setattr__(self, "offset", finite_number("half-space offset", self.offset))
+        object.__setattr__(self, "offset", float(near_array("half-space offset", self.offset, ())))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +138,7 @@ class Mesh(Value):
     convex: bool = False
 
     def __post_init__(self) -> None:
-        vertices = finite_array("mesh vertices", self.vertices, (None, 3))
+        vertices = near_array("mesh vertices", self.vertices, (None, 3))
         faces = _whole_numbers(self.faces)
         if len(vertices) < 4 or faces.ndim != 2 or faces.shape[1:] != (3,) or len(faces) < 1:
             raise InputError(
@@ -178,11 +179,11 @@ class PointCloud(Value):
     resolution: float = 0.02
 
     def __post_init__(self) -> None:
-        points = finite_array("point cloud", self.points, (None, 3))
+        points = near_array("point cloud", self.points, (None, 3))
         if len(points) == 0:
             raise InputError("point cloud has no points, expected at least one")
         object.__setattr__(self, "points", read_only(points))
-        object.__setattr__(self, "resolution", positive_number("point cloud resolution", self.resolution))
+        object.__setattr__(self, "resolution", positive_length("point cloud resolution", self.resolution))
 
 
 Shape = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh | PointCloud

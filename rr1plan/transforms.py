@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_array, read_only
+from rr1plan.checks import Array, finite_array, near_array, read_only
 from rr1plan.errors import InputError
 
 
@@ -105,7 +105,7 @@ def pose(xyz: Any = (0.0, 0.0, 0.0), *, rpy: Any = None, quaternion: Any = None)
     if rpy is not None and quaternion is not None:
         raise InputError("pose got both rpy and quaternion, expected at most one of them")
     T = np.eye(4)
-    T[:3, 3] = finite_array("xyz", xyz, (3,))
+    T[:3, 3] = near_array("xyz", xyz, (3,))
     if rpy is not None:
         T[:3, :3] = rotation_from_rpy(*finite_array("rpy", rpy, (3,)))
     elif quaternion is not None:
@@ -117,16 +117,17 @@ def as_pose(value: Any, name: str = "pose") -> Array:
     """A checked read-only transform from a (4, 4) array, a position (3,) or None (identity).
 
     Raises:
-        InputError: another shape, not finite, or not a rigid transform.
+        InputError: another shape, not finite, not a rigid transform, or farther than 10 km.
     """
     if value is None:
         return identity()
     if np.shape(value) == (3,):
-        return pose(finite_array(name, value, (3,)))
+        return pose(near_array(name, value, (3,)))
     T = finite_array(name, value, (4, 4))
     R = T[:3, :3]
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0 or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
         raise InputError(f"{name} is not a rigid transform: its rotation part is not a rotation matrix")
+    near_array(f"position of {name}", T[:3, 3], (3,))
     return read_only(T)
 
 

@@ -5,16 +5,21 @@ A planner is a class with a `name` and the verb `plan`; a row in `_ROWS` makes i
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
 from rr1plan.checks import Seed, known_name
 from rr1plan.errors import InputError
 from rr1plan.planners.cartesian import CartesianPlanner
 from rr1plan.planners.ompl import KINDS, OmplPlanner
+from rr1plan.planners.rrt_connect import RrtConnect
 from rr1plan.planning import Budget, Planner, PlannerInfo, PlanResult, ProgressCallback
 from rr1plan.problem import Problem
 
 __all__ = [
     "CartesianPlanner",
     "OmplPlanner",
+    "RrtConnect",
     "make_planner",
     "plan",
     "planner_names",
@@ -23,7 +28,15 @@ __all__ = [
 
 _ROWS = (
     *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
+    PlannerInfo(RrtConnect.name, "RRT-Connect as one compiled loop (Kuffner, LaValle 2000; Yershova et al. 2005)"),
     PlannerInfo("cartesian", "the tool moves on a straight line to a pose, the joints follow"),
+)
+# Our own planners, and their settings.
+_OWN: Mapping[str, tuple[Callable[..., Planner], tuple[str, ...]]] = MappingProxyType(
+    {
+        RrtConnect.name: (RrtConnect, ("range", "tree")),
+        CartesianPlanner.name: (CartesianPlanner, ("tolerance", "orientation_tolerance")),
+    }
 )
 
 
@@ -48,12 +61,12 @@ def make_planner(name: str, **settings: float) -> Planner:
         UnknownNameError: no such planner or setting; the message lists them.
         InputError: a setting of the wrong kind.
     """
-    if known_name("planner", name, planner_names()) != CartesianPlanner.name:
+    if known_name("planner", name, planner_names()) in KINDS:
         return OmplPlanner(name, **settings)  # type: ignore[arg-type]  # `tree` is among the settings
-    known = ("tolerance", "orientation_tolerance")
+    kind, known = _OWN[name]
     for setting in settings:
-        known_name("setting of planner 'cartesian'", setting, known)
-    return CartesianPlanner(**settings)
+        known_name(f"setting of planner {name!r}", setting, known)
+    return kind(**settings)
 
 
 def plan(
@@ -84,6 +97,8 @@ def plan(
     """
     if not isinstance(problem, Problem):
         raise InputError(f"problem is {type(problem).__name__}, expected a Problem")
-    if isinstance(planner, str):
+    if budget is not None and not isinstance(budget, Budget):
+        raise InputError(f"budget is {budget!r}, expected a Budget, e.g. Budget(seconds=5)")
+    if not hasattr(planner, "plan"):
         planner = make_planner(planner)
     return planner.plan(problem, budget, rng, progress)

@@ -140,7 +140,7 @@ def test_what_the_format_has_no_word_for_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="'scan' has a PointCloud"):
         write_moveit_scene(tmp_path / "a.scene", Scene().with_obstacle("scan", PointCloud([[0.0, 0, 0]])))
     with pytest.raises(InputError, match="more than one line"):
-        write_moveit_scene(tmp_path / "a.scene", Scene().with_obstacle("a\nb", Sphere(1.0)))
+        write_moveit_scene(tmp_path / "a.scene", Scene(name="a\nb").with_obstacle("ball", Sphere(1.0)))
     assert not (tmp_path / "a.scene").exists()
 
 
