@@ -74,6 +74,7 @@ class MotionChecker:
         self.checker = checker
         self.tolerance = positive_number("tolerance", tolerance)
         self._tables = build_tables(checker)
+        self._context = (self.tolerance, *self._tables)
         self._edge = np.zeros((2, checker.nq))
         self.edges_checked = 0
         self.configurations_checked = 0
@@ -82,6 +83,11 @@ class MotionChecker:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as its checker; the counters begin anew."""
         return _rebuild, (self.checker, self.tolerance)
+
+    @property
+    def context(self) -> tuple[Any, ...]:
+        """What compiled planners pass on to `rr1plan._kernels.edges.edge_code`."""
+        return self._context
 
     def edge_is_free(self, q0: Any, q1: Any) -> bool:
         """Every configuration on the straight line from q0 to q1 is free.

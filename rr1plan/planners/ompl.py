@@ -1,26 +1,19 @@
-"""OMPL's planners behind one verb: what they are, how a problem becomes a search, how its answer is checked.
-
-Continuous joints are searched unrolled, as plain numbers two turns and a half wide around the start, with
-every copy of a goal that lies within a turn: a path may leave through any seam, does not go the long
-way round unless it has to, and its waypoints are joined by the very lines that were certified.
-"""
+"""OMPL's planners behind one verb: what they are, how a problem becomes a search, how its answer is checked."""
 
 from __future__ import annotations
 
-import itertools
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rr1plan.checks import Array, Seed, as_generator, known_name
 from rr1plan.collision import MotionChecker
-from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, goal_configurations
+from rr1plan.planners.space import Space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree
 from rr1plan.problem import Problem
 
@@ -55,8 +48,6 @@ KINDS: Mapping[str, OmplKind] = MappingProxyType(
     }
 )
 
-_WINDOW = 2.5 * np.pi  # how far from its start a continuous joint is searched [rad]
-_MOST_GOALS = 64  # copies of goals in all
 _DIRECT = 8  # goals to which the straight line is tried first
 _RANGE = 0.06  # longest edge of a tree, as a part of the space's diagonal
 _REPORTS = 0.1  # time between two reports of progress [s]
@@ -138,7 +129,7 @@ class _Query:
         found = goal_configurations(self.problem, self.checker, self.rng)
         if found.status is not None:
             return self.result(found.status, reason=found.reason)
-        self.goals = self.with_copies(found.configurations)
+        self.goals = with_copies(self.problem, found.configurations)
         return None
 
     def direct(self) -> PlanResult | None:
@@ -161,7 +152,7 @@ class _Query:
         """The answer of OMPL, certified once more."""
         from rr1plan.planners import _ompl
 
-        space = _Space.around(self.problem, self.goals)
+        space = Space.around(self.problem, self.goals)
         if not space.movable.any():
             return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
         query = _ompl.Query(
@@ -189,21 +180,13 @@ class _Query:
 
     # ---- pieces ----------------------------------------------------------------------------------
 
-    def with_copies(self, goals: Array) -> Array:
-        """The goals and their copies one turn away where a joint is continuous, nearest to the start first."""
-        start, joints = self.problem.start, np.flatnonzero(continuous_joints(self.problem)).astype(np.int64)
-        copies = list(itertools.islice(_copies(goals, start, joints), 16 * _MOST_GOALS))
-        far = np.linalg.norm(np.array(copies) - start, axis=1)
-        return np.array(copies)[np.argsort(far, kind="stable")[:_MOST_GOALS]]
-
-    def defaults(self, space: _Space) -> dict[str, float]:
+    def defaults(self, space: Space) -> dict[str, float]:
         """Settings used where the caller gives none: edges short enough for narrow passages."""
         from rr1plan.planners._ompl import setting_names
 
         if "range" not in setting_names(KINDS[self.planner.name].ompl):
             return {}
-        extents = np.where(continuous_joints(self.problem), 2.0 * np.pi, space.upper - space.lower)
-        return {"range": _RANGE * float(np.linalg.norm(extents))}
+        return {"range": _RANGE * space.diagonal}
 
     def why(self, difference: float | None) -> str:
         """Why there is no path, in words."""
@@ -241,61 +224,3 @@ class _Query:
             cost_history=tuple(history),
             tree=tree,
         )
-
-
-@dataclass(frozen=True, eq=False)
-class _Space:
-    """Where OMPL searches: bounds of all columns, and which of them can move at all."""
-
-    lower: Array
-    upper: Array
-    movable: NDArray[np.bool_]
-    still: Array
-
-    @staticmethod
-    def around(problem: Problem, goals: Array) -> _Space:
-        """The joints' limits, continuous joints unrolled around the start.
-
-        Raises:
-            InputError: a joint without limits that is not continuous.
-        """
-        start = problem.start
-        unrolled = continuous_joints(problem)
-        limits = problem.scene.limits(problem.arms)
-        lower = np.where(unrolled, start - _WINDOW, limits.lower)
-        upper = np.where(unrolled, start + _WINDOW, limits.upper)
-        if not np.isfinite([lower, upper]).all():
-            j = int(np.flatnonzero(~np.isfinite(lower) | ~np.isfinite(upper))[0])
-            raise InputError(f"joint {problem.joint_names[j]!r} has no position limits, expected finite ones")
-        # The start and goals are within limits up to rounding; OMPL has no such mercy.
-        lower = np.minimum(lower, np.minimum(start, goals.min(axis=0)))
-        upper = np.maximum(upper, np.maximum(start, goals.max(axis=0)))
-        return _Space(lower, upper, lower < upper, start)
-
-    def reduce(self, q: Array) -> Array:
-        """The movable columns."""
-        return np.asarray(q[..., self.movable])
-
-    def whole(self, q: Array) -> Array:
-        """All columns from the movable ones."""
-        if len(self.still) == q.shape[-1]:
-            return q
-        full = np.broadcast_to(self.still, (*q.shape[:-1], len(self.still))).copy()
-        full[..., self.movable] = q
-        return full
-
-
-def continuous_joints(problem: Problem) -> NDArray[np.bool_]:
-    """Which columns of a problem wrap around, shape (nq,) of bool."""
-    return np.asarray(np.concatenate([problem.scene.arms[name].robot.continuous for name in problem.arms]) > 0.0)
-
-
-def _copies(goals: Array, start: Array, joints: NDArray[np.int64]) -> Iterator[Array]:
-    """Each goal, then with ever more of its continuous joints taken the other way round."""
-    turns = np.where(goals[:, joints] > start[joints], -2.0 * np.pi, 2.0 * np.pi)
-    for count in range(len(joints) + 1):
-        for chosen in itertools.combinations(range(len(joints)), count):
-            for goal, turn in zip(goals, turns, strict=True):
-                copy = goal.copy()
-                copy[joints[list(chosen)]] += turn[list(chosen)]
-                yield copy

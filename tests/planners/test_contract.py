@@ -10,7 +10,7 @@ from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError, NoPlanError, UnknownNameError
 from rr1plan.library import load_problems
 from rr1plan.planners import OmplPlanner, make_planner, plan, planner_names, planner_table
-from rr1plan.planners.ompl import _Space
+from rr1plan.planners.space import Space
 from rr1plan.planning import Budget, PlanStatus
 
 JOINT_SPACE = [name for name in planner_names() if name != "cartesian"]
@@ -118,7 +118,7 @@ def test_a_start_at_the_goal_is_a_path_of_no_length(name, seam):
 
 
 def test_the_table_has_all_planners_described():
-    assert len(planner_names()) == len(set(planner_names())) == 15
+    assert len(planner_names()) == len(set(planner_names())) == 16
     assert all(row.description and "\n" not in row.description for row in planner_table())
 
 
@@ -168,7 +168,7 @@ def test_a_joint_that_cannot_move_is_left_out_of_the_search(rr1):
     lower[0] = upper[0] = rr1.home[0]
     fixed = rr1.with_limits(rp.Limits(lower, upper, limits.velocity, limits.acceleration, limits.jerk, limits.effort))
     problem = rp.Problem(rp.Scene().with_arm("arm", fixed), start="home", goal="home")
-    space = _Space.around(problem, np.array([rr1.home]))
+    space = Space.around(problem, np.array([rr1.home]))
     assert space.movable.tolist() == [False] + [True] * (rr1.nq - 1)
     np.testing.assert_array_equal(space.whole(space.reduce(rr1.home)), rr1.home)
 
