@@ -6,6 +6,7 @@ they touch). Joint limits are another question: see `CollisionChecker.limit_viol
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -24,6 +25,9 @@ from rr1plan.shapes import Shape
 
 # Coal's distances of cylinders are this sharp, not 1e-5 m as with its own default.
 _GJK_TOLERANCE = 1e-10
+# Where a core lies exactly in another surface, Coal may end with -1.8e308; a nanometre beside it, it does not.
+_NO_DISTANCE = -1e300
+_NUDGE = np.array([0.7e-9, -0.5e-9, 0.6e-9])
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +251,10 @@ class CollisionChecker:
         """Distance of every pair in `solid_pairs` [m], negative where they overlap, shape (m,)."""
         self._place(q)
         pin.computeDistances(self._geometry, self._scratch)
-        return np.array([r.min_distance for r in self._scratch.distanceResults], dtype=np.float64)
+        found = np.array([r.min_distance for r in self._scratch.distanceResults], dtype=np.float64)
+        for pair in np.flatnonzero(found < _NO_DISTANCE):
+            found[pair] = self._distance(int(pair))[0]
+        return found
 
     def solid_distance(self, q: Any, pair: int) -> float:
         """Distance of one pair in `solid_pairs` [m], negative where they overlap."""
@@ -272,6 +279,12 @@ class CollisionChecker:
 
     def _distance(self, pair: int) -> tuple[float, Array, Array]:
         result = pin.computeDistance(self._geometry, self._scratch, pair)
+        if result.min_distance < _NO_DISTANCE:
+            placement = self._scratch.oMg[self._geometry.collisionPairs[pair].first]
+            exactly = placement.translation.copy()
+            placement.translation = exactly + _NUDGE
+            result = pin.computeDistance(self._geometry, self._scratch, pair)
+            placement.translation = exactly
         return float(result.min_distance), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
 
     def _ordered(self, pair: int) -> tuple[str, str]:
@@ -354,4 +367,13 @@ def _geometry_data(geometry: Any, padding: Array) -> Any:
     for request in data.distanceRequests:
         request.gjk_tolerance = _GJK_TOLERANCE
         request.enable_signed_distance = True
+    _forget_guesses(data)
     return data
+
+
+def _forget_guesses(data: Any) -> None:
+    """Start every search afresh: a guess kept from the last one can be NaN, and then spoils all that follow."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # the successor of this switch does not turn it off
+        for request in (*data.collisionRequests, *data.distanceRequests):
+            request.enable_cached_gjk_guess = False

@@ -39,3 +39,18 @@ def test_a_core_that_grazes_a_surface_collides(shape: rp.Sphere | rp.Capsule, ob
         for gap in (0.0, 1e-12, 1e-9, 1e-7, 5e-7, 2e-6, 1e-3, 0.0399):
             assert not checker.is_free(np.array([0.2 + gap])), gap
         assert checker.is_free(np.array([0.2 + 0.0401]))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_a_core_exactly_in_a_surface_has_its_depth(turn: float) -> None:
+    scene = rp.load_scene("planar2r_path")
+    q = np.array([-np.pi / 2, np.pi / 2])
+    checker = rp.CollisionChecker(scene)
+    for near in (q + turn, q + 1e-9, q, q + 1e-12, q):
+        distances = checker.distances(near)
+        assert (np.abs(distances) < 10.0).all()
+        assert all(0.0 <= contact.depth < 1.0 for contact in checker.contacts(near))
+    violet = checker.pairs.index(("arm/link2", "violet"))
+    assert checker.distances(q)[violet] == pytest.approx(-0.04, abs=1e-6)
+    assert checker.contacts(q)[0].depth == pytest.approx(0.04, abs=1e-6)
+    assert rp.CollisionChecker(scene).distances(q)[violet] == pytest.approx(-0.04, abs=1e-6)
