@@ -46,7 +46,9 @@ def run(arguments: Sequence[str]) -> int:
 
 def _run_command(options: Namespace, console: Console) -> int:
     module, function = options.command.split(".")
-    code: int = getattr(import_module(f"rr1plan.cli.{module}"), function)(options, console)
+    with console.progress("loading (the first time, kernels are compiled: some 20 s)"):
+        command = getattr(import_module(f"rr1plan.cli.{module}"), function)
+    code: int = command(options, console)
     return code
 
 

@@ -64,7 +64,7 @@ class Console:
         if self.as_json or self.quiet or not self._err.is_terminal:
             yield _nothing
             return
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=24), TimeElapsedColumn())
         with Progress(*columns, console=self._err, transient=True) as bar:
             task = bar.add_task(text, total=1.0)
             yield lambda fraction: bar.update(task, completed=fraction)
