@@ -48,7 +48,7 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
 
 
 def near_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
-    """`finite_array` of lengths or coordinates [m], none beyond 10 km.
+    """`finite_array` of lengths, coordinates or angles [m or rad], none beyond 10 km.
 
     Raises:
         InputError: not numbers, wrong shape, not finite, or farther than that.
@@ -56,7 +56,7 @@ def near_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     array = finite_array(name, value, shape)
     farthest = float(np.abs(array).max(initial=0.0))
     if farthest > FARTHEST:
-        raise InputError(f"{name} holds {farthest:.6g} m, expected at most {FARTHEST:g} m")
+        raise InputError(f"{name} holds {farthest:.6g}, expected at most {FARTHEST:g}")
     return array
 
 
@@ -88,6 +88,16 @@ def positive_length(name: str, value: Any) -> float:
         InputError: not a number, NaN, zero, negative or too long.
     """
     return positive_number(name, near_array(name, value, ()))
+
+
+def of_kind(name: str, value: Any, kind: type) -> None:
+    """Refuse a value that is not of a kind.
+
+    Raises:
+        InputError: it is of another.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}")
 
 
 def known_name(kind: str, name: str, known: Iterable[str]) -> str:

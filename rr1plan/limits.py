@@ -36,9 +36,13 @@ class Limits(Value):
     effort: Array
 
     def __post_init__(self) -> None:
-        n = np.shape(self.lower)
+        n = None
         for name in ("lower", "upper", *_POSITIVE):
-            array = np.array(getattr(self, name), dtype=np.float64)
+            try:
+                array = np.array(getattr(self, name), dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise InputError(f"limits: {name} is {getattr(self, name)!r}, expected numbers") from error
+            n = array.shape if n is None else n
             if array.ndim != 1 or array.shape != n or np.isnan(array).any():
                 raise InputError(f"limits: {name} is {array}, expected {n} numbers without NaN")
             object.__setattr__(self, name, read_only(array))

@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, finite_array, read_only
+from rr1plan.checks import Array, Value, near_array, read_only
 from rr1plan.errors import InputError
+
+# More samples than this do not fit into memory.
+MOST_SAMPLES = 10_000_000
 
 
 def check_joint_names(joint_names: Any) -> tuple[str, ...]:
@@ -43,7 +46,7 @@ class Path(Value):
 
     def __post_init__(self) -> None:
         names = check_joint_names(self.joint_names)
-        waypoints = finite_array("waypoints", self.waypoints, (None, len(names)))
+        waypoints = near_array("waypoints", self.waypoints, (None, len(names)))
         if len(waypoints) < 1:
             raise InputError("a path has at least one waypoint, got none")
         object.__setattr__(self, "joint_names", names)
@@ -69,6 +72,8 @@ class Path(Value):
         """Configurations along the path, at most `step` [rad] apart in any joint, shape (m, nq)."""
         if not step > 0.0:
             raise InputError(f"step is {step}, expected a number above zero")
+        if np.abs(np.diff(self.waypoints, axis=0)).sum() > MOST_SAMPLES * step:
+            raise InputError(f"a step of {step} makes more than {MOST_SAMPLES} configurations, take a longer one")
         pieces = [self.waypoints[:1]]
         for a, b in zip(self.waypoints[:-1], self.waypoints[1:], strict=True):
             count = max(1, int(np.ceil(np.abs(b - a).max(initial=0.0) / step)))

@@ -252,7 +252,10 @@ class Robot(Value):
 
         Raises:
             UnknownNameError: no preset of that name.
+            InputError: neither, or limits of another number of joints.
         """
+        if not isinstance(limits, Limits | str):
+            raise InputError(f"limits is {limits!r}, expected Limits or the name of a preset")
         if isinstance(limits, str):
             limits = self.presets[known_name("limit preset", limits, self.presets)]
         return replace(self, limits=limits)

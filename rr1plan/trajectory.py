@@ -15,7 +15,7 @@ import numpy as np
 
 from rr1plan.checks import Array, Value, finite_array, known_name, read_only
 from rr1plan.errors import InputError
-from rr1plan.path import check_joint_names
+from rr1plan.path import MOST_SAMPLES, check_joint_names
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +132,8 @@ class Trajectory(Value):
         Returns:
             Shape (*t.shape, nq) [rad/s^derivative].
         """
+        if derivative not in (0, 1, 2, 3):
+            raise InputError(f"derivative is {derivative!r}, expected 0, 1, 2 or 3")
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
         if not np.isfinite(flat).all():
@@ -157,6 +159,8 @@ class Trajectory(Value):
         """Times start, start + dt, ..., and the end [s]."""
         if not dt > 0.0:
             raise InputError(f"dt is {dt}, expected a number above zero")
+        if self.duration > MOST_SAMPLES * dt:
+            raise InputError(f"dt of {dt} s makes more than {MOST_SAMPLES} samples, take a longer one")
         count = int(np.floor(self.duration / dt + 1e-9))
         times: Array = np.asarray(self.start_time + dt * np.arange(count + 1), dtype=np.float64)
         return times if self.end_time - times[-1] < 1e-9 * max(1.0, dt) else np.append(times, self.end_time)

@@ -33,7 +33,7 @@ def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
             data = stream.read(max_bytes + 1)
     except FileNotFoundError as error:
         raise FormatError("there is no such file", file) from error
-    except (OSError, EOFError, zlib.error) as error:
+    except (OSError, ValueError, EOFError, zlib.error) as error:  # ValueError: a NUL in the name
         raise FormatError(f"cannot be read: {error}", file) from error
     if len(data) > max_bytes:
         raise FormatError(f"is larger than {max_bytes} bytes, the most that is read", file)
@@ -66,8 +66,8 @@ def write_bytes(file: str | Path, data: bytes) -> Path:
     path = Path(file)
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise InputError(f"cannot write {path}: {getattr(error, 'strerror', error)}") from error
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)

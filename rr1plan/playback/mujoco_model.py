@@ -110,13 +110,13 @@ class _Builder:
         for name, arm in scene.arms.items():
             self._add_arm(name, arm.robot, arm.base)
         for name, held in scene.attachments.items():
-            body = self._add_body(self.spec.body(f"{held.arm}/{held.link}"), name, held.pose)
+            body = self._add_body(self.spec.body(f"{held.arm}/{held.link}"), _body_name(name), held.pose)
             self._add_geoms(body, name, held.geometries)
         for name, obstacle in scene.obstacles.items():
-            body = self._add_body(self.spec.worldbody, name, obstacle.pose)
+            body = self._add_body(self.spec.worldbody, _body_name(name), obstacle.pose)
             self._add_geoms(body, name, obstacle.geometries)
         for a, b in _excluded_pairs(scene):
-            self.spec.add_exclude(bodyname1=a, bodyname2=b)
+            self.spec.add_exclude(bodyname1=_body_name(a), bodyname2=_body_name(b))
 
     def _add_arm(self, arm: str, robot: Robot, base: Array) -> None:
         self._add_link(self.spec.worldbody, arm, robot.links[0], base)
@@ -224,6 +224,11 @@ def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
                 if a != b and not same_arm and frozenset((a, b)) not in seen:
                     seen.add(frozenset((a, b)))
                     yield a, b
+
+
+def _body_name(element: str) -> str:
+    """An element's body; MuJoCo keeps the name "world" for itself."""
+    return f"{element}#" if element.rstrip("#") == "world" else element
 
 
 def _definite(inertia: Array) -> Array:

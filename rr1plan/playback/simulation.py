@@ -15,14 +15,17 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from rr1plan.checks import Array, finite_number, positive_number
-from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.checks import Array, finite_number, of_kind, positive_number
+from rr1plan.errors import BackendError, InputError, UnknownNameError
 from rr1plan.playback.mujoco_model import MujocoScene, build_mujoco
 from rr1plan.playback.replay import Replay, ReplayContact
 from rr1plan.robot import Joint
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
+_UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
+# More steps than this take hours and more memory than there is.
+_MOST_STEPS = 5_000_000
 Mode = Literal["dynamic", "kinematic"]
 Progress = Callable[[float], None]
 
@@ -58,6 +61,7 @@ def simulate(
 
     Raises:
         InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know.
+        BackendError: MuJoCo does not take the scene, or its simulation became unstable.
     """
     if mode not in ("dynamic", "kinematic"):
         raise UnknownNameError("replay mode", mode, ("dynamic", "kinematic"))
@@ -65,7 +69,11 @@ def simulate(
     record_dt = positive_number("record_dt", record_dt)
     if finite_number("hold", hold) < 0.0:
         raise InputError(f"hold is {hold}, expected a time >= 0")
+    of_kind("trajectory", trajectory, Trajectory)
+    of_kind("scene", scene, Scene)
     targets = JointTargets(trajectory, scene)
+    if trajectory.duration + hold > _MOST_STEPS * timestep:
+        raise InputError(f"{trajectory.duration + hold:g} s in steps of {timestep:g} s are too many; take longer steps")
     world = build_mujoco(scene, timestep=timestep, stiffness=positive_number("stiffness", stiffness))
     steps = max(1, int(np.ceil((trajectory.duration + hold) / timestep - 1e-9)))
     run = _Run(world, targets, _clock(trajectory.start_time, timestep, steps), progress)
@@ -159,6 +167,10 @@ class _Run:
         for k in range(len(self.times) - 1):
             data.ctrl[:] = control[k]
             mujoco.mj_step(model, data)
+            if data.warning.number[_UNSTABLE].any():
+                raise BackendError(
+                    f"MuJoCo's simulation became unstable at {self.times[k]:.3f} s; try a smaller timestep"
+                )
             self.actual[k + 1] = data.qpos
             np.maximum(self.effort, np.abs(data.actuator_force) / limit, out=self.effort)
             if data.ncon:

@@ -12,7 +12,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from rr1plan.checks import Array, positive_number
+from rr1plan.checks import Array, of_kind, positive_number
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.path import Path
@@ -65,6 +65,8 @@ def validate(
         UnknownNameError: a joint that the scene does not have.
         InputError: an arm with only some of its joints, or a scene whose shapes cannot be compared.
     """
+    of_kind("trajectory", trajectory, Trajectory)
+    of_kind("scene", scene, Scene)
     positive_number("clearance_tolerance", clearance_tolerance)
     _check_columns(trajectory, scene)
     ledger = Ledger()
