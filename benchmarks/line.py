@@ -65,12 +65,19 @@ class Outcome:
 
 
 def run_line(
-    name: str, problem: rp.Problem, seed: int, *, margin: float = 0.002, seconds: float = 10.0, replay: bool = False
+    name: str,
+    problem: rp.Problem,
+    seed: int,
+    *,
+    planner: str = "rrt_connect",
+    margin: float = 0.002,
+    seconds: float = 10.0,
+    replay: bool = False,
 ) -> Outcome:
     """Answer a problem as `plan_motion` does, each stage under a clock."""
     out = Outcome(name)
     rng = np.random.default_rng(seed)
-    result, roomy, out.margin = _plan(problem, margin, rp.Budget(seconds=seconds), rng, out.clock)
+    result, roomy, out.margin = _plan(problem, planner, margin, rp.Budget(seconds=seconds), rng, out.clock)
     out.status, out.reason = result.status.value, result.reason
     if result.path is None:
         return out
@@ -93,7 +100,7 @@ def run_line(
 
 
 def _plan(
-    problem: rp.Problem, margin: float, budget: rp.Budget, rng: np.random.Generator, clock: Clock
+    problem: rp.Problem, planner: str, margin: float, budget: rp.Budget, rng: np.random.Generator, clock: Clock
 ) -> tuple[rp.PlanResult, rp.Problem, float]:
     """The planner's answer, the problem it answers and its margin: given up where no goal has it."""
     checker = rp.CollisionChecker(problem.scene, problem.arms)
@@ -103,7 +110,7 @@ def _plan(
     for m in (margin, 0.0):
         roomy = with_margin(problem, m)
         with clock.stage("plan"):
-            result = rp.plan(roomy, "rrt_connect", budget, rng)
+            result = rp.plan(roomy, planner, budget, rng)
         if result.status not in (rp.PlanStatus.INVALID_GOAL, rp.PlanStatus.INFEASIBLE):
             break
     return result, roomy, m

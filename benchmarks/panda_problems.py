@@ -47,14 +47,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     names = list(problems)[:: args.every]
     warm_up()
     seeds = {name: args.seed + i for i, name in enumerate(problems)}
-    outcomes = [run_line(n, problems[n], seeds[n], margin=args.margin) for n in track(names, "rr1plan")]
+    outcomes = [
+        run_line(n, problems[n], seeds[n], planner=args.planner, margin=args.margin) for n in track(names, "rr1plan")
+    ]
     srdf = args.srdf or args.robot.with_suffix(".srdf")
     peers = ask_peer(args.peer_env, args.file, args.robot, srdf, names, args.seed + 1) if args.peer_env else []
     opinions = {name: Opinions(problems[name].scene) for name in names}
     verdicts = [_judge(o, opinions[o.name]) for o in track(outcomes, "1 mm samples")]
     for answer in track(peers, "1 mm samples of the peer") if peers else ():
         answer["touches"] = _judge_peer(answer, opinions[answer["name"]])
-    facts = {"problems": len(names), "seed": args.seed, "margin": f"{1e3 * args.margin:g} mm"}
+    facts = {"problems": len(names), "planner": args.planner, "seed": args.seed, "margin": f"{1e3 * args.margin:g} mm"}
     text = "\n\n".join(_report(facts, outcomes, verdicts, peers))
     save(args.out, "panda_problems", _data(facts, outcomes, verdicts, peers), text)
     _draw(args.out / "panda_problems.png", outcomes, peers)
@@ -68,6 +70,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--robot", type=Path, required=True, help="the Panda's URDF")
     parser.add_argument("--srdf", type=Path, help="its SRDF (default: beside the URDF)")
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem")
+    parser.add_argument("--planner", default="rrt_connect", help="a name of planner_names()")
     parser.add_argument("--margin", type=float, default=0.002, help="distance to keep while planning [m]")
     parser.add_argument("--peer-env", type=Path, help=f"folder of a virtual environment with {PEER}; made when missing")
     return parser.parse_args(argv)

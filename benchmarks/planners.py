@@ -1,4 +1,4 @@
-"""Every planner of OMPL on every query of the shipped scenes: success, time, cost.
+"""Every planner but the Cartesian one on every query of the shipped scenes: success, time, cost.
 
     python benchmarks/planners.py [--seconds 2]
 

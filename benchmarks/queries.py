@@ -154,7 +154,12 @@ def answer_queries(args: argparse.Namespace, queries: Sequence[Query]) -> list[A
     """Each query through the whole line and the replay."""
     warm_up()
     return [
-        Answer(q, run_line(q.name, q.problem, q.seed, margin=args.margin, seconds=args.seconds, replay=True))
+        Answer(
+            q,
+            run_line(
+                q.name, q.problem, q.seed, planner=args.planner, margin=args.margin, seconds=args.seconds, replay=True
+            ),
+        )
         for q in track(queries, "queries")
     ]
 
@@ -162,6 +167,7 @@ def answer_queries(args: argparse.Namespace, queries: Sequence[Query]) -> list[A
 def add_options(parser: argparse.ArgumentParser, count: int, nodes: int) -> None:
     """The options of both benchmarks of queries."""
     parser.add_argument("--count", type=int, default=count, help="how many queries")
+    parser.add_argument("--planner", default="rrt_connect", help="a name of planner_names()")
     parser.add_argument("--seconds", type=float, default=10.0, help="budget of the planner [s]")
     parser.add_argument("--nodes", type=int, default=nodes, help="size of the roadmaps that prove queries feasible")
     parser.add_argument("--margin", type=float, default=0.002, help="distance to keep while planning [m]")
@@ -172,7 +178,7 @@ def add_options(parser: argparse.ArgumentParser, count: int, nodes: int) -> None
 
 def tell(args: argparse.Namespace, name: str, title: str, answers: Sequence[Answer]) -> int:
     """Write the results; 0 when every query is as it has to be."""
-    facts = {"queries": len(answers), "seed": args.seed, "margin": f"{1e3 * args.margin:g} mm"}
+    facts = {"queries": len(answers), "planner": args.planner, "seed": args.seed, "margin": f"{1e3 * args.margin:g} mm"}
     clocks = [a.outcome.clock for a in answers if a.outcome.solved]
     faults = [f"- {a.query.name}: {fault}" for a in answers for fault in a.faults()]
     parts = [heading(title, facts), _summary(answers)]
