@@ -123,7 +123,20 @@ def test_a_resting_arm_is_held_and_a_second_run_is_identical(rr1: rp.Robot) -> N
 
 def test_attached_objects_and_every_shape_reach_the_simulator(rr1: rp.Robot) -> None:
     cube = np.array([[x, y, z] for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)])
-    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    faces = [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ]
     scene = rp.Scene(arms={"arm": rp.Arm(rr1)})
     tool = scene.link_poses()[f"arm/{rr1.tool}"]
     shapes = {
