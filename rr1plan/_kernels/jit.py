@@ -16,23 +16,27 @@ F = TypeVar("F", bound=Callable[..., Any])
 # C arrays that a kernel only reads; an array that may be written is accepted too.
 FLOATS1 = numba.types.Array(numba.float64, 1, "C", readonly=True)
 FLOATS2 = numba.types.Array(numba.float64, 2, "C", readonly=True)
+FLOATS3 = numba.types.Array(numba.float64, 3, "C", readonly=True)
 INTS1 = numba.types.Array(numba.int64, 1, "C", readonly=True)
 INTS2 = numba.types.Array(numba.int64, 2, "C", readonly=True)
 # C arrays that a kernel writes.
 OUT1 = numba.float64[::1]
 OUT2 = numba.float64[:, ::1]
+INT1 = numba.int64[::1]
+INT2 = numba.int64[:, ::1]
+OUT3 = numba.float64[:, :, ::1]
 F64 = numba.float64
 I64 = numba.int64
 
 
-def jit(signature: Any) -> Callable[[F], F]:
-    """Compile a function for one signature.
+def jit(signature: Any, *, inline: bool = False) -> Callable[[F], F]:
+    """Compile a function for one signature, or into each of its callers.
 
     No fastmath: a bound that rounds another way is no bound.
     """
 
     def compiled(function: F) -> F:
-        options = {"nogil": True, "fastmath": False, "error_model": "numpy"}
+        options = {"nogil": True, "fastmath": False, "error_model": "numpy", "forceinline": inline}
         try:
             made = numba.njit(signature, cache=True, **options)(function)
         except RuntimeError as error:

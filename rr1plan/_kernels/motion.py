@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INTS1, INTS2, OUT1, OUT2, jit
+from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INT1, INTS1, INTS2, OUT1, OUT2, jit
 from rr1plan._kernels.separation import BOX, CELLS, HALF_SPACE, POINT, separation, support
 
 FREE, CONTACT, GRAZING = range(3)
@@ -273,15 +273,19 @@ def fine_gap(a, b, bodies, body_values, corners, links, poses, centres, least, e
 
 @jit(
     types.Tuple((I64, F64, I64, I64, I64))(
-        *(FLOATS2, F64, F64),
+        *(FLOATS2, F64, F64, OUT1, OUT1, INT1, INT1),
         *(INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1),
         *(OUT2, OUT2, OUT2, OUT2),
     )
 )
-def certify(
+def _halve(
     curve,
     duration,
     tolerance,
+    middles,
+    halves,
+    begins,
+    open_pairs,
     joints,
     joint_values,
     bodies,
@@ -297,44 +301,15 @@ def certify(
     centres,
     directions,
 ):
-    """Certify a curve free of contact, or find a place where it is not.
+    """Halve intervals until every pair open on them is proven apart, or one is not; see `certify`.
 
-    Args:
-        curve: Coefficients of q(t) = sum_k curve[k] t^k, shape (k, nq).
-        duration: End of the curve; it begins at 0.
-        tolerance: Gaps beyond the padding smaller than this are given up [m].
-        joints: See `place_joints`; row 0 is the world.
-        joint_values: The same.
-        bodies: Kind, joint, first and last corner, first and last entry of its chain; shape (b, 6).
-        body_values: T_joint_body (12), centre of its ball in the joint's frame (3), radius of the ball,
-            radius around the core, centre (3) and half sizes (3) of its box in its own frame, size (3;
-            a half-space's normal), a half-space's offset; shape (b, 27).
-        corners: Corner points of all bodies of kind CORNERS, centres of the cells of CELLS, shape (c, 3).
-        links: Neighbours of corner i are links[links[i] : links[i + 1]].
-        chain: Driven joints above each body, root first.
-        chain_reach: For each, how far the centre of the body's ball can ever be from the joint's axis [m].
-        pairs: Body, body (the half-space or cloud, if there is one), how many joints their chains share;
-            shape (p, 3).
-        padding: Distance to keep, shape (p,).
-        joint_poses: World poses of joints, shape (n, 12): in, of those that rest; the others are scratch.
-        poses: The same of bodies, shape (b, 12).
-        centres: The same of the centres of their balls, shape (b, 3).
-        directions: Scratch memory, shape (p, 3).
-
-    Returns:
-        FREE, CONTACT or GRAZING; where; which pair; configurations looked at; gaps computed finely.
+    Interval i is halves[i] to both sides of middles[i], its pairs are open_pairs[begins[i] : begins[i + 1]].
     """
     terms, nq = curve.shape
-    count = pairs.shape[0]
     work, q, reach = np.empty((terms, nq)), np.empty(nq), np.empty(nq)
     small, scratch = np.empty(12), np.empty((4, 3))
     travel = np.empty((bodies.shape[0], joints.shape[0] + 1))
     placed = np.full(bodies.shape[0], -1, np.int64)
-    # One level: the middles of its intervals, and for each the pairs still open.
-    middles, begins, open_pairs = np.empty(1), np.empty(2, np.int64), np.arange(count)
-    middles[0] = 0.5 * duration
-    begins[0], begins[1] = 0, count
-    half = 0.5 * duration
     seen, fine = 0, 0
     # From one interval to the next a pair keeps its direction; from call to call it does not: same edge, same answer.
     directions[:, :] = 0.0
@@ -342,12 +317,13 @@ def certify(
         if seen > _MOST_CONFIGURATIONS:
             return GRAZING, middles[0], open_pairs[0], seen, fine
         next_middles = np.empty(2 * len(middles))
+        next_halves = np.empty(2 * len(middles))
         next_begins = np.empty(2 * len(middles) + 1, np.int64)
         next_pairs = np.empty(2 * len(open_pairs), np.int64)
         intervals, stored = 0, 0
         next_begins[0] = 0
         for i in range(len(middles)):
-            take_interval(curve, duration, middles[i], half, work, q, reach)
+            take_interval(curve, duration, middles[i], halves[i], work, q, reach)
             place_joints(joints, joint_values, q, joint_poses, small)
             seen += 1
             before = stored
@@ -404,12 +380,152 @@ def certify(
             if stored > before:
                 opened = stored - before
                 for side in range(2):
-                    next_middles[intervals] = middles[i] + (side - 0.5) * half
+                    next_middles[intervals] = middles[i] + (side - 0.5) * halves[i]
+                    next_halves[intervals] = 0.5 * halves[i]
                     intervals += 1
                     next_begins[intervals] = before + (side + 1) * opened
                 for k in range(opened):
                     next_pairs[stored + k] = next_pairs[before + k]
                 stored += opened
-        middles, begins, open_pairs = next_middles[:intervals], next_begins[: intervals + 1], next_pairs[:stored]
-        half *= 0.5
+        middles, halves = next_middles[:intervals], next_halves[:intervals]
+        begins, open_pairs = next_begins[: intervals + 1], next_pairs[:stored]
     return FREE, 0.0, -1, seen, fine
+
+
+@jit(
+    types.Tuple((I64, F64, I64, I64, I64))(
+        *(FLOATS2, F64, F64),
+        *(INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1),
+        *(OUT2, OUT2, OUT2, OUT2),
+    )
+)
+def certify(
+    curve,
+    duration,
+    tolerance,
+    joints,
+    joint_values,
+    bodies,
+    body_values,
+    corners,
+    links,
+    chain,
+    chain_reach,
+    pairs,
+    padding,
+    joint_poses,
+    poses,
+    centres,
+    directions,
+):
+    """Certify a curve free of contact, or find a place where it is not.
+
+    Args:
+        curve: Coefficients of q(t) = sum_k curve[k] t^k, shape (k, nq).
+        duration: End of the curve; it begins at 0.
+        tolerance: Gaps beyond the padding smaller than this are given up [m].
+        joints: See `place_joints`; row 0 is the world.
+        joint_values: The same.
+        bodies: Kind, joint, first and last corner, first and last entry of its chain; shape (b, 6).
+        body_values: T_joint_body (12), centre of its ball in the joint's frame (3), radius of the ball,
+            radius around the core, centre (3) and half sizes (3) of its box in its own frame, size (3;
+            a half-space's normal), a half-space's offset; shape (b, 27).
+        corners: Corner points of all bodies of kind CORNERS, centres of the cells of CELLS, shape (c, 3).
+        links: Neighbours of corner i are links[links[i] : links[i + 1]].
+        chain: Driven joints above each body, root first.
+        chain_reach: For each, how far the centre of the body's ball can ever be from the joint's axis [m].
+        pairs: Body, body (the half-space or cloud, if there is one), how many joints their chains share;
+            shape (p, 3).
+        padding: Distance to keep, shape (p,).
+        joint_poses: World poses of joints, shape (n, 12): in, of those that rest; the others are scratch.
+        poses: The same of bodies, shape (b, 12).
+        centres: The same of the centres of their balls, shape (b, 3).
+        directions: Scratch memory, shape (p, 3).
+
+    Returns:
+        FREE, CONTACT or GRAZING; where; which pair; configurations looked at; gaps computed finely.
+    """
+    middles, halves = np.full(1, 0.5 * duration), np.full(1, 0.5 * duration)
+    begins, open_pairs = np.zeros(2, np.int64), np.arange(pairs.shape[0])
+    begins[1] = pairs.shape[0]
+    return _halve(
+        curve, duration, tolerance, middles, halves, begins, open_pairs,
+        joints, joint_values, bodies, body_values, corners, links, chain, chain_reach, pairs, padding,
+        joint_poses, poses, centres, directions,
+    )  # fmt: skip
+
+
+@jit(
+    types.Tuple((I64, F64, I64, I64, I64))(
+        *(FLOATS2, F64, F64, FLOATS2, INTS1, I64),
+        *(INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1),
+        *(OUT2, OUT2, OUT2, OUT2),
+    )
+)
+def certify_open(
+    curve,
+    duration,
+    tolerance,
+    spans,
+    span_pairs,
+    count,
+    joints,
+    joint_values,
+    bodies,
+    body_values,
+    corners,
+    links,
+    chain,
+    chain_reach,
+    pairs,
+    padding,
+    joint_poses,
+    poses,
+    centres,
+    directions,
+):
+    """Certify what is left of a curve: some pairs on some intervals. All else as in `certify`.
+
+    Args:
+        curve: See `certify`.
+        duration: The same.
+        tolerance: The same.
+        spans: Middle and half width of an interval, shape (n, 2); those of one interval need not be neighbours.
+        span_pairs: The pair open on each, shape (n,).
+        count: How many of them count.
+        joints: From here on see `certify`.
+        joint_values: The same.
+        bodies: The same.
+        body_values: The same.
+        corners: The same.
+        links: The same.
+        chain: The same.
+        chain_reach: The same.
+        pairs: The same.
+        padding: The same.
+        joint_poses: The same.
+        poses: The same.
+        centres: The same.
+        directions: The same.
+    """
+    middles, halves = np.empty(count), np.empty(count)
+    begins, open_pairs = np.empty(count + 1, np.int64), np.empty(count, np.int64)
+    done = np.zeros(count, np.bool_)
+    intervals, stored = 0, 0
+    begins[0] = 0
+    for i in range(count):
+        if done[i]:
+            continue
+        middles[intervals], halves[intervals] = spans[i, 0], spans[i, 1]
+        for k in range(i, count):
+            if spans[k, 0] == spans[i, 0] and spans[k, 1] == spans[i, 1]:
+                done[k] = True
+                open_pairs[stored] = span_pairs[k]
+                stored += 1
+        intervals += 1
+        begins[intervals] = stored
+    return _halve(
+        curve, duration, tolerance, middles[:intervals], halves[:intervals], begins[: intervals + 1], open_pairs,
+        joints, joint_values, bodies, body_values, corners, links, chain, chain_reach, pairs, padding,
+        joint_poses, poses, centres, directions,
+    )  # fmt: skip

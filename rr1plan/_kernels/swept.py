@@ -1,0 +1,60 @@
+# mypy: disable-error-code="no-untyped-def,no-untyped-call"
+"""A straight edge, by spheres first and by the exact kernel where they leave something open.
+
+The answer is the exact kernel's: what spheres prove free has a gap beyond its tolerance everywhere, and what
+they prove to touch is nearer than the padding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import types
+
+from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INT1, INTS1, INTS2, OUT2, jit
+from rr1plan._kernels.motion import CONTACT, FREE, certify, certify_open
+from rr1plan._kernels.spheres import COVER, PROVEN, TOUCHES, WORK, sweep
+
+# Tolerance [m], then the tables of `certify` in its order.
+EXACT = types.Tuple(
+    (F64, INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1, OUT2, OUT2, OUT2, OUT2)
+)
+# What has been done so far: edges, those that needed the exact kernel, configurations, gaps computed finely.
+EDGES, EXACT_EDGES, CONFIGURATIONS, GAPS = range(4)
+
+
+@jit(types.Tuple((I64, F64, I64))(FLOATS1, FLOATS1, COVER, WORK, EXACT, INT1))
+def sweep_edge(begin, end, cover, work, exact, done):
+    """Certify a straight edge free of contact, or find a place where it is not.
+
+    Args:
+        begin: Configuration, shape (nq,).
+        end: Configuration, shape (nq,).
+        cover: See `spheres.Cover`.
+        work: See `spheres.Work`.
+        exact: Tolerance and tables of the exact kernel.
+        done: Counters, added to; shape (4,).
+
+    Returns:
+        FREE, CONTACT or GRAZING; where (0..1); which pair.
+    """
+    done[EDGES] += 1
+    answer = sweep(begin, end, cover, work)
+    done[CONFIGURATIONS] += work.lanes.shape[0] // 3 * work.counts[1]
+    if answer == PROVEN:
+        return FREE, 0.0, -1
+    if answer == TOUCHES:
+        return CONTACT, work.open_spans[0, 0], work.counts[2]
+    done[EXACT_EDGES] += 1
+    curve = np.empty((2, len(begin)))
+    for j in range(len(begin)):
+        curve[0, j] = begin[j]
+        curve[1, j] = end[j] - begin[j]
+    if work.counts[0] < 0:
+        status, where, pair, seen, fine = certify(curve, 1.0, exact[0], *exact[1:])
+    else:
+        status, where, pair, seen, fine = certify_open(
+            curve, 1.0, exact[0], work.open_spans, work.open_pairs, work.counts[0], *exact[1:]
+        )
+    done[CONFIGURATIONS] += seen
+    done[GAPS] += fine
+    return status, where, pair

@@ -1,0 +1,141 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision.swept import SweptEdges
+from rr1plan.errors import InputError
+from rr1plan.library import load_scene
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud, Sphere
+from rr1plan.transforms import pose
+
+
+def strange(odd):
+    cloud = PointCloud(np.random.default_rng(0).uniform(0.3, 0.6, (60, 3)), 0.03)
+    scene = Scene().with_arm("a", odd).with_obstacle("ground", HalfSpace((0, 0, 1), -0.01))
+    scene = scene.with_obstacle("cloud", cloud).with_obstacle("can", Cylinder(0.05, 0.2), [-0.4, 0.2, 0.7])
+    return scene.with_obstacle("stick", Capsule(0.02, 0.3), [-0.4, -0.3, 0.6])
+
+
+def holding(six):
+    scene = Scene().with_arm("a", six).with_obstacle("post", Box((0.1, 0.1, 1.0)), [0.5, 0.3, 0.5])
+    held = scene.with_obstacle("tray", Box((0.2, 0.3, 0.02)), [9, 9, 9])
+    return held.attach("tray", "a", touch=["l5"], pose=pose([0, 0, 0.12]))
+
+
+@pytest.fixture(scope="module")
+def worlds(cluttered, odd, six, planar):
+    return {
+        "cluttered": (cluttered, 2.5),
+        "padded": (cluttered.with_padding(0.03).with_padding(0.08, "arm", "ball"), 2.5),
+        "strange": (strange(odd), 1.0),
+        "strange, padded": (strange(odd).with_padding(0.02), 1.0),
+        "holding": (holding(six), 2.0),
+        "two arms": (Scene().with_arm("l", six).with_arm("r", six, [0.7, 0, 0]), 1.5),
+        "rr1": (load_scene("rr1_cluttered"), 1.5),
+        "rr1 pair": (load_scene("rr1_pair"), 1.0),
+        "planar": (Scene().with_arm("p", planar).with_obstacle("b", Sphere(0.1), [0.6, 0.4, 0]), 3.0),
+    }
+
+
+WORLDS = ("cluttered", "padded", "strange", "strange, padded", "holding", "two arms", "rr1", "rr1 pair", "planar")
+
+
+def edges(nq, wide, count, seed):
+    rng = np.random.default_rng(seed)
+    starts = rng.uniform(-wide, wide, (count, nq))
+    return zip(starts, starts + rng.normal(size=(count, nq)) * rng.uniform(0.02, 0.6, (count, 1)), strict=True)
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_spheres_first_gives_the_exact_answer(worlds, name):
+    scene, wide = worlds[name]
+    exact = MotionChecker(scene)
+    swept = SweptEdges(exact.checker, exact.tolerance)
+    free = 0
+    for q0, q1 in edges(exact.checker.nq, wide, 600, 11):
+        answer = exact.edge_is_free(q0, q1)
+        free += answer
+        assert swept.edge_is_free(q0, q1) == answer
+    assert 20 < free < 580
+    assert swept.edges_checked == 600
+    assert swept.edges_left < 500
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_an_edge_of_length_zero_is_coals_answer(worlds, name):
+    scene, wide = worlds[name]
+    checker = CollisionChecker(scene)
+    swept = SweptEdges(checker, 1e-6)
+    for q in np.random.default_rng(12).uniform(-wide, wide, (300, checker.nq)):
+        assert swept.edge_is_free(q, q) == checker.is_free(q)
+
+
+@pytest.mark.parametrize("name", ["cluttered", "padded", "strange", "rr1"])
+def test_where_it_finds_a_contact_coal_does_too(worlds, name):
+    scene, wide = worlds[name]
+    checker = CollisionChecker(scene)
+    swept = SweptEdges(checker, 1e-6)
+    found = 0
+    for q0, q1 in edges(checker.nq, wide, 300, 13):
+        status, where, pair = swept.look_along(q0, q1)
+        if status == 1:
+            found += 1
+            gap = checker.solid_distance(q0 + where * (q1 - q0), pair) - checker.solid_padding[pair]
+            assert gap < 1e-6
+    assert found > 20
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.floats(0.1, 0.4) | st.floats(0.6, 0.9),
+    st.floats(-3.0, 3.0),
+    st.floats(0.2, 3.0),
+    st.sampled_from(["plate", "needle"]),
+)
+def test_nothing_thin_slips_between_the_spheres(planar, distance, angle, swing, kind):
+    shape = Box((0.001, 0.2, 0.2)) if kind == "plate" else Cylinder(0.0005, 0.4)
+    place = pose([distance * np.cos(angle), distance * np.sin(angle), 0.0], rpy=[0, 0, angle + 1.0])
+    checker = CollisionChecker(Scene().with_arm("p", planar).with_obstacle("thin", shape, place))
+    swept = SweptEdges(checker, 1e-6)
+    assert not swept.edge_is_free([angle - swing, 0.0], [angle + swing, 0.0])
+
+
+def test_both_directions_of_an_edge_have_one_answer_by_spheres(worlds):
+    checker = CollisionChecker(worlds["cluttered"][0])
+    swept = SweptEdges(checker, 1e-6)
+    for q0, q1 in edges(checker.nq, 2.5, 200, 14):
+        assert swept.edge_is_free(q0, q1) == swept.edge_is_free(q1, q0)
+
+
+def test_turns_without_end_and_joints_beyond_their_limits_are_swept(odd):
+    scene = Scene().with_arm("a", odd).with_obstacle("wall", Box((0.01, 0.5, 0.5)), [-0.4, 0, 0.55])
+    checker = CollisionChecker(scene)
+    exact, swept = MotionChecker(checker), SweptEdges(checker, 1e-6)
+    q = np.array([0, 0.5, 0.0])
+    assert not swept.edge_is_free(q, q + np.array([0, 2 * np.pi, 0]))
+    for far in (3.0, 30.0, 1e4, 1e7):
+        for q0, q1 in edges(3, far, 40, 15):
+            assert swept.edge_is_free(q0, q1) == exact.edge_is_free(q0, q1)
+
+
+def test_resting_contacts_block_every_edge_of_the_sweep(planar):
+    scene = Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0, 0])
+    checker = CollisionChecker(scene.with_obstacle("b", Sphere(0.1), [3.4, 0, 0]), ["l"])
+    assert not SweptEdges(checker, 1e-6).edge_is_free([0, 0], [0.1, 0])
+
+
+def test_without_anything_to_touch_the_sweep_is_free(planar):
+    swept = SweptEdges(CollisionChecker(Scene().with_arm("p", planar)), 1e-6)
+    assert swept.edge_is_free([0, 0], [100.0, -50.0])
+    assert swept.edges_left == 0
+
+
+def test_the_sweep_refuses_what_is_no_configuration(planar):
+    swept = SweptEdges(CollisionChecker(Scene().with_arm("p", planar)), 1e-6)
+    with pytest.raises(InputError):
+        swept.edge_is_free([0, np.nan], [1, 1])
