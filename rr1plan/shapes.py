@@ -6,6 +6,7 @@ the matter below its plane.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,7 +110,7 @@ class HalfSpace:
 
     def __post_init__(self) -> None:
         n = finite_array("half-space normal", self.normal, (3,))
-        length = float(np.linalg.norm(n))
+        length = math.hypot(*n)
         if not 1e-9 <= length <= 1e9:
             size = "length zero" if length < 1.0 else f"length {length:.3g}"
             raise InputError(f"half-space normal has {size}, expected a direction, about 1 long")

@@ -1,0 +1,125 @@
+"""Wrong calls through the public names: each is refused by our own error, in words that say what."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+
+NAN = float("nan")
+BOX = rp.Box((0.1, 0.1, 0.1))
+
+
+@pytest.fixture
+def scene(planar2r: rp.Robot) -> rp.Scene:
+    return rp.Scene().with_arm("arm", planar2r)
+
+
+def resting(scene: rp.Scene, seconds: float) -> rp.Trajectory:
+    return rp.Trajectory.rest(scene.joint_names(), scene.configuration(), duration=seconds)
+
+
+WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
+    "goal_of_nan": (lambda s: rp.Problem(s, "home", [NAN, 0]), rp.InputError, "joint joint1"),
+    "goal_of_text": (lambda s: rp.Problem(s, "home", rp.JointGoal(["1", "2"])), rp.InputError, "joint1, joint2"),
+    "goal_beyond_reason": (lambda s: rp.Problem(s, "home", [1e300, 0]), rp.InputError, "joint joint1"),
+    "no_scene": (lambda s: rp.Problem("rr1_table", "home", "home"), rp.InputError, "expected a Scene"),
+    "arms_number": (lambda s: rp.Problem(s, "home", "home", arms=3), rp.InputError, "sequence of names"),
+    "no_problem": (lambda s: rp.plan_motion(None), rp.InputError, "expected a Problem"),
+    "budget_text": (lambda s: rp.Budget("5"), rp.InputError, "'5' seconds"),
+    "budget_fraction": (lambda s: rp.Budget(1, 1.5), rp.InputError, "1.5 iterations"),
+    "budget_true": (lambda s: rp.Budget(1, True), rp.InputError, "True iterations"),
+    "budget_number": (lambda s: rp.plan(rp.Problem(s, "home", "zero"), budget=5), rp.InputError, "expected a Budget"),
+    "planner_none": (lambda s: rp.plan(rp.Problem(s, "home", "zero"), None), rp.InputError, "planner"),
+    "far_pose": (lambda s: rp.PoseGoal("tool", [1e300, 0, 0]), rp.InputError, "goal position"),
+    "far_obstacle": (lambda s: s.with_obstacle("box", BOX, [1e10, 0, 0]), rp.InputError, "at most 10000"),
+    "huge_box": (lambda s: rp.Box((1e7, 1, 1)), rp.InputError, "box size"),
+    "huge_normal": (lambda s: rp.HalfSpace((0, 0, 1e200)), rp.InputError, "expected a direction"),
+    "shape_of_text": (lambda s: s.with_obstacle("box", "box"), rp.InputError, "expected a shape"),
+    "shape_none": (lambda s: s.with_obstacle("box", None), rp.InputError, "expected a shape"),
+    "bare_shapes": (lambda s: s.with_obstacle("box", [BOX]), rp.InputError, "expected a shape"),
+    "name_with_nul": (lambda s: s.with_obstacle("a\0b", BOX), rp.InputError, "printable"),
+    "no_robot": (lambda s: s.with_arm("other", "rr1"), rp.InputError, "expected a Robot"),
+    "padding_text": (lambda s: s.with_padding("1"), rp.InputError, "padding"),
+    "allow_itself": (lambda s: s.allow("arm", "arm"), rp.InputError, "twice"),
+    "limits_none": (lambda s: s.arms["arm"].robot.with_limits(None), rp.InputError, "preset"),
+    "limits_text": (lambda s: rp.Limits(["a"], [1], [1], [1], [1], [1]), rp.InputError, "lower"),
+    "validate_path": (
+        lambda s: rp.validate(rp.Path(s.joint_names(), [[0, 0]]), s),
+        rp.InputError,
+        "expected Trajectory",
+    ),
+    "validate_nowhere": (lambda s: rp.validate(resting(s, 1.0), "x"), rp.InputError, "expected Scene"),
+    "replay_nowhere": (lambda s: rp.simulate(resting(s, 1.0), None), rp.InputError, "expected Scene"),
+    "endless_replay": (lambda s: rp.simulate(resting(s, 1e6), s), rp.InputError, "longer steps"),
+    "samples_too_fine": (lambda s: resting(s, 1.0).sample(1e-300), rp.InputError, "samples"),
+    "half_derivative": (lambda s: resting(s, 1.0)(0.0, 1.5), rp.InputError, "derivative"),
+    "far_waypoint": (lambda s: rp.Path(s.joint_names(), [[1e300, 0]]), rp.InputError, "waypoints"),
+    "file_name_with_nul": (lambda s: rp.load_motion("a\0.json"), rp.FormatError, "cannot be read"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_call_is_refused_in_words(case: str, scene: rp.Scene) -> None:
+    call, error, words = WRONG[case]
+    with pytest.raises(error, match=words):
+        call(scene)
+
+
+def test_an_obstacle_may_be_called_world_in_the_replay(scene: rp.Scene) -> None:
+    for name in ("world", "world#"):
+        scene = scene.with_obstacle(name, BOX, [0, 0, 3])
+    assert rp.simulate(resting(scene, 0.1), scene).free
+
+
+def test_a_body_without_extent_can_be_replayed(tmp_path: Path) -> None:
+    file = tmp_path / "point.urdf"
+    file.write_text("""<robot name="point"><link name="base"/><link name="tip"><inertial><mass value="1e-9"/>
+      <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+      <joint name="turn" type="revolute"><parent link="base"/><child link="tip"/><axis xyz="0 0 1"/>
+      <limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>""")
+    scene = rp.Scene().with_arm("arm", rp.load_robot(file))
+    assert rp.simulate(resting(scene, 0.1), scene).max_error.max() < 1e-6
+
+
+def test_values_survive_the_way_to_another_process(scene: rp.Scene, tmp_path: Path) -> None:
+    problem = rp.Problem(scene, "zero", [0.5, 0.5])
+    motion = rp.plan_motion(problem, rng=0)
+    file = tmp_path / "values.pickle"
+    file.write_bytes(pickle.dumps((problem, motion.path, motion.trajectory, motion.report)))
+    code = (
+        "import pickle, sys, rr1plan as rp\n"
+        "problem, path, trajectory, report = pickle.load(open(sys.argv[1], 'rb'))\n"
+        "assert not path.waypoints.flags.writeable\n"
+        "assert rp.validate(trajectory, problem.scene, problem).valid == report.valid\n"
+        "print(problem.scene.content_hash)"
+    )
+    told = subprocess.run([sys.executable, "-c", code, str(file)], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == scene.content_hash
+
+
+def test_a_seed_and_iterations_give_the_same_motion_in_two_processes() -> None:
+    code = (
+        "import hashlib, rr1plan as rp\n"
+        "scene = rp.load_scene('rr1_table')\n"
+        "problem = rp.Problem(scene, 'home', rp.PoseGoal('tool', [-0.30, 0.25, 0.20]))\n"
+        "motion = rp.plan_motion(problem, rng=3, budget=rp.Budget(float('inf'), 5000))\n"
+        "t = motion.trajectory\n"
+        "print(hashlib.sha256(t.breaks.tobytes() + t.coefficients.tobytes()).hexdigest())"
+    )
+    told = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(2)]
+    assert told[0].stdout == told[1].stdout != ""
+
+
+def test_a_motion_of_nothing_is_solved_at_once(scene: rp.Scene) -> None:
+    motion = rp.plan_motion(rp.Problem(scene, np.zeros(2), np.zeros(2)), rng=0)
+    assert motion.solved
+    assert motion.trajectory.duration == 0.0
