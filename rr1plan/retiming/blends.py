@@ -12,11 +12,15 @@ Acceleration and Velocity", RSS 2012 (with circles; parabolas keep time pieces p
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rr1plan._kernels import polyline
 from rr1plan.checks import Array
 
 DUPLICATE = 1e-9
@@ -27,6 +31,8 @@ HALVINGS = 8
 
 _REVERSAL = 1e-3
 _SMALLEST = 1e-8
+
+_corners: Callable[[Array, float], NDArray[np.int64]] = polyline.corners
 
 
 class CurveChecker(Protocol):
@@ -62,35 +68,7 @@ def clean(waypoints: Array) -> Array:
 
     First and last waypoint stay exactly what they are, unless all of them are one.
     """
-    kept = [waypoints[0]]
-    for q in waypoints[1:]:
-        if np.linalg.norm(q - kept[-1]) >= DUPLICATE:
-            kept.append(q)
-    if len(kept) > 1:
-        kept[-1] = waypoints[-1]
-    return _without_straight(np.array(kept))
-
-
-def _without_straight(points: Array) -> Array:
-    kept, i = [0], 0
-    while i < len(points) - 1:
-        k = i + 1
-        while k + 1 < len(points) and _is_straight(points[i : k + 2]):
-            k += 1
-        kept.append(k)
-        i = k
-    return points[kept]
-
-
-def _is_straight(points: Array) -> bool:
-    """All points lie on the line from first to last, in this order."""
-    chord = points[-1] - points[0]
-    length = float(np.linalg.norm(chord))
-    if length < DUPLICATE:
-        return False
-    along = (points - points[0]) @ (chord / length)
-    off = points - points[0] - along[:, None] * (chord / length)
-    return bool((np.diff(along) > 0.0).all() and (np.linalg.norm(off, axis=1) <= DUPLICATE).all())
+    return np.asarray(waypoints[_corners(waypoints, DUPLICATE)])
 
 
 def directions(points: Array) -> tuple[Array, Array]:
@@ -108,43 +86,49 @@ def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -
         max_blend: Largest size [rad].
         checker: What certifies a blend; None for a curve that needs no certificate.
     """
-    sizes = np.zeros(len(points))
     unit, lengths = directions(points)
+    sizes = np.zeros(len(points))
+    sizes[1:-1] = np.minimum(max_blend, 0.5 * np.minimum(lengths[:-1], lengths[1:]))
+    sizes[1:-1][np.linalg.norm(unit[:-1] + unit[1:], axis=1) < _REVERSAL] = 0.0
     smallest = _SMALLEST * lengths.sum()
-    for i in range(1, len(points) - 1):
-        if np.linalg.norm(unit[i - 1] + unit[i]) < _REVERSAL:
-            continue
-        size = min(max_blend, 0.5 * float(min(lengths[i - 1], lengths[i])))
-        for _ in range(HALVINGS):
-            if size < smallest:
-                break
-            if checker is None or checker.polynomial_is_free(_blend(points[i], unit[i - 1], unit[i], size), 2.0 * size):
-                sizes[i] = size
-                break
-            size *= 0.5
+    sizes[sizes < smallest] = 0.0
+    if checker is None:
+        return sizes
+    undecided = np.flatnonzero(sizes)
+    for _ in range(HALVINGS):
+        if not undecided.size:
+            break
+        blends = zip(undecided, _blends(points, unit, sizes, undecided), strict=True)
+        refused = [i for i, blend in blends if not checker.polynomial_is_free(blend, 2.0 * float(sizes[i]))]
+        sizes[refused] *= 0.5
+        sizes[sizes < smallest] = 0.0
+        undecided = np.array([i for i in refused if sizes[i] > 0.0], dtype=np.intp)
+    sizes[undecided] = 0.0
     return sizes
 
 
 def curves(points: Array, sizes: Array) -> list[Curve]:
     """The rounded polyline, cut where the motion stops."""
     unit, lengths = directions(points)
-    done: list[Curve] = []
-    coefficients: list[Array] = []
-    extents: list[float] = []
-    first = 0
-    for i in range(len(unit)):
-        line = float(lengths[i] - sizes[i] - sizes[i + 1])
-        if line > DUPLICATE * float(lengths[i]):
-            coefficients.append(np.array([points[i] + sizes[i] * unit[i], unit[i], np.zeros_like(unit[i])]))
-            extents.append(line)
-        if sizes[i + 1] > 0.0:
-            coefficients.append(_blend(points[i + 1], unit[i], unit[i + 1], float(sizes[i + 1])))
-            extents.append(2.0 * float(sizes[i + 1]))
-        else:
-            done.append(Curve(np.array(extents), np.array(coefficients), (first, i + 1)))
-            coefficients, extents, first = [], [], i + 1
+    # edge, blend at its end, next edge, ...: what has no extent is left out
+    extents = np.zeros(2 * len(unit))
+    coefficients = np.zeros((len(extents), 3, points.shape[1]))
+    lines = lengths - sizes[:-1] - sizes[1:]
+    extents[::2] = np.where(lines > DUPLICATE * lengths, lines, 0.0)
+    coefficients[::2, 0] = points[:-1] + sizes[:-1, None] * unit
+    coefficients[::2, 1] = unit
+    blended = np.flatnonzero(sizes)
+    extents[2 * blended - 1] = 2.0 * sizes[blended]
+    coefficients[2 * blended - 1] = _blends(points, unit, sizes, blended)
+    stops = [0, *(np.flatnonzero(sizes[1:] == 0.0) + 1).tolist()]
+    done = []
+    for first, last in pairwise(stops):
+        kept = np.flatnonzero(extents[2 * first : 2 * last]) + 2 * first
+        done.append(Curve(extents[kept], coefficients[kept], (first, last)))
     return done
 
 
-def _blend(corner: Array, before: Array, behind: Array, size: float) -> Array:
-    return np.array([corner - size * before, before, (behind - before) / (4.0 * size)])
+def _blends(points: Array, unit: Array, sizes: Array, where: NDArray[np.intp]) -> Array:
+    """The parabolas at some inner waypoints, shape (len(where), 3, nq)."""
+    before, behind, size = unit[where - 1], unit[where], sizes[where, None]
+    return np.stack([points[where] - size * before, before, (behind - before) / (4.0 * size)], axis=1)

@@ -6,11 +6,16 @@ four at most in position, so p' of a velocity is a quadratic at most and its roo
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from rr1plan._kernels import parameterize
 from rr1plan.checks import Array
 
 MAX_DEGREE = 4
+
+_peaks: Callable[[Array, Array, int], Array] = parameterize.peaks
 
 
 def differentiate(coefficients: Array, order: int = 1) -> Array:
@@ -42,25 +47,4 @@ def peaks(coefficients: Array, durations: Array, derivative: int) -> Array:
     """
     assert coefficients.shape[1] - 1 <= MAX_DEGREE
     assert derivative >= 1
-    rate = differentiate(coefficients, derivative)
-    end = durations[:, None]
-    best = np.maximum(np.abs(rate[:, 0]), np.abs(evaluate(rate, end)))
-    for root in _roots(differentiate(rate)):
-        inside = np.clip(np.nan_to_num(root, nan=0.0, posinf=0.0, neginf=0.0), 0.0, end)
-        best = np.maximum(best, np.abs(evaluate(rate, inside)))
-    return best
-
-
-def _roots(coefficients: Array) -> list[Array]:
-    """Real roots of polynomials of degree two at most, shape (m, n) each; NaN or infinity where there is none."""
-    degree = coefficients.shape[1] - 1
-    if degree == 0:
-        return []
-    c, b = coefficients[:, 0], coefficients[:, 1]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        if degree == 1:
-            return [-c / b]
-        a = coefficients[:, 2]
-        # the form without cancellation; a = 0 gives the linear root through c / q
-        q = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
-        return [q / a, c / q]
+    return _peaks(np.ascontiguousarray(coefficients), durations, derivative)

@@ -1,12 +1,13 @@
 """The verb `retime` and the methods behind it.
 
-    blend          lines with parabolic corners in certified clearance, TOPPRA along them (default)
+    blend          lines with parabolic corners in certified clearance, as fast as can be (default)
     stop           straight lines, rest at every waypoint, velocity and acceleration limits
     ruckig         straight lines, rest at every waypoint, jerk limits too
     ruckig_direct  as `ruckig`, but off the straight line where the faster motion is certified free
 
 `blend` and `stop` do not limit jerk: acceleration jumps where lines meet parabolas and where the
-path speed switches. A new method is one function (`Work` to pieces) and one row of `_METHODS`.
+path speed switches. A new method is one function, from `Work` to pieces that are `within` its limits, and one
+row of `_METHODS`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from rr1plan.path import Path
 from rr1plan.retiming.blends import Curve, CurveChecker, blend_sizes, clean, curves
 from rr1plan.retiming.finite import check_limits
 from rr1plan.retiming.pieces import Pieces, as_trajectory, concatenate
-from rr1plan.retiming.speed import time_line
+from rr1plan.retiming.speed import stopping_duration, time_curve
 from rr1plan.retiming.torque import InverseDynamics, check_gravity, within_torque
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
@@ -94,7 +95,7 @@ def retime(
     if dynamics is not None:
         check_gravity(points, path.joint_names, limits.effort, dynamics)
     work = Work(points, limits, max_blend, lambda: checker or _certifier(scene, arms), dynamics)
-    parts = [part.within(limits, jerk=method in _JERK_LIMITED) for part in _METHODS[method](work)]
+    parts = _METHODS[method](work)
     if dynamics is not None:
         parts = [within_torque(part, path.joint_names, limits.effort, dynamics) for part in parts]
     return as_trajectory(path.joint_names, concatenate(parts))
@@ -129,7 +130,7 @@ def _share(name: str, value: float) -> float:
 
 
 def _blend(work: Work) -> list[Pieces]:
-    """TOPPRA along blends; where that fails or is slower, rest at the corners."""
+    """Blends where they are free; where timing them fails or is slower, rest at the corners."""
     checker = work.checker() if len(work.points) > 2 and work.max_blend > 0.0 else None
     sizes = blend_sizes(work.points, work.max_blend, checker)
     parts: list[Pieces] = []
@@ -140,39 +141,35 @@ def _blend(work: Work) -> list[Pieces]:
 
 def _blended(work: Work, curve: Curve) -> list[Pieces]:
     if curve.is_line:
-        return [_line(work, curve)]
-    from rr1plan.retiming.toppra_ import time_curve
-
+        return [_time(work, curve)]
     begin, end = curve.corners
-    stops = curves(work.points[begin : end + 1], np.zeros(end + 1 - begin))
+    points = work.points[begin : end + 1]
     try:
-        smooth = time_curve(curve, work.limits, work.inverse_dynamics).within(work.limits)
+        smooth = _time(work, curve)
+        if work.inverse_dynamics is not None or smooth.duration <= stopping_duration(points, work.limits):
+            return [smooth]
     except RetimingError as error:
         logger.info("resting at waypoints %d to %d: %s", begin, end, error)
-        return [_line(work, line) for line in stops]
-    if work.inverse_dynamics is not None:
-        return [smooth]
-    if smooth.duration <= sum(time_line(line, work.limits).duration for line in stops):
-        return [smooth]
-    return [_line(work, line) for line in stops]
+    return [_time(work, line) for line in curves(points, np.zeros(len(points)))]
 
 
 def _stop(work: Work) -> list[Pieces]:
-    return [_line(work, line) for line in curves(work.points, np.zeros(len(work.points)))]
+    return [_time(work, line) for line in curves(work.points, np.zeros(len(work.points)))]
 
 
-def _line(work: Work, line: Curve) -> Pieces:
+def _time(work: Work, curve: Curve) -> Pieces:
     if work.inverse_dynamics is None:
-        return time_line(line, work.limits)
-    from rr1plan.retiming.toppra_ import time_curve
+        return time_curve(curve, work.limits).within(work.limits)
+    from rr1plan.retiming.toppra_ import time_curve_with_torque
 
-    return time_curve(line, work.limits, work.inverse_dynamics)
+    return time_curve_with_torque(curve, work.limits, work.inverse_dynamics).within(work.limits)
 
 
 def _ruckig(work: Work) -> list[Pieces]:
     from rr1plan.retiming.ruckig_ import time_line_smoothly
 
-    return [time_line_smoothly(line, work.limits) for line in curves(work.points, np.zeros(len(work.points)))]
+    lines = curves(work.points, np.zeros(len(work.points)))
+    return [time_line_smoothly(line, work.limits).within(work.limits, jerk=True) for line in lines]
 
 
 def _ruckig_direct(work: Work) -> list[Pieces]:
@@ -180,9 +177,10 @@ def _ruckig_direct(work: Work) -> list[Pieces]:
 
     checker, parts = work.checker(), []
     for i, line in enumerate(curves(work.points, np.zeros(len(work.points)))):
-        straight = time_line_smoothly(line, work.limits)
+        straight = time_line_smoothly(line, work.limits).within(work.limits, jerk=True)
         place = f"between waypoints {i} and {i + 1}"
         direct = time_state_to_state(work.points[i], work.points[i + 1], work.limits, place)
+        direct = direct.within(work.limits, jerk=True)
         faster = direct.duration < straight.duration * (1.0 - 1e-9)
         parts.append(direct if faster and _is_free(direct, checker) else straight)
     return parts

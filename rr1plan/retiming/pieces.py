@@ -49,9 +49,15 @@ class Pieces(NamedTuple):
 
 def concatenate(parts: list[Pieces]) -> Pieces:
     """One motion after the other."""
-    degree = max(part.coefficients.shape[1] for part in parts)
-    padded = [np.pad(p.coefficients, ((0, 0), (0, degree - p.coefficients.shape[1]), (0, 0))) for p in parts]
-    return Pieces(np.concatenate([p.durations for p in parts]), np.concatenate(padded))
+    if len(parts) == 1:
+        return parts[0]
+    terms = max(part.coefficients.shape[1] for part in parts)
+    joined = np.zeros((sum(len(p.durations) for p in parts), terms, parts[0].coefficients.shape[2]))
+    row = 0
+    for part in parts:
+        joined[row : row + len(part.durations), : part.coefficients.shape[1]] = part.coefficients
+        row += len(part.durations)
+    return Pieces(np.concatenate([p.durations for p in parts]), joined)
 
 
 def as_trajectory(joint_names: tuple[str, ...], pieces: Pieces) -> Trajectory:

@@ -2,19 +2,30 @@
 
 Constant path acceleration u on an interval makes s(t) quadratic there, so a straight line
 becomes quadratic in time and a parabola quartic: exact pieces, nothing is sampled or fitted.
+The passes along the curve are compiled: `rr1plan._kernels.parameterize`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rr1plan._kernels import parameterize
 from rr1plan.checks import Array
+from rr1plan.errors import RetimingError
 from rr1plan.limits import Limits
-from rr1plan.retiming.blends import Curve
+from rr1plan.retiming.blends import Curve, directions
 from rr1plan.retiming.pieces import Pieces
+
+_PER_RADIAN = 12.0
+
+_count_intervals: Callable[..., NDArray[np.int64]] = parameterize.count_intervals
+_make_grid: Callable[..., tuple[NDArray[np.int64], Array, Array]] = parameterize.make_grid
+_time_curve: Callable[..., tuple[Array, Array]] = parameterize.time_curve
+_put_on_clock: Callable[..., None] = parameterize.put_on_clock
 
 
 class Grid(NamedTuple):
@@ -26,7 +37,7 @@ class Grid(NamedTuple):
         delta: Length of each interval [rad], shape (n,).
     """
 
-    piece: NDArray[np.intp]
+    piece: NDArray[np.int64]
     offset: Array
     delta: Array
 
@@ -46,69 +57,55 @@ class Grid(NamedTuple):
         return np.asarray(c[:, 0] + s * (c[:, 1] + s * c[:, 2]))
 
 
-def make_grid(curve: Curve, counts: NDArray[np.intp]) -> Grid:
+def make_grid(curve: Curve, counts: NDArray[np.int64]) -> Grid:
     """`counts[i]` equal intervals on piece i."""
-    piece = np.repeat(np.arange(len(counts)), counts)
-    delta = np.repeat(curve.lengths / counts, counts)
-    index = np.concatenate([np.arange(count) for count in counts])
-    return Grid(piece, index * delta, delta)
+    return Grid(*_make_grid(curve.lengths, counts))
 
 
-def line_rates(direction: Array, limits: Limits) -> tuple[float, float, float]:
-    """Highest path speed, acceleration and jerk along a unit direction (nq,); infinite where nothing limits."""
-    moving = direction != 0.0
-    size = np.abs(direction[moving])
-    bounds = [(limit[moving] / size).min() for limit in (limits.velocity, limits.acceleration, limits.jerk)]
-    return float(bounds[0]), float(bounds[1]), float(bounds[2])
+def count_intervals(curve: Curve, limits: Limits) -> NDArray[np.int64]:
+    """Intervals each piece takes, by how far it turns in units of the limits; one where it is straight."""
+    return _count_intervals(curve.lengths, curve.coefficients, limits.velocity, limits.acceleration, _PER_RADIAN)
 
 
-def fill_lines(curve: Curve, grid: Grid, x: Array, limits: Limits) -> tuple[Grid, Array]:
-    """Fastest speed profile on straight intervals between given squared speeds, in closed form.
+def line_rates(direction: Array, limits: Limits) -> tuple[Array, Array, Array]:
+    """Highest path speed, acceleration and jerk along unit directions (..., nq), shape (...) each."""
+    size = np.abs(direction)
+    with np.errstate(divide="ignore"):
+        speed, acceleration, jerk = (
+            (limit / size).min(axis=-1) for limit in (limits.velocity, limits.acceleration, limits.jerk)
+        )
+    return speed, acceleration, jerk
 
-    Full acceleration, top speed, full deceleration: the switch points become gridpoints.
+
+def time_curve(curve: Curve, limits: Limits) -> Pieces:
+    """A curve from rest to rest, as fast as velocity and acceleration limits allow on the grid.
 
     Args:
         curve: The curve.
-        grid: Its gridpoints.
-        x: Squared path speeds there, shape (n + 1,).
-        limits: Velocity and acceleration limits.
+        limits: Velocity and acceleration limits, finite for joints that move.
+
+    Raises:
+        RetimingError: numbers so large or small that no speed is left; says between which waypoints.
     """
-    pieces: list[int] = []
-    spans: list[tuple[float, float]] = []
-    speeds = [float(x[0])]
-    for i, (piece, offset, delta) in enumerate(zip(*grid, strict=True)):
-        cuts, peak = [delta], float(x[i + 1])
-        if not curve.coefficients[piece, 2].any():
-            speed, acceleration, _ = line_rates(curve.coefficients[piece, 1], limits)
-            peak = max(min(speed**2, 0.5 * (x[i] + x[i + 1]) + acceleration * delta), x[i], x[i + 1])
-            rise = (peak - x[i]) / (2.0 * acceleration)
-            fall = (peak - x[i + 1]) / (2.0 * acceleration)
-            cuts = [min(rise, delta), max(delta - fall, min(rise, delta)), delta]
-        tops = [peak] * (len(cuts) - 1) + [float(x[i + 1])]
-        start = 0.0
-        for cut, top in zip(cuts, tops, strict=True):
-            if cut - start > 1e-12 * delta:
-                pieces.append(piece)
-                spans.append((offset + start, cut - start))
-                speeds.append(top)
-                start = cut
-    offsets, deltas = np.array(spans).T
-    return Grid(np.array(pieces), offsets, deltas), np.array(speeds)
+    grid = make_grid(curve, count_intervals(curve, limits))
+    durations, coefficients = _time_curve(curve.coefficients, *grid, limits.velocity, limits.acceleration)
+    if not np.isfinite(durations).all():
+        begin, end = curve.corners
+        raise RetimingError(f"no speed between waypoints {begin} and {end}; try method 'stop' or wider limits")
+    return Pieces(durations, coefficients if curve.coefficients[:, 2].any() else coefficients[:, :3])
 
 
 def timed(curve: Curve, grid: Grid, x: Array) -> Pieces:
     """Exact polynomials in time of a curve with squared path speed x (n + 1,), linear in s on intervals."""
-    v0, v1 = np.sqrt(x[:-1]), np.sqrt(x[1:])
-    durations = 2.0 * grid.delta / (v0 + v1)
-    v = v0[:, None]
-    half = (0.25 * (x[1:] - x[:-1]) / grid.delta)[:, None]
-    c1, c2 = grid.first(curve, 0.0), 0.5 * grid.second(curve)
-    terms = [grid.position(curve, 0.0), c1 * v, c1 * half + c2 * v**2, 2.0 * c2 * v * half, c2 * half**2]
-    degree = 5 if c2.any() else 3
-    return Pieces(durations, np.stack(terms[:degree], axis=1))
+    n, _, nq = len(grid.piece), *curve.coefficients.shape[1:]
+    durations, coefficients = np.empty(n), np.empty((n, 5, nq))
+    _put_on_clock(curve.coefficients, *grid, x, durations, coefficients)
+    return Pieces(durations, coefficients if curve.coefficients[:, 2].any() else coefficients[:, :3])
 
 
-def time_line(curve: Curve, limits: Limits) -> Pieces:
-    """A straight line from rest to rest under velocity and acceleration limits, in closed form."""
-    grid = make_grid(curve, np.ones(1, dtype=int))
-    return timed(curve, *fill_lines(curve, grid, np.zeros(2), limits))
+def stopping_duration(points: Array, limits: Limits) -> float:
+    """Time a polyline (n, nq) takes with rest at every point, in closed form [s]."""
+    unit, lengths = directions(points)
+    speed, acceleration, _ = line_rates(unit, limits)
+    peak = np.minimum(speed, np.sqrt(acceleration * lengths))
+    return float((lengths / peak + peak / acceleration).sum())

@@ -1,4 +1,4 @@
-"""The fastest speed along a curve, by TOPPRA's reachability analysis.
+"""The fastest speed along a curve under torque limits too, by TOPPRA's reachability analysis.
 
 In x = (ds/dt)² and u = d²s/dt² every limit on velocity, acceleration and torque is linear. One
 pass backward finds the speeds from which the end can be reached, one forward pass takes the
@@ -7,8 +7,8 @@ Reachability Analysis", IEEE T-RO 34(3), 2018.
 
 The constraints are our own: d²q/ds² is constant on every interval of a parabola and x linear, so
 acceleration is linear in s there, and holding it at both ends (with the interval's own
-second derivative, not the neighbour's) holds it between them. A compiled solver of the same
-small linear programs can take the place of `_solve`.
+second derivative, not the neighbour's) holds it between them. Without torque limits
+`speed.time_curve` does the same, compiled; here gravity's part asks for a full linear program.
 """
 
 from __future__ import annotations
@@ -29,10 +29,9 @@ from rr1plan.errors import RetimingError
 from rr1plan.limits import Limits
 from rr1plan.retiming.blends import Curve
 from rr1plan.retiming.pieces import Pieces
-from rr1plan.retiming.speed import Grid, fill_lines, make_grid, timed
+from rr1plan.retiming.speed import Grid, count_intervals, make_grid, timed
 from rr1plan.retiming.torque import InverseDynamics
 
-_PER_RADIAN = 8
 _BETWEEN = (0.25, 0.5, 0.75)
 _TORQUE_STEP = 0.05
 _MOST = 200
@@ -47,34 +46,26 @@ class _Rows(NamedTuple):
     top: Array
 
 
-def time_curve(curve: Curve, limits: Limits, inverse_dynamics: InverseDynamics | None = None) -> Pieces:
+def time_curve_with_torque(curve: Curve, limits: Limits, inverse_dynamics: InverseDynamics) -> Pieces:
     """A curve from rest to rest, as fast as the limits allow on the grid.
 
     Args:
         curve: The curve.
         limits: Velocity and acceleration limits, finite for joints that move; effort limits.
-        inverse_dynamics: Torques [Nm] of q, qd, qdd, each (n, nq); None for no torque limits.
+        inverse_dynamics: Torques [Nm] of q, qd, qdd, each (n, nq).
 
     Raises:
         RetimingError: TOPPRA finds no speed; says between which waypoints.
     """
-    grid = make_grid(curve, _counts(curve, torque=inverse_dynamics is not None))
-    rows = _rate_rows(curve, grid, limits)
-    if inverse_dynamics is not None:
-        rows = _stack(rows, _torque_rows(curve, grid, limits.effort, inverse_dynamics))
-    x = _solve(curve, grid, rows)
-    if inverse_dynamics is None:
-        grid, x = fill_lines(curve, grid, x, limits)
-    return timed(curve, grid, x)
+    grid = make_grid(curve, _counts(curve, limits))
+    rows = _stack(_rate_rows(curve, grid, limits), _torque_rows(curve, grid, limits.effort, inverse_dynamics))
+    return timed(curve, grid, _solve(curve, grid, rows))
 
 
-def _counts(curve: Curve, *, torque: bool) -> NDArray[np.intp]:
-    """Intervals of each piece: on a straight line without torque limits one is exact."""
-    turn = np.linalg.norm(curve.coefficients[:, 2], axis=1) * curve.lengths * 2.0
-    counts = np.where(turn > 0.0, np.maximum(2, np.ceil(_PER_RADIAN * turn)), 1)
-    if torque:
-        counts = np.maximum(counts, np.clip(np.ceil(curve.lengths / _TORQUE_STEP), 8, _MOST))
-    return counts.astype(np.intp)
+def _counts(curve: Curve, limits: Limits) -> NDArray[np.int64]:
+    """Intervals of each piece: torque changes along straight lines too."""
+    steps = np.clip(np.ceil(curve.lengths / _TORQUE_STEP), 8, _MOST)
+    return np.asarray(np.maximum(count_intervals(curve, limits), steps.astype(np.int64)))
 
 
 def _rate_rows(curve: Curve, grid: Grid, limits: Limits) -> _Rows:
