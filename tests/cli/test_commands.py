@@ -226,6 +226,16 @@ def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixtu
     assert "reach_over_crate" in capsys.readouterr().out
 
 
+def test_an_optional_package_names_its_extra(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rr1plan.cli import looking
+
+    monkeypatch.setattr(looking, "_OPTIONAL", {"no-such-package": "ros"})
+    assert run(["doctor"]) == OK
+    assert "rr1plan[ros]" in capsys.readouterr().out
+
+
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     from rr1plan.cli import looking
 
