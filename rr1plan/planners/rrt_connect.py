@@ -13,11 +13,12 @@ from collections.abc import Callable
 import numpy as np
 
 from rr1plan._kernels import rrt_connect as kernel
-from rr1plan.checks import Array, Seed, as_generator, finite_number
+from rr1plan.checks import Array, Seed, finite_number
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, goal_configurations
+from rr1plan.planners.seeds import as_seed, generator_state
 from rr1plan.planners.space import Space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree
 from rr1plan.problem import Problem
@@ -82,11 +83,7 @@ class _Query:
     ) -> None:
         self.began = time.perf_counter()
         self.planner, self.problem, self.budget, self.progress = planner, problem, budget, progress
-        # Everything random follows from this one number, so the result's seed repeats it.
-        if isinstance(rng, int | np.integer) and not isinstance(rng, bool) and rng >= 0:
-            self.seed = int(rng)
-        else:
-            self.seed = int(as_generator(rng).integers(2**32))
+        self.seed = as_seed(rng)
         self.motion = MotionChecker(problem.scene, problem.arms)
         self.goals = np.empty((0, problem.nq))
         self.reported = self.began - _REPORTS
@@ -202,7 +199,7 @@ class _Trees:
         self.parents = np.empty((2, capacity), np.int64)
         self.blocked = np.zeros((2, capacity), np.bool_)
         self.counts = np.zeros(kernel.PASSED + 1, np.int64)
-        self.state = np.array([seed % 2**64], np.uint64)
+        self.state = generator_state(seed)
         self.vertices[0, :, 0] = start
         self.vertices[1, :, : len(goals)] = goals.T
         self.parents[0, 0] = -1
