@@ -152,6 +152,11 @@ class Scene(Value):
     # ---- reading -----------------------------------------------------------------------
 
     @cached_property
+    def kept(self) -> dict[Any, Any]:
+        """What others have built from this scene and may use again; neither copied nor pickled with it."""
+        return {}
+
+    @cached_property
     def element_names(self) -> tuple[str, ...]:
         """Every element that can touch another: "arm/link" of links with a shape, obstacles, attached objects."""
         links = [f"{a}/{link.name}" for a, arm in self.arms.items() for link in arm.robot.links if link.collisions]

@@ -260,6 +260,8 @@ class _Search:
 def describe_excess(robot: Robot, q: Array) -> str:
     """Which joints of q are out of their limits by how much, in words; empty if none is."""
     limits = robot.limits
+    if (q >= limits.lower).all() and (q <= limits.upper).all():
+        return ""
     parts = []
     for j, name in enumerate(robot.joint_names):
         over = max(limits.lower[j] - q[j], q[j] - limits.upper[j])

@@ -81,7 +81,8 @@ def goal_configurations(
     Raises:
         InputError: numbers that make no sense.
     """
-    generator = as_generator(rng)
+    # Making a generator from a seed takes longer than checking a joint goal.
+    generator = None if all(isinstance(g, JointGoal) for gs in problem.goal.values() for g in gs) else as_generator(rng)
     choices: list[list[Array]] = []
     for arm in problem.arms:
         finder = _Finder(problem, checker, arm)
@@ -126,7 +127,7 @@ class _Finder:
         self.statuses: list[PlanStatus] = []
         self.least: list[Contact] = []
 
-    def add(self, goal: Goal, rng: np.random.Generator, most: int, attempts: int) -> None:
+    def add(self, goal: Goal, rng: np.random.Generator | None, most: int, attempts: int) -> None:
         """Find the configurations of one goal, or note why there is none."""
         if isinstance(goal, JointGoal):
             self._add_configuration(goal.q)
@@ -153,7 +154,9 @@ class _Finder:
             self._refuse(PlanStatus.INFEASIBLE, result.reason)
 
     def _add_configuration(self, q: Array) -> None:
-        q = np.where(self.robot.continuous > 0.0, nearest_copy(self.robot, q, self.start), q)
+        continuous = self.robot.continuous > 0.0
+        if continuous.any():
+            q = np.where(continuous, nearest_copy(self.robot, q, self.start), q)
         excess = describe_excess(self.robot, q)
         if excess:
             self._refuse(PlanStatus.INVALID_GOAL, f"the goal of {self.arm!r} is out of limits: {excess}")
@@ -191,6 +194,8 @@ def _depth(contacts: Sequence[Contact]) -> float:
 
 def _combine(problem: Problem, checker: CollisionChecker, choices: list[list[Array]], most: int) -> GoalSet:
     """Composites of the arms' choices that are free as a whole."""
+    if len(choices) == len(choices[0]) == 1:
+        return GoalSet(read_only(np.array(choices[0])))
     postures = problem.scene.split(problem.start, problem.arms)
     ranked, costs = [], []
     for arm, found in zip(problem.arms, choices, strict=True):

@@ -15,6 +15,7 @@ import numpy as np
 from rr1plan._kernels import rrt_connect as kernel
 from rr1plan.checks import Array, Seed, finite_number
 from rr1plan.collision import MotionChecker
+from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, goal_configurations
@@ -71,20 +72,27 @@ class RrtConnect:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        query = _Query(self, problem, budget or Budget(), rng, progress)
-        return query.refusal() or query.direct() or query.search()
+        began = time.perf_counter()
+        with borrowed_checker(problem.scene, problem.arms) as motion:
+            query = _Query(self, problem, motion, began, budget or Budget(), as_seed(rng), progress)
+            return query.refusal() or query.direct() or query.search()
 
 
 class _Query:
     """One call of `plan`: its tools, its clock, its answer so far."""
 
     def __init__(
-        self, planner: RrtConnect, problem: Problem, budget: Budget, rng: Seed, progress: ProgressCallback | None
+        self,
+        planner: RrtConnect,
+        problem: Problem,
+        motion: MotionChecker,
+        began: float,
+        budget: Budget,
+        seed: int,
+        progress: ProgressCallback | None,
     ) -> None:
-        self.began = time.perf_counter()
-        self.planner, self.problem, self.budget, self.progress = planner, problem, budget, progress
-        self.seed = as_seed(rng)
-        self.motion = MotionChecker(problem.scene, problem.arms)
+        self.planner, self.problem, self.motion, self.began = planner, problem, motion, began
+        self.budget, self.seed, self.progress = budget, seed, progress
         self.goals = np.empty((0, problem.nq))
         self.reported = self.began - _REPORTS
         self.edges, self.samples = 0, 0
