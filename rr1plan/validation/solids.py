@@ -22,6 +22,7 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.validation.clouds import BodyBox, CellBlocks
 
 _GJK_TOLERANCE = 1e-8
 _GJK_ITERATIONS = 1000
@@ -42,6 +43,7 @@ class Solid:
         points: Corners of a hull, of a mesh, or centres of a cloud's cells, shape (n, 3).
         convex: Coal's normal for it can be proven by its support function.
         oriented: Neighbouring faces of a concave mesh agree about outside.
+        cells: Those of a cloud.
     """
 
     shape: Shape
@@ -52,6 +54,7 @@ class Solid:
     points: Array
     convex: bool = True
     oriented: bool = False
+    cells: CellBlocks | None = None
 
 
 def solid(shape: Shape) -> Solid:
@@ -112,9 +115,8 @@ def _is_flat(points: Array) -> bool:
 
 
 def _cloud_solid(cloud: PointCloud) -> Solid:
-    cells = np.unique(np.floor(cloud.points / cloud.resolution), axis=0)
-    half = 0.5 * cloud.resolution
-    return _bounded(cloud, None, (cells + 0.5) * cloud.resolution, half, convex=False)
+    cells = CellBlocks(cloud)
+    return replace(_bounded(cloud, None, cells.centers, cells.half, convex=False), cells=cells)
 
 
 def support(body: Solid, directions: Array) -> Array:
@@ -176,22 +178,25 @@ class DistanceMeter:
         return min(distance, 0.0) if distance <= 0.0 else distance
 
     def _to_cells(self, a: Solid, Ta: Any, cloud: Solid, Tc: Any) -> float:
-        """Distance to the nearest cell: the cells in the order of a lower bound, until it is too far."""
-        assert isinstance(cloud.shape, PointCloud)
-        side = cloud.shape.resolution
+        """Distance to the nearest cell [m]."""
+        assert cloud.cells is not None
+        side = 2.0 * cloud.cells.half
         cell = solid(Box((side, side, side)))
         Rc, tc = Tc.getRotation(), Tc.getTranslation()
-        centers = cloud.points @ Rc.T + tc
-        local = (centers - Ta.getTranslation()) @ Ta.getRotation() - a.center
-        bound = np.linalg.norm(np.maximum(np.abs(local) - a.half, 0.0), axis=1) - cell.radius
-        best = np.inf
-        for i in np.argsort(bound):
-            if bound[i] >= best:
-                break
-            T = coal.Transform3s(Rc, centers[i])
-            distance = self.convex(a, Ta, cell, T)[0] if a.convex else self.compound(a, Ta, cell, T)
-            best = min(best, distance)
-        return best
+        R, t = Rc.T @ Ta.getRotation(), Rc.T @ (Ta.getTranslation() - tc)
+
+        def ask(center: Array) -> tuple[float, tuple[Array, float] | None]:
+            T = coal.Transform3s(Rc, Rc @ center + tc)
+            if not a.convex:
+                return self.compound(a, Ta, cell, T), None
+            distance, normal = self.convex(a, Ta, cell, T)
+            length = float(np.linalg.norm(normal))
+            if not 0.5 < length < 2.0:
+                return distance, None
+            local = Rc.T @ normal / length
+            return distance, (local, float(support(a, (R.T @ local)[None])[0] + local @ t))
+
+        return cloud.cells.distance(BodyBox(R, R @ a.center + t, a.half), ask)
 
 
 def _holds(body: Solid, T: Any, other: Solid, To: Any) -> bool:

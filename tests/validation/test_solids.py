@@ -119,19 +119,37 @@ def test_a_hollow_mesh_leaves_room_beside_its_walls(clearance: Clearance) -> Non
     assert clearance(rp.Sphere(0.1), pose([0.5, 1.5, 0.5]), mesh, pose()) == pytest.approx(-0.4, abs=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_a_cloud_is_as_far_as_the_nearest_of_its_cells(seed: int) -> None:
+def distance_to_every_cell(a: Any, Ta: Array, cloud: rp.PointCloud, Tc: Array) -> float:
+    meter, side = DistanceMeter(), cloud.resolution
+    cells = (np.unique(np.floor(cloud.points / side), axis=0) + 0.5) * side
+    body, box, T = solid(a), solid(rp.Box((side, side, side))), coal_pose(Ta)
+    ask = meter.convex if body.convex else lambda *pair: (meter.compound(*pair), None)
+    return min(float(ask(body, T, box, coal_pose(Tc @ pose(c)))[0]) for c in cells)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_a_cloud_is_as_far_as_the_nearest_of_all_its_cells(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    cloud = rp.PointCloud(rng.uniform(-0.3, 0.3, (150, 3)), 0.03)
-    shape = (rp.Box((0.1, 0.2, 0.05)), rp.Sphere(0.1), rp.Capsule(0.03, 0.2))[seed % 3]
-    Ta, Tc = (pose(rng.uniform(-0.4, 0.4, 3), rpy=rng.normal(size=3)) for _ in range(2))
+    wall = np.c_[rng.uniform(-0.5, 0.5, (600, 2)), rng.normal(0.0, 0.01, 600)]
+    scattered = rng.uniform(-0.3, 0.3, (600, 3))
+    cloud = rp.PointCloud((wall, scattered)[seed % 2], (0.03, 0.004)[seed % 3 == 0])
+    name = ("box", "sphere", "capsule", "cylinder", "hull", "mesh")[seed % 6]
+    Ta, Tc = (pose(rng.uniform(-0.3, 0.3, 3), rpy=rng.normal(size=3)) for _ in range(2))
+    if seed >= 12:
+        Ta = Tc @ pose([0.1, 0.1, 0.25])
+    want = distance_to_every_cell(SHAPES[name], Ta, cloud, Tc)
+    got = DistanceMeter().compound(solid(SHAPES[name]), coal_pose(Ta), solid(cloud), coal_pose(Tc))
+    # In contact the depth is that of some cell, not of the deepest.
+    assert got == pytest.approx(want, abs=2e-8) if want > 0.0 else got <= 0.0
+
+
+def test_a_large_cloud_needs_few_of_its_cells() -> None:
+    rng = np.random.default_rng(0)
+    cloud = rp.PointCloud(np.c_[rng.uniform(-1.0, 1.0, (30_000, 2)), np.zeros(30_000)], 0.005)
     meter = DistanceMeter()
-    cells = np.unique(np.floor(cloud.points / 0.03), axis=0)
-    box = solid(rp.Box((0.03, 0.03, 0.03)))
-    every = [meter.convex(solid(shape), coal_pose(Ta), box, coal_pose(Tc @ pose((c + 0.5) * 0.03)))[0] for c in cells]
-    got = meter.compound(solid(shape), coal_pose(Ta), solid(cloud), coal_pose(Tc))
-    # Past the first contact the depth is that of some cell, not of the deepest.
-    assert got == pytest.approx(min(every)) if min(every) > 0.0 else got <= 0.0
+    got = meter.compound(solid(SHAPES["hull"]), coal_pose(pose([0.0, 0.0, 0.2])), solid(cloud), coal_pose(pose()))
+    assert got == pytest.approx(0.095, abs=1e-7)
+    assert meter.calls < 20
 
 
 def test_no_proven_clearance_is_above_the_true_one(clearance: Clearance) -> None:
