@@ -29,14 +29,20 @@ F64 = numba.float64
 I64 = numba.int64
 
 
-def jit(signature: Any, *, inline: bool = False) -> Callable[[F], F]:
-    """Compile a function for one signature, or into each of its callers.
+def jit(signature: Any, *, inline: bool = False, allocates: bool = True) -> Callable[[F], F]:
+    """Compile a function for one signature.
 
     No fastmath: a bound that rounds another way is no bound.
+
+    Args:
+        signature: Numba's types of result and arguments.
+        inline: Compile it into each of its callers.
+        allocates: It makes arrays. Without, no references to arrays are counted, which costs more than the
+            arithmetic of short functions that pass many on.
     """
 
     def compiled(function: F) -> F:
-        options = {"nogil": True, "fastmath": False, "error_model": "numpy", "forceinline": inline}
+        options = {"nogil": True, "fastmath": False, "error_model": "numpy", "forceinline": inline, "_nrt": allocates}
         try:
             made = numba.njit(signature, cache=True, **options)(function)
         except RuntimeError as error:

@@ -31,7 +31,7 @@ _COARSE = 0.07
 _MOST_CONFIGURATIONS = 2_000_000
 
 
-@jit(types.void(FLOATS2, F64, F64, F64, OUT2, OUT1, OUT1))
+@jit(types.void(FLOATS2, F64, F64, F64, OUT2, OUT1, OUT1), allocates=False)
 def take_interval(curve, duration, middle, half, work, q, reach):
     """Position at the middle of an interval, and how far each column gets from it on the interval at most.
 
@@ -62,7 +62,7 @@ def take_interval(curve, duration, middle, half, work, q, reach):
         reach[j] = bound * _RELATIVE + 8.0 * terms * terms * _EPSILON * size
 
 
-@jit(types.void(INTS2, FLOATS2, FLOATS1, OUT2, OUT1))
+@jit(types.void(INTS2, FLOATS2, FLOATS1, OUT2, OUT1), allocates=False)
 def place_joints(joints, joint_values, q, poses, angles):
     """World poses of all driven joints.
 
@@ -114,7 +114,7 @@ def place_joints(joints, joint_values, q, poses, angles):
             poses[j, 3 * r + 2] = a * m02 + b * m12 + c * m22
 
 
-@jit(types.void(I64, INTS2, FLOATS2, OUT2, OUT2, OUT2))
+@jit(types.void(I64, INTS2, FLOATS2, OUT2, OUT2, OUT2), allocates=False)
 def place_body(body, bodies, body_values, joint_poses, poses, centres):
     """World pose of a body and of the centre of its ball; columns as in `certify`."""
     j = bodies[body, 1]
@@ -129,7 +129,7 @@ def place_body(body, bodies, body_values, joint_poses, poses, centres):
         centres[body, r] = a * body_values[body, 12] + b * body_values[body, 13] + c * body_values[body, 14] + shift
 
 
-@jit(types.void(I64, INTS2, FLOATS2, INTS1, FLOATS1, INTS2, FLOATS2, OUT2, FLOATS1, OUT2, OUT2))
+@jit(types.void(I64, INTS2, FLOATS2, INTS1, FLOATS1, INTS2, FLOATS2, OUT2, FLOATS1, OUT2, OUT2), allocates=False)
 def bound_travel(
     body, bodies, body_values, chain, chain_reach, joints, joint_values, joint_poses, reach, centres, travel
 ):
@@ -176,7 +176,7 @@ def bound_travel(
         travel[body, k - first] = surface
 
 
-@jit(F64(I64, OUT2, FLOATS2, F64, F64, F64))
+@jit(F64(I64, OUT2, FLOATS2, F64, F64, F64), allocates=False)
 def _ball_gap_to_box(body, poses, body_values, x, y, z):
     """Distance from a point of the world to the bounding box of a body [m]."""
     dx, dy, dz = x - poses[body, 9], y - poses[body, 10], z - poses[body, 11]
@@ -189,7 +189,7 @@ def _ball_gap_to_box(body, poses, body_values, x, y, z):
     return np.sqrt(square)
 
 
-@jit(F64(I64, I64, INTS2, FLOATS2, OUT2, OUT2, F64))
+@jit(F64(I64, I64, INTS2, FLOATS2, OUT2, OUT2, F64), allocates=False)
 def quick_gap(a, b, bodies, body_values, poses, centres, enough):
     """A lower bound of the distance of two bodies from their balls and boxes [m]; it stops at enough."""
     if bodies[b, 0] == HALF_SPACE:
@@ -204,7 +204,7 @@ def quick_gap(a, b, bodies, body_values, poses, centres, enough):
     return gap
 
 
-@jit(F64(I64, I64, INTS2, FLOATS2, FLOATS2, INTS1, OUT2, F64))
+@jit(F64(I64, I64, INTS2, FLOATS2, FLOATS2, INTS1, OUT2, F64), allocates=False)
 def _gap_to_half_space(a, b, bodies, body_values, corners, links, poses, radius):
     """Exact distance of a body to the plane of half-space b [m]."""
     nx = poses[b, 0] * body_values[b, 23] + poses[b, 1] * body_values[b, 24] + poses[b, 2] * body_values[b, 25]
@@ -215,7 +215,10 @@ def _gap_to_half_space(a, b, bodies, body_values, corners, links, poses, radius)
     return height - body_values[b, 26] - radius
 
 
-@jit(types.UniTuple(F64, 2)(I64, I64, INTS2, FLOATS2, FLOATS2, INTS1, OUT2, OUT2, F64, F64, OUT1, OUT2, OUT1))
+@jit(
+    types.UniTuple(F64, 2)(I64, I64, INTS2, FLOATS2, FLOATS2, INTS1, OUT2, OUT2, F64, F64, OUT1, OUT2, OUT1),
+    allocates=False,
+)
 def _gap_to_cells(a, b, bodies, body_values, corners, links, poses, centres, least, enough, n, scratch, cell):
     """Bounds of the distance of a body to the occupied cells of cloud b [m]."""
     half = body_values[b, 23]
@@ -226,7 +229,8 @@ def _gap_to_cells(a, b, bodies, body_values, corners, links, poses, centres, lea
     ly = poses[b, 1] * dx + poses[b, 4] * dy + poses[b, 7] * dz
     lz = poses[b, 2] * dx + poses[b, 5] * dy + poses[b, 8] * dz
     near = enough + body_values[a, 15]
-    cell[:9] = poses[b, :9]
+    for k in range(9):
+        cell[k] = poses[b, k]
     for i in range(bodies[b, 2], bodies[b, 3]):
         ox = max(0.0, abs(lx - corners[i, 0]) - half)
         oy = max(0.0, abs(ly - corners[i, 1]) - half)
@@ -249,7 +253,10 @@ def _gap_to_cells(a, b, bodies, body_values, corners, links, poses, centres, lea
     return lower, upper
 
 
-@jit(types.UniTuple(F64, 2)(I64, I64, INTS2, FLOATS2, FLOATS2, INTS1, OUT2, OUT2, F64, F64, OUT1, OUT2, OUT1))
+@jit(
+    types.UniTuple(F64, 2)(I64, I64, INTS2, FLOATS2, FLOATS2, INTS1, OUT2, OUT2, F64, F64, OUT1, OUT2, OUT1),
+    allocates=False,
+)
 def fine_gap(a, b, bodies, body_values, corners, links, poses, centres, least, enough, n, scratch, cell):
     """Bounds of the distance of two bodies [m]: proven lower, upper; stops at `enough`."""
     radius = body_values[a, 16] + body_values[b, 16]

@@ -23,7 +23,7 @@ _ITERATIONS = 48
 _BODY = (I64, FLOATS1, FLOATS1, FLOATS2, INTS1, I64)
 
 
-@jit(types.Tuple((F64, F64, F64, I64))(*_BODY, F64, F64, F64))
+@jit(types.Tuple((F64, F64, F64, I64))(*_BODY, F64, F64, F64), allocates=False)
 def support(kind, size, pose, corners, links, start, x, y, z):
     """The point of a body's core that lies farthest in a direction of the world.
 
@@ -76,7 +76,7 @@ def support(kind, size, pose, corners, links, start, x, y, z):
     return wx, wy, wz, start
 
 
-@jit(types.Tuple((I64, F64, F64, F64))(OUT2, I64, I64))
+@jit(types.Tuple((I64, F64, F64, F64))(OUT2, I64, I64), allocates=False)
 def _nearest_on_segment(s, i, j):
     """Which corners of a segment carry its point nearest to the origin (bits), and that point."""
     ax, ay, az = s[i, 0], s[i, 1], s[i, 2]
@@ -91,7 +91,7 @@ def _nearest_on_segment(s, i, j):
     return (1 << i) | (1 << j), ax + u * dx, ay + u * dy, az + u * dz
 
 
-@jit(types.Tuple((I64, F64, F64, F64))(OUT2, I64, I64, I64))
+@jit(types.Tuple((I64, F64, F64, F64))(OUT2, I64, I64, I64), allocates=False)
 def _nearest_on_triangle(s, i, j, k):
     """Which corners of a triangle carry its point nearest to the origin (bits), and that point."""
     ax, ay, az = s[i, 0], s[i, 1], s[i, 2]
@@ -116,7 +116,7 @@ def _nearest_on_triangle(s, i, j, k):
     return mask, px, py, pz
 
 
-@jit(types.Tuple((I64, F64, F64, F64))(OUT2))
+@jit(types.Tuple((I64, F64, F64, F64))(OUT2), allocates=False)
 def _nearest_on_tetrahedron(s):
     """The same for four corners; all bits set when the origin lies inside."""
     mask, px, py, pz = 15, 0.0, 0.0, 0.0
@@ -135,7 +135,7 @@ def _nearest_on_tetrahedron(s):
     return mask, px, py, pz
 
 
-@jit(types.Tuple((I64, F64, F64, F64))(OUT2, I64))
+@jit(types.Tuple((I64, F64, F64, F64))(OUT2, I64), allocates=False)
 def _reduce(s, count):
     """Keep only the corners that carry the point nearest to the origin: their number (0: origin inside), the point."""
     if count == 1:
@@ -157,7 +157,7 @@ def _reduce(s, count):
     return kept, x, y, z
 
 
-@jit(types.UniTuple(F64, 2)(*_BODY, *_BODY, F64, F64, OUT1, OUT2))
+@jit(types.UniTuple(F64, 2)(*_BODY, *_BODY, F64, F64, OUT1, OUT2), allocates=False)
 def separation(
     kind_a,
     size_a,

@@ -105,6 +105,7 @@ class Work(NamedTuple):
         placed: The batch each body was placed for last.
         speeds: Greatest speed of a body's spheres, by the joints that count; shape (b, longest chain + 1).
         pushes: Greatest acceleration, the same.
+        near: Spheres of a body that are near another's ball, and in which lanes; shape (n, 2).
         turns: Of each joint: rate and greatest value on the edge, shape (j, 2).
         items: Body, obstacle or other body, 1 if the latter, pair, index in `meetings`; shape (k, 5).
         spans: Middle and half width of each interval, shape (n, 2).
@@ -112,7 +113,9 @@ class Work(NamedTuple):
         lanes: `WIDTH` middles, then as many half widths.
         open_spans: Middle and half width of what is left to the exact kernel, shape (n, 2).
         open_pairs: The pair of each.
-        counts: How many of those there are, batches looked at, the item of the last contact.
+        counts: How many of those there are, batches looked at, the pair of a contact; from 8 on the bits of the
+            items that each lane is open for.
+        curve: The edge as the exact kernel takes it, shape (2, nq).
     """
 
     frames: np.ndarray
@@ -120,6 +123,7 @@ class Work(NamedTuple):
     placed: np.ndarray
     speeds: np.ndarray
     pushes: np.ndarray
+    near: np.ndarray
     turns: np.ndarray
     items: np.ndarray
     spans: np.ndarray
@@ -128,15 +132,18 @@ class Work(NamedTuple):
     open_spans: np.ndarray
     open_pairs: np.ndarray
     counts: np.ndarray
+    curve: np.ndarray
 
 
 COVER = types.NamedTuple(
     [INT2, OUT2, INT2, OUT2, INT1, OUT1, INT2, OUT2, OUT2, INT2, INT2, INT1, OUT2, OUT1, OUT1], Cover
 )
-WORK = types.NamedTuple([OUT1, OUT1, INT1, OUT2, OUT2, OUT2, INT2, OUT2, INT1, OUT1, OUT2, INT1, INT1], Work)
+WORK = types.NamedTuple(
+    [OUT1, OUT1, INT1, OUT2, OUT2, INT2, OUT2, INT2, OUT2, INT1, OUT1, OUT2, INT1, INT1, OUT2], Work
+)
 
 
-@jit(types.UniTuple(LANES, 2)(LANES), inline=True)
+@jit(types.UniTuple(LANES, 2)(LANES), inline=True, allocates=False)
 def sine_cosine(angle):
     """Sine and cosine, each within 1e-13, of angles up to `FARTHEST`."""
     k = floor(angle * _TURNS + 0.5)
@@ -164,24 +171,45 @@ def sine_cosine(angle):
     return sign_s * (s + odd * (c - s)), sign_c * (c + odd * (s - c))
 
 
-@jit(LANES(FLOATS2, INT2, I64, LANES, LANES, LANES), inline=True)
-def gap_to(values, kinds, o, x, y, z):
-    """Distance from points to an obstacle, or a bound from below [m]."""
-    if kinds[o, 0] == HALF_SPACE:
-        return x * values[o, 12] + y * values[o, 13] + z * values[o, 14] - values[o, 15]
+@jit(LANES(FLOATS2, INT2, I64, LANES, LANES, LANES), inline=True, allocates=False)
+def square_to(values, kinds, o, x, y, z):
+    """Square of the distance from points to an obstacle's core, or a bound from below [m^2]; not for a half-space."""
     dx, dy, dz = x - values[o, 9], y - values[o, 10], z - values[o, 11]
     a = size_of(dx * values[o, 0] + dy * values[o, 3] + dz * values[o, 6])
     b = size_of(dx * values[o, 1] + dy * values[o, 4] + dz * values[o, 7])
     c = greater(size_of(dx * values[o, 2] + dy * values[o, 5] + dz * values[o, 8]) - values[o, 14], 0.0)
     if kinds[o, 0] == CYLINDER:
         a = greater(root(a * a + b * b) - values[o, 12], 0.0)
-        return root(a * a + c * c)
+        return a * a + c * c
     a = greater(a - values[o, 12], 0.0)
     b = greater(b - values[o, 13], 0.0)
-    return root(a * a + b * b + c * c) - values[o, 15]
+    return a * a + b * b + c * c
 
 
-@jit(LANES(FLOATS2, INT2, I64, LANES, LANES, LANES, LANES, LANES, LANES), inline=True)
+@jit(LANES(FLOATS2, I64, LANES, LANES, LANES), inline=True, allocates=False)
+def height_over(values, o, x, y, z):
+    """Signed distance from points to a half-space [m]."""
+    return x * values[o, 12] + y * values[o, 13] + z * values[o, 14] - values[o, 15]
+
+
+@jit(LANES(FLOATS2, INT2, I64, LANES, LANES, LANES), inline=True, allocates=False)
+def gap_to(values, kinds, o, x, y, z):
+    """Distance from points to an obstacle, or a bound from below [m]."""
+    if kinds[o, 0] == HALF_SPACE:
+        return height_over(values, o, x, y, z)
+    return root(square_to(values, kinds, o, x, y, z)) - values[o, 15]
+
+
+@jit(I64(FLOATS2, INT2, I64, LANES, LANES, LANES, LANES), inline=True, allocates=False)
+def within(values, kinds, o, x, y, z, limit):
+    """In which lanes points may be nearer to an obstacle than a limit > 0; without a root where that is possible."""
+    if kinds[o, 0] == HALF_SPACE:
+        return below(height_over(values, o, x, y, z), limit)
+    reach = limit + values[o, 15]
+    return below(square_to(values, kinds, o, x, y, z), reach * reach)
+
+
+@jit(LANES(FLOATS2, INT2, I64, LANES, LANES, LANES, LANES, LANES, LANES), inline=True, allocates=False)
 def approach_to(values, kinds, o, x, y, z, u, v, w):
     """Speed, without sign, of points along the direction from an obstacle's nearest point to them [m]."""
     if kinds[o, 0] == HALF_SPACE:
@@ -204,7 +232,7 @@ def approach_to(values, kinds, o, x, y, z, u, v, w):
     return size_of(a * p + b * q + c * r) / greater(root(a * a + b * b + c * c), 1e-12) * _SLACK
 
 
-@jit(types.void(FLOATS1, FLOATS1, COVER, WORK), inline=True)
+@jit(types.void(FLOATS1, FLOATS1, COVER, WORK), inline=True, allocates=False)
 def bound_motion(q0, q1, cover, work):
     """Greatest speeds and accelerations on an edge, by body and by the joints that count."""
     for j in range(1, cover.joints.shape[0]):
@@ -231,7 +259,7 @@ def bound_motion(q0, q1, cover, work):
             work.pushes[b, k - first] = push
 
 
-@jit(types.void(FLOATS1, LANES, COVER, WORK), inline=True)
+@jit(types.void(FLOATS1, LANES, COVER, WORK), inline=True, allocates=False)
 def place_frames(q0, t, cover, work):
     """World poses and velocities of all joints at the times t of an edge that begins at q0."""
     frames = work.frames
@@ -278,7 +306,7 @@ def place_frames(q0, t, cover, work):
         store(frames, at + 17 * WIDTH, w)
 
 
-@jit(types.void(I64, I64, I64, I64, LANES, COVER, WORK), inline=True)
+@jit(types.void(I64, I64, I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
 def place_spheres(b, batch, first, last, h, cover, work):
     """Places, velocities and travels of some spheres of a body."""
     frames, spheres = work.frames, cover.spheres
@@ -303,7 +331,7 @@ def place_spheres(b, batch, first, last, h, cover, work):
         store(work.centres, at + 6 * WIDTH, lesser(root(u * u + v * v + w * w) * h * _SLACK + push, far))
 
 
-@jit(types.UniTuple(I64, 3)(I64, I64, F64, I64, I64, LANES, COVER, WORK), inline=True)
+@jit(types.UniTuple(I64, 3)(I64, I64, F64, I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
 def meet_obstacle(b, o, padding, asked, batch, h, cover, work):
     """A body against an obstacle in the lanes asked for.
 
@@ -320,10 +348,11 @@ def meet_obstacle(b, o, padding, asked, batch, h, cover, work):
     for i in range(first, last):
         at = i * _SPHERE
         x, y, z = load(centres, at), load(centres, at + WIDTH), load(centres, at + 2 * WIDTH)
-        gap = gap_to(values, kinds, o, x, y, z)
         needed = spheres[i, 3] + padding + cover.margins[0]
-        lanes = below(gap - load(centres, at + 6 * WIDTH), needed) & asked
+        lanes = within(values, kinds, o, x, y, z, load(centres, at + 6 * WIDTH) + needed) & asked
+        gap = fill(0.0)
         if lanes:
+            gap = gap_to(values, kinds, o, x, y, z)
             u, v, w = load(centres, at + 3 * WIDTH), load(centres, at + 4 * WIDTH), load(centres, at + 5 * WIDTH)
             speed = approach_to(values, kinds, o, x, y, z, u, v, w)
             lanes &= below(gap - lesser(speed * h + push, far), needed)
@@ -345,7 +374,39 @@ def meet_obstacle(b, o, padding, asked, batch, h, cover, work):
     return left, stuck, 0
 
 
-@jit(types.UniTuple(I64, 3)(I64, I64, I64, F64, I64, I64, LANES, COVER, WORK), inline=True)
+@jit(LANES(I64, I64, OUT1), inline=True, allocates=False)
+def _square_between(i, k, centres):
+    """Square of the distance of the centres of two spheres [m^2]."""
+    at, to = i * _SPHERE, k * _SPHERE
+    dx = load(centres, at) - load(centres, to)
+    dy = load(centres, at + WIDTH) - load(centres, to + WIDTH)
+    dz = load(centres, at + 2 * WIDTH) - load(centres, to + 2 * WIDTH)
+    return dx * dx + dy * dy + dz * dz
+
+
+@jit(I64(I64, I64, I64, F64, LANES, LANES, LANES, COVER, WORK), inline=True, allocates=False)
+def _approaching(i, k, asked, padding, push, far, h, cover, work):
+    """In which of the lanes asked for two spheres may come too near each other."""
+    centres = work.centres
+    at, to = i * _SPHERE, k * _SPHERE
+    needed = cover.spheres[i, 3] + cover.spheres[k, 3] + padding + cover.margins[0]
+    dx = load(centres, at) - load(centres, to)
+    dy = load(centres, at + WIDTH) - load(centres, to + WIDTH)
+    dz = load(centres, at + 2 * WIDTH) - load(centres, to + 2 * WIDTH)
+    square = dx * dx + dy * dy + dz * dz
+    limit = lesser(load(centres, at + 6 * WIDTH) + load(centres, to + 6 * WIDTH), far) + needed
+    lanes = below(square, limit * limit) & asked
+    if lanes:
+        gap = root(square)
+        du = load(centres, at + 3 * WIDTH) - load(centres, to + 3 * WIDTH)
+        dv = load(centres, at + 4 * WIDTH) - load(centres, to + 4 * WIDTH)
+        dw = load(centres, at + 5 * WIDTH) - load(centres, to + 5 * WIDTH)
+        speed = size_of(dx * du + dy * dv + dz * dw) / greater(gap, 1e-12) * _SLACK
+        lanes &= below(gap - lesser(speed * h + push, far), needed)
+    return lanes
+
+
+@jit(types.UniTuple(I64, 3)(I64, I64, I64, F64, I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
 def meet_body(a, b, shared, padding, asked, batch, h, cover, work):
     """A body against another, see `meet_obstacle`."""
     centres, spheres = work.centres, cover.spheres
@@ -353,46 +414,39 @@ def meet_body(a, b, shared, padding, asked, batch, h, cover, work):
     far = h * (work.speeds[a, shared] + work.speeds[b, shared])
     first_a, last_a = cover.bodies[a, 1], cover.bodies[a, 2]
     first_b, last_b = cover.bodies[b, 1], cover.bodies[b, 2]
+    near = _approaching(first_a, first_b, asked, padding, push, far, h, cover, work)
+    if near == 0:
+        return 0, 0, 0
+    for body in (a, b):
+        if work.placed[body] != batch:
+            work.placed[body] = batch
+            place_spheres(body, batch, cover.bodies[body, 1] + 1, cover.bodies[body, 2], h, cover, work)
+    # Only the spheres of either that are near the other's ball.
+    count = 0
+    for k in range(first_b + 1, last_b):
+        lanes = _approaching(first_a, k, near, padding, push, far, h, cover, work)
+        if lanes:
+            work.near[count, 0], work.near[count, 1] = k, lanes
+            count += 1
     left, stuck = 0, 0
-    for i in range(first_a, last_a):
-        at = i * _SPHERE
-        x, y, z = load(centres, at), load(centres, at + WIDTH), load(centres, at + 2 * WIDTH)
-        u, v, w = load(centres, at + 3 * WIDTH), load(centres, at + 4 * WIDTH), load(centres, at + 5 * WIDTH)
-        near = asked
-        for k in range(first_b, last_b):
-            to = k * _SPHERE
-            dx, dy, dz = x - load(centres, to), y - load(centres, to + WIDTH), z - load(centres, to + 2 * WIDTH)
-            gap = root(dx * dx + dy * dy + dz * dz)
-            du = u - load(centres, to + 3 * WIDTH)
-            dv = v - load(centres, to + 4 * WIDTH)
-            dw = w - load(centres, to + 5 * WIDTH)
-            speed = size_of(dx * du + dy * dv + dz * dw) / greater(gap, 1e-12) * _SLACK
-            needed = spheres[i, 3] + spheres[k, 3] + padding + cover.margins[0]
-            lanes = below(gap - lesser(speed * h + push, far), needed) & near
-            if k == first_b:
-                near = lanes
-                if i == first_a:
-                    asked = lanes
-                if lanes == 0:
-                    break
-                if i == first_a:
-                    for body in (a, b):
-                        if work.placed[body] != batch:
-                            work.placed[body] = batch
-                            place_spheres(body, batch, cover.bodies[body, 1] + 1, cover.bodies[body, 2], h, cover, work)
-                    break
-            elif lanes:
+    for i in range(first_a + 1, last_a if count else 0):
+        beside = _approaching(i, first_b, near, padding, push, far, h, cover, work)
+        for n in range(count if beside else 0):
+            k = work.near[n, 0]
+            lanes = work.near[n, 1] & beside
+            if lanes:
+                lanes = _approaching(i, k, lanes, padding, push, far, h, cover, work)
+            if lanes:
+                gap = root(_square_between(i, k, centres))
                 touching = below(gap, spheres[i, 4] + spheres[k, 4] + padding - cover.margins[0]) & lanes
                 if touching:
                     return lanes, lanes, touching
                 left |= lanes
-                stuck |= below(gap, needed) & lanes
-        if asked == 0:
-            return 0, 0, 0
+                stuck |= below(gap, spheres[i, 3] + spheres[k, 3] + padding + cover.margins[0]) & lanes
     return left, stuck, 0
 
 
-@jit(I64(I64, FLOATS1, FLOATS1, F64, F64, COVER), inline=True)
+@jit(I64(I64, FLOATS1, FLOATS1, F64, F64, COVER), inline=True, allocates=False)
 def _mapped(m, q0, q1, t0, t1, cover):
     """1 if the map of a meeting proves it free between two times of an edge."""
     begin, width = cover.meetings[m, 4], cover.meetings[m, 5]
@@ -417,7 +471,7 @@ def _mapped(m, q0, q1, t0, t1, cover):
     return 1 if inside == 0 else 0
 
 
-@jit(I64(I64, I64, FLOATS1, FLOATS1, COVER, WORK), inline=True)
+@jit(I64(I64, I64, FLOATS1, FLOATS1, COVER, WORK), inline=True, allocates=False)
 def _unmapped(m, asked, q0, q1, cover, work):
     """The lanes of those asked for in which no map proves a meeting free."""
     if cover.meetings[m, 4] < 0:
@@ -431,7 +485,7 @@ def _unmapped(m, asked, q0, q1, cover, work):
     return left
 
 
-@jit(I64(I64, I64, I64, I64, I64, COVER, WORK), inline=True)
+@jit(I64(I64, I64, I64, I64, I64, COVER, WORK), inline=True, allocates=False)
 def _keep(pair, lanes, stuck, bit, batch, cover, work):
     """Remember the open lanes of a pair: to be halved, or for the exact kernel; 1 if there is no room."""
     count = work.counts[0]
@@ -451,7 +505,7 @@ def _keep(pair, lanes, stuck, bit, batch, cover, work):
     return 0
 
 
-@jit(I64(I64, I64, I64, I64, I64, I64, I64, I64, LANES, COVER, WORK), inline=True)
+@jit(I64(I64, I64, I64, I64, I64, I64, I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
 def _meet(first, second, between, pair, meeting, asked, bit, batch, h, cover, work):
     """One item in the lanes asked for: PROVEN, TOUCHES, or OPEN and remembered (FULL: -1)."""
     if between:
@@ -471,7 +525,7 @@ def _meet(first, second, between, pair, meeting, asked, bit, batch, h, cover, wo
     return -1 if _keep(pair, lanes, stuck, bit, batch, cover, work) else OPEN
 
 
-@jit(I64(FLOATS1, FLOATS1, I64, LANES, COVER, WORK), inline=True)
+@jit(I64(FLOATS1, FLOATS1, I64, LANES, COVER, WORK), inline=True, allocates=False)
 def _first_batch(q0, q1, batch, h, cover, work):
     """Everything that may meet, on the whole edge; the items still open are numbered. -1: no room, -2: contact."""
     count = 0
@@ -527,7 +581,7 @@ def _first_batch(q0, q1, batch, h, cover, work):
     return count
 
 
-@jit(I64(FLOATS1, FLOATS1, COVER, WORK))
+@jit(I64(FLOATS1, FLOATS1, COVER, WORK), allocates=False)
 def sweep(q0, q1, cover, work):
     """An edge against all obstacles and between its own bodies, by spheres.
 

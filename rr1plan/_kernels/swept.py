@@ -7,7 +7,6 @@ they prove to touch is nearer than the padding.
 
 from __future__ import annotations
 
-import numpy as np
 from numba import types
 
 from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INT1, INTS1, INTS2, OUT2, jit
@@ -22,7 +21,7 @@ EXACT = types.Tuple(
 EDGES, EXACT_EDGES, CONFIGURATIONS, GAPS = range(4)
 
 
-@jit(types.Tuple((I64, F64, I64))(FLOATS1, FLOATS1, COVER, WORK, EXACT, INT1))
+@jit(types.Tuple((I64, F64, I64))(FLOATS1, FLOATS1, COVER, WORK, EXACT, INT1), allocates=False)
 def sweep_edge(begin, end, cover, work, exact, done):
     """Certify a straight edge free of contact, or find a place where it is not.
 
@@ -45,7 +44,7 @@ def sweep_edge(begin, end, cover, work, exact, done):
     if answer == TOUCHES:
         return CONTACT, work.open_spans[0, 0], work.counts[2]
     done[EXACT_EDGES] += 1
-    curve = np.empty((2, len(begin)))
+    curve = work.curve
     for j in range(len(begin)):
         curve[0, j] = begin[j]
         curve[1, j] = end[j] - begin[j]

@@ -75,10 +75,10 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
         joints.rows, joints.values, bodies, spheres, chain, reach, kinds, values, boxes, pair_of,
         table, maps, ranges, np.array(tables.padding), margins,
     )  # fmt: skip
-    return made, _work(made)
+    return made, _work(made, checker.nq)
 
 
-def _work(made: Cover) -> Work:
+def _work(made: Cover, columns: int) -> Work:
     longest = int((made.bodies[:, 4] - made.bodies[:, 3]).max(initial=0))
     items = len(made.padding)
     frames = np.zeros((len(made.joints), 18, WIDTH))
@@ -89,6 +89,7 @@ def _work(made: Cover) -> Work:
         np.zeros(len(made.bodies), np.int64),
         np.zeros((len(made.bodies), longest + 1)),
         np.zeros((len(made.bodies), longest + 1)),
+        np.zeros((len(made.spheres), 2), np.int64),
         np.zeros((len(made.joints), 2)),
         np.zeros((items + 1, 5), np.int64),
         np.zeros((_SPANS, 2)),
@@ -97,6 +98,7 @@ def _work(made: Cover) -> Work:
         np.zeros((_SPANS, 2)),
         np.zeros(_SPANS, np.int64),
         np.zeros(8 + WIDTH, np.int64),
+        np.zeros((2, columns)),
     )
 
 
