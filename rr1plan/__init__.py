@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from rr1plan import playback as playback
     from rr1plan import retiming as retiming
     from rr1plan import transforms as transforms
+    from rr1plan.batch import PlanFailure as PlanFailure
+    from rr1plan.batch import plan_many as plan_many
     from rr1plan.collision import CollisionChecker as CollisionChecker
     from rr1plan.collision import Contact as Contact
     from rr1plan.collision import FirstContact as FirstContact
@@ -92,6 +94,7 @@ __version__ = "0.1.0"
 
 # A name here and a line above; a test holds the two together.
 _EXPORTS = {
+    "rr1plan.batch": ("PlanFailure", "plan_many"),
     "rr1plan.collision": ("CollisionChecker", "Contact", "FirstContact", "MotionChecker", "Nearest"),
     "rr1plan.errors": (
         "BackendError",

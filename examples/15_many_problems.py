@@ -1,0 +1,33 @@
+"""Many problems at once, over processes: seeds of their own, answers in order, no failure loses the rest."""
+
+import numpy as np
+
+import rr1plan as rp
+
+
+def tell(progress):
+    print(f"{progress.fraction:4.0%} after {progress.seconds:.1f} s")
+
+
+# Spawned processes import this file: what they must not repeat stands behind the guard below.
+def main():
+    scene = rp.load_scene("rr1_table")
+    places = [[-0.30, y, 0.20] for y in np.linspace(-0.3, 0.3, 6)] + [[3.0, 0.0, 0.2]]
+    problems = [rp.Problem(scene, "home", rp.PoseGoal("tool", place)) for place in places]
+
+    motions = rp.plan_many(problems, workers=2, rng=0, progress=tell)
+    for place, motion in zip(places, motions, strict=True):
+        if isinstance(motion, rp.PlanFailure):  # it raised, or its process died
+            print(place, motion.error, motion.reason)
+        elif motion.solved:
+            print(np.round(place, 2), f"{motion.trajectory.duration:.2f} s")
+        else:
+            print(np.round(place, 2), motion.status.value, "-", motion.result.reason)
+
+    # Any concurrent.futures.Executor will do. Beyond one machine, with the extra `batch`:
+    #     client = distributed.Client("scheduler:8786")
+    #     rp.plan_many(problems, executor=client.get_executor(), workers=64, rng=0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,333 @@
+"""Many problems at once, over processes: seeds of their own, answers in order, no answer lost.
+
+Problem i gets the i-th seed of `problem_seeds(rng, n)`, whoever works on it, so the answers do not depend
+on how many workers there are. Consecutive problems travel together, so what they share (a scene)
+travels once. When a worker process dies, the problems it may have had are asked again, each
+alone, and only the one that kills its process again is lost.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rr1plan.checks import Seed, as_generator, known_name
+from rr1plan.errors import BackendError, InputError
+from rr1plan.pipeline import MotionPlan, plan_motion
+from rr1plan.planners import plan, planner_names
+from rr1plan.planning import Budget, PlanResult, Progress, ProgressCallback
+from rr1plan.problem import Problem
+from rr1plan.retiming import retiming_names
+
+logger = logging.getLogger(__name__)
+
+_CHUNKS_PER_WORKER = 4
+_LONGEST_CHUNK = 32
+
+
+@dataclass(frozen=True, eq=False)
+class PlanFailure:
+    """What stands in the place of an answer: the problem raised, its process died, or the batch was cancelled.
+
+    Args:
+        problem: The question.
+        error: Name of the exception.
+        reason: What it said.
+        details: Its traceback in the process it came from, if there is one.
+    """
+
+    problem: Problem
+    error: str
+    reason: str
+    details: str = ""
+
+    @property
+    def solved(self) -> bool:
+        """No, so that answers of all kinds can be asked the same."""
+        return False
+
+
+Answer = MotionPlan | PlanResult | PlanFailure
+
+
+class _Settings(NamedTuple):
+    """What every problem of a batch has in common."""
+
+    full: bool
+    planner: str
+    retiming: str
+    budget: Budget | None
+
+
+class _Task(NamedTuple):
+    number: int
+    problem: Problem
+    seed: int
+
+
+def plan_many(
+    problems: Iterable[Problem],
+    *,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    rng: Seed = None,
+    full: bool = True,
+    planner: str = "rrt_connect",
+    retiming: str = "blend",
+    budget: Budget | None = None,
+    progress: ProgressCallback | None = None,
+) -> list[Answer]:
+    """Answer many problems at once, each as `plan_motion` (or `plan`) does alone.
+
+    Without an executor the processes are spawned here, so a script has to guard its main part with
+    `if __name__ == "__main__":`. Ctrl-C stops them within about a tenth of a second of planning.
+
+    Args:
+        problems: The questions. Those about one scene should share one `Scene` value and follow each other.
+        executor: Who works instead: any `concurrent.futures.Executor`, e.g. that of a Dask client
+            (`client.get_executor()`) or of mpi4py. It is not shut down.
+        workers: How many processes (default: the processors this process may use); with an executor, how
+            many it has.
+        rng: Seed of all; problem i is asked with seed i of `problem_seeds(rng, n)`.
+        full: Plan, shorten, retime and validate, as `plan_motion`; or only plan, as `plan`.
+        planner: A name of `planner_names()`.
+        retiming: A name of `retiming_names()`.
+        budget: When the planner has to stop, for each problem (default: 10 s).
+        progress: Called when problems are done, with the fraction that is; it may return False to cancel.
+
+    Returns:
+        The answers in the order of the problems: a `MotionPlan` (or `PlanResult` if not `full`), or a
+        `PlanFailure` where the problem raised, its process died, or the batch was cancelled.
+
+    Raises:
+        UnknownNameError: no such planner or retiming.
+        InputError: something that is not a problem, no worker, a seed below zero.
+        BackendError: the processes do not even start.
+        KeyboardInterrupt: Ctrl-C, after the processes have ended.
+    """
+    settings = _Settings(
+        full,
+        known_name("planner", planner, planner_names()),
+        known_name("retiming", retiming, retiming_names()),
+        budget,
+    )
+    questions = _checked(problems, executor, workers)
+    tasks = [_Task(i, p, s) for i, (p, s) in enumerate(zip(questions, problem_seeds(rng, len(questions)), strict=True))]
+    chunks = _chunks(tasks, workers or _processors())
+    board = _Board(questions, progress)
+    if not chunks:
+        return []
+    if executor is not None:
+        for task in _work_off(executor, deque(chunks), settings, board, len(chunks)):
+            board.note(task.number, _Raised("BrokenExecutor", "the executor broke before this problem was done"))
+        return board.answers()
+    _work_in_processes(chunks, settings, board, min(workers or _processors(), len(chunks)))
+    return board.answers()
+
+
+def problem_seeds(rng: Seed, count: int) -> list[int]:
+    """The seeds `plan_many` asks its problems with; the first ones do not depend on how many there are."""
+    sequence = as_generator(rng).bit_generator.seed_seq
+    if not isinstance(sequence, np.random.SeedSequence):
+        raise InputError(f"rng has a seed of kind {type(sequence).__name__}, expected numpy's SeedSequence")
+    return [int(child.generate_state(1, np.uint64)[0]) for child in sequence.spawn(count)]
+
+
+def _checked(problems: Iterable[Problem], executor: Executor | None, workers: int | None) -> list[Problem]:
+    questions = list(problems)
+    for i, problem in enumerate(questions):
+        if not isinstance(problem, Problem):
+            raise InputError(f"problems[{i}] is {type(problem).__name__}, expected a Problem")
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise InputError(f"executor is {type(executor).__name__}, expected a concurrent.futures.Executor")
+    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
+        raise InputError(f"workers is {workers!r}, expected a number of processes, at least one")
+    return questions
+
+
+def _processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _chunks(tasks: Sequence[_Task], workers: int) -> list[list[_Task]]:
+    size = min(_LONGEST_CHUNK, max(1, math.ceil(len(tasks) / (_CHUNKS_PER_WORKER * workers))))
+    return [list(tasks[i : i + size]) for i in range(0, len(tasks), size)]
+
+
+# ---- in this process -----------------------------------------------------------------------
+
+
+class _Board:
+    """Who has answered so far."""
+
+    def __init__(self, problems: list[Problem], progress: ProgressCallback | None) -> None:
+        self.problems = problems
+        self.progress = progress
+        self.cancelled = False
+        self._answers: dict[int, Answer] = {}
+        self._started = time.perf_counter()
+
+    def note(self, index: int, answer: Any) -> None:
+        """Take the answer to a problem; a plan gets back the very problem that was asked."""
+        if isinstance(answer, MotionPlan):
+            answer = replace(answer, problem=self.problems[index])
+        elif isinstance(answer, _Raised):
+            answer = PlanFailure(self.problems[index], *answer)
+        self._answers[index] = answer
+        if self.progress is not None and not self.cancelled:
+            seconds = time.perf_counter() - self._started
+            done = len(self._answers) / len(self.problems)
+            self.cancelled = self.progress(Progress("plan_many", seconds, done)) is False
+
+    def answers(self) -> list[Answer]:
+        """All answers in order; whoever has none was cancelled."""
+        none = _Raised("Cancelled", "the batch was cancelled before this problem was done")
+        return [self._answers.get(i) or PlanFailure(p, *none) for i, p in enumerate(self.problems)]
+
+
+def _work_off(
+    executor: Executor, chunks: deque[list[_Task]], settings: _Settings, board: _Board, at_once: int
+) -> list[_Task]:
+    """Have the chunks worked off, `at_once` of them at a time; tasks lost with a broken executor are returned.
+
+    A chunk that cannot travel is tried again problem by problem.
+    """
+    pending: dict[Future[list[Any]], list[_Task]] = {}
+    lost: list[_Task] = []
+    try:
+        while (chunks or pending) and not board.cancelled:
+            while chunks and len(pending) < at_once and not lost:
+                chunk = chunks.popleft()
+                try:
+                    pending[executor.submit(_run_chunk, chunk, settings)] = chunk
+                except BrokenExecutor:
+                    lost += chunk
+            if not pending:
+                break
+            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                lost += _take(future, pending.pop(future), chunks, board)
+    finally:
+        for future in pending:
+            future.cancel()
+    return lost
+
+
+def _take(future: Future[list[Any]], chunk: list[_Task], chunks: deque[list[_Task]], board: _Board) -> list[_Task]:
+    """Note the answers of a chunk; its tasks come back if they were lost."""
+    try:
+        answers = future.result()
+    except BrokenExecutor:
+        return chunk
+    except Exception as error:
+        if len(chunk) > 1:
+            chunks.extend([task] for task in chunk)
+        else:
+            board.note(chunk[0].number, _raised(error))
+        return []
+    for task, answer in zip(chunk, answers, strict=True):
+        board.note(task.number, answer)
+    return []
+
+
+def _work_in_processes(chunks: list[list[_Task]], settings: _Settings, board: _Board, workers: int) -> None:
+    """Work off all chunks in processes of our own; those lost with a process are asked again, each alone."""
+    left = deque(chunks)
+    while left and not board.cancelled:
+        with _pool(workers) as pool:
+            suspects = deque(_work_off(pool, left, settings, board, workers))
+        while suspects and not board.cancelled:
+            with _pool(1) as pool:
+                while suspects and not board.cancelled:
+                    task = suspects.popleft()
+                    if _work_off(pool, deque([[task]]), settings, board, 1):
+                        logger.warning("problem %d killed the process that worked on it", task.number)
+                        board.note(task.number, _Raised("BrokenProcessPool", "the process that worked on it died"))
+                        break
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[Executor]:
+    """Spawned processes that are up; at the end they are told to stop, and waited for."""
+    context = get_context("spawn")
+    stop = context.Event()
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin_worker, initargs=(stop,))
+    try:
+        try:
+            pool.submit(os.getpid).result()
+        except (BrokenExecutor, RuntimeError) as error:
+            raise BackendError(
+                "worker processes do not start; they import the script that runs, so its main part "
+                "has to be guarded: if __name__ == '__main__': ..."
+            ) from error
+        yield pool
+    finally:
+        stop.set()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+# ---- in the workers ------------------------------------------------------------------------
+
+
+class _Raised(NamedTuple):
+    """An exception as text: not every exception can travel."""
+
+    error: str
+    reason: str
+    details: str = ""
+
+
+def _raised(error: BaseException) -> _Raised:
+    return _Raised(type(error).__name__, str(error), "".join(traceback.format_exception(error)))
+
+
+_should_stop: Callable[[], bool] = bool
+"""Whether the process that spawned this one wants it to end."""
+
+
+def _begin_worker(stop: Any) -> None:
+    import signal
+
+    global _should_stop
+    _should_stop = stop.is_set
+    # Ctrl-C reaches the whole group; the first process decides what happens
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _go_on(progress: Progress) -> bool:
+    return not _should_stop()
+
+
+def _run_chunk(chunk: list[_Task], settings: _Settings) -> list[Any]:
+    """Answers, or what was raised, one for each task."""
+    return [_run(task, settings) for task in chunk]
+
+
+def _run(task: _Task, settings: _Settings) -> Any:
+    if _should_stop():
+        return _Raised("Cancelled", "the batch was cancelled before this problem was done")
+    try:
+        if not settings.full:
+            return plan(task.problem, settings.planner, settings.budget, task.seed, _go_on)
+        return plan_motion(
+            task.problem,
+            planner=settings.planner,
+            retiming=settings.retiming,
+            budget=settings.budget,
+            rng=task.seed,
+            progress=_go_on,
+        )
+    except Exception as error:
+        return _raised(error)

@@ -1,0 +1,251 @@
+"""Many problems at once. What is spawned starts slowly, so most tests share one batch or work in this process."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan import batch
+from rr1plan.batch import PlanFailure, problem_seeds
+
+BUDGET = rp.Budget(float("inf"), iterations=20_000)
+
+
+class InLine(Executor):
+    """Works when asked, in this process, and remembers how many tasks came at once."""
+
+    def __init__(self):
+        self.sizes = []
+
+    def submit(self, function, /, *arguments, **settings):
+        self.sizes.append(len(arguments[0]))
+        future = Future()
+        try:
+            future.set_result(function(*arguments, **settings))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@pytest.fixture(scope="module")
+def problems(planar2r):
+    scene = rp.Scene().with_arm("a", planar2r)
+    goals = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 2))
+    return [rp.Problem(scene, np.zeros(2), rp.JointGoal(q)) for q in goals]
+
+
+class Killer(rp.Problem):
+    """A problem that ends the process it is unpickled in."""
+
+    def __reduce__(self):
+        return os._exit, (1,)
+
+
+def paths(answers):
+    return [a.path_or_raise().waypoints for a in answers]
+
+
+def test_answers_are_in_order_and_those_of_planning_alone(problems):
+    answers = rp.plan_many(problems, executor=InLine(), rng=3, budget=BUDGET)
+    assert all(isinstance(a, rp.MotionPlan) and a.solved for a in answers)
+    for problem, seed, answer in zip(problems, problem_seeds(3, 5), answers, strict=True):
+        assert answer.problem is problem
+        alone = rp.plan_motion(problem, rng=seed, budget=BUDGET)
+        np.testing.assert_array_equal(answer.path.waypoints, alone.path.waypoints)
+        assert answer.trajectory.allclose(alone.trajectory, atol=0.0)
+
+
+def test_seeds_do_not_depend_on_how_many_problems_there_are():
+    assert problem_seeds(1, 3) == problem_seeds(1, 10)[:3]
+    assert len(set(problem_seeds(1, 100))) == 100
+    assert problem_seeds(np.random.default_rng(1), 3) == problem_seeds(1, 3)
+    assert problem_seeds(2, 3) != problem_seeds(1, 3)
+
+
+def test_spawned_processes_give_the_same_answers_whatever_their_number(problems):
+    here = rp.plan_many(problems, executor=InLine(), rng=7, full=False, budget=BUDGET)
+    spawned = rp.plan_many(problems, workers=2, rng=7, full=False, budget=BUDGET)
+    for one, two in zip(paths(here), paths(spawned), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_a_problem_that_kills_its_process_is_the_only_one_lost(problems):
+    killer = Killer(problems[0].scene, np.zeros(2), rp.JointGoal(np.ones(2)))
+    asked = [problems[0], killer, *problems[1:3]]
+    answers = rp.plan_many(asked, workers=1, rng=0, full=False, budget=BUDGET)
+    assert [a.solved for a in answers] == [True, False, True, True]
+    assert isinstance(answers[1], PlanFailure)
+    assert answers[1].problem is killer
+    assert "died" in answers[1].reason
+
+
+def test_plans_pickle(problems):
+    motion = rp.plan_motion(problems[0], rng=0, budget=BUDGET)
+    again = pickle.loads(pickle.dumps(motion))
+    assert again.solved
+    assert again.trajectory.allclose(motion.trajectory, atol=0.0)
+    assert not again.path.waypoints.flags.writeable
+    assert str(again.report) == str(motion.report)
+
+
+def test_consecutive_problems_travel_together_and_their_scene_once(problems):
+    executor = InLine()
+    rp.plan_many(problems * 8, executor=executor, workers=2, rng=0, full=False, budget=BUDGET)
+    assert executor.sizes == [5] * 8
+    tasks = [batch._Task(i, p, 0) for i, p in enumerate(problems)]
+    more = len(pickle.dumps(tasks)) - len(pickle.dumps(tasks[:1]))
+    assert more < 0.5 * len(pickle.dumps(problems[0].scene))
+
+
+def test_what_raises_stands_in_its_place(problems, monkeypatch):
+    planned = batch.plan
+
+    def fail(problem, *arguments):
+        if problem is problems[2]:
+            raise rp.RetimingError("no time today")
+        return planned(problem, *arguments)
+
+    monkeypatch.setattr(batch, "plan", fail)
+    answers = rp.plan_many(problems, executor=InLine(), rng=0, full=False, budget=BUDGET)
+    assert [a.solved for a in answers] == [True, True, False, True, True]
+    failure = answers[2]
+    assert isinstance(failure, PlanFailure)
+    assert (failure.problem, failure.error, failure.reason) == (problems[2], "RetimingError", "no time today")
+    assert "in fail" in failure.details
+
+
+def test_a_problem_without_an_answer_is_no_failure(problems):
+    unreachable = rp.Problem(problems[0].scene, np.zeros(2), rp.PoseGoal("tool", [9.0, 0.0, 0.0]))
+    (answer,) = rp.plan_many([unreachable], executor=InLine(), rng=0, budget=BUDGET)
+    assert isinstance(answer, rp.MotionPlan)
+    assert answer.status is rp.PlanStatus.INFEASIBLE
+
+
+def test_what_cannot_travel_is_lost_alone(problems):
+    class Picky(InLine):
+        def submit(self, function, /, chunk, settings):
+            if any(task.number == 3 for task in chunk):
+                future = Future()
+                future.set_exception(pickle.PicklingError("not this one"))
+                return future
+            return super().submit(function, chunk, settings)
+
+    answers = rp.plan_many(problems * 2, executor=Picky(), workers=1, rng=0, full=False, budget=BUDGET)
+    assert [i for i, a in enumerate(answers) if not a.solved] == [3]
+    assert answers[3].error == "PicklingError"
+
+
+def test_an_executor_of_ones_own_that_breaks_loses_what_is_left(problems):
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
+        killer = Killer(problems[0].scene, np.zeros(2), rp.JointGoal(np.ones(2)))
+        answers = rp.plan_many([killer], executor=executor, rng=0, full=False, budget=BUDGET)
+    assert isinstance(answers[0], PlanFailure)
+    assert "broke" in answers[0].reason
+
+
+def test_progress_is_told_and_may_cancel(problems):
+    seen = []
+    rp.plan_many(problems, executor=InLine(), rng=0, full=False, budget=BUDGET, progress=seen.append)
+    assert [p.fraction for p in seen] == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+    with ThreadPoolExecutor(1) as executor:
+        answers = rp.plan_many(
+            problems * 40, executor=executor, rng=0, full=False, budget=BUDGET, progress=lambda p: False
+        )
+    assert len(answers) == 200
+    assert answers[-1].error == "Cancelled"
+
+
+def test_no_problems_are_no_answers():
+    assert rp.plan_many([]) == []
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "match"),
+    [
+        ({"workers": 0}, rp.InputError, "workers"),
+        ({"workers": True}, rp.InputError, "workers"),
+        ({"executor": 4}, rp.InputError, "executor"),
+        ({"planner": "rrt_conect"}, rp.UnknownNameError, "rrt_connect"),
+        ({"retiming": "blended"}, rp.UnknownNameError, "blend"),
+        ({"rng": -1}, rp.InputError, "rng"),
+    ],
+)
+def test_wrong_calls_are_told_before_anything_starts(problems, settings, error, match):
+    with pytest.raises(error, match=match):
+        rp.plan_many(problems, **settings)
+
+
+def test_what_is_no_problem_is_named(problems):
+    with pytest.raises(rp.InputError, match=r"problems\[1\] is str"):
+        rp.plan_many([problems[0], "home"])
+
+
+SCRIPT = """
+import rr1plan as rp
+scene = rp.Scene().with_arm("a", rp.load_robot("planar2r"))
+asked = [rp.Problem(scene, [0.0, 0.0], rp.JointGoal([1.0, 1.0]))] * 4
+"""
+
+
+def test_a_script_without_a_guard_is_told_so(tmp_path):
+    file = tmp_path / "unguarded.py"
+    file.write_text(SCRIPT + "rp.plan_many(asked, workers=1)\n")
+    done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1
+    assert "BackendError: worker processes do not start" in done.stderr
+
+
+def has_ended(group):
+    """No process of a group is left; multiprocessing's tracker needs a moment more than the others."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return True
+    time.sleep(0.1)
+    return False
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends Ctrl-C to consoles, not to processes")
+def test_ctrl_c_ends_all_processes_at_once(tmp_path):
+    file = tmp_path / "long.py"
+    # the first has its answer at once; an optimizing planner works on the others until its budget ends
+    file.write_text(
+        SCRIPT + "first = rp.Problem(scene, [0.0, 0.0], rp.PoseGoal('tool', [9.0, 0.0, 0.0]))\n"
+        "if __name__ == '__main__':\n"
+        "    tell = lambda progress: print('begun', flush=True)\n"
+        "    settings = dict(planner='rrt_star', full=False, budget=rp.Budget(300), progress=tell)\n"
+        "    rp.plan_many([first, *asked], workers=2, **settings)\n"
+    )
+    run = subprocess.Popen(
+        [sys.executable, str(file)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert run.stdout is not None
+    assert run.stdout.readline() == "begun\n"
+    time.sleep(0.5)
+    os.killpg(run.pid, signal.SIGINT)
+    _, errors = run.communicate(timeout=60)
+    assert run.returncode != 0
+    assert errors.rstrip().endswith("KeyboardInterrupt")
+    assert any(has_ended(run.pid) for _ in range(100))
+
+
+def test_dask_leads_off_this_machine(problems):
+    distributed = pytest.importorskip("distributed", reason="needs the extra 'batch' (dask.distributed)")
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        answers = rp.plan_many(problems, executor=client.get_executor(), rng=7, full=False, budget=BUDGET)
+    here = rp.plan_many(problems, executor=InLine(), rng=7, full=False, budget=BUDGET)
+    for one, two in zip(paths(here), paths(answers), strict=True):
+        np.testing.assert_array_equal(one, two)
