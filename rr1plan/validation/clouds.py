@@ -66,7 +66,7 @@ class CellBlocks:
         """Centres of the cells of some blocks [m], shape (k, 3)."""
         count = self._count[blocks]
         offsets = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        return self.centers[np.repeat(self._first[blocks], count) + offsets]
+        return np.asarray(self.centers[np.repeat(self._first[blocks], count) + offsets])
 
     def _nearest(self, centers: Array, body: BodyBox, ask: Ask, best: float) -> float:
         """The smaller of `best` and the distance to the nearest of some cells [m]."""
