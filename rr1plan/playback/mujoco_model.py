@@ -17,8 +17,9 @@ import mujoco
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.errors import BackendError
+from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_shapes
+from rr1plan.playback.cloud_boxes import cloud_boxes
 from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
@@ -30,6 +31,8 @@ _NO_MASS = 1e-9
 _LEAST_MOMENT = 1e-12
 # Input signature of the `pid` actuator: position, velocity and feed-forward [MuJoCo's mjtCtrlInput].
 _POSITION_VELOCITY_FEEDFORWARD = 7
+# Boxes of one point cloud; these take about twenty seconds to build.
+_MOST_BOXES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,7 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
 
     Raises:
         BackendError: MuJoCo does not take the scene.
+        InputError: a point cloud of too many cells.
     """
     builder = _Builder(scene, timestep)
     spec = builder.spec
@@ -183,8 +187,8 @@ class _Builder:
                 for name in self._mesh_names(shape):
                     yield {"type": kinds.mjGEOM_MESH, "meshname": name}
             case PointCloud():
-                for center in leaf_centers(shape):
-                    yield {"type": kinds.mjGEOM_BOX, "size": [shape.resolution / 2] * 3, "offset": center}
+                for center, half in zip(*_few_boxes(shape), strict=True):
+                    yield {"type": kinds.mjGEOM_BOX, "size": half, "offset": center}
 
     def _mesh_names(self, mesh: Mesh) -> list[str]:
         if id(mesh) not in self.meshes:
@@ -202,10 +206,14 @@ class _Builder:
         return self.meshes[id(mesh)]
 
 
-def leaf_centers(cloud: PointCloud) -> Array:
-    """Centres of the octree leaves that hold a point, shape (n, 3)."""
-    cells = np.unique(np.floor(cloud.points / cloud.resolution), axis=0)
-    return np.asarray((cells + 0.5) * cloud.resolution)
+def _few_boxes(cloud: PointCloud) -> tuple[Array, Array]:
+    centers, halves = cloud_boxes(cloud)
+    if len(centers) > _MOST_BOXES:
+        raise InputError(
+            f"a point cloud at resolution {cloud.resolution} m takes {len(centers)} boxes, MuJoCo is given at most "
+            f"{_MOST_BOXES}; try a coarser resolution"
+        )
+    return centers, halves
 
 
 def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:

@@ -12,6 +12,8 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.library import load_robot, load_scene, robot_names
 from rr1plan.model import SceneModel
+from rr1plan.playback import mujoco_model
+from rr1plan.playback.cloud_boxes import cloud_boxes
 from rr1plan.playback.mujoco_model import build_mujoco, mass_matrix
 from rr1plan.playback.simulation import JointTargets
 from rr1plan.transforms import pose
@@ -191,3 +193,28 @@ def test_twelve_arms_are_replayed_together(scene_name: str) -> None:
     replay = rp.simulate(rest, scene)
     assert replay.free
     assert replay.worst_error < 1e-4
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_boxes_of_a_cloud_are_its_cells_each_once(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells = rng.integers(-4, 4, (int(rng.integers(1, 400)), 3))
+    cloud = rp.PointCloud((cells + rng.uniform(0.05, 0.95, cells.shape)) * 0.1, 0.1)
+    covered = []
+    for center, half in zip(*cloud_boxes(cloud), strict=True):
+        lower, upper = np.rint((center - half) / 0.1).astype(int), np.rint((center + half) / 0.1).astype(int)
+        covered += [tuple(c) for c in np.argwhere(np.ones(upper - lower)) + lower]
+    assert sorted(covered) == sorted({tuple(c) for c in cells.tolist()})
+
+
+def test_a_full_cloud_is_a_single_box() -> None:
+    centers, halves = cloud_boxes(rp.PointCloud((np.argwhere(np.ones((6, 7, 8))) + 0.5) * 0.1, 0.1))
+    assert np.allclose(centers, [[0.3, 0.35, 0.4]])
+    assert np.allclose(halves, [[0.3, 0.35, 0.4]])
+
+
+def test_a_cloud_of_too_many_boxes_is_refused(rr1_table: rp.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mujoco_model, "_MOST_BOXES", 2)
+    scene = rr1_table.with_obstacle("cloud", rp.PointCloud(np.diag([1.0, 2.0, 3.0]), 0.1))
+    with pytest.raises(InputError, match="takes 3 boxes"):
+        build_mujoco(scene)
