@@ -7,31 +7,24 @@ what is called here touches the files that call `edge_code` too, or their compil
 
 from __future__ import annotations
 
-import numpy as np
 from numba import types
 
-from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INTS1, INTS2, OUT2, jit
-from rr1plan._kernels.motion import certify
+from rr1plan._kernels.jit import FLOATS1, I64, INT1, jit
+from rr1plan._kernels.spheres import COVER, WORK
+from rr1plan._kernels.swept import EXACT, sweep_edge
 
-# Tolerance [m], then the tables of `certify` in its order.
-CONTEXT = types.Tuple(
-    (F64, INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1, OUT2, OUT2, OUT2, OUT2)
-)
+# Arguments of `sweep_edge` after the ends of the edge.
+CONTEXT = types.Tuple((COVER, WORK, EXACT, INT1))
 
 
-@jit(I64(FLOATS1, FLOATS1, CONTEXT))
+@jit(I64(FLOATS1, FLOATS1, CONTEXT), allocates=False)
 def edge_code(begin, end, context):
     """FREE (0) when the whole straight edge is proven free, another code when it is not.
 
     Args:
         begin: Configuration, shape (nq,).
         end: Configuration, shape (nq,).
-        context: Tolerance and tables; see `certify`.
+        context: See `sweep_edge`.
     """
-    nq = len(begin)
-    curve = np.empty((2, nq))
-    for j in range(nq):
-        curve[0, j] = begin[j]
-        curve[1, j] = end[j] - begin[j]
-    status, _, _, _, _ = certify(curve, 1.0, context[0], *context[1:])
+    status, _, _ = sweep_edge(begin, end, context[0], context[1], context[2], context[3])
     return status

@@ -39,7 +39,7 @@ _MARKS = boolean[:, ::1]
 _COUNTS = int64[::1]
 
 
-@jit(types.Tuple((I64, F64))(_TREE, I64, FLOATS1, OUT1))
+@jit(types.Tuple((I64, F64))(_TREE, I64, FLOATS1, OUT1), allocates=False)
 def nearest(tree, count, q, squares):
     """The vertex nearest to q, the first of equals, and its distance.
 
@@ -65,7 +65,7 @@ def nearest(tree, count, q, squares):
     return index, np.sqrt(best)
 
 
-@jit(types.void(_TREES, _PARENTS, _COUNTS, I64, FLOATS1, I64))
+@jit(types.void(_TREES, _PARENTS, _COUNTS, I64, FLOATS1, I64), allocates=False)
 def _add(trees, parents, counts, side, q, parent):
     """One more vertex of a tree."""
     i = counts[side]
@@ -75,14 +75,14 @@ def _add(trees, parents, counts, side, q, parent):
     counts[side] = i + 1
 
 
-@jit(boolean(I64, FLOATS1, FLOATS1, _COUNTS, CONTEXT))
+@jit(boolean(I64, FLOATS1, FLOATS1, _COUNTS, CONTEXT), allocates=False)
 def _is_free(side, near, new, counts, context):
     """Ask for an edge of a tree in the direction in which the path would take it: same question, same answer."""
     counts[EDGES] += 1
     return edge_code(near, new, context) == 0 if side == 0 else edge_code(new, near, context) == 0
 
 
-@jit(boolean(_TREES, _PARENTS, _COUNTS, I64, I64, F64, FLOATS1, F64, OUT1, OUT1, CONTEXT))
+@jit(boolean(_TREES, _PARENTS, _COUNTS, I64, I64, F64, FLOATS1, F64, OUT1, OUT1, CONTEXT), allocates=False)
 def _connect(trees, parents, counts, side, index, distance, target, step, a, b, context):
     """Walk from a vertex towards a target in steps of equal length; whether it got there.
 
@@ -111,7 +111,7 @@ def _connect(trees, parents, counts, side, index, distance, target, step, a, b, 
     return False
 
 
-@jit(boolean(_COUNTS, types.Array(boolean, 1, "C"), I64, F64, F64))
+@jit(boolean(_COUNTS, types.Array(boolean, 1, "C"), I64, F64, F64), allocates=False)
 def _passes_over(counts, blocked, index, distance, domain):
     """Whether a sample is too far from a nearest vertex that has met an obstacle."""
     if blocked[index] and distance > domain and counts[PASSED] < _MOST_PASSED:
@@ -200,7 +200,7 @@ def trace(trees, parents, counts):
     return path
 
 
-@jit(I64(FLOATS1, FLOATS2, I64, CONTEXT))
+@jit(I64(FLOATS1, FLOATS2, I64, CONTEXT), allocates=False)
 def nearest_direct(start, goals, most, context):
     """The first of the goals that a straight edge from the start reaches, of the first `most`; -1: none."""
     for k in range(min(most, len(goals))):

@@ -25,7 +25,7 @@ _SNAP = 1e-3
 _COUNTS = int64[::1]
 
 
-@jit(F64(FLOATS2, I64, I64))
+@jit(F64(FLOATS2, I64, I64), allocates=False)
 def _distance(points, i, j):
     """Length of the straight line between two rows."""
     square = 0.0
@@ -35,7 +35,7 @@ def _distance(points, i, j):
     return np.sqrt(square)
 
 
-@jit(boolean(FLOATS2, I64, I64))
+@jit(boolean(FLOATS2, I64, I64), allocates=False)
 def _equal(points, i, j):
     """Whether two rows are the same."""
     same = True
@@ -82,7 +82,7 @@ def skip_vertices(points, counts, vertices, context):
         counts[PLACE] = i + 1
 
 
-@jit(F64(F64, FLOATS1, I64))
+@jit(F64(F64, FLOATS1, I64), allocates=False)
 def _snapped(place, along, size):
     """The place, or a vertex so near that the edge between would only be a burden."""
     for i in range(size):
@@ -91,7 +91,7 @@ def _snapped(place, along, size):
     return place
 
 
-@jit(types.void(FLOATS2, FLOATS1, I64, F64, OUT1))
+@jit(types.void(FLOATS2, FLOATS1, I64, F64, OUT1), allocates=False)
 def _point_at(points, along, i, place, out):
     """The point of edge i at a length along the path."""
     share = (place - along[i]) / (along[i + 1] - along[i])
@@ -117,7 +117,7 @@ def _make_piece(points, along, i, j, begin, end, joint, piece):
     return last + 1
 
 
-@jit(boolean(FLOATS2, I64, _COUNTS, CONTEXT))
+@jit(boolean(FLOATS2, I64, _COUNTS, CONTEXT), allocates=False)
 def _is_free(piece, rows, counts, context):
     """Whether all edges of a piece are free."""
     for k in range(rows - 1):

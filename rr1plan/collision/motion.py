@@ -17,6 +17,7 @@ from rr1plan._kernels.motion import FREE
 from rr1plan._kernels.motion import certify as _certify_untyped
 from rr1plan.checks import Array, finite_array, finite_number, positive_number, read_only
 from rr1plan.collision.exact import CollisionChecker
+from rr1plan.collision.swept import SweptEdges
 from rr1plan.collision.tables import build_tables
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
@@ -74,7 +75,7 @@ class MotionChecker:
         self.checker = checker
         self.tolerance = positive_number("tolerance", tolerance)
         self._tables = build_tables(checker)
-        self._context = (self.tolerance, *self._tables)
+        self._swept: SweptEdges | None = None
         self._edge = np.zeros((2, checker.nq))
         self.edges_checked = 0
         self.configurations_checked = 0
@@ -87,7 +88,13 @@ class MotionChecker:
     @property
     def context(self) -> tuple[Any, ...]:
         """What compiled planners pass on to `rr1plan._kernels.edges.edge_code`."""
-        return self._context
+        return self._straight().arguments
+
+    def _straight(self) -> SweptEdges:
+        """Spheres around everything that moves, made when first asked for."""
+        if self._swept is None:
+            self._swept = SweptEdges(self.checker, self.tolerance, self._tables)
+        return self._swept
 
     def edge_is_free(self, q0: Any, q1: Any) -> bool:
         """Every configuration on the straight line from q0 to q1 is free.
