@@ -60,6 +60,8 @@ class Limits(Value):
 
     def scaled(self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
         """The same limits with the rates multiplied by factors above zero."""
+        if velocity == acceleration == jerk == 1.0:
+            return self
         return replace(
             self,
             velocity=self.velocity * velocity,
@@ -70,5 +72,7 @@ class Limits(Value):
     @staticmethod
     def stack(parts: list[Limits]) -> Limits:
         """The limits of several arms, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
         names = ("lower", "upper", *_POSITIVE)
         return Limits(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
