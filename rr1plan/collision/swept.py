@@ -13,7 +13,7 @@ from rr1plan._kernels.swept import sweep_edge as _sweep_edge_untyped
 from rr1plan.checks import Array
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.sphere_tables import build_cover
-from rr1plan.collision.tables import build_tables
+from rr1plan.collision.tables import Tables, build_tables
 
 _sweep_edge: Callable[..., tuple[int, float, int]] = _sweep_edge_untyped
 
@@ -26,6 +26,7 @@ class SweptEdges:
     Args:
         checker: The collision checker.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
+        tables: Tables of the checker for the exact kernel (default: new ones); their scratch memory is used too.
 
     Attributes:
         arguments: What the compiled `rr1plan._kernels.swept.sweep_edge` takes after the two ends of an edge.
@@ -34,9 +35,9 @@ class SweptEdges:
         InputError: a scene that cannot be checked.
     """
 
-    def __init__(self, checker: CollisionChecker, tolerance: float) -> None:
+    def __init__(self, checker: CollisionChecker, tolerance: float, tables: Tables | None = None) -> None:
         self._checker = checker
-        tables = build_tables(checker)
+        tables = build_tables(checker) if tables is None else tables
         self._done = np.zeros(4, np.int64)
         self.arguments: tuple[Any, ...] = (
             *build_cover(checker, tables, tolerance),
