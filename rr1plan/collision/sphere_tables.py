@@ -70,7 +70,9 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
             pair_of[index[body], resting.index(obstacle)] = k
     scale = float(np.abs(values).max(initial=0.0)) + float(np.abs(joints.values[:, 9:12]).sum())
     margins = np.array([2.0 * tolerance + 1e-9 + 1e-12 * scale, float(np.max(tables.padding, initial=0.0))])
-    table, maps, ranges = _map_tables(checker, tables, np.array(meetings, np.int64).reshape(-1, 4), float(margins[0]))
+    # Rounded up, so that maps serve scenes of other sizes too.
+    margin = max(10.0 * tolerance, float(margins[0]))
+    table, maps, ranges = _map_tables(checker, tables, np.array(meetings, np.int64).reshape(-1, 4), margin)
     made = Cover(
         joints.rows, joints.values, bodies, spheres, chain, reach, kinds, values, boxes, pair_of,
         table, maps, ranges, np.array(tables.padding), margins,

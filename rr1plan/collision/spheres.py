@@ -27,7 +27,7 @@ from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, 
 EXCESS = 0.012
 MOST = 10
 
-_VERSION = "spheres-1"
+_VERSION = "spheres-2"
 # Rounding in the corners of a part is far below this part of its radius.
 _SAFETY = 1.0 + 1e-9
 _SIDES = 16
@@ -214,7 +214,7 @@ def _cut(points: Array, height: Array) -> list[Array]:
     # All segments across the plane, not only the edges: the others end inside.
     share = (up / (up - down))[:, :, None]
     across = (above[:, None, :] + share * (below[None, :, :] - above[:, None, :])).reshape(-1, 3)
-    if len(across) > 64:
+    if len(across) > 12:
         across = across[_outline(across)]
     return [np.concatenate([above, across]), np.concatenate([below, across])]
 
