@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import chain
 from multiprocessing import get_context
 from typing import Any, NamedTuple
 
@@ -130,7 +131,9 @@ def plan_many(
     if not chunks:
         return []
     if executor is not None:
-        for task in _work_off(executor, deque(chunks), settings, board, len(chunks)):
+        left = deque(chunks)
+        lost = _work_off(executor, left, settings, board, len(chunks))
+        for task in [*lost, *chain.from_iterable(left)] if lost else []:
             board.note(task.number, _Raised("BrokenExecutor", "the executor broke before this problem was done"))
         return board.answers()
     _work_in_processes(chunks, settings, board, min(workers or _processors(), len(chunks)))

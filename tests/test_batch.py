@@ -148,9 +148,11 @@ def test_what_cannot_travel_is_lost_alone(problems):
 def test_an_executor_of_ones_own_that_breaks_loses_what_is_left(problems):
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
         killer = Killer(problems[0].scene, np.zeros(2), rp.JointGoal(np.ones(2)))
-        answers = rp.plan_many([killer], executor=executor, rng=0, full=False, budget=BUDGET)
-    assert isinstance(answers[0], PlanFailure)
-    assert "broke" in answers[0].reason
+        answers = rp.plan_many([killer, *problems], executor=executor, rng=0, full=False, budget=BUDGET)
+        more = rp.plan_many(problems, executor=executor, rng=0, full=False, budget=BUDGET)
+    for answer in [answers[0], *more]:
+        assert isinstance(answer, PlanFailure)
+        assert "broke" in answer.reason
 
 
 def test_progress_is_told_and_may_cancel(problems):
