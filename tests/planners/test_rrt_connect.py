@@ -1,0 +1,113 @@
+"""The compiled RRT-Connect: what the contract of all planners does not ask."""
+
+from __future__ import annotations
+
+import pickle
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rr1plan as rp
+from rr1plan._kernels import rrt_connect as kernel
+from rr1plan.collision import MotionChecker
+from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.errors import InputError
+from rr1plan.library import load_problems
+from rr1plan.planners import RrtConnect
+from rr1plan.planners import rrt_connect as module
+from rr1plan.planning import Budget, PlanStatus
+
+COUNTED = Budget(seconds=float("inf"), iterations=100_000)
+
+
+@pytest.fixture(scope="module")
+def cage():
+    """Into the cage, to one configuration."""
+    problem = next(iter(load_problems("rr1_cage").values()))
+    end = RrtConnect().plan(problem, COUNTED, rng=0).path.waypoints[-1]
+    return rp.Problem(problem.scene, problem.start, end)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 2**32), st.integers(1, 300), st.integers(1, 9))
+def test_the_nearest_vertex_is_that_of_all_distances(seed, count, nq):
+    rng = np.random.default_rng(seed)
+    tree, q = rng.normal(size=(nq, count + 5)), rng.normal(size=nq)
+    index, distance = kernel.nearest(tree, count, q, np.empty(64))
+    all_distances = np.linalg.norm(tree[:, :count] - q[:, None], axis=0)
+    assert index == np.argmin(all_distances)
+    assert distance == pytest.approx(all_distances.min(), rel=1e-12)
+
+
+def test_neither_chunks_nor_room_change_the_path(cage, monkeypatch):
+    first = RrtConnect().plan(cage, COUNTED, rng=4)
+    monkeypatch.setattr(module, "_CHUNK", 1)
+    monkeypatch.setattr(module, "_LEAST", 0.0)
+    monkeypatch.setattr(module, "_CAPACITY", 2)
+    again = RrtConnect().plan(cage, COUNTED, rng=4)
+    assert len(first.path) > 2
+    assert first.path.waypoints.tobytes() == again.path.waypoints.tobytes()
+    assert (first.iterations, first.edges_checked) == (again.iterations, again.edges_checked)
+
+
+def test_every_edge_of_both_trees_is_free_and_short(cage):
+    result = RrtConnect(tree=True, range=0.4).plan(cage, COUNTED, rng=2)
+    motion = MotionChecker(cage.scene)
+    vertices, edges = result.tree.vertices, result.tree.edges
+    # Two trees and the edge that joins them are one tree.
+    assert len(edges) == len(vertices) - 1
+    assert np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1).max() <= 0.4 + 1e-12
+    for a, b in edges:
+        forth, back = motion.edge_is_free(vertices[a], vertices[b]), motion.edge_is_free(vertices[b], vertices[a])
+        assert forth or back
+    on_path = {row.tobytes() for row in vertices}
+    assert all(q.tobytes() in on_path for q in result.path.waypoints)
+    assert all(motion.edge_is_free(a, b) for a, b in pairwise(result.path.waypoints))
+
+
+def test_any_of_several_goals_will_do(cage):
+    far = cage.goal[cage.arms[0]][0]
+    unreachable = rp.PoseGoal("tool", [9.0, 0.0, 0.0])
+    problem = rp.Problem(cage.scene, cage.start, [unreachable, far])
+    result = RrtConnect().plan(problem, COUNTED, rng=0)
+    assert result.path.waypoints[-1].tobytes() == np.asarray(far.q).tobytes()
+
+
+def test_the_clock_ends_a_search_without_a_way():
+    problem = load_problems("planar2r_no_path")["no_way"]
+    began = time.perf_counter()
+    result = RrtConnect().plan(problem, Budget(seconds=0.2), rng=0)
+    assert result.status is PlanStatus.TIMEOUT
+    assert 0.2 <= time.perf_counter() - began < 5.0
+    assert "from the start" in result.reason
+
+
+@pytest.mark.parametrize("wrong", [-1.0, float("nan"), 1e-9])
+def test_a_senseless_range_is_refused(cage, wrong):
+    with pytest.raises(InputError, match="range"):
+        RrtConnect(range=wrong).plan(cage, COUNTED, rng=0)
+
+
+def test_a_seed_of_any_size_will_do(cage):
+    assert RrtConnect().plan(cage, COUNTED, rng=2**70 + 1).seed == 2**70 + 1
+
+
+def test_checkers_are_lent_to_one_at_a_time_and_used_again(cage):
+    scene = cage.scene.with_padding(0.001)
+    with borrowed_checker(scene) as one, borrowed_checker(scene) as other:
+        assert one is not other
+    with borrowed_checker(scene) as again:
+        assert again in (one, other)
+
+
+def test_what_is_kept_with_a_scene_is_not_pickled(cage):
+    scene = cage.scene.with_padding(0.001)
+    before = len(pickle.dumps(scene))
+    with borrowed_checker(scene):
+        pass
+    assert len(pickle.dumps(scene)) == before
+    assert pickle.loads(pickle.dumps(scene)).kept == {}
