@@ -164,6 +164,9 @@ class Robot(Value):
             raise InputError(f"robot {self.name!r} has limits for {len(self.limits)} of {self.nq} joints")
         known_name("link", self.tool, self.link_names)
 
+    def __repr__(self) -> str:
+        return f"Robot({self.name!r}, joints=[{', '.join(self.joint_names)}])"
+
     # ---- reading -----------------------------------------------------------------------
 
     @property

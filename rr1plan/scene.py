@@ -149,6 +149,10 @@ class Scene(Value):
             for name in both:
                 known_name("element", name, (*self.element_names, *self.arms))
 
+    def __repr__(self) -> str:
+        parts = (("arms", self.arms), ("obstacles", self.obstacles), ("attachments", self.attachments))
+        return ", ".join([f"Scene({self.name!r}", *(f"{n}=[{', '.join(names)}]" for n, names in parts if names)]) + ")"
+
     # ---- reading -----------------------------------------------------------------------
 
     @cached_property

@@ -52,6 +52,10 @@ class Trajectory(Value):
         object.__setattr__(self, "breaks", read_only(breaks))
         object.__setattr__(self, "coefficients", read_only(coefficients))
 
+    def __repr__(self) -> str:
+        joints = ", ".join(self.joint_names)
+        return f"Trajectory({self.duration:.3f} s, pieces={len(self.coefficients)}, joints=[{joints}])"
+
     # ---- construction ------------------------------------------------------------------
 
     @staticmethod

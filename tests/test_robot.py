@@ -26,6 +26,10 @@ def test_arrays_are_read_only_and_stay_so_after_pickling(rr1: rp.Robot) -> None:
             robot.name = "other"  # type: ignore[misc]
 
 
+def test_a_robot_is_shown_in_a_line(planar2r: rp.Robot) -> None:
+    assert repr(planar2r) == "Robot('planar2r', joints=[joint1, joint2])"
+
+
 def test_pickling_keeps_the_content(rr1: rp.Robot) -> None:
     again = pickle.loads(pickle.dumps(rr1))
     assert again.content_hash == rr1.content_hash

@@ -28,6 +28,12 @@ def two(rr1: Robot) -> Scene:
 # ---- values ----------------------------------------------------------------------------------
 
 
+def test_a_scene_is_shown_by_the_names_in_it(two: Scene) -> None:
+    assert repr(Scene()) == "Scene('scene')"
+    held = two.attach("cup", "left")
+    assert repr(held) == "Scene('two', arms=[left, right], obstacles=[wall], attachments=[cup])"
+
+
 def test_a_scene_and_what_it_holds_cannot_be_changed(two: Scene) -> None:
     with pytest.raises(FrozenInstanceError):
         two.padding = 1.0  # type: ignore[misc]  # the mistake is the test

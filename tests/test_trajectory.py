@@ -13,6 +13,11 @@ from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.trajectory import Trajectory
 
 
+def test_a_trajectory_is_shown_in_a_line() -> None:
+    still = Trajectory.rest(("a/x", "a/y"), [0.0, 1.0], duration=1.5)
+    assert repr(still) == "Trajectory(1.500 s, pieces=1, joints=[a/x, a/y])"
+
+
 @st.composite
 def trajectories(draw: st.DrawFn, arm: str = "a") -> Trajectory:
     """Smooth in position, with the pieces, degree and clock drawn."""
