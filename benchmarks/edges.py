@@ -1,0 +1,113 @@
+"""How long a certified straight edge takes: by spheres first, and by the exact kernel alone.
+
+    python benchmarks/edges.py [PROBLEMS.json.gz --robot panda.urdf] [--every 30]
+
+Random edges from random free configurations, 0.2 to 1.5 rad long, all in one compiled loop; answers are compared.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+
+import rr1plan as rp
+from rr1plan._kernels.motion import certify
+from rr1plan._kernels.spheres import sweep
+from rr1plan._kernels.swept import sweep_edge
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.swept import SweptEdges
+from rr1plan.formats.motion_bench import read_problem_set
+
+_TOLERANCE = 1e-6
+
+
+@numba.njit
+def by_spheres(begins, ends, arguments, answers):
+    batches = 0
+    for i in range(len(begins)):
+        answers[i] = sweep(begins[i], ends[i], arguments[0], arguments[1])
+        batches += arguments[1].counts[1]
+    return batches
+
+
+@numba.njit
+def by_both(begins, ends, arguments, answers):
+    for i in range(len(begins)):
+        answers[i] = sweep_edge(begins[i], ends[i], arguments[0], arguments[1], arguments[2], arguments[3])[0]
+
+
+@numba.njit
+def exactly(begins, ends, arguments, answers):
+    exact, curve = arguments[2], np.empty((2, begins.shape[1]))
+    for i in range(len(begins)):
+        curve[0], curve[1] = begins[i], ends[i] - begins[i]
+        answers[i] = certify(curve, 1.0, exact[0], *exact[1:])[0]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("file", type=Path, nargs="?", help="MotionBenchMaker problems (.json or .json.gz)")
+    parser.add_argument("--robot", type=Path, help="their robot's URDF")
+    parser.add_argument("--every", type=int, default=30, help="take every n-th problem")
+    parser.add_argument("--edges", type=int, default=1000, help="edges of each scene")
+    args = parser.parse_args()
+    print(
+        "| scene | configuration [us] | spheres [us] | edge [us] | exact alone [us] | free | left to the exact kernel |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    agree = True
+    for name, scene in _scenes(args):
+        checker = CollisionChecker(scene)
+        begins, ends = _edges(checker, args.edges)
+        arguments = SweptEdges(checker, _TOLERANCE).arguments
+        swept, both, exact = (np.zeros(args.edges, np.int64) for _ in range(3))
+        quick, batches = _clock(by_spheres, begins, ends, arguments, swept)
+        slow, _ = _clock(by_both, begins, ends, arguments, both)
+        slowest, _ = _clock(exactly, begins, ends, arguments, exact)
+        agree &= bool(((both == 0) == (exact == 0)).all())
+        per = [1e6 * quick / (8 * batches), *(1e6 * t / args.edges for t in (quick, slow, slowest))]
+        times = " | ".join(f"{t:.3g}" for t in per)
+        print(f"| {name} | {times} | {np.mean(exact == 0):.0%} | {np.mean(swept == 2):.1%} |")
+    print("all answers agree" if agree else "ANSWERS DIFFER")
+    return 0 if agree else 1
+
+
+def _scenes(args: argparse.Namespace) -> Iterator[tuple[str, rp.Scene]]:
+    for name in ("rr1_cluttered", "rr1_pair"):
+        yield name, rp.load_scene(name)
+    if args.file is not None:
+        problems = read_problem_set(args.file, rp.load_robot(args.robot, srdf=args.robot.with_suffix(".srdf")))
+        for name in list(problems)[:: args.every]:
+            yield name, problems[name].scene
+
+
+def _edges(checker: CollisionChecker, count: int) -> tuple[np.ndarray, np.ndarray]:
+    rng, begins = np.random.default_rng(0), []
+    low, high = np.maximum(checker.limits.lower, -3.0), np.minimum(checker.limits.upper, 3.0)
+    while len(begins) < count:
+        q = rng.uniform(low, high)
+        if checker.is_free(q):
+            begins.append(q)
+    steps = rng.normal(size=(count, checker.nq))
+    steps *= rng.uniform(0.2, 1.5, (count, 1)) / np.linalg.norm(steps, axis=1)[:, None]
+    return np.array(begins), np.clip(begins + steps, checker.limits.lower, checker.limits.upper)
+
+
+def _clock(function: Callable[..., Any], *arguments: Any) -> tuple[float, Any]:
+    """CPU time of the best of five [s], and the result."""
+    result, best = function(*arguments), np.inf
+    for _ in range(5):
+        begin = time.process_time()
+        function(*arguments)
+        best = min(best, time.process_time() - begin)
+    return best, result
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
