@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -14,6 +16,8 @@ from rr1plan.errors import InputError, UnknownNameError
 Array = NDArray[np.float64]
 # Beyond this [m] distances are no longer good to a micrometre, and Coal gives wrong ones (or none).
 FARTHEST = 1e4
+# Of one part of a path [bytes], on all common file systems.
+_LONGEST_NAME = 255
 Seed = np.random.Generator | int | None
 
 
@@ -90,14 +94,30 @@ def positive_length(name: str, value: Any) -> float:
     return positive_number(name, near_array(name, value, ()))
 
 
-def of_kind(name: str, value: Any, kind: type) -> None:
-    """Refuse a value that is not of a kind.
+def of_kind(name: str, value: Any, kind: type, *, optional: bool = False) -> None:
+    """Refuse a value that is not of a kind, nor None where it is optional.
 
     Raises:
         InputError: it is of another.
     """
-    if not isinstance(value, kind):
+    if not isinstance(value, kind) and not (optional and value is None):
         raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}")
+
+
+def file_path(value: Any) -> Path:
+    """`value` as a path that a file system can hold.
+
+    Raises:
+        InputError: neither text nor a path, with a NUL in it, or a name beyond 255 bytes.
+    """
+    if not isinstance(value, str | os.PathLike) or not isinstance(os.fspath(value), str):
+        raise InputError(f"file name is {value!r}, expected text or a path")
+    path = Path(value)
+    if "\0" in str(path):
+        raise InputError(f"file name {str(path)!r} holds a NUL")
+    if any(len(os.fsencode(part)) > _LONGEST_NAME for part in path.parts):
+        raise InputError(f"file name {str(path)[:60]!r}... is longer than {_LONGEST_NAME} bytes")
+    return path
 
 
 def known_name(kind: str, name: str, known: Iterable[str]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
-from rr1plan.checks import known_name
+from rr1plan.checks import file_path, known_name
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.convex import Convexity
 from rr1plan.formats.motion_bench import read_bench_scene
@@ -105,7 +105,7 @@ def load_robot(
     folder, file = _locate(name_or_file)
     tree = _read_tree(file, package_dirs, convex, xacro_arguments)
     if srdf is not None:
-        semantics = None if srdf is False else read_srdf(Path(srdf), tree)
+        semantics = None if srdf is False else read_srdf(file_path(srdf), tree)
     else:
         semantics = _semantics_beside(folder.srdf if folder is not None else _srdf_beside(file), tree)
     if folder is not None:
@@ -118,7 +118,7 @@ def load_robot(
 
 def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path]:
     """The shipped robot's folder, if it is one, and its URDF or xacro file."""
-    file = Path(name_or_file)
+    file = file_path(name_or_file)
     if isinstance(name_or_file, str) and name_or_file in robot_names():
         folder = read_robot_folder(robot_folder(name_or_file))
         return folder, folder.urdf
@@ -194,6 +194,7 @@ def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
 
 def _scene_file(name_or_file: str | Path) -> Path:
     """The file that is meant: anything with a suffix is a file, a bare name is a shipped scene."""
-    if isinstance(name_or_file, Path) or Path(name_or_file).suffix in (".toml", ".scene", ".yaml", ".yml"):
-        return Path(name_or_file)
+    file = file_path(name_or_file)
+    if not isinstance(name_or_file, str) or file.suffix in (".toml", ".scene", ".yaml", ".yml"):
+        return file
     return models_folder() / "scenes" / f"{known_name('scene', name_or_file, scene_names())}.toml"

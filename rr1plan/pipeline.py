@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_generator, finite_number
+from rr1plan.checks import Seed, as_generator, finite_number, known_name
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
@@ -24,7 +24,7 @@ from rr1plan.planners.shortcut import shorten as shorten_path
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
 from rr1plan.report import Report
-from rr1plan.retiming import retime
+from rr1plan.retiming import retime, retiming_names
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
@@ -156,6 +156,7 @@ def plan_motion(
     generator = as_generator(rng)
     if not isinstance(problem, Problem):
         raise InputError(f"problem is {type(problem).__name__}, expected a Problem")
+    known_name("retiming", retiming, retiming_names())
     with _timed(seconds, "plan"):
         margin = _affordable(problem, margin)
         roomy = _with_margin(problem, margin)

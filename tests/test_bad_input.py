@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.formats.plan_files import load_csv, save_csv, save_motion
+from rr1plan.formats.scene_toml import write_scene
 
 NAN = float("nan")
 BOX = rp.Box((0.1, 0.1, 0.1))
@@ -63,7 +65,28 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "samples_too_fine": (lambda s: resting(s, 1.0).sample(1e-300), rp.InputError, "samples"),
     "half_derivative": (lambda s: resting(s, 1.0)(0.0, 1.5), rp.InputError, "derivative"),
     "far_waypoint": (lambda s: rp.Path(s.joint_names(), [[1e300, 0]]), rp.InputError, "waypoints"),
-    "file_name_with_nul": (lambda s: rp.load_motion("a\0.json"), rp.FormatError, "cannot be read"),
+    "validate_no_problem": (lambda s: rp.validate(resting(s, 1.0), s, 3), rp.InputError, "expected Problem"),
+    "certify_number": (lambda s: rp.certify_path(3, s), rp.InputError, "expected Path"),
+    "planner_of_text": (lambda s: rp.make_planner("rrt").plan("x"), rp.InputError, "expected Problem"),
+    "line_of_nothing": (lambda s: rp.make_planner("cartesian").plan(None), rp.InputError, "expected Problem"),
+    "page_of_text": (lambda s: rp.save_html("a.html", "rr1"), rp.InputError, "expected Scene"),
+    "page_of_nothing": (lambda s: rp.show(None), rp.InputError, "expected Scene"),
+    "page_of_a_path": (
+        lambda s: rp.save_html("a.html", s, rp.Path(s.joint_names(), [[0, 0]])),
+        rp.InputError,
+        "expected Trajectory",
+    ),
+    "picture_of_text": (lambda s: rp.cspace("rr1"), rp.InputError, "expected Scene"),
+    "goal_of_nothing": (lambda s: rp.solve_ik(None, rp.PoseGoal("tool", [0, 0, 0])), rp.InputError, "Kinematics"),
+    "attempts_text": (
+        lambda s: rp.solve_ik(rp.Kinematics(s), rp.PoseGoal("tool", [0, 0, 0]), attempts="9"),
+        rp.InputError,
+        "attempts is '9'",
+    ),
+    "retiming_number": (lambda s: rp.plan_motion(rp.Problem(s, "home", "zero"), retiming=3), rp.InputError, "retiming"),
+    "joints_number": (lambda s: rp.load_robot("rr1", joints=3), rp.InputError, "joints is 3"),
+    "panels_number": (lambda s: rp.save_html("a.html", s, panels=3), rp.InputError, "panels"),
+    "folders_text": (lambda s: rp.load_robot("rr1", package_dirs="here"), rp.InputError, "list of folders"),
 }
 
 
@@ -72,6 +95,40 @@ def test_a_wrong_call_is_refused_in_words(case: str, scene: rp.Scene) -> None:
     call, error, words = WRONG[case]
     with pytest.raises(error, match=words):
         call(scene)
+
+
+FILE_VERBS: dict[str, Callable[[Any, rp.Scene], Any]] = {
+    "load_robot": lambda f, s: rp.load_robot(f),
+    "load_scene": lambda f, s: rp.load_scene(f),
+    "load_problems": lambda f, s: rp.load_problems(f),
+    "load_motion": lambda f, s: rp.load_motion(f),
+    "load_csv": lambda f, s: load_csv(f),
+    "srdf": lambda f, s: rp.load_robot("rr1", srdf=f),
+    "save_motion": lambda f, s: save_motion(f, s),
+    "save_csv": lambda f, s: save_csv(f, resting(s, 1.0)),
+    "save_scene": lambda f, s: write_scene(f, s),
+    "save_html": lambda f, s: rp.save_html(f, s),
+    "save_mjcf": lambda f, s: rp.playback.save_mjcf(f, s),
+    "save_rosbag": lambda f, s: rp.playback.save_rosbag(f, resting(s, 1.0)),
+    "screenshot_of": lambda f, s: rp.screenshot(f, "a.png"),
+    "screenshot_to": lambda f, s: rp.screenshot("a.html", f),
+}
+
+
+@pytest.mark.parametrize("verb", FILE_VERBS)
+def test_what_is_no_file_name_is_refused_in_words(verb: str, scene: rp.Scene, tmp_path: Path) -> None:
+    wrong = [3, 1.5, [1], b"x", "a\0b", tmp_path / ("x" * 300)]
+    # Without an SRDF the one beside the robot is taken.
+    for name in wrong if verb == "srdf" else [None, *wrong]:
+        with pytest.raises(rp.InputError, match="file name"):
+            FILE_VERBS[verb](name, scene)
+
+
+@pytest.mark.parametrize("verb", [name for name in FILE_VERBS if name != "screenshot_to"])
+def test_a_folder_is_no_file(verb: str, scene: rp.Scene, tmp_path: Path) -> None:
+    with pytest.raises(rp.InputError):
+        FILE_VERBS[verb](tmp_path, scene)
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_obstacle_may_be_called_world_in_the_replay(scene: rp.Scene) -> None:

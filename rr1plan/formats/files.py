@@ -12,6 +12,7 @@ import tempfile
 import zlib
 from pathlib import Path
 
+from rr1plan.checks import file_path
 from rr1plan.errors import FormatError, InputError
 
 MAX_BYTES = 256 * 1024 * 1024
@@ -25,15 +26,16 @@ def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
         max_bytes: Refuse more than this, packed or unpacked.
 
     Raises:
+        InputError: no file name at all.
         FormatError: not there, not readable, too large, or a damaged archive.
     """
-    path = Path(file)
+    path = file_path(file)
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
             data = stream.read(max_bytes + 1)
     except FileNotFoundError as error:
         raise FormatError("there is no such file", file) from error
-    except (OSError, ValueError, EOFError, zlib.error) as error:  # ValueError: a NUL in the name
+    except (OSError, EOFError, zlib.error) as error:
         raise FormatError(f"cannot be read: {error}", file) from error
     if len(data) > max_bytes:
         raise FormatError(f"is larger than {max_bytes} bytes, the most that is read", file)
@@ -61,13 +63,13 @@ def write_bytes(file: str | Path, data: bytes) -> Path:
     """Write a file in one step and return its path.
 
     Raises:
-        InputError: the folder is not there or not writeable; an old file is left as it was.
+        InputError: no file name at all, the folder is not there or not writeable; an old file is left as it was.
     """
-    path = Path(file)
+    path = file_path(file)
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise InputError(f"cannot write {path}: {getattr(error, 'strerror', error)}") from error
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)

@@ -9,11 +9,12 @@ of these folders is refused, symbolic links included.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
-from rr1plan.errors import FormatError
+from rr1plan.checks import file_path
+from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.meshes import SUFFIXES
 
 _LEVELS = 5
@@ -25,10 +26,15 @@ class MeshLookup:
     Args:
         package_dirs: Folders given by the user, first in the order.
         file: The URDF, or None where it is not a file.
+
+    Raises:
+        InputError: no list of folders.
     """
 
     def __init__(self, package_dirs: Sequence[str | Path], file: str | Path | None) -> None:
-        given = [Path(folder) for folder in package_dirs]
+        if isinstance(package_dirs, str | bytes | os.PathLike) or not isinstance(package_dirs, Iterable):
+            raise InputError(f"package_dirs is {package_dirs!r}, expected a list of folders")
+        given = [file_path(folder) for folder in package_dirs]
         path = os.environ.get("ROS_PACKAGE_PATH", "")
         self._packages = given + [Path(folder) for folder in path.split(os.pathsep) if folder]
         self._beside = None if file is None else Path(file).resolve().parent

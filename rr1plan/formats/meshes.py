@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from rr1plan.checks import file_path
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.xml import first_attributes
 from rr1plan.robot import Color
@@ -47,7 +48,7 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
         FormatError: an unknown suffix, a file that cannot be read, is too large, or holds no
             triangle or a number that is not finite.
     """
-    file = Path(file)
+    file = file_path(file)
     kind = file.suffix.lower()
     if kind not in SUFFIXES:
         raise FormatError(f"has the suffix {kind!r}, expected one of {', '.join(SUFFIXES)}", file)

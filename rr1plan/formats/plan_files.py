@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import known_name
+from rr1plan.checks import known_name, of_kind
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.files import read_text, write_text
 from rr1plan.formats.tables import Table
@@ -175,6 +175,7 @@ def save_csv(file: _File, trajectory: Trajectory, dt: float = 0.01) -> pathlib.P
     Raises:
         InputError: the trajectory does not end at rest, or the file cannot be written.
     """
+    of_kind("trajectory", trajectory, Trajectory)
     times = trajectory.sample_times(dt)
     q, v, a = (trajectory(times, derivative) for derivative in range(3))
     if np.abs(v[-1]).max(initial=0.0) > 1e-6:
@@ -272,6 +273,7 @@ def _read(file: _File, kinds: tuple[str, ...]) -> Table:
 
 
 def _scene_summary(scene: Scene) -> dict[str, Any]:
+    of_kind("scene", scene, Scene)
     robots = {name: {"robot": arm.robot.name, "sha256": arm.robot.content_hash} for name, arm in scene.arms.items()}
     return {"made_for": {"scene": scene.name, "sha256": scene.content_hash, "arms": robots}}
 
@@ -280,6 +282,7 @@ def _check_scene(content: Table, scene: Scene | None) -> None:
     """Refuse a file that was made for another scene, saying what differs."""
     if scene is None:
         return
+    of_kind("scene", scene, Scene)
     made_for = content.table("made_for")
     if made_for.string("sha256") == scene.content_hash:
         return
@@ -291,11 +294,13 @@ def _check_scene(content: Table, scene: Scene | None) -> None:
 
 
 def _path_entries(path: Path, scene: Scene) -> dict[str, Any]:
+    of_kind("path", path, Path)
     head = {"joint_names": list(path.joint_names), "units": _units(path.joint_names, scene)}
     return head | {"waypoints": path.waypoints.tolist()}
 
 
 def _trajectory_entries(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
+    of_kind("trajectory", trajectory, Trajectory)
     head = {"joint_names": list(trajectory.joint_names), "units": _units(trajectory.joint_names, scene)}
     return head | {
         "time_unit": "s",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -126,7 +126,7 @@ def _planning_joints(tree: Tree, known: Semantics, choice: Choice) -> tuple[str 
     """The group, where one was taken, and the joints to plan for."""
     joints = {joint.name: joint for joint in tree.joints}
     if choice.joints is not None:
-        names = tuple(choice.joints)
+        names = _chosen(choice.joints)
         _check_chosen(names, joints)
         return choice.group, names
     movable = tuple(n for n, j in joints.items() if _is_driven(j) and n not in known.passive)
@@ -144,6 +144,12 @@ def _planning_joints(tree: Tree, known: Semantics, choice: Choice) -> tuple[str 
 
 def _is_driven(joint: Joint) -> bool:
     return joint.kind != "fixed" and joint.mimic is None
+
+
+def _chosen(joints: Sequence[str]) -> tuple[str, ...]:
+    if isinstance(joints, str) or not isinstance(joints, Iterable):
+        raise InputError(f"joints is {joints!r}, expected a list of names")
+    return tuple(joints)
 
 
 def _check_chosen(names: tuple[str, ...], joints: Mapping[str, Joint]) -> None:

@@ -29,6 +29,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from rr1plan.checks import of_kind
 from rr1plan.errors import FormatError
 from rr1plan.formats.files import read_text, write_text
 from rr1plan.formats.scene_queries import problem_entries, read_queries
@@ -119,6 +120,7 @@ def write_scene(
     Raises:
         InputError: the folder is not there or not writeable.
     """
+    of_kind("scene", scene, Scene)
     data: dict[str, Any] = {"version": _VERSION, "name": scene.name, "description": scene.description}
     if scene.padding:
         data["padding"] = scene.padding

@@ -12,6 +12,7 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rr1plan.checks import file_path
 from rr1plan.formats.urdf import Tree
 from rr1plan.formats.xml import Element, parse_xml, parse_xml_file
 
@@ -63,7 +64,7 @@ def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None
     if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
         root = parse_xml(source.encode() if isinstance(source, str) else source, "robot", file)
     else:
-        root = parse_xml_file(Path(source), "robot")
+        root = parse_xml_file(file_path(source), "robot")
     if root.text("name") != tree.name:
         log.warning("%s is for the robot %r, the URDF's is %r", root.file or "SRDF", root.text("name"), tree.name)
     return _Reader(root, tree).read()

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rr1plan.checks import known_name
+from rr1plan.checks import file_path, known_name
 from rr1plan.formats.convex import CONVEXITIES, Convexity
 from rr1plan.formats.mesh_lookup import MeshLookup
 from rr1plan.formats.urdf_joints import read_joint
@@ -63,7 +63,7 @@ def read_urdf(
     if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
         root = parse_xml(source.encode() if isinstance(source, str) else source, "robot", file)
     else:
-        file = Path(source)
+        file = file_path(source)
         root = parse_xml_file(file, "robot")
     name = root.text("name")
     _refuse_xacro(root)

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 
+from rr1plan.checks import file_path
 from rr1plan.errors import FormatError, MissingPackageError
 
 
@@ -31,7 +32,7 @@ def expand_xacro(
         from xacrodoc import packages
     except ImportError as error:
         raise MissingPackageError("xacrodoc", "reading xacro files", "xacro") from error
-    file = Path(file)
+    file = file_path(file)
     if not file.is_file():
         raise FormatError("there is no such file", file)
     try:
@@ -47,7 +48,7 @@ def expand_xacro(
 def _find_packages(packages: ModuleType, package_dirs: Sequence[str | Path]) -> None:
     """Tell xacrodoc of the given folders, and of the folders in them, by their names."""
     known: dict[str, Path] = {}
-    for folder in map(Path, package_dirs):
+    for folder in map(file_path, package_dirs):
         known[folder.resolve().name] = folder
         if folder.is_dir():
             known.update({child.name: child for child in folder.iterdir() if child.is_dir()})

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator, finite_array, positive_number, read_only
+from rr1plan.checks import Array, Seed, as_generator, finite_array, of_kind, positive_number, read_only
 from rr1plan.errors import InputError
 from rr1plan.kinematics.descent import Target, descend
 from rr1plan.kinematics.forward import Kinematics
@@ -92,13 +92,14 @@ def solve_ik(
         UnknownNameError: no such arm or frame.
         InputError: a goal of another kind, or numbers that make no sense.
     """
+    of_kind("kinematics", kinematics, Kinematics)
     own = kinematics.for_arm(arm)
     robot = own.scene.arms[own.arms[0]].robot
     search = _Search(own, robot, goal, accept, separation)
     starts = _seeds(own, robot, seeds)
     for name, number in (("attempts", attempts), ("max_solutions", max_solutions)):
-        if number is not None and number < 1:
-            raise InputError(f"{name} is {number}, expected at least one")
+        if number is not None and (not isinstance(number, int | np.integer) or number < 1):
+            raise InputError(f"{name} is {number!r}, expected at least one")
     generator = as_generator(rng)
     tried = 0
     for start, aim in search.starts(starts, attempts, generator):

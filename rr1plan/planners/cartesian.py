@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator, positive_number
+from rr1plan.checks import Array, Seed, as_generator, of_kind, positive_number
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
@@ -82,6 +82,7 @@ class CartesianPlanner:
         Raises:
             InputError: several arms move, or a goal that is no `PoseGoal`.
         """
+        of_kind("problem", problem, Problem)
         goals = _pose_goals(problem)
         generator = as_generator(rng)
         motion = MotionChecker(CollisionChecker(problem.scene, problem.arms))

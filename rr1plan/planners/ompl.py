@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator, known_name
+from rr1plan.checks import Array, Seed, as_generator, known_name, of_kind
 from rr1plan.collision import MotionChecker
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, goal_configurations
@@ -93,6 +93,7 @@ class OmplPlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
+        of_kind("problem", problem, Problem)
         query = _Query(self, problem, budget or Budget(), rng, progress)
         return query.refusal() or query.direct() or query.search()
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, read_only
+from rr1plan.checks import Array, file_path, of_kind, read_only
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
 from rr1plan.planning import PlanResult, SearchTree
@@ -62,13 +62,13 @@ class CSpace:
         """Write the picture as PNG, atomically."""
         from rr1plan.playback.cspace_figure import save
 
-        return save(self, FilePath(file), "png", dpi)
+        return save(self, file_path(file), "png", dpi)
 
     def save_svg(self, file: str | FilePath) -> FilePath:
         """Write the picture as SVG, for slides, atomically."""
         from rr1plan.playback.cspace_figure import save
 
-        return save(self, FilePath(file), "svg", 150)
+        return save(self, file_path(file), "svg", 150)
 
     def save_html(self, file: str | FilePath, **options: Any) -> FilePath:
         """Write one offline page: the arm in 3-D and the configuration space, linked by sliders and clicks."""
@@ -131,6 +131,9 @@ def cspace(
         UnknownNameError: no such arm or joint.
         InputError: not two joints, a resolution below 8, or a problem with other columns.
     """
+    of_kind("scene", scene, Scene)
+    of_kind("problem", problem, Problem, optional=True)
+    of_kind("result", result, PlanResult, optional=True)
     if problem is not None:
         _check_problem(problem, arm, joints)
         arm = problem.arms[0]

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import finite_number, known_name, positive_number
+from rr1plan.checks import file_path, finite_number, known_name, of_kind, positive_number
 from rr1plan.errors import InputError, MissingPackageError
 from rr1plan.formats.files import write_text
 from rr1plan.scene import Scene
@@ -52,7 +52,8 @@ def save_rosbag(
         UnknownNameError: a name to rename that is no column.
         InputError: the folder exists or cannot be made, a time that makes no sense.
     """
-    target = FilePath(folder)
+    target = file_path(folder)
+    of_kind("trajectory", trajectory, Trajectory)
     dt = positive_number("dt", dt)
     if finite_number("lead", lead) < 0.0:
         raise InputError(f"lead is {lead}, expected a time >= 0")
@@ -138,5 +139,6 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
     """
     from rr1plan.playback.mujoco_model import build_mujoco
 
+    of_kind("scene", scene, Scene)
     world = build_mujoco(scene)
     return write_text(file, world.spec.to_xml())

@@ -67,6 +67,7 @@ def validate(
     """
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
+    of_kind("problem", problem, Problem, optional=True)
     positive_number("clearance_tolerance", clearance_tolerance)
     _check_columns(trajectory, scene)
     ledger = Ledger()
@@ -111,6 +112,8 @@ def certify_path(
         UnknownNameError: a joint that the scene does not have.
         InputError: an arm with only some of its joints, or a scene whose shapes cannot be compared.
     """
+    of_kind("path", path, Path)
+    of_kind("scene", scene, Scene)
     positive_number("clearance_tolerance", clearance_tolerance)
     trajectory = _unit_speed(path)
     _check_columns(trajectory, scene)

@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 from time import monotonic
 from typing import Any
 
-from rr1plan.checks import finite_number
+from rr1plan.checks import file_path, finite_number
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.playback.viewer.live import Viewer
 from rr1plan.playback.viewer.page import check_size
@@ -97,6 +97,7 @@ def screenshot(
         MissingPackageError: playwright or a Chromium is not installed.
         BackendError: the browser does not start, or the page does not.
     """
+    file = file_path(file)
     if time is not None:
         time = finite_number("time", time)
     url = source.url if isinstance(source, Viewer) else _file_url(source)
@@ -108,7 +109,7 @@ def screenshot(
             page.screenshot(path=file)
         except OSError as error:
             raise InputError(f"cannot write {str(file)!r}: {error.strerror}") from error
-    return FilePath(file)
+    return file
 
 
 def open_page(page: Any, url: str) -> None:
@@ -156,7 +157,7 @@ def wait_until(page: Any, expression: str) -> None:
 
 
 def _file_url(file: str | os.PathLike[str]) -> str:
-    found = FilePath(file)
+    found = file_path(file)
     if not found.is_file():
         raise InputError(f"there is no page {str(file)!r}; write it with save_html first")
     return found.resolve().as_uri()

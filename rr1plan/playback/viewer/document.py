@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, known_name
+from rr1plan.checks import Array, known_name, of_kind
 from rr1plan.path import Path
 from rr1plan.playback.replay import Replay
 from rr1plan.playback.viewer.solids import ShapeTable
@@ -63,7 +63,14 @@ def view_document(
 
     Raises:
         UnknownNameError: a column that is no joint of the scene.
+        InputError: no scene, or something else in the place of the others.
     """
+    of_kind("scene", scene, Scene)
+    of_kind("trajectory", trajectory, Trajectory, optional=True)
+    of_kind("path", path, Path, optional=True)
+    of_kind("problem", problem, Problem, optional=True)
+    of_kind("report", report, Report, optional=True)
+    of_kind("replay", replay, Replay, optional=True)
     shapes = ShapeTable(pack)
     robots: dict[int, int] = {}
     rows = [_arm_row(name, scene, robots) for name in scene.arms]

@@ -14,7 +14,7 @@ import json
 import os
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -22,7 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any
 
-from rr1plan.checks import finite_array
+from rr1plan.checks import file_path, finite_array, of_kind
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.playback.viewer.document import Document
 
@@ -84,6 +84,8 @@ def page_html(
         MissingPackageError: Meshcat is not installed.
         BackendError: Meshcat is there without its viewer.
     """
+    for panel in panels if isinstance(panels, Iterable) else (panels,):
+        of_kind("one of the panels", panel, Panel)
     names = [panel.name for panel in panels]
     if len(set(names)) != len(names):
         raise InputError(f"panels are named {names}, expected names unique on the page")
@@ -114,7 +116,7 @@ def write_page(file: str | os.PathLike[str], text: str) -> FilePath:
     Raises:
         InputError: the folder does not exist or cannot be written.
     """
-    target = FilePath(file)
+    target = file_path(file)
     try:
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     except OSError as error:
