@@ -6,9 +6,12 @@ Exit codes: 0 done, 2 bad input, 3 no plan, 4 an invalid plan, 130 interrupted.
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 
 from rr1plan.cli.console import Console
@@ -46,10 +49,32 @@ def run(arguments: Sequence[str]) -> int:
 
 def _run_command(options: Namespace, console: Console) -> int:
     module, function = options.command.split(".")
-    with console.progress("loading (the first time, kernels are compiled: some 20 s)"):
+    with _leaving_at_once(), console.progress("loading (the first time, kernels are compiled: some 20 s)"):
         command = getattr(import_module(f"rr1plan.cli.{module}"), function)
     code: int = command(options, console)
     return code
+
+
+@contextmanager
+def _leaving_at_once() -> Iterator[None]:
+    """End the process on Ctrl-C while the compiler loads: its callbacks swallow exceptions, or abort on them.
+
+    Nothing of the user's is half done then, and the kernels' cache is written file by file.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def leave(*_: object) -> None:
+        os.write(sys.stderr.fileno(), b"\x1b[?25h" if sys.stderr.isatty() else b"")
+        os.write(sys.stderr.fileno(), b"rr1plan: interrupted\n")
+        os._exit(INTERRUPTED)
+
+    before = signal.signal(signal.SIGINT, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _fail(console: Console, message: str, code: int) -> int:

@@ -244,7 +244,7 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     assert "no-such-package" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.2, 1.0, 3.0])
+@pytest.mark.parametrize("delay", [0.0, 0.2, 0.4, 0.7, 1.0, 1.5, 3.0])
 def test_ctrl_c_at_any_moment_ends_with_130_and_no_traceback(delay: float) -> None:
     start = "import sys, rr1plan.__main__ as m; sys.stdout.write('started\\n'); sys.stdout.flush(); m.main()"
     command = [sys.executable, "-c", start, "plan", "planar2r_no_path", "--seconds", "60"]
