@@ -70,7 +70,14 @@ def cover(shape: Shape) -> SphereCover:
             return _capsule(radius, length)
         case Cylinder(radius, length) if length > radius:
             return _cylinder(radius, length)
-        case Mesh(convex=True) | Box() | Cylinder():
+        case Cylinder(radius, length):
+            # Its corners are those of a prism around it: what is inside that may be outside the cylinder.
+            made = _polytope(_corners(shape))
+            rim = radius - np.hypot(made.centres[:, 0], made.centres[:, 1])
+            inner = np.minimum(rim, 0.5 * length - np.abs(made.centres[:, 2]))
+            inner = np.where(inner > 0.0, inner / _SAFETY, -np.inf)
+            return _frozen(made.centres, made.radii, inner, made.ball)
+        case Mesh(convex=True) | Box():
             return _polytope(_corners(shape))
         case Mesh() | HalfSpace() | PointCloud():
             raise InputError(f"a {type(shape).__name__} has no spheres around it, expected a convex solid")
