@@ -6,7 +6,7 @@ import logging
 
 import numpy as np
 
-from rr1plan.checks import read_only
+from rr1plan.checks import Array, read_only
 from rr1plan.errors import InputError
 from rr1plan.formats.convex import Convexity, convex_shapes
 from rr1plan.formats.mesh_lookup import MeshLookup
@@ -18,6 +18,8 @@ from rr1plan.shapes import Box, Capsule, Cylinder, Shape, Sphere
 
 log = logging.getLogger(__name__)
 
+# A moment between minus and plus this part of the largest is zero, written in rounded numbers.
+_ROUNDING = 1e-9
 _SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
 
 
@@ -150,7 +152,8 @@ def _primitive(element: Element) -> Shape:
 def _inertial(element: Element, link: str) -> Inertial | None:
     """Mass, centre and inertia, turned into the link's axes; a mass of zero marks a mere frame.
 
-    An inertia that is zero in all is that of a point; any other has to be positive definite.
+    An inertia that is zero in all is that of a point; any other has to be positive definite, which one
+    of a rod or written with few digits may miss by rounding.
     """
     pose = read_origin(element)
     mass = element.required("mass").number("value")
@@ -163,6 +166,7 @@ def _inertial(element: Element, link: str) -> Inertial | None:
         return None
     if mass < 0.0:
         raise element.error(f"link {link!r} has mass {mass}, expected a number above zero")
+    inertia = _clipped(inertia)
     moments = np.linalg.eigvalsh(inertia)
     if moments[0] <= 0.0 and inertia.any():
         raise tensor.error(f"link {link!r} has an inertia that is not positive definite: moments {moments.tolist()}")
@@ -170,3 +174,12 @@ def _inertial(element: Element, link: str) -> Inertial | None:
         log.warning("%s:%d: link %r has an inertia no body can have: %s", *_at(tensor), link, moments.tolist())
     R = pose[:3, :3]
     return Inertial(mass, read_only(pose[:3, 3].copy()), read_only(R @ inertia @ R.T))
+
+
+def _clipped(inertia: Array) -> Array:
+    """The inertia with moments that are zero but for rounding raised to just above it."""
+    moments, axes = np.linalg.eigh(inertia)
+    least = _ROUNDING * moments[2]
+    if not -least <= moments[0] <= 0.0 < moments[2]:
+        return inertia
+    return np.asarray((axes * np.maximum(moments, least)) @ axes.T)

@@ -137,7 +137,7 @@ BAD = {
     "negative mass": (one_mass("-1"), "mass"),
     "mass nan": (one_mass("nan"), "finite"),
     "negative inertia": (one_mass(moments=(1, -1, 1)), "positive definite"),
-    "flat inertia": (one_mass(moments=(1, 0, 1)), "positive definite"),
+    "indefinite inertia by little": (one_mass(moments=(1, -1e-8, 1)), "positive definite"),
     "indefinite inertia": (one_mass(cross="5"), "positive definite"),
     "inertia missing": (robot_text(link_text("a", '<inertial><mass value="1"/></inertial>')), "<inertia>"),
     "colour out of range": (
@@ -245,6 +245,14 @@ def test_a_mass_of_zero_marks_a_frame_and_says_so_if_it_had_inertia(caplog: pyte
     assert caplog.text == ""
     assert read_urdf(one_mass("0")).links[0].inertial is None
     assert "no mass" in caplog.text
+
+
+@pytest.mark.parametrize("moment", [0.0, -2e-22, -9e-10])
+def test_an_inertia_that_misses_being_definite_by_rounding_is_raised_a_little(moment: float) -> None:
+    inertial = read_urdf(one_mass(moments=(1, moment, 1))).links[0].inertial
+    assert inertial is not None
+    assert np.linalg.eigvalsh(inertial.inertia)[0] == pytest.approx(1e-9, rel=1e-3)
+    assert np.allclose(inertial.inertia, np.diag([1, 0, 1]), atol=2e-9)
 
 
 def test_an_inertia_no_body_can_have_is_logged(caplog: pytest.LogCaptureFixture) -> None:
