@@ -30,6 +30,10 @@ CONCAVITY = 0.05
 CUTS_PER_SIZE = 16
 _EFFORT = {"resolution": 1000, "mcts_nodes": 10, "mcts_iterations": 60}
 _VERSION = "pieces-3"
+# More would take many minutes.
+MAX_TRIANGLES = 100_000
+# Points times planes that are held in memory at once.
+_MOST_PRODUCTS = 20_000_000
 
 
 def convex_shapes(meshes: Sequence[Mesh], convex: Convexity = "hull") -> list[Mesh]:
@@ -73,9 +77,14 @@ def convex_pieces(mesh: Mesh) -> list[Mesh]:
     """Convex meshes whose union contains the surface of a mesh; its hull alone if it is convex.
 
     Raises:
-        InputError: a mesh without volume.
+        InputError: a mesh without volume, or of too many triangles.
         BackendError: the decomposition failed.
     """
+    if not mesh.convex and len(mesh.faces) > MAX_TRIANGLES:
+        raise InputError(
+            f"a mesh of {len(mesh.faces)} triangles is not cut into convex pieces, expected at most {MAX_TRIANGLES}; "
+            "try a decimated mesh, or its hull"
+        )
     if mesh.convex or is_convex(mesh):
         return [convex_hull(mesh.vertices)]
     key = cache_key(
@@ -150,7 +159,9 @@ def _grown(piece: Mesh, points: Array) -> Mesh:
 def _outside(piece: Mesh, points: Array) -> Array:
     """How far points (n, 3) are outside a convex mesh [m], (n,)."""
     equations = _qhull(piece.vertices).equations
-    return np.asarray((points @ equations[:, :3].T + equations[:, 3]).max(axis=1, initial=-np.inf))
+    parts = np.array_split(points, 1 + len(points) * len(equations) // _MOST_PRODUCTS)
+    heights = [(part @ equations[:, :3].T + equations[:, 3]).max(axis=1, initial=-np.inf) for part in parts]
+    return np.concatenate(heights)
 
 
 def _cut(triangles: Array, longest: float) -> Array:

@@ -35,6 +35,22 @@ def on_surface(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
     return np.einsum("nk,nkd->nd", weights, triangles[rng.choice(len(areas), count, p=areas / areas.sum())])
 
 
+def test_a_mesh_of_too_many_triangles_is_not_cut_into_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(convex, "MAX_TRIANGLES", 1)
+    tetrahedron = Mesh(np.vstack([np.eye(3), np.zeros(3)]), np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
+    with pytest.raises(InputError, match="4 triangles"):
+        convex_pieces(tetrahedron)
+    assert len(convex_pieces(convex_hull(tetrahedron.vertices))) == 1
+
+
+def test_points_are_outside_by_as_much_in_parts_as_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    hull, points = convex_hull(rng.normal(size=(30, 3))), rng.normal(size=(100, 3))
+    at_once = convex._outside(hull, points)
+    monkeypatch.setattr(convex, "_MOST_PRODUCTS", 500)
+    assert np.allclose(convex._outside(hull, points), at_once, atol=1e-12)
+
+
 @settings(deadline=None, max_examples=50)
 @given(seed=st.integers(0, 10_000), count=st.integers(5, 60), size=st.sampled_from([1e-3, 1.0, 50.0]))
 def test_a_hull_holds_its_points_is_closed_and_faces_outwards(seed: int, count: int, size: float) -> None:
