@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rr1plan.checks import Seed, as_generator, finite_number, known_name
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.planners import plan
@@ -137,8 +137,8 @@ def plan_motion(
         retiming: A name of `retiming_names()`.
         shorten: Whether to shorten the path; the Cartesian planner's is left as it is.
         margin: Distance to keep beyond the scene's padding [m]: a proof of zero clearance is little use to an
-            arm that tracks to a fraction of a millimetre. It is lowered to half of what the start has, and
-            given up when no goal has it.
+            arm that tracks to a fraction of a millimetre. It is halved until the start has twice
+            as much, and given up when no goal has it.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
@@ -167,14 +167,13 @@ def plan_motion(
     if result.path is None:
         return MotionPlan(problem, result, seconds, margin)
     path = result.path
-    motions = MotionChecker(CollisionChecker(roomy.scene, problem.arms))
-    if shorten and planner != "cartesian":
-        with _timed(seconds, "shorten"):
-            path = shorten_path(path, motions, rng=generator)
     trajectory, report = None, None
     jerk_limits = retiming.startswith("ruckig")
+    if shorten and planner != "cartesian":
+        with _timed(seconds, "shorten"), borrowed_checker(roomy.scene, problem.arms) as motions:
+            path = shorten_path(path, motions, rng=generator)
     for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
-        with _timed(seconds, "retime"):
+        with _timed(seconds, "retime"), borrowed_checker(roomy.scene, problem.arms) as motions:
             trajectory = retime(path, roomy.scene, method, checker=motions, torque_limits=torque_limits)
         with _timed(seconds, "validate"):
             report = validate(trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits)
@@ -184,24 +183,32 @@ def plan_motion(
 
 
 def _affordable(problem: Problem, margin: float) -> float:
-    """The margin [m], or half of what the start has beyond its padding if that is less.
+    """The margin [m], halved until the start has twice as much beyond its padding, 0 after a few halvings.
+
+    Halvings, because a scene keeps one checker for each margin.
 
     Raises:
         InputError: below zero or not finite.
     """
     if finite_number("margin", margin) < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
-    checker = CollisionChecker(problem.scene, problem.arms)
-    padding = np.array([problem.scene.padding_of(a, b) for a, b in checker.pairs])
-    clearance = float((checker.distances(problem.start) - padding).min(initial=np.inf))
-    return max(0.0, min(margin, 0.5 * clearance))
+    with borrowed_checker(problem.scene, problem.arms) as motions:
+        pairs, distances = motions.checker.pairs, motions.checker.distances(problem.start)
+    padding = np.array([problem.scene.padding_of(a, b) for a, b in pairs])
+    clearance = float((distances - padding).min(initial=np.inf))
+    return next((part for part in (margin * 0.5**k for k in range(6)) if 2.0 * part <= clearance), 0.0)
 
 
 def _with_margin(problem: Problem, margin: float) -> Problem:
-    """The same question in a scene that keeps `margin` [m] more between every pair."""
+    """The same question in a scene that keeps `margin` [m] more between every pair; one is kept for each margin."""
     scene = problem.scene
-    pairs = {pair: distance + margin for pair, distance in scene.pair_padding.items()}
-    roomy = replace(scene, padding=scene.padding + margin, pair_padding=pairs)
+    if margin == 0.0:
+        return problem
+    roomy = scene.kept.get(("with margin", margin))
+    if roomy is None:
+        pairs = {pair: distance + margin for pair, distance in scene.pair_padding.items()}
+        roomy = replace(scene, padding=scene.padding + margin, pair_padding=pairs)
+        scene.kept["with margin", margin] = roomy
     return Problem(roomy, problem.start, dict(problem.goal), problem.arms)
 
 

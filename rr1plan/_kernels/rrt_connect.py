@@ -93,7 +93,7 @@ def _connect(trees, parents, counts, side, index, distance, target, step, a, b, 
         # They meet in one place, which is a waypoint once.
         counts[JOIN_START + side] = parents[side, index]
         return True
-    steps = max(1, np.int64(np.ceil(distance / step)))
+    steps = max(1, int(np.ceil(distance / step)))
     for j in range(nq):
         a[j] = trees[side, j, index]
     for k in range(1, steps + 1):

@@ -27,8 +27,8 @@ __all__ = [
 ]
 
 _ROWS = (
-    *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
     PlannerInfo(RrtConnect.name, "RRT-Connect as one compiled loop (Kuffner, LaValle 2000; Yershova et al. 2005)"),
+    *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
     PlannerInfo("cartesian", "the tool moves on a straight line to a pose, the joints follow"),
 )
 # Our own planners, and their settings.

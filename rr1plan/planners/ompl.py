@@ -11,6 +11,7 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, as_generator, known_name, of_kind
 from rr1plan.collision import MotionChecker
+from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, goal_configurations
 from rr1plan.planners.space import Space, with_copies
@@ -29,7 +30,7 @@ class OmplKind:
 
 KINDS: Mapping[str, OmplKind] = MappingProxyType(
     {
-        "rrt_connect": OmplKind("RRTConnect", "two trees grow towards each other (Kuffner, LaValle 2000)"),
+        "ompl_rrt_connect": OmplKind("RRTConnect", "two trees grow towards each other (Kuffner, LaValle 2000)"),
         "rrt": OmplKind("RRT", "one tree grows to random samples (LaValle 1998)"),
         "rrt_star": OmplKind("RRTstar", "a tree that rewires itself to shorter paths (Karaman, Frazzoli 2011)", True),
         "informed_rrt_star": OmplKind(
@@ -57,7 +58,7 @@ class OmplPlanner:
     """One of OMPL's planners.
 
     Args:
-        name: A name of `planner_names()`, e.g. "rrt_connect".
+        name: A name of `planner_names()`, e.g. "ompl_rrt_connect".
         tree: Whether the result keeps what was explored.
         **settings: The planner's own settings by OMPL's names, e.g. range=0.5 [rad], goal_bias=0.1.
 
@@ -65,7 +66,7 @@ class OmplPlanner:
         UnknownNameError: no such planner or setting; the message lists them.
     """
 
-    def __init__(self, name: str = "rrt_connect", *, tree: bool = False, **settings: float) -> None:
+    def __init__(self, name: str = "ompl_rrt_connect", *, tree: bool = False, **settings: float) -> None:
         self.name = known_name("planner", name, KINDS)
         self.tree = bool(tree)
         if settings:
@@ -94,19 +95,28 @@ class OmplPlanner:
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         of_kind("problem", problem, Problem)
-        query = _Query(self, problem, budget or Budget(), rng, progress)
-        return query.refusal() or query.direct() or query.search()
+        began = time.perf_counter()
+        with borrowed_checker(problem.scene, problem.arms) as motion:
+            query = _Query(self, problem, motion, began, budget or Budget(), rng, progress)
+            return query.refusal() or query.direct() or query.search()
 
 
 class _Query:
     """One call of `plan`: its tools, its clock, its answer so far."""
 
     def __init__(
-        self, planner: OmplPlanner, problem: Problem, budget: Budget, rng: Seed, progress: ProgressCallback | None
+        self,
+        planner: OmplPlanner,
+        problem: Problem,
+        motion: MotionChecker,
+        began: float,
+        budget: Budget,
+        rng: Seed,
+        progress: ProgressCallback | None,
     ) -> None:
         from rr1plan.planners import _ompl
 
-        self.began = time.perf_counter()
+        self.motion, self.began = motion, began
         self.planner, self.problem, self.budget, self.progress = planner, problem, budget, progress
         # Everything random follows from this one number, so the result's seed repeats it.
         if isinstance(rng, int | np.integer) and not isinstance(rng, bool):
@@ -114,8 +124,8 @@ class _Query:
         else:
             self.seed = int(as_generator(rng).integers(2**32))
         self.rng = as_generator(self.seed)
-        self.motion = MotionChecker(problem.scene, problem.arms)
-        self.checker = self.motion.checker
+        self.checker = motion.checker
+        self.edges_before = motion.edges_checked
         self.watch = _ompl.Watch(budget, self.began, None if progress is None else self.report)
         self.reported = self.began - _REPORTS
         self.goals = np.empty((0, problem.nq))
@@ -221,7 +231,7 @@ class _Query:
             seed=self.seed,
             seconds=seconds,
             iterations=self.watch.checks,
-            edges_checked=self.motion.edges_checked,
+            edges_checked=self.motion.edges_checked - self.edges_before,
             cost_history=tuple(history),
             tree=tree,
         )

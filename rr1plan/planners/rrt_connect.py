@@ -52,7 +52,7 @@ class RrtConnect:
         InputError: a negative range.
     """
 
-    name = "rrt_connect_compiled"
+    name = "rrt_connect"
     optimizing = False
 
     def __init__(self, *, range: float = 0.0, tree: bool = False) -> None:
