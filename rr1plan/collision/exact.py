@@ -79,6 +79,21 @@ class Solid:
     placement: Array
 
 
+@dataclass(frozen=True, eq=False)
+class _Resting:
+    """What is true, whatever q is, of the pairs that do not move against each other.
+
+    Args:
+        distances: Distance of every checked pair [m], inf where its elements move, shape (n_pairs,).
+        touching: (index of the pair, padding - distance [m], point between them) of those that collide.
+        nearest: The nearest of them.
+    """
+
+    distances: Array
+    touching: tuple[tuple[int, float, Array], ...] = ()
+    nearest: Nearest = Nearest(np.inf, (), np.zeros(3), np.zeros(3))
+
+
 class CollisionChecker:
     """Which elements of a scene touch, and how far apart they are, at a configuration.
 
@@ -118,7 +133,6 @@ class CollisionChecker:
         self._callback = pin.CollisionCallBackDefault(self._geometry, self._scratch)
         self._callback.stopAtFirstCollision = True
         self._resting = self._answer_resting_pairs(index[~moving], owner[~moving])
-        self._resting_is_free = not any(depth >= 0.0 for _, depth, _ in self._resting)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as its scene and arms."""
@@ -154,7 +168,7 @@ class CollisionChecker:
     @property
     def resting_is_free(self) -> bool:
         """No two elements collide that do not move against each other."""
-        return self._resting_is_free
+        return not self._resting.touching
 
     def limit_violations(self, q: Any) -> tuple[tuple[str, float], ...]:
         """Joints outside their position limits, each with how far [rad or m].
@@ -184,7 +198,7 @@ class CollisionChecker:
         self._place(q)
         self._manager.update(False)
         self._callback.init()
-        return self._resting_is_free and not pin.computeCollisions(self._manager, self._callback)
+        return self.resting_is_free and not pin.computeCollisions(self._manager, self._callback)
 
     def contacts(self, q: Any) -> tuple[Contact, ...]:
         """All pairs of elements that touch or are nearer than their padding, the deepest first.
@@ -197,10 +211,10 @@ class CollisionChecker:
         """
         self._place(q)
         pin.computeCollisions(self._geometry, self._scratch, False)
-        touching = [(k, d, p) for k, d, p in self._resting if d >= 0.0]
+        touching = list(self._resting.touching)
         for i, owner in enumerate(self.solid_owner):
             if self._scratch.collisionResults[i].isCollision():
-                distance, a, b = self._distance(i)
+                distance, a, b = _distance(self._geometry, self._scratch, i)
                 touching.append((int(owner), max(0.0, float(self.solid_padding[i]) - distance), 0.5 * (a + b)))
         deepest: dict[int, tuple[float, Array]] = {}
         for owner, depth, point in touching:
@@ -218,9 +232,7 @@ class CollisionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        out = np.full(len(self.pairs), np.inf)
-        for owner, depth, _ in self._resting:
-            out[owner] = min(out[owner], self._padding[owner] - depth)
+        out = self._resting.distances.copy()
         np.minimum.at(out, self.solid_owner, self.solid_distances(q))
         return out
 
@@ -233,17 +245,12 @@ class CollisionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        found = Nearest(np.inf, (), np.zeros(3), np.zeros(3))
         distances = self.solid_distances(q)
-        if len(distances):
-            i = int(np.argmin(distances))
-            distance, a, b = self._distance(i)
-            found = Nearest(distance, self._ordered(i), *self._ordered_points(i, a, b))
-        for owner, depth, point in self._resting:
-            distance = float(self._padding[owner]) - depth
-            if distance < found.distance:
-                found = Nearest(distance, self.pairs[owner], point, point)
-        return found
+        if len(distances) == 0 or distances.min() >= self._resting.nearest.distance:
+            return self._resting.nearest
+        i = int(np.argmin(distances))
+        distance, a, b = _distance(self._geometry, self._scratch, i)
+        return Nearest(distance, self.pairs[self.solid_owner[i]], read_only(a), read_only(b))
 
     # ---- for the motion checker -----------------------------------------------------------
 
@@ -251,15 +258,12 @@ class CollisionChecker:
         """Distance of every pair in `solid_pairs` [m], negative where they overlap, shape (m,)."""
         self._place(q)
         pin.computeDistances(self._geometry, self._scratch)
-        found = np.array([r.min_distance for r in self._scratch.distanceResults], dtype=np.float64)
-        for pair in np.flatnonzero(found < _NO_DISTANCE):
-            found[pair] = self._distance(int(pair))[0]
-        return found
+        return _found_distances(self._geometry, self._scratch)
 
     def solid_distance(self, q: Any, pair: int) -> float:
         """Distance of one pair in `solid_pairs` [m], negative where they overlap."""
         self._place(q)
-        return self._distance(pair)[0]
+        return _distance(self._geometry, self._scratch, pair)[0]
 
     def checked(self, q: Any) -> Array:
         """The configuration q as an array of finite numbers, shape (nq,).
@@ -277,41 +281,47 @@ class CollisionChecker:
         q = self.model.full(self.checked(q))
         pin.updateGeometryPlacements(self.model.model, self._data, self._geometry, self._scratch, q)
 
-    def _distance(self, pair: int) -> tuple[float, Array, Array]:
-        result = pin.computeDistance(self._geometry, self._scratch, pair)
-        if result.min_distance < _NO_DISTANCE:
-            placement = self._scratch.oMg[self._geometry.collisionPairs[pair].first]
-            exactly = placement.translation.copy()
-            placement.translation = exactly + _NUDGE
-            result = pin.computeDistance(self._geometry, self._scratch, pair)
-            placement.translation = exactly
-        return float(result.min_distance), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
-
-    def _ordered(self, pair: int) -> tuple[str, str]:
-        return self.pairs[self.solid_owner[pair]]
-
-    def _ordered_points(self, pair: int, a: Array, b: Array) -> tuple[Array, Array]:
-        """The nearest points in the order of the elements of the pair."""
-        first = self.solids[self.solid_pairs[pair, 0]].element == self._ordered(pair)[0]
-        return (read_only(a), read_only(b)) if first else (read_only(b), read_only(a))
-
-    def _answer_resting_pairs(self, index: NDArray[np.int64], owner: NDArray[np.int64]) -> list[Any]:
-        """(index in `pairs`, padding - distance, point) of pairs whose relative pose is the same for every q."""
+    def _answer_resting_pairs(self, index: NDArray[np.int64], owner: NDArray[np.int64]) -> _Resting:
+        distances = np.full(len(self.pairs), np.inf)
         if len(index) == 0:
-            return []
+            return _Resting(read_only(distances))
         geometry = _geometry_model(self.model, self.solids, index)
-        scratch = _geometry_data(geometry, self._padding[owner])
+        scratch = _distance_data(geometry)
         q = self.model.full(np.zeros(self.nq))
         pin.updateGeometryPlacements(self.model.model, self._data, geometry, scratch, q)
         pin.computeDistances(geometry, scratch)
-        return [
-            (
-                int(k),
-                float(self._padding[k] - r.min_distance),
-                0.5 * (np.array(r.getNearestPoint1()) + np.array(r.getNearestPoint2())),
-            )
-            for k, r in zip(owner, scratch.distanceResults, strict=True)
-        ]
+        found = _found_distances(geometry, scratch)
+        np.minimum.at(distances, owner, found)
+        nearest = int(np.argmin(found))
+        _, a, b = _distance(geometry, scratch, nearest)
+        touching = []
+        for i in np.flatnonzero(found <= self._padding[owner]):
+            distance, near_a, near_b = _distance(geometry, scratch, int(i))
+            touching.append((int(owner[i]), float(self._padding[owner[i]]) - distance, 0.5 * (near_a + near_b)))
+        pair = self.pairs[owner[nearest]]
+        return _Resting(
+            read_only(distances), tuple(touching), Nearest(float(found[nearest]), pair, read_only(a), read_only(b))
+        )
+
+
+def _found_distances(geometry: Any, data: Any) -> Array:
+    """The distances that `computeDistances` found [m], shape (m,)."""
+    found = np.array([r.min_distance for r in data.distanceResults], dtype=np.float64)
+    for pair in np.flatnonzero(found < _NO_DISTANCE):
+        found[pair] = _distance(geometry, data, int(pair))[0]
+    return found
+
+
+def _distance(geometry: Any, data: Any, pair: int) -> tuple[float, Array, Array]:
+    """Distance of a pair of solids as they are placed [m], and the nearest point of each."""
+    result = pin.computeDistance(geometry, data, pair)
+    if result.min_distance < _NO_DISTANCE:
+        placement = data.oMg[geometry.collisionPairs[pair].first]
+        exactly = placement.translation.copy()
+        placement.translation = exactly + _NUDGE
+        result = pin.computeDistance(geometry, data, pair)
+        placement.translation = exactly
+    return float(result.min_distance), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
 
 
 def _solids(model: SceneModel) -> tuple[Solid, ...]:
@@ -356,24 +366,30 @@ def _geometry_model(model: SceneModel, solids: tuple[Solid, ...], index: NDArray
     return geometry
 
 
-def _geometry_data(geometry: Any, padding: Array) -> Any:
+def _distance_data(geometry: Any) -> Any:
+    """Room for distances alone."""
     data = pin.GeometryData(geometry)
-    for k, distance in enumerate(padding):
-        request = data.collisionRequests[k]
-        request.security_margin = float(distance)
-        # Without contacts Coal 3.0.3 answers "free" for balls and capsules whose core lies within
-        # its tolerance of the other shape's surface: centimetres deep, and not seen.
-        request.enable_contact = True
     for request in data.distanceRequests:
         request.gjk_tolerance = _GJK_TOLERANCE
         request.enable_signed_distance = True
-    _forget_guesses(data)
+    _forget_guesses(data.distanceRequests)
     return data
 
 
-def _forget_guesses(data: Any) -> None:
+def _geometry_data(geometry: Any, padding: Array) -> Any:
+    data = _distance_data(geometry)
+    for request, distance in zip(data.collisionRequests, padding.tolist(), strict=True):
+        request.security_margin = distance
+        # Without contacts Coal 3.0.3 answers "free" for balls and capsules whose core lies within
+        # its tolerance of the other shape's surface: centimetres deep, and not seen.
+        request.enable_contact = True
+    _forget_guesses(data.collisionRequests)
+    return data
+
+
+def _forget_guesses(requests: Any) -> None:
     """Start every search afresh: a guess kept from the last one can be NaN, and then spoils all that follow."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # the successor of this switch does not turn it off
-        for request in (*data.collisionRequests, *data.distanceRequests):
+        for request in requests:
             request.enable_cached_gjk_guess = False

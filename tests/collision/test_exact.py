@@ -309,3 +309,21 @@ def test_a_checker_survives_pickling(cluttered):
     again = pickle.loads(pickle.dumps(checker))
     q = cluttered.configuration()
     assert np.array_equal(again.distances(q), checker.distances(q))
+
+
+def test_what_rests_is_told_as_exactly_as_what_moves(rr1):
+    scene = Scene().with_arm("near", rr1).with_arm("far", rr1, [2.0, 0.0, 0.0])
+    above = scene.link_poses()["near/elbow_link"][:3, 3] + [0.0, 0.0, 0.4]
+    scene = scene.with_obstacle("ball", Sphere(0.05), above).with_padding(0.5, "ball", "near")
+    expected = CollisionChecker(scene)
+    for moving in ("near", "far"):
+        checker, q = CollisionChecker(scene, [moving]), scene.configuration([moving])
+        near = checker.nearest(q)
+        assert near.distance == pytest.approx(expected.nearest(scene.configuration()).distance, abs=1e-9)
+        assert near.distance == pytest.approx(np.linalg.norm(near.point_a - near.point_b), abs=1e-9)
+        assert not checker.is_free(q)
+        depths = {(c.a, c.b): [c.depth, *c.point] for c in expected.contacts(scene.configuration())}
+        found = {(c.a, c.b): [c.depth, *c.point] for c in checker.contacts(q)}
+        assert found.keys() == depths.keys()
+        for pair, values in found.items():
+            assert values == pytest.approx(depths[pair], abs=1e-6)
