@@ -1,7 +1,5 @@
 """The referee: an independent check of a timed motion, which names what is wrong and says what it did not check."""
 
-from dataclasses import replace
-
 import rr1plan as rp
 
 scene = rp.load_scene("rr1_table")
@@ -15,6 +13,5 @@ print(rp.validate(motion.trajectory.stretched(0.5), scene, problem), "\n")
 # ... or puts a ball in the way after it was planned.
 arm = next(iter(scene.arms))
 halfway = motion.trajectory(0.5 * motion.trajectory.duration)
-tool = replace(scene.arms[arm], q=halfway)
-where = scene.with_posture(arm, tool.q).link_poses()[f"{arm}/tool"][:3, 3]
+where = scene.with_posture(arm, halfway).link_poses()[f"{arm}/tool"][:3, 3]
 print(rp.validate(motion.trajectory, scene.with_obstacle("late_ball", rp.Sphere(0.03), where), problem))

@@ -10,7 +10,7 @@ problem = rp.Problem(scene, start="home", goal=rp.PoseGoal("tool", [-0.30, 0.25,
 motion = rp.plan_motion(problem, rng=0)
 
 file = motion.save("14_motion.json")
-again = plan_files.load_motion(file)
+again = rp.load_motion(file)
 print("read back exactly:", again.trajectory.allclose(motion.trajectory, atol=0.0))
 
 table = plan_files.save_csv("14_trajectory.csv", motion.trajectory)
@@ -19,6 +19,6 @@ print(table.read_text().splitlines()[0])
 text = Path(file).read_text()
 Path("14_altered.json").write_text(text.replace("0.1", "0.2", 1))
 try:
-    plan_files.load_motion("14_altered.json")
+    rp.load_motion("14_altered.json")
 except rp.FormatError as error:
     print("refused:", error)
