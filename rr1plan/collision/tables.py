@@ -97,7 +97,9 @@ def _joint_tables(model: SceneModel) -> tuple[_INTS, Array, Array]:
     joints, values, poses = np.zeros((count, 4), np.int64), np.zeros((count, 17)), np.zeros((count, 12))
     poses[0] = _flat(np.eye(4))
     for j in range(1, count):
-        twist = pin.getJointJacobian(model.model, data, j, pin.ReferenceFrame.LOCAL)[:, j - 1]
+        # Of a model with one joint Pinocchio gives a vector, not a matrix of one column.
+        jacobian = pin.getJointJacobian(model.model, data, j, pin.ReferenceFrame.LOCAL).reshape(6, -1)
+        twist = jacobian[:, j - 1]
         prismatic = float(np.abs(twist[:3]).max()) > 0.5
         gain = float(model.gains[j - 1])
         column = int(model.columns[j - 1]) if gain != 0.0 else -1

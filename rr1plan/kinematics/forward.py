@@ -156,7 +156,8 @@ class Kinematics:
         """Position (3,), rotation (3, 3) and Jacobian (6, nq) of a frame by Pinocchio's index; unchecked."""
         pin.computeJointJacobians(self._model, self._data, self.scene_model.full(q))
         T = pin.updateFramePlacement(self._model, self._data, index)
-        J = pin.getFrameJacobian(self._model, self._data, index, _WORLD_AXES)
+        # Of a model with one joint Pinocchio gives a vector, not a matrix of one column.
+        J = pin.getFrameJacobian(self._model, self._data, index, _WORLD_AXES).reshape(6, -1)
         return T.translation.copy(), T.rotation.copy(), np.asarray(J @ self.scene_model.selection)
 
     def manipulability(self, q: Any, frame: str = "tool") -> float:

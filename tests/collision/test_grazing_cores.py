@@ -54,3 +54,23 @@ def test_a_core_exactly_in_a_surface_has_its_depth(turn: float) -> None:
     assert checker.distances(q)[violet] == pytest.approx(-0.04, abs=1e-6)
     assert checker.contacts(q)[0].depth == pytest.approx(0.04, abs=1e-6)
     assert rp.CollisionChecker(scene).distances(q)[violet] == pytest.approx(-0.04, abs=1e-6)
+
+
+def test_a_robot_with_one_joint_is_planned_for() -> None:
+    scene = rp.Scene(arms={"arm": rp.Arm(_arm_with(rp.Sphere(0.04)))})
+    problem = rp.Problem(scene, [0.9], [-0.9])
+    motion = rp.plan_motion(problem, rng=0)
+    assert motion.solved
+    kinematics = rp.Kinematics(scene)
+    assert kinematics.jacobian(np.array([0.1]), "tool").shape == (6, 1)
+    assert kinematics.mass_matrix(np.array([0.1])) == pytest.approx(np.array([[1.0]]))
+    assert kinematics.inverse_dynamics(np.array([0.1]), np.zeros(1), np.ones(1)) == pytest.approx(np.ones(1))
+    assert kinematics.manipulability(np.array([0.1]), "tool") == pytest.approx(1.0)
+    found = rp.solve_ik(kinematics, rp.PoseGoal("tool", [0.3, 0.0, 0.0]), rng=0)
+    assert found.solutions == pytest.approx(np.array([[0.3]]), abs=1e-4)
+    assert rp.simulate(motion.trajectory, scene).free
+    blocked = scene.with_obstacle("post", rp.Sphere(0.1), [0.0, 0.0, 0.0])
+    assert not rp.plan(rp.Problem(blocked, [0.9], [-0.9]), budget=rp.Budget(0.3)).solved
+    for name in ("ompl_rrt_connect", "rrt_star", "cartesian"):
+        goal = rp.PoseGoal("tool", [-0.5, 0.0, 0.0]) if name == "cartesian" else [-0.5]
+        assert rp.plan(rp.Problem(scene, [0.9], goal), name, rp.Budget(1.0), rng=1).solved, name

@@ -208,7 +208,6 @@ def test_a_path_is_certified_between_its_waypoints(slider: Make) -> None:
     assert certify_path(rp.Path(("arm/slide",), [[0.0], [0.4]]), scene).certified
     assert certify_path(rp.Path(("arm/slide",), [[0.4]]), scene).certified
     assert not certify_path(rp.Path(("arm/slide",), [[0.5], [0.5]]), scene).valid
-    assert only(certify_path(rp.Path(("arm/slide",), [[0.0], [1e300]]), scene), "finite").subject == ("arm/slide",)
     outside = certify_path(rp.Path(("arm/slide",), [[0.0], [-10.5]]), scene)
     assert only(outside, "position").value == pytest.approx(-10.5)
 
