@@ -5,13 +5,15 @@ The order and the margins are those of `rr1plan.plan_motion`; here every stage h
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from shared import Clock
 
 import rr1plan as rp
+from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.pipeline import affordable_margin, with_margin
 
 STAGES = ("set up", "plan", "shorten", "retime", "validate")
 
@@ -82,17 +84,16 @@ def run_line(
     if result.path is None:
         return out
     out.raw = result.path
-    with out.clock.stage("set up"):
-        motions = rp.MotionChecker(roomy.scene, problem.arms)
-    with out.clock.stage("shorten"):
-        out.path = rp.shorten(out.raw, motions, rng=rng)
-    for out.retiming in ("blend", "stop"):
-        with out.clock.stage("retime"):
-            out.trajectory = rp.retime(out.path, roomy.scene, out.retiming, checker=motions)
-        with out.clock.stage("validate"):
-            out.report = rp.validate(out.trajectory, problem.scene, problem)
-        if out.report.valid:
-            break
+    with borrowed_checker(roomy.scene, problem.arms) as motions:
+        with out.clock.stage("shorten"):
+            out.path = rp.shorten(out.raw, motions, rng=rng)
+        for out.retiming in ("blend", "stop"):
+            with out.clock.stage("retime"):
+                out.trajectory = rp.retime(out.path, roomy.scene, out.retiming, checker=motions)
+            with out.clock.stage("validate"):
+                out.report = rp.validate(out.trajectory, problem.scene, problem)
+            if out.report.valid:
+                break
     if replay and out.trajectory is not None:
         with out.clock.stage("replay"):
             out.replay = rp.simulate(out.trajectory, problem.scene)
@@ -103,25 +104,18 @@ def _plan(
     problem: rp.Problem, planner: str, margin: float, budget: rp.Budget, rng: np.random.Generator, clock: Clock
 ) -> tuple[rp.PlanResult, rp.Problem, float]:
     """The planner's answer, the problem it answers and its margin: given up where no goal has it."""
-    checker = rp.CollisionChecker(problem.scene, problem.arms)
-    padding = np.array([problem.scene.padding_of(a, b) for a, b in checker.pairs])
-    room = float((checker.distances(problem.start) - padding).min(initial=np.inf))
-    margin = max(0.0, min(margin, 0.5 * room))
+    with clock.stage("set up"):
+        margin = affordable_margin(problem, margin)
     for m in (margin, 0.0):
-        roomy = with_margin(problem, m)
+        with clock.stage("set up"):
+            roomy = with_margin(problem, m)
+            with borrowed_checker(roomy.scene, problem.arms) as motions:
+                _ = motions.context  # the compiled planners' tables, made when first asked for
         with clock.stage("plan"):
             result = rp.plan(roomy, planner, budget, rng)
         if result.status not in (rp.PlanStatus.INVALID_GOAL, rp.PlanStatus.INFEASIBLE):
             break
     return result, roomy, m
-
-
-def with_margin(problem: rp.Problem, margin: float) -> rp.Problem:
-    """The same question in a scene that keeps `margin` [m] more between every pair."""
-    scene = problem.scene
-    pairs = {pair: distance + margin for pair, distance in scene.pair_padding.items()}
-    roomy = replace(scene, padding=scene.padding + margin, pair_padding=pairs)
-    return rp.Problem(roomy, problem.start, dict(problem.goal), problem.arms)
 
 
 def warm_up() -> None:

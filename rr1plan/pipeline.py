@@ -158,8 +158,8 @@ def plan_motion(
         raise InputError(f"problem is {type(problem).__name__}, expected a Problem")
     known_name("retiming", retiming, retiming_names())
     with _timed(seconds, "plan"):
-        margin = _affordable(problem, margin)
-        roomy = _with_margin(problem, margin)
+        margin = affordable_margin(problem, margin)
+        roomy = with_margin(problem, margin)
         result = plan(roomy, planner, budget, generator, progress)
         if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
             margin, roomy = 0.0, problem
@@ -182,7 +182,7 @@ def plan_motion(
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
 
 
-def _affordable(problem: Problem, margin: float) -> float:
+def affordable_margin(problem: Problem, margin: float) -> float:
     """The margin [m], halved until the start has twice as much beyond its padding, 0 after a few halvings.
 
     Halvings, because a scene keeps one checker for each margin.
@@ -199,7 +199,7 @@ def _affordable(problem: Problem, margin: float) -> float:
     return next((part for part in (margin * 0.5**k for k in range(6)) if 2.0 * part <= clearance), 0.0)
 
 
-def _with_margin(problem: Problem, margin: float) -> Problem:
+def with_margin(problem: Problem, margin: float) -> Problem:
     """The same question in a scene that keeps `margin` [m] more between every pair; one is kept for each margin."""
     scene = problem.scene
     if margin == 0.0:
