@@ -41,7 +41,7 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     if array.ndim != len(shape) or any(
         want is not None and got != want for got, want in zip(array.shape, shape, strict=True)
     ):
-        wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
+        wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + (",)" if len(shape) == 1 else ")")
         raise InputError(f"{name} has shape {array.shape}, expected {wanted}")
     if not np.isfinite(array).all():
         bad = np.argwhere(~np.isfinite(array))[0]

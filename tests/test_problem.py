@@ -144,7 +144,7 @@ def test_several_arms_have_to_be_told_apart(two: Scene) -> None:
         Problem(two, None, "home")
     with pytest.raises(InputError, match="expected a goal mapping"):
         Problem(two, None, "home", arms=["left", "right"])
-    with pytest.raises(InputError, match=r"start has shape \(6,\), expected \(12\)"):
+    with pytest.raises(InputError, match=r"start has shape \(6,\), expected \(12,\)"):
         Problem(two, Q, {"left": "home", "right": "home"})
     with pytest.raises(UnknownNameError, match="unknown moving arm 'right'"):
         Problem(two, {"right": Q}, {"left": "home"})

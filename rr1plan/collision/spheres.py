@@ -27,7 +27,12 @@ from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, 
 EXCESS = 0.012
 MOST = 10
 
-_VERSION = "spheres-2"
+_VERSION = "spheres-3"
+# A hull of more corners than this is covered by way of a simpler one around it.
+_MANY = 400
+_DIRECTIONS = 80
+# How much farther out the planes of the simpler one are than they have to be [m]: beyond all rounding.
+_OUTSIDE = 1e-7
 # Rounding in the corners of a part is far below this part of its radius.
 _SAFETY = 1.0 + 1e-9
 _SIDES = 16
@@ -135,7 +140,7 @@ def _polytope(corners: Array) -> SphereCover:
     key = cache_key(_VERSION, f"{EXCESS} {MOST} {_SIDES} {_LOOSER} {_CUTS}", corners)
     kept = load_cached(key)
     if kept is None or sorted(kept) != ["ball", "centres", "inner", "radii"]:
-        made = _fill(corners)
+        made = _fill(corners) if len(corners) <= _MANY else _fill_around(corners)
         store_cached(key, {"centres": made.centres, "radii": made.radii, "inner": made.inner, "ball": made.ball})
         return made
     return _frozen(kept["centres"], kept["radii"], kept["inner"], kept["ball"])
@@ -157,6 +162,33 @@ def _fill(corners: Array) -> SphereCover:
     chosen, radii = taken
     whole = _ball(corners)
     return _frozen(centres[chosen], radii * _SAFETY, np.maximum(depth[chosen], 0.0) / _SAFETY, whole)
+
+
+def _fill_around(corners: Array) -> SphereCover:
+    """Spheres that contain a simpler hull around many corners; of balls inside nothing is known then."""
+    made = _fill(_simpler(corners))
+    return _frozen(made.centres, made.radii, np.full(len(made.radii), -np.inf), made.ball)
+
+
+def _simpler(corners: Array) -> Array:
+    """Corners of a hull with few faces that contains the given points: what a set of planes leaves."""
+    from scipy.spatial import HalfspaceIntersection, QhullError
+
+    height = 1.0 - 2.0 * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+    turn = np.pi * (1.0 + sqrt(5.0)) * np.arange(_DIRECTIONS)
+    width = np.sqrt(1.0 - height**2)
+    axes = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2]
+    normals = np.concatenate([np.column_stack([width * np.cos(turn), width * np.sin(turn), height]), axes, -axes])
+    offsets = (normals @ corners.T).max(axis=1) + _OUTSIDE
+    try:
+        return np.asarray(
+            HalfspaceIntersection(np.column_stack([normals, -offsets]), corners.mean(axis=0)).intersections
+        )
+    except QhullError:
+        # All but flat: the box along its own axes.
+        return _corners(Box((1.0, 1.0, 1.0))) * (offsets[-6:-3] + offsets[-3:]) @ axes + (
+            0.5 * (offsets[-6:-3] - offsets[-3:]) @ axes
+        )
 
 
 def _choose(needed: Array, allowed: Array) -> tuple[Array, Array] | None:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan._kernels import shortcut as kernel
-from rr1plan.checks import Array, Seed, positive_number
+from rr1plan.checks import Array, Seed, of_kind, positive_number
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
@@ -62,6 +62,8 @@ def shorten(
     Raises:
         InputError: another set of joints, a negative count, or no time at all.
     """
+    of_kind("path", path, Path)
+    of_kind("checker", checker, MotionChecker)
     if path.joint_names != checker.checker.joint_names:
         raise InputError(
             f"the path has joints {', '.join(path.joint_names)}, "

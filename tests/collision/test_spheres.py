@@ -123,3 +123,20 @@ def test_covers_are_kept_on_disk_and_made_anew_when_damaged(tmp_path, monkeypatc
     kept.write_bytes(b"damaged")
     anew = cover(convex_hull(corners))
     assert np.array_equal(first.centres, anew.centres)
+
+
+@pytest.mark.parametrize("flat", [1.0, 0.02, 1e-5])
+def test_a_hull_of_many_corners_is_contained_by_way_of_a_simpler_one(flat: float) -> None:
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(3000, 3))
+    points *= np.array([0.1, 0.05, 0.08 * flat]) / np.linalg.norm(points, axis=1)[:, None]
+    mesh = convex_hull(points)
+    assert len(mesh.vertices) > 400
+    made = cover(mesh)
+    weights = rng.dirichlet(np.full(4, 0.3), size=4000)
+    inside = np.einsum("ij,ijk->ik", weights, mesh.vertices[rng.integers(0, len(mesh.vertices), (4000, 4))])
+    for sample in (mesh.vertices, inside):
+        gap = np.linalg.norm(sample[:, None] - made.centres, axis=2) - made.radii
+        assert gap.min(axis=1).max() <= 0.0
+        assert (np.linalg.norm(sample - made.ball[:3], axis=1) <= made.ball[3]).all()
+    assert (made.inner == -np.inf).all()

@@ -232,7 +232,7 @@ def test_robots_point_files_and_meshes_are_found_beside_the_scene_file(tmp_path:
         (SIMPLE + 'q = "hme"\n', "Did you mean 'home'"),
         (SIMPLE + "q = [nan, 0]\n", "q[0] is nan"),
         (SIMPLE + 'q = ["1", 0]\n', "expected a list of numbers, got '1'"),
-        (SIMPLE + "xyz = [1, 2]\n", "xyz has shape (2,), expected (3)"),
+        (SIMPLE + "xyz = [1, 2]\n", "xyz has shape (2,), expected (3,)"),
         (SIMPLE + "rpy = [0, 0, 1]\nquaternion = [1, 0, 0, 0]\n", "got rpy and quaternion"),
         (SIMPLE + "quaternion = [0, 0, 0, 0]\n", "norm 0"),
         (SIMPLE + "rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\n", "expected the rows of a rotation matrix"),
