@@ -186,9 +186,9 @@ def _simpler(corners: Array) -> Array:
         )
     except QhullError:
         # All but flat: the box along its own axes.
-        return _corners(Box((1.0, 1.0, 1.0))) * (offsets[-6:-3] + offsets[-3:]) @ axes + (
-            0.5 * (offsets[-6:-3] - offsets[-3:]) @ axes
-        )
+        high, low = offsets[-6:-3], -offsets[-3:]
+        box = _corners(Box((1.0, 1.0, 1.0))) * (high - low) + 0.5 * (high + low)
+        return np.asarray(box @ axes)
 
 
 def _choose(needed: Array, allowed: Array) -> tuple[Array, Array] | None:
