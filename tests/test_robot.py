@@ -21,9 +21,9 @@ def test_arrays_are_read_only_and_stay_so_after_pickling(rr1: rp.Robot) -> None:
             with pytest.raises(ValueError, match="read-only"):
                 array[0] = 1.0
         with pytest.raises(TypeError):
-            robot.configurations["new"] = robot.home  # type: ignore[index]
+            robot.configurations["new"] = robot.home
         with pytest.raises(FrozenInstanceError):
-            robot.name = "other"  # type: ignore[misc]
+            robot.name = "other"
 
 
 def test_a_robot_is_shown_in_a_line(planar2r: rp.Robot) -> None:

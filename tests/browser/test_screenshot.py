@@ -49,4 +49,4 @@ def test_a_missing_browser_is_named(tmp_path: FilePath, monkeypatch: pytest.Monk
 def test_a_size_that_makes_no_sense_is_refused(size: object, tmp_path: FilePath) -> None:
     (tmp_path / "page.html").write_text("")
     with pytest.raises(rp.InputError, match="size"):
-        screenshot(tmp_path / "page.html", tmp_path / "page.png", size)  # type: ignore[arg-type]
+        screenshot(tmp_path / "page.html", tmp_path / "page.png", size)

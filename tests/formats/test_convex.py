@@ -65,7 +65,7 @@ def test_a_hull_holds_its_points_is_closed_and_faces_outwards(seed: int, count: 
 
 def test_a_convex_mesh_stays_as_it_is(block: Mesh) -> None:
     for how in ("hull", "pieces"):
-        (shape,) = convex_shapes([block], how)  # type: ignore[arg-type]
+        (shape,) = convex_shapes([block], how)
         assert {tuple(v) for v in shape.vertices.tolist()} == {tuple(v) for v in block.vertices.tolist()}
 
 
@@ -117,7 +117,7 @@ def test_a_flat_mesh_is_refused(how: convex.Convexity) -> None:
 
 def test_an_unknown_way_is_refused(block: Mesh) -> None:
     with pytest.raises(UnknownNameError, match="pieces"):
-        convex_shapes([block], "piece")  # type: ignore[arg-type]
+        convex_shapes([block], "piece")
 
 
 def test_a_failing_decomposition_is_our_error(gate: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:

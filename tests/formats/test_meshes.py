@@ -283,7 +283,7 @@ def test_a_urdf_places_scales_and_hulls_its_meshes(package: Path) -> None:
     for g in (*link.visuals, *link.collisions):
         assert isinstance(g.shape, Mesh)
         assert np.allclose(g.shape.vertices.max(axis=0), [0.1, 0.2, 0.3])
-    assert link.collisions[0].shape.convex  # type: ignore[union-attr]
+    assert link.collisions[0].shape.convex
 
 
 def test_a_flat_collision_mesh_is_refused_with_the_line(package: Path) -> None:

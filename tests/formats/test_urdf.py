@@ -188,7 +188,7 @@ def test_a_missing_file_is_a_format_error(tmp_path: Path) -> None:
 
 def test_an_unknown_convex_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="hulls"):
-        read_urdf(one_shape('<sphere radius="1"/>'), convex="hulls")  # type: ignore[arg-type]
+        read_urdf(one_shape('<sphere radius="1"/>'), convex="hulls")
 
 
 def test_shapes_poses_and_colours_are_read() -> None:

@@ -166,7 +166,7 @@ def test_attached_objects_and_every_shape_reach_the_simulator(rr1: rp.Robot) -> 
 def test_bad_arguments_are_named(rr1_table: rp.Scene) -> None:
     rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration())
     with pytest.raises(UnknownNameError, match="replay mode 'dynamical'"):
-        rp.simulate(rest, rr1_table, "dynamical")  # type: ignore[arg-type]
+        rp.simulate(rest, rr1_table, "dynamical")
     with pytest.raises(InputError, match="timestep is 0"):
         rp.simulate(rest, rr1_table, timestep=0.0)
     with pytest.raises(InputError, match="hold is -1"):
