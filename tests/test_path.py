@@ -67,7 +67,7 @@ def test_allclose_compares_names_shapes_and_numbers() -> None:
 )
 def test_what_is_no_path_is_refused(names: tuple[str, ...], waypoints: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        Path(names, waypoints)  # type: ignore[arg-type]  # the mistake is the test
+        Path(names, waypoints)
 
 
 @pytest.mark.parametrize("step", [0.0, -1.0, np.nan])

@@ -36,9 +36,9 @@ def test_a_scene_is_shown_by_the_names_in_it(two: Scene) -> None:
 
 def test_a_scene_and_what_it_holds_cannot_be_changed(two: Scene) -> None:
     with pytest.raises(FrozenInstanceError):
-        two.padding = 1.0  # type: ignore[misc]  # the mistake is the test
+        two.padding = 1.0
     with pytest.raises(TypeError):
-        two.obstacles["x"] = two.obstacles["cup"]  # type: ignore[index]  # the mistake is the test
+        two.obstacles["x"] = two.obstacles["cup"]
     for array in (two.arms["left"].base, two.arms["left"].q, two.obstacles["cup"].pose):
         with pytest.raises(ValueError, match="read-only"):
             array.flat[0] = 1.0

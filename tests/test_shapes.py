@@ -17,7 +17,7 @@ CORNERS = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Box((1, 1)), "box size has shape"),  # type: ignore[arg-type]  # the mistake is the test
+        (lambda: Box((1, 1)), "box size has shape"),
         (lambda: Box((1, 1, 0)), "box size is 0.0"),
         (lambda: Box((1, np.nan, 1)), r"box size\[1\] is nan"),
         (lambda: Sphere(-1), "sphere radius is -1"),
@@ -25,7 +25,7 @@ CORNERS = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
         (lambda: Cylinder(0, 1), "cylinder radius"),
         (lambda: Cylinder(1, -1), "cylinder length"),
         (lambda: Capsule(1, np.nan), "capsule length"),
-        (lambda: Capsule("a", 1), "capsule radius is not"),  # type: ignore[arg-type]  # the mistake is the test
+        (lambda: Capsule("a", 1), "capsule radius is not"),
         (lambda: HalfSpace((0, 0, 0)), "length zero"),
         (lambda: HalfSpace((0, 0, 1), np.inf), "half-space offset"),
         (lambda: Mesh(CORNERS[:3], [[0, 1, 2]]), "3 vertices"),

@@ -146,7 +146,7 @@ def test_arrays_stay_read_only_through_pickling() -> None:
 )
 def test_what_is_no_trajectory_is_refused(breaks: object, coefficients: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        Trajectory(("a/x",), breaks, coefficients)  # type: ignore[arg-type]  # the mistake is the test
+        Trajectory(("a/x",), breaks, coefficients)
 
 
 def test_wrong_calls_are_refused() -> None:

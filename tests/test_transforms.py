@@ -96,4 +96,4 @@ def test_a_pose_does_not_change_with_what_it_was_made_from() -> None:
 )
 def test_what_is_no_pose_is_refused(call: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        call()  # type: ignore[operator]  # a lambda
+        call()

@@ -116,7 +116,7 @@ def test_every_goal_and_shape_survives(tmp_path: FilePath) -> None:
     assert read.problem is not None
     first, second = read.problem.goal["a"]
     assert isinstance(first, PoseGoal)
-    assert np.array_equal(first.rotation, problem.goal["a"][0].rotation)  # type: ignore[arg-type,union-attr]  # a pose goal
+    assert np.array_equal(first.rotation, problem.goal["a"][0].rotation)
     assert isinstance(second, RegionGoal)
     assert len(read.problem.goal["b"]) == 1
 

@@ -88,7 +88,7 @@ def components_on_the_torus(scene: Scene, n: int = 180) -> np.ndarray:
     tip = elbow + 0.7 * np.stack([np.cos(q1 + q2), np.sin(q1 + q2)], axis=-1)
     free = np.ones((n, n), dtype=bool)
     for obstacle in scene.obstacles.values():
-        reach = obstacle.geometries[0].shape.radius + 0.04  # type: ignore[union-attr]  # all are cylinders
+        reach = obstacle.geometries[0].shape.radius + 0.04
         for a, b in ((np.zeros_like(elbow), elbow), (elbow, tip)):
             along = b - a
             s = np.clip(((obstacle.pose[:2, 3] - a) * along).sum(-1) / (along * along).sum(-1), 0.0, 1.0)
@@ -168,8 +168,8 @@ def test_everything_a_scene_holds_survives_the_round_trip(tmp_path: Path) -> Non
     assert read.scene.arms["left"].robot.held == scene.arms["left"].robot.held
     first, second = read.problems["both"].goal["left"]
     assert isinstance(first, PoseGoal)
-    assert np.array_equal(first.rotation, goals["left"][0].rotation)  # type: ignore[arg-type,index,union-attr]  # a pose
-    assert np.array_equal(second.q, load_robot("rr1").home)  # type: ignore[union-attr]  # a joint goal
+    assert np.array_equal(first.rotation, goals["left"][0].rotation)
+    assert np.array_equal(second.q, load_robot("rr1").home)
     assert isinstance(read.problems["both"].goal["right"][0], RegionGoal)
 
 

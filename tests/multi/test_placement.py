@@ -26,7 +26,7 @@ def test_all_arms_of_a_grid_share_one_robot(rr1: Robot) -> None:
 
 @pytest.mark.parametrize(("facing", "sign"), [("centre", -1.0), ("outward", 1.0)])
 def test_ring_fronts_point_to_or_from_the_centre(rr1: Robot, facing: str, sign: float) -> None:
-    scene = place_ring(rr1, 5, 0.9, facing, front=(-1, 0, 0), centre=(0.3, -0.2, 0.0), start_angle=0.4)  # type: ignore[arg-type]  # parametrized literal
+    scene = place_ring(rr1, 5, 0.9, facing, front=(-1, 0, 0), centre=(0.3, -0.2, 0.0), start_angle=0.4)
     for arm in scene.arms.values():
         outward = (arm.base[:3, 3] - (0.3, -0.2, 0.0)) / 0.9
         assert np.allclose(arm.base[:3, :3] @ (-1.0, 0.0, 0.0), sign * outward)
@@ -87,4 +87,4 @@ def test_rings_that_make_no_sense_are_refused(rr1: Robot) -> None:
     with pytest.raises(InputError, match="not vertical"):
         place_ring(rr1, 2, 1.0, front=(0, 0, 1))
     with pytest.raises(UnknownNameError, match="Did you mean 'centre'"):
-        place_ring(rr1, 2, 1.0, "center")  # type: ignore[arg-type]  # the mistake is the test
+        place_ring(rr1, 2, 1.0, "center")
