@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 from rr1plan.checks import Seed, known_name
 from rr1plan.errors import InputError
+from rr1plan.planners.anytime import AnytimePlanner
 from rr1plan.planners.cartesian import CartesianPlanner
 from rr1plan.planners.ompl import KINDS, OmplPlanner
 from rr1plan.planners.rrt_connect import RrtConnect
@@ -17,6 +18,7 @@ from rr1plan.planning import Budget, Planner, PlannerInfo, PlanResult, ProgressC
 from rr1plan.problem import Problem
 
 __all__ = [
+    "AnytimePlanner",
     "CartesianPlanner",
     "OmplPlanner",
     "RrtConnect",
@@ -28,6 +30,9 @@ __all__ = [
 
 _ROWS = (
     PlannerInfo(RrtConnect.name, "RRT-Connect as one compiled loop (Kuffner, LaValle 2000; Yershova et al. 2005)"),
+    PlannerInfo(
+        AnytimePlanner.name, "RRT-Connect under falling bounds, with shortcuts, again and again, compiled", True
+    ),
     *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
     PlannerInfo("cartesian", "the tool moves on a straight line to a pose, the joints follow"),
 )
@@ -35,6 +40,7 @@ _ROWS = (
 _OWN: Mapping[str, tuple[Callable[..., Planner], tuple[str, ...]]] = MappingProxyType(
     {
         RrtConnect.name: (RrtConnect, ("range", "tree")),
+        AnytimePlanner.name: (AnytimePlanner, ("range",)),
         CartesianPlanner.name: (CartesianPlanner, ("tolerance", "orientation_tolerance")),
     }
 )

@@ -1,0 +1,249 @@
+# mypy: disable-error-code="no-untyped-def,no-untyped-call"
+"""RRT-Connect for a path shorter than a bound, as one compiled loop.
+
+The two trees are those of `rrt_connect.py`; each vertex also knows the length of its way from its root. A sample
+is a configuration that some path shorter than the bound may pass (Gammell, Srinivasa, Barfoot, Informed RRT*, 2014)
+and a length at which it is to be reached. It is joined to the nearest of the vertices that reach it within that
+length; so sampling is done in the space of configurations and costs (Hauser and Zhou, Asymptotically optimal
+planning by feasible kinodynamic planning in a state-cost space, 2016; Wilson et al., AORRTC, 2025).
+
+Why it finds a path shorter than the bound, with a probability that goes to one, where there is one with some
+clearance d around it: put balls along that path, smaller and nearer to each other than d. Let a vertex be in
+the k-th ball, reached within the path's length up to there and a little. Each sample has the same probability
+above zero of falling into the next ball with a length a little above that. The nearest vertex that reaches it in
+time is no farther than the one we know of, which is nearer than d; so the edge is free, and the new vertex is
+reached in time.
+
+Random numbers and decisions are the same on every machine, as in `rrt_connect.py`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import boolean, float64, int64, types
+
+from rr1plan._kernels.edges import CONTEXT, edge_code
+from rr1plan._kernels.generator import STATE, draw, draw_below, draw_between
+from rr1plan._kernels.jit import F64, FLOATS1, I64, OUT1, jit
+
+GOING, SOLVED, FULL = range(3)
+
+# Entries of `counts`. The roots are a tree's first vertices.
+SIZE_START, SIZE_GOAL, SAMPLES, EDGES, JOIN_START, JOIN_GOAL, PASSED, ROOTS_START, ROOTS_GOAL = range(9)
+
+_BLOCK = 64
+# So many samples in a row may be passed over: in spaces of many joints hardly any is near to anything.
+_MOST_PASSED = 64
+# A sample that no shorter path can pass is drawn again, so often.
+_TRIES = 16
+_TREE = float64[:, ::1]
+_TREES = float64[:, :, ::1]
+_PARENTS = int64[:, ::1]
+_MARKS = boolean[:, ::1]
+_COUNTS = int64[::1]
+_LENGTHS = float64[:, ::1]
+
+
+@jit(types.Tuple((I64, F64))(_TREE, FLOATS1, I64, FLOATS1, F64, OUT1), allocates=False)
+def nearest_within(tree, lengths, count, q, most, squares):
+    """The nearest vertex from which q is reached within a length, the first of equals (-1: none), and its distance.
+
+    Args:
+        tree: Vertices, one a column, shape (nq, capacity).
+        lengths: Of the ways to them, shape (capacity,).
+        count: How many vertices there are.
+        q: Configuration, shape (nq,).
+        most: The length (inf: any).
+        squares: Scratch memory, shape (64,).
+    """
+    best, index = np.inf, -1
+    for first in range(0, count, _BLOCK):
+        size = min(_BLOCK, count - first)
+        for i in range(size):
+            squares[i] = 0.0
+        for j in range(len(q)):
+            value = q[j]
+            for i in range(size):
+                difference = tree[j, first + i] - value
+                squares[i] += difference * difference
+        for i in range(size):
+            if squares[i] < best:
+                left = most - lengths[first + i]
+                if left >= 0.0 and squares[i] <= left * left:
+                    best, index = squares[i], first + i
+    return index, np.sqrt(best)
+
+
+@jit(types.void(_TREES, _PARENTS, _LENGTHS, _COUNTS, I64, FLOATS1, I64, F64), allocates=False)
+def _add(trees, parents, lengths, counts, side, q, parent, length):
+    """One more vertex of a tree."""
+    i = counts[side]
+    for j in range(len(q)):
+        trees[side, j, i] = q[j]
+    parents[side, i] = parent
+    lengths[side, i] = length
+    counts[side] = i + 1
+
+
+@jit(boolean(I64, FLOATS1, FLOATS1, _COUNTS, CONTEXT), allocates=False)
+def _is_free(side, near, new, counts, context):
+    """Ask for an edge of a tree in the direction in which the path would take it: same question, same answer."""
+    counts[EDGES] += 1
+    return edge_code(near, new, context) == 0 if side == 0 else edge_code(new, near, context) == 0
+
+
+@jit(boolean(_TREES, I64, F64, STATE, FLOATS1, FLOATS1, OUT1), allocates=False)
+def _draw_between_foci(trees, goal, bound, state, lower, extent, q):
+    """A point of the ellipsoid whose points lie on a way from the start to a goal no longer than the bound.
+
+    Not of the uniform distribution, but of one that leaves no part of it out. False: it is out of the box.
+    """
+    nq = len(q)
+    radius, square, apart = 0.0, 0.0, 0.0
+    for j in range(nq):
+        q[j] = 0.0
+        if extent[j] > 0.0:
+            # The sum of four is nearly normal, the largest of n is how far out the points of a ball are.
+            q[j] = draw(state) + draw(state) + draw(state) + draw(state) - 2.0
+            radius = max(radius, draw(state))
+            square += q[j] * q[j]
+        difference = trees[1, j, goal] - trees[0, j, 0]
+        apart += difference * difference
+    if square == 0.0 or apart == 0.0 or apart >= bound * bound:
+        return False
+    across, apart = 0.5 * np.sqrt(bound * bound - apart), np.sqrt(apart)
+    part, along = radius / np.sqrt(square), 0.0
+    for j in range(nq):
+        q[j] *= part
+        along += q[j] * (trees[1, j, goal] - trees[0, j, 0]) / apart
+    stretch = along * (0.5 * bound - across) / apart
+    inside = True
+    for j in range(nq):
+        begin, end = trees[0, j, 0], trees[1, j, goal]
+        q[j] = lower[j] if extent[j] == 0.0 else 0.5 * (begin + end) + across * q[j] + stretch * (end - begin)
+        inside = inside and lower[j] <= q[j] <= lower[j] + extent[j]
+    return inside
+
+
+@jit(types.Tuple((F64, F64))(_TREES, _LENGTHS, _COUNTS, F64, STATE, FLOATS1, FLOATS1, OUT1, OUT1), allocates=False)
+def _draw_sample(trees, lengths, counts, bound, state, lower, extent, q, squares):
+    """A configuration that a path shorter than the bound may pass, and its distances from the roots of both trees.
+
+    The first is infinite when none was found.
+    """
+    for attempt in range(_TRIES):
+        if attempt % 2 == 0:
+            draw_between(state, lower, extent, q)
+        else:
+            goal = draw_below(state, counts[ROOTS_GOAL])
+            if not _draw_between_foci(trees, goal, bound, state, lower, extent, q):
+                continue
+        _, behind = nearest_within(trees[0], lengths[0], counts[ROOTS_START], q, np.inf, squares)
+        _, ahead = nearest_within(trees[1], lengths[1], counts[ROOTS_GOAL], q, np.inf, squares)
+        if behind + ahead < bound:
+            return behind, ahead
+    return np.inf, np.inf
+
+
+@jit(boolean(_COUNTS, types.Array(boolean, 1, "C"), I64, F64, F64), allocates=False)
+def _passes_over(counts, blocked, index, distance, domain):
+    """Whether a sample is too far from a nearest vertex that has met an obstacle."""
+    if blocked[index] and distance > domain and counts[PASSED] < _MOST_PASSED:
+        counts[PASSED] += 1
+        return True
+    counts[PASSED] = 0
+    return False
+
+
+@jit(boolean(_TREES, _PARENTS, _LENGTHS, _COUNTS, I64, I64, F64, FLOATS1, F64, OUT1, OUT1, CONTEXT), allocates=False)
+def _connect(trees, parents, lengths, counts, side, index, distance, target, step, a, b, context):
+    """Walk from a vertex towards a target in steps of equal length; whether it got there.
+
+    What is reached becomes vertices; the target itself does not, so the last vertex joins the trees.
+    """
+    nq = len(target)
+    if distance == 0.0 and parents[side, index] >= 0:
+        # They meet in one place, which is a waypoint once.
+        counts[JOIN_START + side] = parents[side, index]
+        return True
+    steps = max(1, int(np.ceil(distance / step)))
+    for j in range(nq):
+        a[j] = trees[side, j, index]
+    for k in range(1, steps + 1):
+        for j in range(nq):
+            origin = trees[side, j, index]
+            b[j] = target[j] if k == steps else origin + (target[j] - origin) * (k / steps)
+        if not _is_free(side, a, b, counts, context):
+            return False
+        before = index if k == 1 else counts[side] - 1
+        if k == steps:
+            counts[JOIN_START + side] = before
+            return True
+        length = lengths[side, index] + distance * (k / steps)
+        _add(trees, parents, lengths, counts, side, b, before, length)
+        for j in range(nq):
+            a[j] = b[j]
+    return False
+
+
+@jit(I64(_TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, STATE, FLOATS1, FLOATS1, F64, F64, F64, I64, CONTEXT))
+def grow_bounded(
+    trees, parents, lengths, blocked, counts, state, lower, extent, step, domain, bound, samples, context
+):  # fmt: skip
+    """Grow both trees by so many samples, or until they meet in a path no longer than a bound.
+
+    Args:
+        trees: Vertices of the start's tree and of the goals', shape (2, nq, capacity).
+        parents: Index of each vertex's parent, -1 for a root, shape (2, capacity).
+        lengths: Of the way to each vertex from its root, shape (2, capacity).
+        blocked: Whether a step from a vertex towards a sample was blocked, shape (2, capacity).
+        counts: See the constants of this file, shape (9,).
+        state: Of the generator, shape (1,).
+        lower: Corner of the box to sample, shape (nq,).
+        extent: Its sides, shape (nq,).
+        step: Longest edge of a tree.
+        domain: How near a sample has to be to a vertex that has met an obstacle.
+        bound: Longest path (inf: any).
+        samples: `counts[SAMPLES]` to stop at.
+        context: See `edge_code`.
+
+    Returns:
+        GOING, SOLVED, or FULL when the arrays have to be made larger.
+    """
+    nq, capacity = trees.shape[1], trees.shape[2]
+    q, a, b, squares = np.empty(nq), np.empty(nq), np.empty(nq), np.empty(_BLOCK)
+    longest_walk = 3.0
+    for j in range(nq):
+        longest_walk += extent[j] / step
+    while counts[SAMPLES] < samples:
+        if max(counts[SIZE_START], counts[SIZE_GOAL]) + longest_walk > capacity:
+            return FULL
+        side = 0 if counts[SIZE_START] <= counts[SIZE_GOAL] else 1
+        other = 1 - side
+        counts[SAMPLES] += 1
+        from_start, from_goal = _draw_sample(trees, lengths, counts, bound, state, lower, extent, q, squares)
+        if from_start == np.inf:
+            continue
+        most = np.inf
+        if bound < np.inf:
+            most = (from_start if side == 0 else from_goal) + draw(state) * (bound - from_start - from_goal)
+        index, distance = nearest_within(trees[side], lengths[side], counts[side], q, most, squares)
+        if index < 0 or distance == 0.0 or _passes_over(counts, blocked[side], index, distance, domain):
+            continue
+        part = min(1.0, step / distance)
+        for j in range(nq):
+            a[j] = trees[side, j, index]
+            if part < 1.0:
+                q[j] = a[j] + (q[j] - a[j]) * part
+        if not _is_free(side, a, q, counts, context):
+            blocked[side, index] = True
+            continue
+        length = lengths[side, index] + part * distance
+        _add(trees, parents, lengths, counts, side, q, index, length)
+        index, distance = nearest_within(trees[other], lengths[other], counts[other], q, bound - length, squares)
+        if index < 0:
+            continue
+        if _connect(trees, parents, lengths, counts, other, index, distance, q, step, a, b, context):
+            counts[JOIN_START + side] = counts[side] - 1
+            return SOLVED
+    return GOING

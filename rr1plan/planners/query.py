@@ -1,0 +1,137 @@
+"""What one question to a compiled planner goes through: its ends, its clock, its answer."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.collision import MotionChecker
+from rr1plan.path import Path
+from rr1plan.planners.goals import check_start, goal_configurations
+from rr1plan.planners.space import with_copies
+from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree
+from rr1plan.problem import Problem
+
+_REPORTS = 0.1  # time between two reports of progress [s]
+_LEAST, _MOST = 0.002, 0.01  # time between two looks at the clock [s]
+_CHUNK = 16  # steps before the first look at the clock
+NO_LIMIT = int(np.iinfo(np.int64).max)
+
+
+class Query:
+    """One call of `plan`: its tools, its clock, what was counted so far.
+
+    Args:
+        planner: Name of the planner.
+        problem: The question.
+        motion: Certifies edges; of the problem's scene and arms.
+        budget: When to stop.
+        seed: Of everything random.
+        progress: Called about ten times a second.
+        began: When the call began (`time.perf_counter`).
+
+    Attributes:
+        goals: Goal configurations, nearest to the start first, shape (k, nq).
+        iterations: Iterations so far.
+        edges: Edges checked so far.
+        history: (seconds, path length) whenever the best path improved.
+    """
+
+    def __init__(
+        self,
+        planner: str,
+        problem: Problem,
+        motion: MotionChecker,
+        budget: Budget | None,
+        seed: int,
+        progress: ProgressCallback | None,
+        began: float,
+    ) -> None:
+        self.planner, self.problem, self.motion = planner, problem, motion
+        self.budget, self.seed, self.progress, self.began = budget or Budget(), seed, progress, began
+        self.most = NO_LIMIT if self.budget.iterations is None else int(self.budget.iterations)
+        self.goals = np.empty((0, problem.nq))
+        self.iterations, self.edges = 0, 0
+        self.history: list[tuple[float, float]] = []
+        self._chunk = _CHUNK
+        self._looked = self._reported = began - _REPORTS
+
+    def refusal(self) -> PlanResult | None:
+        """The answer to a problem without a usable start or goal, or whose start is a goal."""
+        blocked = check_start(self.problem, self.motion.checker)
+        if blocked:
+            return self.result(PlanStatus.INVALID_START, reason=blocked)
+        found = goal_configurations(self.problem, self.motion.checker, self.seed)
+        if found.status is not None:
+            return self.result(found.status, reason=found.reason)
+        self.goals = np.ascontiguousarray(with_copies(self.problem, found.configurations))
+        if np.array_equal(self.goals[0], self.problem.start):
+            return self.result(PlanStatus.SOLVED, self.goals[:1])
+        return None
+
+    @property
+    def seconds(self) -> float:
+        """Wall time so far [s]."""
+        return time.perf_counter() - self.began
+
+    @property
+    def seconds_left(self) -> float:
+        """Wall time left of the budget [s]; below zero when it is used up."""
+        return self.budget.seconds - self.seconds
+
+    @property
+    def over(self) -> bool:
+        """The budget is used up."""
+        return self.iterations >= self.most or self.seconds_left <= 0.0
+
+    def cancelled(self) -> bool:
+        """Tell the progress about ten times a second; whether it wants to end the search."""
+        now = time.perf_counter()
+        if self.progress is None or now - self._reported < _REPORTS:
+            return False
+        self._reported = now
+        seconds = now - self.began
+        used = min(1.0, max(seconds / self.budget.seconds, self.iterations / self.most))
+        cost = self.history[-1][1] if self.history else None
+        return self.progress(Progress(self.planner, seconds, used, cost)) is False
+
+    def begin_chunk(self) -> int:
+        """How many steps of a compiled loop to do before looking at the clock again."""
+        self._looked = time.perf_counter()
+        return self._chunk
+
+    def end_chunk(self) -> None:
+        """Fit the next chunk to how long this one took."""
+        took = time.perf_counter() - self._looked
+        if took < _LEAST:
+            self._chunk *= 2
+        elif took > _MOST:
+            self._chunk = max(1, self._chunk // 2)
+
+    def out_of_budget(self, found: str) -> PlanResult:
+        """The answer without a path when the budget is used up, with what was found instead, in words."""
+        reason = f"no path found: budget used up after {self.seconds:.3g} s and {self.iterations} iterations; {found}"
+        return self.result(PlanStatus.TIMEOUT, reason=reason)
+
+    def result(
+        self, status: PlanStatus, waypoints: Array | None = None, *, reason: str = "", tree: SearchTree | None = None
+    ) -> PlanResult:
+        """The answer with the counts so far."""
+        path = None if waypoints is None else Path(self.problem.joint_names, waypoints)
+        seconds = self.seconds
+        if path is not None and not self.history:
+            self.history.append((seconds, path.length))
+        return PlanResult(
+            status,
+            path,
+            reason,
+            planner=self.planner,
+            seed=self.seed,
+            seconds=seconds,
+            iterations=self.iterations,
+            edges_checked=self.edges,
+            cost_history=tuple(self.history) if path is not None else (),
+            tree=tree,
+        )
