@@ -17,7 +17,26 @@ from rr1plan.problem import Problem
 _REPORTS = 0.1  # time between two reports of progress [s]
 _LEAST, _MOST = 0.002, 0.01  # time between two looks at the clock [s]
 _CHUNK = 16  # steps before the first look at the clock
+# As many iterations as there are numbers.
 NO_LIMIT = int(np.iinfo(np.int64).max)
+
+
+class Pace:
+    """How many steps of a compiled loop to do between two looks at the clock; entered for each such part."""
+
+    def __init__(self) -> None:
+        self.steps = _CHUNK
+        self._began = 0.0
+
+    def __enter__(self) -> None:
+        self._began = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        took = time.perf_counter() - self._began
+        if took < _LEAST:
+            self.steps *= 2
+        elif took > _MOST:
+            self.steps = max(1, self.steps // 2)
 
 
 class Query:
@@ -33,7 +52,8 @@ class Query:
         began: When the call began (`time.perf_counter`).
 
     Attributes:
-        goals: Goal configurations, nearest to the start first, shape (k, nq).
+        goals: Goal configurations, with their copies a turn away, nearest to the start first, shape (k, nq).
+        plain_goals: The same without copies, shape (m, nq).
         iterations: Iterations so far.
         edges: Edges checked so far.
         history: (seconds, path length) whenever the best path improved.
@@ -52,11 +72,11 @@ class Query:
         self.planner, self.problem, self.motion = planner, problem, motion
         self.budget, self.seed, self.progress, self.began = budget or Budget(), seed, progress, began
         self.most = NO_LIMIT if self.budget.iterations is None else int(self.budget.iterations)
-        self.goals = np.empty((0, problem.nq))
+        self.goals = self.plain_goals = np.empty((0, problem.nq))
         self.iterations, self.edges = 0, 0
         self.history: list[tuple[float, float]] = []
-        self._chunk = _CHUNK
-        self._looked = self._reported = began - _REPORTS
+        self._reported = began - _REPORTS
+        self._cancelled = False
 
     def refusal(self) -> PlanResult | None:
         """The answer to a problem without a usable start or goal, or whose start is a goal."""
@@ -66,6 +86,7 @@ class Query:
         found = goal_configurations(self.problem, self.motion.checker, self.seed)
         if found.status is not None:
             return self.result(found.status, reason=found.reason)
+        self.plain_goals = found.configurations
         self.goals = np.ascontiguousarray(with_copies(self.problem, found.configurations))
         if np.array_equal(self.goals[0], self.problem.start):
             return self.result(PlanStatus.SOLVED, self.goals[:1])
@@ -87,31 +108,21 @@ class Query:
         return self.iterations >= self.most or self.seconds_left <= 0.0
 
     def cancelled(self) -> bool:
-        """Tell the progress about ten times a second; whether it wants to end the search."""
+        """Tell the progress about ten times a second; whether it wants, or has wanted, to end the search."""
         now = time.perf_counter()
-        if self.progress is None or now - self._reported < _REPORTS:
-            return False
+        if self._cancelled or self.progress is None or now - self._reported < _REPORTS:
+            return self._cancelled
         self._reported = now
         seconds = now - self.began
         used = min(1.0, max(seconds / self.budget.seconds, self.iterations / self.most))
         cost = self.history[-1][1] if self.history else None
-        return self.progress(Progress(self.planner, seconds, used, cost)) is False
+        self._cancelled = self.progress(Progress(self.planner, seconds, used, cost)) is False
+        return self._cancelled
 
-    def begin_chunk(self) -> int:
-        """How many steps of a compiled loop to do before looking at the clock again."""
-        self._looked = time.perf_counter()
-        return self._chunk
-
-    def end_chunk(self) -> None:
-        """Fit the next chunk to how long this one took."""
-        took = time.perf_counter() - self._looked
-        if took < _LEAST:
-            self._chunk *= 2
-        elif took > _MOST:
-            self._chunk = max(1, self._chunk // 2)
-
-    def out_of_budget(self, found: str) -> PlanResult:
-        """The answer without a path when the budget is used up, with what was found instead, in words."""
+    def unsolved(self, found: str) -> PlanResult:
+        """The answer without a path: cancelled, or out of budget, with what was found instead in words."""
+        if self._cancelled:
+            return self.result(PlanStatus.CANCELLED, reason="the progress callback returned False")
         reason = f"no path found: budget used up after {self.seconds:.3g} s and {self.iterations} iterations; {found}"
         return self.result(PlanStatus.TIMEOUT, reason=reason)
 

@@ -16,7 +16,8 @@ from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
 from rr1plan.planners import AnytimePlanner, RrtConnect
-from rr1plan.planners import anytime as module
+from rr1plan.planners.anytime import luby
+from rr1plan.planners.bounded_search import Trees
 from rr1plan.planners.seeds import generator_state
 from rr1plan.planning import Budget, PlanStatus
 
@@ -92,7 +93,7 @@ def test_a_joint_without_play_keeps_its_value_to_the_bit():
 
 
 def test_trees_under_a_bound_meet_within_it(shelf):
-    trees = module._Trees(shelf.start, np.array([shelf.goal[shelf.arms[0]][0].q]))
+    trees = Trees(shelf.start, np.array([shelf.goal[shelf.arms[0]][0].q]))
     limits = shelf.scene.limits(shelf.arms)
     motion = MotionChecker(shelf.scene, shelf.arms)
     bound = 1.15 * AnytimePlanner().plan(shelf, COUNTED, rng=0).path.length
@@ -111,7 +112,7 @@ def test_trees_under_a_bound_meet_within_it(shelf):
 
 
 def test_each_vertex_knows_the_length_of_its_way(shelf):
-    trees = module._Trees(shelf.start, np.array([shelf.goal[shelf.arms[0]][0].q]))
+    trees = Trees(shelf.start, np.array([shelf.goal[shelf.arms[0]][0].q]))
     limits = shelf.scene.limits(shelf.arms)
     context = MotionChecker(shelf.scene, shelf.arms).context
     trees.reset()
@@ -129,7 +130,7 @@ def test_neither_chunks_nor_room_change_the_path(shelf, monkeypatch):
     first = AnytimePlanner().plan(shelf, COUNTED, rng=4)
     monkeypatch.setattr("rr1plan.planners.query._CHUNK", 1)
     monkeypatch.setattr("rr1plan.planners.query._LEAST", 0.0)
-    monkeypatch.setattr(module, "_CAPACITY", 2)
+    monkeypatch.setattr("rr1plan.planners.bounded_search._CAPACITY", 2)
     again = AnytimePlanner().plan(shelf, COUNTED, rng=4)
     assert first.path.waypoints.tobytes() == again.path.waypoints.tobytes()
     assert (first.iterations, first.edges_checked) == (again.iterations, again.edges_checked)
@@ -193,4 +194,4 @@ def test_the_numbers_of_samples_are_lubys_sequence():
     terms = [1]
     while len(terms) < 1000:
         terms += [*terms, 2 * terms[-1]]
-    assert [module.luby(i + 1) for i in range(1000)] == terms[:1000]
+    assert [luby(i + 1) for i in range(1000)] == terms[:1000]
