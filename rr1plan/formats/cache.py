@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
-import sys
 import tempfile
 import zipfile
 import zlib
@@ -21,21 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rr1plan.folders import cache_folder
+
 log = logging.getLogger(__name__)
 
 Arrays = dict[str, NDArray[Any]]
-
-
-def cache_folder() -> Path:
-    """Where results are kept: RR1PLAN_CACHE, else the platform's cache folder."""
-    given = os.environ.get("RR1PLAN_CACHE")
-    if given:
-        return Path(given)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "rr1plan" / "cache"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "rr1plan"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rr1plan"
 
 
 def cache_key(*parts: str | NDArray[Any]) -> str:
