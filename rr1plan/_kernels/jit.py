@@ -1,17 +1,27 @@
-"""The one way to compile: explicit signatures, strict floating point, cached on disk where that is possible.
+"""The one way to compile: explicit signatures, strict floating point, when needed, kept on disk where possible.
 
-The cache looks at the file of a kernel, not at the files of the kernels it calls: whoever edits
-`separation.py` touches `motion.py` too.
+To load compiled code takes milliseconds and to compile it seconds, so neither is done on import: a kernel is
+built when it is first called, or when a kernel that calls it has to be compiled. Code that is loaded holds that of all
+kernels it calls; those are not loaded.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+import logging
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import update_wrapper
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import Any
 
 import numba
+from numba.extending import typeof_impl
 
-F = TypeVar("F", bound=Callable[..., Any])
+from rr1plan._kernels.code_folder import code_folder, stamp_of
 
 # C arrays that a kernel only reads; an array that may be written is accepted too.
 FLOATS1 = numba.types.Array(numba.float64, 1, "C", readonly=True)
@@ -28,8 +38,70 @@ OUT3 = numba.float64[:, :, ::1]
 F64 = numba.float64
 I64 = numba.int64
 
+logger = logging.getLogger(__name__)
 
-def jit(signature: Any, *, inline: bool = False, allocates: bool = True) -> Callable[[F], F]:
+_made: list[Kernel] = []
+_told: list[str] = []
+_interrupts: list[int] = []
+
+
+class Kernel:
+    """A compiled function of plain arrays, built on its first call. Kernels may call each other.
+
+    Args:
+        function: The function.
+        signature: Numba's types of result and arguments.
+        options: Numba's options.
+    """
+
+    def __init__(self, function: Callable[..., Any], signature: Any, options: dict[str, Any]) -> None:
+        update_wrapper(self, function)
+        self._function = function
+        self._signature = signature
+        self._options = options
+        self._file = Path(function.__code__.co_filename)
+        self._stamp = stamp_of(self._file)
+        self._built: Any = None
+        _made.append(self)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it."""
+        return (self._built or self.build())(*arguments)
+
+    def build(self) -> Any:
+        """What numba makes of it: loaded where it is kept, else compiled; made once."""
+        if self._built is None:
+            folder = code_folder(self._file, self._stamp) if self._stamp else None
+            with _undisturbed():
+                try:
+                    self._built = self._compile(folder)
+                except OSError as error:
+                    logger.warning("machine code cannot be kept in %s: %s", folder, error)
+                    self._built = self._compile(None)
+        return self._built
+
+    def _compile(self, folder: Path | None) -> Any:
+        if folder is None or not any(folder.glob(f"*/*.{self._function.__qualname__}-*.nbi")):
+            _tell(folder)
+        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
+        try:
+            made = numba.njit(cache=folder is not None, **self._options)(self._function)
+        finally:
+            numba.config.CACHE_DIR = before
+        made.compile(self._signature)
+        made.disable_compile()
+        return made
+
+
+def _type_of(kernel: Kernel, _: Any) -> Any:
+    """Inside another kernel, one is what numba made of it."""
+    return numba.types.Dispatcher(kernel.build())
+
+
+typeof_impl.register(Kernel)(_type_of)
+
+
+def jit(signature: Any, *, inline: bool = False, allocates: bool = True) -> Callable[[Callable[..., Any]], Kernel]:
     """Compile a function for one signature.
 
     No fastmath: a bound that rounds another way is no bound.
@@ -40,17 +112,53 @@ def jit(signature: Any, *, inline: bool = False, allocates: bool = True) -> Call
         allocates: It makes arrays. Without, no references to arrays are counted, which costs more than the
             arithmetic of short functions that pass many on.
     """
+    options = {"nogil": True, "fastmath": False, "error_model": "numpy", "forceinline": inline, "_nrt": allocates}
+    return lambda function: Kernel(function, signature, options)
 
-    def compiled(function: F) -> F:
-        options = {"nogil": True, "fastmath": False, "error_model": "numpy", "forceinline": inline, "_nrt": allocates}
-        try:
-            made = numba.njit(signature, cache=True, **options)(function)
-        except RuntimeError as error:
-            # No folder to cache in: installed read-only and without a home.
-            if "cannot cache" not in str(error):
-                raise
-            made = numba.njit(signature, **options)(function)
-        result: F = made
-        return result
 
-    return compiled
+def build_all(progress: Callable[[float], object] | None = None) -> None:
+    """Compile all kernels ahead, or find them in the cache.
+
+    Args:
+        progress: Called with the fraction that is done.
+    """
+    package = __name__.rpartition(".")[0]
+    for module in iter_modules(import_module(package).__path__):
+        import_module(f"{package}.{module.name}")
+    for i, kernel in enumerate(_made):
+        kernel.build()
+        if progress is not None:
+            progress((i + 1) / len(_made))
+
+
+def _tell(folder: Path | None) -> None:
+    """Say once that kernels are compiled, before they are."""
+    if _told:
+        return
+    _told.append(str(folder))
+    if folder is None:
+        logger.warning("compiling the kernels: this takes up to a minute, in every process (no folder to keep code in)")
+    else:
+        logger.warning("compiling the kernels: this takes up to a minute, once (kept in %s)", folder.parent)
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Let Ctrl-C wait until a kernel is built: the compiler's callbacks swallow exceptions, or abort on them."""
+    if _interrupts:
+        # Between two kernels that a third one needs.
+        raise KeyboardInterrupt
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+    ):
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda number, _: _interrupts.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        if _interrupts:
+            _interrupts.clear()
+            raise KeyboardInterrupt

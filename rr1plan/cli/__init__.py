@@ -33,7 +33,8 @@ def run(arguments: Sequence[str]) -> int:
     options = build_parser().parse_args(list(arguments))
     console = Console(as_json=options.json, quiet=options.quiet)
     try:
-        code = _run_command(options, console)
+        with console.telling("rr1plan._kernels"):
+            code = _run_command(options, console)
     except KeyboardInterrupt:
         return _fail(console, "interrupted", INTERRUPTED)
     except (NoPlanError, RetimingError) as error:
@@ -49,7 +50,7 @@ def run(arguments: Sequence[str]) -> int:
 
 def _run_command(options: Namespace, console: Console) -> int:
     module, function = options.command.split(".")
-    with _leaving_at_once(), console.progress("loading (the first time, kernels are compiled: some 20 s)"):
+    with _leaving_at_once(), console.progress("loading"):
         command = getattr(import_module(f"rr1plan.cli.{module}"), function)
     code: int = command(options, console)
     return code
@@ -57,9 +58,9 @@ def _run_command(options: Namespace, console: Console) -> int:
 
 @contextmanager
 def _leaving_at_once() -> Iterator[None]:
-    """End the process on Ctrl-C while the compiler loads: its callbacks swallow exceptions, or abort on them.
+    """End the process on Ctrl-C while libraries are loaded: some turn it into other errors, or abort.
 
-    Nothing of the user's is half done then, and the kernels' cache is written file by file.
+    Nothing of the user's is half done then.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

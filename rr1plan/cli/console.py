@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -60,6 +61,19 @@ class Console:
             self._err.print(f"rr1plan: {message}", markup=False)
 
     @contextmanager
+    def telling(self, name: str) -> Iterator[None]:
+        """Say on stderr what a logger warns of."""
+        logger, handler = logging.getLogger(name), _Teller(self._err)
+        if self.quiet:
+            yield
+            return
+        logger.addHandler(handler)
+        try:
+            yield
+        finally:
+            logger.removeHandler(handler)
+
+    @contextmanager
     def progress(self, text: str) -> Iterator[Advance]:
         """A bar for work that may take more than a second; yields a function that takes the fraction done."""
         if self.as_json or self.quiet or not self._err.is_terminal:
@@ -73,6 +87,18 @@ class Console:
 
 def _nothing(_: float) -> None:
     """Progress that nobody sees."""
+
+
+class _Teller(logging.Handler):
+    """Prints log records on a console, above a bar that is running there."""
+
+    def __init__(self, out: RichConsole) -> None:
+        super().__init__(logging.WARNING)
+        self._out = out
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one."""
+        self._out.print(f"rr1plan: {record.getMessage()}", markup=False)
 
 
 class Stopwatch:

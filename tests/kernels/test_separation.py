@@ -1,11 +1,9 @@
 from __future__ import annotations
 
 import coal
-import numba
 import numpy as np
 import pytest
 
-from rr1plan._kernels import jit as jit_module
 from rr1plan._kernels.separation import separation
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.collision.tables import _core, _neighbours
@@ -97,29 +95,3 @@ def test_it_stops_once_the_gap_is_enough_or_certainly_is_not():
     lower, upper = gap_bounds(*shapes, least=0.0, enough=2.0 * exact)
     assert 0.0 < lower <= exact + 1e-9
     assert exact - 1e-9 <= upper < 2.0 * exact
-
-
-def test_a_folder_that_cannot_be_written_only_costs_the_cache(monkeypatch):
-    real = numba.njit
-
-    def without_cache(*args, cache=False, **options):
-        if cache:
-            raise RuntimeError("cannot cache function 'twice': no locator available for file 'x.py'")
-        return real(*args, **options)
-
-    monkeypatch.setattr(jit_module.numba, "njit", without_cache)
-
-    @jit_module.jit(numba.float64(numba.float64))
-    def twice(x):
-        return 2.0 * x
-
-    assert twice(4.0) == 8.0
-
-
-def test_other_failures_to_compile_are_not_hidden(monkeypatch):
-    def broken(*args, **options):
-        raise RuntimeError("out of registers")
-
-    monkeypatch.setattr(jit_module.numba, "njit", broken)
-    with pytest.raises(RuntimeError, match="registers"):
-        jit_module.jit(numba.float64(numba.float64))(abs)
