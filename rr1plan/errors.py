@@ -14,7 +14,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -40,6 +39,9 @@ class UnknownNameError(InputError):
         self.kind = kind
         self.name = name
         self.known = tuple(known)
+        # Loaded in every process otherwise, and few make mistakes.
+        import difflib
+
         near = difflib.get_close_matches(str(name), self.known, n=3, cutoff=0.5)
         hint = f" Did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
         listed = ", ".join(self.known[:30]) + (", ..." if len(self.known) > 30 else "")

@@ -9,7 +9,6 @@ becomes the hull of both: every point of the surface is then in a piece.
 
 from __future__ import annotations
 
-import importlib.metadata
 import logging
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -87,6 +86,8 @@ def convex_pieces(mesh: Mesh) -> list[Mesh]:
         )
     if mesh.convex or is_convex(mesh):
         return [convex_hull(mesh.vertices)]
+    import importlib.metadata
+
     key = cache_key(
         _VERSION,
         importlib.metadata.version("coacd"),

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from rr1plan.checks import Array
 from rr1plan.errors import FormatError, InputError
@@ -154,6 +153,9 @@ def hold(robot: Robot, values: Mapping[str, float]) -> Robot:
 
 
 def _read_yaml(file: str | Path) -> Table:
+    # Most scenes are not YAML, and the parser takes its time to load.
+    import yaml
+
     try:
         return Table(yaml.safe_load(read_text(file, _MAX_BYTES)), file)
     except yaml.YAMLError as error:
