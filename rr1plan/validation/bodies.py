@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from copy import copy
+from functools import cached_property
 from typing import Any, NamedTuple
 
-import coal
 import numpy as np
 
 from rr1plan.checks import Array
@@ -42,6 +43,11 @@ class Bodies:
         a, b: Bodies of each pair of shapes, shape (k,).
         pair: The pair of elements each pair of shapes belongs to, shape (k,).
         padding: Distance to keep, for each pair of elements [m].
+        solids: The bodies.
+        link: Number of the link of each body, shape (b,).
+        local_rotation, local_origin, local_center: Pose of each shape's frame and centre of its bounding ball
+            in its link's frame, shapes (b, 3, 3), (b, 3), (b, 3).
+        moved: Which moving joints carry each body, shape (b, joints) of 0 and 1.
 
     Raises:
         InputError: a half-space on a link that moves, or two half-spaces to keep apart.
@@ -51,7 +57,6 @@ class Bodies:
         self.motion = motion
         self.pairs = scene.checked_pairs
         self.padding = np.array([scene.padding_of(*pair) for pair in self.pairs], dtype=np.float64)
-        self.meter = DistanceMeter()
         self.asked = 0
         self._solids: dict[int, Solid] = {}
         self.solids: list[Solid] = []
@@ -67,6 +72,18 @@ class Bodies:
         table[half_first, :2] = table[half_first, 1::-1]
         self.a, self.b, self.pair = table.T.copy()
         self._classify()
+
+    def along(self, motion: SceneMotion) -> Bodies:
+        """The same bodies along another motion of the same columns, with nothing asked so far."""
+        other = copy(self)
+        other.motion, other.asked = motion, 0
+        other.__dict__.pop("meter", None)
+        return other
+
+    @cached_property
+    def meter(self) -> DistanceMeter:
+        """Who asks Coal."""
+        return DistanceMeter()
 
     def _add(self, scene: Scene, element: str) -> list[int]:
         """Add all shapes of an element; their numbers."""
@@ -98,15 +115,15 @@ class Bodies:
         poses = np.array(self._poses, dtype=np.float64).reshape(-1, 4, 4)
         self.radius = np.array([s.radius for s in self.solids], dtype=np.float64)
         self.half = np.array([s.half for s in self.solids], dtype=np.float64).reshape(-1, 3)
-        self._local_rotation, self._local_origin = poses[:, :3, :3], poses[:, :3, 3]
+        self.local_rotation, self.local_origin = poses[:, :3, :3], poses[:, :3, 3]
         centers = np.array([s.center for s in self.solids], dtype=np.float64).reshape(-1, 3)
         self._box_center = centers
-        self._local_center = np.einsum("bij,bj->bi", self._local_rotation, centers) + self._local_origin
-        self._moved = self.motion.movers[self.link].reshape(len(self.link), len(self.motion.column))
+        self.local_center = np.einsum("bij,bj->bi", self.local_rotation, centers) + self.local_origin
+        self.moved = self.motion.movers[self.link].reshape(len(self.link), len(self.motion.column))
         # The joints that carry each body, padded to the same number with a joint that counts nothing.
-        depth = int(self._moved.sum(axis=1).max(initial=0.0))
-        self._chain = np.argsort(-self._moved, axis=1, kind="stable")[:, :depth]
-        self._in_chain = np.take_along_axis(self._moved, self._chain, 1)
+        depth = int(self.moved.sum(axis=1).max(initial=0.0))
+        self._chain = np.argsort(-self.moved, axis=1, kind="stable")[:, :depth]
+        self._in_chain = np.take_along_axis(self.moved, self._chain, 1)
         self._fixed: dict[int, Any] = {}
 
     def _classify(self) -> None:
@@ -116,17 +133,17 @@ class Bodies:
             names = self.pairs[self.pair[int(np.argmax(self._kind_a == 3))]]
             raise InputError(f"{names[0]!r} and {names[1]!r} are both half-spaces, which cannot be kept apart")
         # A joint that carries both bodies does not move one against the other.
-        self._only_a = self._in_chain[self.a] * (1.0 - np.take_along_axis(self._moved[self.b], self._chain[self.a], 1))
-        self._only_b = self._in_chain[self.b] * (1.0 - np.take_along_axis(self._moved[self.a], self._chain[self.b], 1))
+        self._only_a = self._in_chain[self.a] * (1.0 - np.take_along_axis(self.moved[self.b], self._chain[self.a], 1))
+        self._only_b = self._in_chain[self.b] * (1.0 - np.take_along_axis(self.moved[self.a], self._chain[self.b], 1))
 
     # ---- at n times ---------------------------------------------------------------------
 
     def place(self, frames: Frames) -> Placed:
         """Poses of all bodies."""
         R = frames.rotation[:, self.link]
-        rotation = R @ self._local_rotation
-        origin = np.einsum("nbij,bj->nbi", R, self._local_origin) + frames.origin[:, self.link]
-        center = np.einsum("nbij,bj->nbi", R, self._local_center) + frames.origin[:, self.link]
+        rotation = R @ self.local_rotation
+        origin = np.einsum("nbij,bj->nbi", R, self.local_origin) + frames.origin[:, self.link]
+        center = np.einsum("nbij,bj->nbi", R, self.local_center) + frames.origin[:, self.link]
         return Placed(rotation, origin, center)
 
     def sweeps(self, frames: Frames, placed: Placed, change: Array) -> Array:
@@ -216,6 +233,8 @@ class Bodies:
         return value - padding, proven - padding
 
     def _transforms(self, placed: Placed, node: Index, item: Index) -> list[tuple[int, Any, int, Any]]:
+        import coal
+
         known: dict[tuple[int, int], Any] = {}
         out = []
         for n, i in zip(node.tolist(), item.tolist(), strict=True):
@@ -224,7 +243,7 @@ class Bodies:
                 T = known.get((n, body)) or self._fixed.get(body)
                 if T is None:
                     T = coal.Transform3s(placed.rotation[n, body], placed.origin[n, body])
-                    if self._moved[body].any():
+                    if self.moved[body].any():
                         known[n, body] = T
                     else:
                         self._fixed[body] = T

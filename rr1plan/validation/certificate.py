@@ -59,6 +59,7 @@ class Findings:
         first_contact: First moment seen in contact [s], shape (pairs,); inf for none.
         undecided: Pairs for which an interval could not be decided, shape (pairs,).
         proven: Never is the clearance below this, where nothing is undecided [m], shape (pairs,).
+        ends: Smallest clearance [m], its pair or -1 and the time [s], at the first and the last instant.
         cancelled: The search was cut off; what is left of it is not decided.
         statistics: Counts of the work done.
     """
@@ -68,6 +69,7 @@ class Findings:
     first_contact: Array
     undecided: Array
     proven: Array
+    ends: tuple[tuple[float, int, float], ...] = ()
     cancelled: bool = False
     statistics: dict[str, float] = field(default_factory=dict)
 
@@ -81,6 +83,8 @@ class Certificate:
         tolerance: The smallest clearance reported is within this of the true one [m].
         most_distances: Exact distances to compute before giving up on what is still open.
         progress: Called with the fraction decided, after each round; False from it cancels the search.
+        items: The pairs of shapes to decide (default: all).
+        found: What is known of the other pairs, to be added to.
     """
 
     def __init__(
@@ -90,50 +94,50 @@ class Certificate:
         tolerance: float,
         most_distances: int,
         progress: Callable[[float], bool | None] | None = None,
+        items: Index | None = None,
+        found: Findings | None = None,
     ) -> None:
         self._motion, self._bodies = motion, bodies
         self._tolerance, self._most = tolerance, most_distances
         self._progress = progress
         n = len(bodies.pairs)
-        self.found = Findings(
+        self.found = found or Findings(
             np.full(n, np.inf), np.zeros(n), np.full(n, np.inf), np.zeros(n, dtype=bool), np.full(n, np.inf)
         )
-        self.ends: tuple[tuple[float, int, float], ...] = ()
-        self._nodes = self._items = 0
+        self._items = np.arange(len(bodies.a)) if items is None else items
+        self._nodes = self._checks = 0
         self._decided = 0.0
 
     def run(self) -> Findings:
         """Decide every pair on every interval."""
         bodies, motion = self._bodies, self._motion
-        count = len(bodies.a)
-        if count:
+        if len(self._items):
             times = np.array([motion.breaks[0], motion.breaks[-1]])
-            self.ends = tuple(zip(*(v.tolist() for v in (*self.nearest(times), times)), strict=True))
-            waiting = deque([self._root(count)])
+            ends = zip(*(v.tolist() for v in (*self.nearest(times), times)), strict=True)
+            self.found.ends = tuple(min(pair) for pair in zip(ends, self.found.ends or self._no_ends(), strict=True))
+            waiting = deque([self._root()])
             while waiting and not self.found.cancelled:
                 if bodies.asked > self._most:
                     self._give_up(waiting)
                     break
                 waiting.extend(_chunks(self._round(waiting.popleft())))
             self._polish()
-        self.found.statistics = {
-            "pairs": float(len(bodies.pairs)),
-            "intervals": float(self._nodes),
-            "pair_checks": float(self._items),
-            "distances": float(bodies.asked),
-            "culled_share": 1.0 - bodies.asked / max(self._items, bodies.asked, 1),
-        }
+        for name, count in (("intervals", self._nodes), ("pair_checks", self._checks), ("distances", bodies.asked)):
+            self.found.statistics[name] = self.found.statistics.get(name, 0.0) + float(count)
         return self.found
 
-    def _root(self, count: int) -> Intervals:
+    def _no_ends(self) -> tuple[tuple[float, int, float], ...]:
+        return tuple((np.inf, -1, float(time)) for time in self._motion.breaks[[0, -1]])
+
+    def _root(self) -> Intervals:
         one = np.zeros(1, dtype=np.intp)
         return Intervals(
             one,
             np.array([self._motion.pieces]),
             np.zeros(1),
             self._motion.widths[:1],
-            np.zeros(count, dtype=np.intp),
-            np.arange(count),
+            np.zeros(len(self._items), dtype=np.intp),
+            self._items,
         )
 
     # ---- one round ------------------------------------------------------------------------
@@ -142,7 +146,7 @@ class Certificate:
         """Decide what can be decided; the halves of what cannot."""
         motion, bodies = self._motion, self._bodies
         self._nodes += len(work.first)
-        self._items += len(work.item)
+        self._checks += len(work.item)
         begin, finish = self._span(work)
         piece, local = self._middle(work, begin, finish)
         times = motion.breaks[piece] + local
@@ -223,7 +227,7 @@ class Certificate:
         np.minimum.at(found.proven, pair, least[settled])
         self._decided += float((finish - begin)[work.node[settled]].sum())
         if self._progress is not None:
-            total = float(self._motion.breaks[-1] - self._motion.breaks[0]) * len(self._bodies.a)
+            total = float(self._motion.breaks[-1] - self._motion.breaks[0]) * len(self._items)
             fraction = min(1.0, self._decided / total) if total > 0.0 else 1.0
             found.cancelled = self._progress(fraction) is False
 
@@ -256,7 +260,7 @@ class Certificate:
         bodies, motion = self._bodies, self._motion
         piece, local = motion.locate(times)
         placed = bodies.place(motion.frames(motion.positions(piece, local)))
-        items = np.arange(len(bodies.a))
+        items = self._items
         best, which = np.full(len(times), np.inf), np.full(len(times), -1, dtype=np.intp)
         for n in range(len(times)):
             node = np.full(len(items), n, dtype=np.intp)
@@ -267,9 +271,9 @@ class Certificate:
                 if not len(near):
                     break
                 value, _ = bodies.clearances(placed, node[near], items[near])
-                self._see(bodies.pair[near], value, np.full(len(near), times[n]))
+                self._see(bodies.pair[items[near]], value, np.full(len(near), times[n]))
                 if value.min() < best[n]:
-                    best[n], which[n] = value.min(), bodies.pair[near[np.argmin(value)]]
+                    best[n], which[n] = value.min(), bodies.pair[items[near[np.argmin(value)]]]
         return best, which
 
     def _polish(self) -> None:

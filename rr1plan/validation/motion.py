@@ -6,7 +6,9 @@ and is tested against `Robot.link_poses`.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -100,13 +102,9 @@ class SceneMotion:
     def __init__(self, scene: Scene, joint_names: tuple[str, ...], breaks: Array, coefficients: Array) -> None:
         self.scene = scene
         self.breaks, self.coefficients = breaks, coefficients
-        self.pieces = len(coefficients)
-        self.widths = np.diff(breaks) if len(breaks) > 1 else np.zeros(1)
-        control = bernstein(coefficients, np.zeros(self.pieces), self.widths)
-        self._table = RangeTable(control.min(axis=1), control.max(axis=1))
         self.links: dict[str, int] = {"": 0}
-        self._bases: list[tuple[int, Array]] = []
-        self._steps: list[MovingLink] = []
+        self.bases: list[tuple[int, Array]] = []
+        self.steps: list[MovingLink] = []
         self._moving: list[MovingLink] = []
         columns = {name: i for i, name in enumerate(joint_names)}
         for arm in scene.arms:
@@ -117,26 +115,48 @@ class SceneMotion:
         self.gain = np.array([abs(step.drive.scale) for step in moving], dtype=np.float64)
         self.slides = np.array([step.joint.kind == "prismatic" for step in moving], dtype=bool)
 
+    def along(self, breaks: Array, coefficients: Array) -> SceneMotion:
+        """The same links and columns along another piecewise polynomial."""
+        other = copy(self)
+        other.breaks, other.coefficients = breaks, coefficients
+        other.__dict__.pop("_table", None)
+        return other
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces."""
+        return len(self.coefficients)
+
+    @property
+    def widths(self) -> Array:
+        """How long each piece takes [s], shape (m,)."""
+        return np.diff(self.breaks) if len(self.breaks) > 1 else np.zeros(1)
+
+    @cached_property
+    def _table(self) -> RangeTable:
+        control = bernstein(self.coefficients, np.zeros(self.pieces), self.widths)
+        return RangeTable(control.min(axis=1), control.max(axis=1))
+
     def _add_arm(self, arm: str, columns: dict[str, int]) -> None:
         robot = self.scene.arms[arm].robot
         own = {n: columns[f"{arm}/{n}"] for n in robot.joint_names if f"{arm}/{n}" in columns}
         rest = dict(zip(robot.joint_names, (float(v) for v in self.scene.arms[arm].q), strict=True))
         driven = drives(robot, own, {n: v for n, v in rest.items() if n not in own})
         self.links[f"{arm}/{robot.base}"] = base = len(self.links)
-        self._bases.append((base, self.scene.arms[arm].base))
+        self.bases.append((base, self.scene.arms[arm].base))
         for joint in robot.joints:
             drive = driven.get(joint.name, Drive(-1, 0.0, 0.0))
             index = self.links.setdefault(f"{arm}/{joint.child}", len(self.links))
             number = len(self._moving) if drive.column >= 0 and drive.scale != 0.0 else -1
             step = MovingLink(index, self.links[f"{arm}/{joint.parent}"], joint, drive, number)
-            self._steps.append(step)
+            self.steps.append(step)
             if number >= 0:
                 self._moving.append(step)
 
     def _movers(self) -> Array:
         """Which moving joints carry each link, shape (links, joints) of 0 and 1."""
         carried = np.zeros((len(self.links), len(self._moving)))
-        for step in self._steps:
+        for step in self.steps:
             carried[step.index] = carried[step.parent]
             if step.number >= 0:
                 carried[step.index, step.number] = 1.0
@@ -177,9 +197,9 @@ class SceneMotion:
         origin = np.zeros((n, len(self.links), 3))
         axis, pivot = np.empty((n, len(self._moving), 3)), np.empty((n, len(self._moving), 3))
         rotation[:, 0] = np.eye(3)
-        for base, T in self._bases:
+        for base, T in self.bases:
             rotation[:, base], origin[:, base] = T[:3, :3], T[:3, 3]
-        for step in self._steps:
+        for step in self.steps:
             joint, drive = step.joint, step.drive
             R, p = rotation[:, step.parent] @ joint.origin[:3, :3], rotation[:, step.parent] @ joint.origin[:3, 3]
             p = p + origin[:, step.parent]

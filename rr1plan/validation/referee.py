@@ -22,10 +22,12 @@ from rr1plan.report import Margin, Report, Violation
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation.bodies import Bodies
-from rr1plan.validation.certificate import TOUCH, Certificate, Findings
+from rr1plan.validation.certificate import TOUCH, Findings
 from rr1plan.validation.goals import check_goal, check_start
 from rr1plan.validation.limits import Ledger, check_continuity, check_positions, check_rates, check_rest
 from rr1plan.validation.motion import SceneMotion
+from rr1plan.validation.proof import prove
+from rr1plan.validation.tables import Setting, setting_of
 from rr1plan.validation.torque import check_torques
 
 _MOST_DISTANCES = 400_000
@@ -73,8 +75,9 @@ def validate(
     ledger = Ledger()
     if not _check_values(ledger, trajectory):
         return _no_motion(ledger)
-    motion = _motion(trajectory, scene)
-    _check_collisions(ledger, motion, clearance_tolerance, progress)
+    setting = setting_of(scene, trajectory.joint_names)
+    motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
+    _check_collisions(ledger, motion, setting, clearance_tolerance, progress)
     names, units = trajectory.joint_names, _units(trajectory.joint_names, scene)
     breaks, coefficients = motion.breaks, motion.coefficients
     limits = _limits(trajectory, scene)
@@ -120,8 +123,9 @@ def certify_path(
     ledger = Ledger()
     if not _check_values(ledger, trajectory):
         return _no_motion(ledger)
-    motion = _motion(trajectory, scene)
-    _check_collisions(ledger, motion, clearance_tolerance, progress)
+    setting = setting_of(scene, trajectory.joint_names)
+    motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
+    _check_collisions(ledger, motion, setting, clearance_tolerance, progress)
     names, units = trajectory.joint_names, _units(trajectory.joint_names, scene)
     check_positions(ledger, names, units, _limits(trajectory, scene), motion.breaks, motion.coefficients)
     for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
@@ -204,10 +208,6 @@ def _check_reach(ledger: Ledger, trajectory: Trajectory) -> bool:
     return bool((reach <= _FARTHEST).all())
 
 
-def _motion(trajectory: Trajectory, scene: Scene) -> SceneMotion:
-    return SceneMotion(scene, trajectory.joint_names, trajectory.breaks, trajectory.coefficients)
-
-
 def _limits(trajectory: Trajectory, scene: Scene) -> Limits:
     """Limits of the columns, in their order."""
     if not trajectory.arms:
@@ -223,11 +223,12 @@ def _units(names: tuple[str, ...], scene: Scene) -> tuple[str, ...]:
     return tuple("m" if kind == "prismatic" else "rad" for kind in kinds)
 
 
-def _check_collisions(ledger: Ledger, motion: SceneMotion, tolerance: float, progress: ProgressCallback | None) -> None:
+def _check_collisions(
+    ledger: Ledger, motion: SceneMotion, setting: Setting, tolerance: float, progress: ProgressCallback | None
+) -> None:
     began = clock.perf_counter()
-    bodies = Bodies(motion.scene, motion)
-    certificate = Certificate(motion, bodies, tolerance, _MOST_DISTANCES, _teller(progress))
-    found = certificate.run()
+    bodies = setting.bodies
+    found = prove(motion, setting, tolerance, _MOST_DISTANCES, _teller(progress))
     if found.cancelled:
         ledger.not_checked["collision"] = "cancelled before all of the motion was decided"
     else:
@@ -235,7 +236,7 @@ def _check_collisions(ledger: Ledger, motion: SceneMotion, tolerance: float, pro
     for k, pair in enumerate(bodies.pairs):
         if np.isfinite(found.first_contact[k]) or found.undecided[k]:
             ledger.violations.append(_contact(pair, float(bodies.padding[k]), found, k))
-    _clearance_margins(ledger, certificate, bodies, found)
+    _clearance_margins(ledger, bodies, found)
     ledger.statistics |= found.statistics | {"collision_seconds": clock.perf_counter() - began}
     if not bodies.pairs:
         ledger.not_checked["clearance"] = "the scene has no pair of elements that must not touch"
@@ -257,13 +258,12 @@ def _contact(pair: tuple[str, str], padding: float, found: Findings, k: int) -> 
     return Violation("undecided", pair, time, value if np.isfinite(value) else 0.0, TOUCH, message)
 
 
-def _clearance_margins(ledger: Ledger, certificate: Certificate, bodies: Bodies, found: Findings) -> None:
+def _clearance_margins(ledger: Ledger, bodies: Bodies, found: Findings) -> None:
     if not np.isfinite(found.clearance).any():
         return
     k = int(np.argmin(found.clearance))
     ledger.margins["clearance"] = Margin(float(found.clearance[k]), "m", bodies.pairs[k], float(found.time[k]))
-    ends = certificate.ends
-    for name, (value, pair, time) in zip(("clearance_start", "clearance_end"), ends, strict=True):
+    for name, (value, pair, time) in zip(("clearance_start", "clearance_end"), found.ends, strict=True):
         if np.isfinite(value):
             ledger.margins[name] = Margin(value, "m", bodies.pairs[pair], time)
     sure = found.proven[~(np.isfinite(found.first_contact) | found.undecided)]

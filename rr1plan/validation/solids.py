@@ -14,9 +14,9 @@ A point cloud is the union of the cells of its grid (an octree's leaves).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
-import coal
 import numpy as np
 
 from rr1plan.checks import Array
@@ -32,11 +32,10 @@ SLACK = 5e-5
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A shape, its Coal geometry and its bounds in its own frame.
+    """A shape and its bounds in its own frame.
 
     Args:
         shape: The shape.
-        geometry: Its Coal geometry, or None for a half-space and a point cloud.
         center: Middle of its bounding box [m], shape (3,).
         half: Half the edges of that box [m], shape (3,); infinite for a half-space.
         radius: All its points are within this of the centre [m].
@@ -47,7 +46,6 @@ class Solid:
     """
 
     shape: Shape
-    geometry: Any
     center: Array
     half: Array
     radius: float
@@ -56,47 +54,75 @@ class Solid:
     oriented: bool = False
     cells: CellBlocks | None = None
 
+    @cached_property
+    def geometry(self) -> Any:
+        """Its Coal geometry; a half-space and a point cloud have none.
+
+        Raises:
+            BackendError: Coal cannot build it.
+        """
+        return _coal_geometry(self)
+
 
 def solid(shape: Shape) -> Solid:
-    """The solid of a shape.
-
-    Raises:
-        BackendError: Coal cannot build it.
-    """
+    """The solid of a shape."""
     if isinstance(shape, Mesh):
         return _mesh_solid(shape)
     if isinstance(shape, PointCloud):
         return _cloud_solid(shape)
     zero, none = np.zeros(3), np.zeros((0, 3))
     if isinstance(shape, HalfSpace):
-        return Solid(shape, None, zero, np.full(3, np.inf), np.inf, none, convex=False)
+        return Solid(shape, zero, np.full(3, np.inf), np.inf, none, convex=False)
     if isinstance(shape, Box):
         half = 0.5 * np.array(shape.size)
-        return Solid(shape, coal.Box(*shape.size), zero, half, float(np.linalg.norm(half)), none)
+        return Solid(shape, zero, half, float(np.linalg.norm(half)), none)
     if isinstance(shape, Sphere):
-        return Solid(shape, coal.Sphere(shape.radius), zero, np.full(3, shape.radius), shape.radius, none)
+        return Solid(shape, zero, np.full(3, shape.radius), shape.radius, none)
     r, h = shape.radius, 0.5 * shape.length
     if isinstance(shape, Capsule):
-        return Solid(shape, coal.Capsule(r, shape.length), zero, np.array([r, r, h + r]), h + r, none)
-    return Solid(shape, coal.Cylinder(r, shape.length), zero, np.array([r, r, h]), float(np.hypot(r, h)), none)
+        return Solid(shape, zero, np.array([r, r, h + r]), h + r, none)
+    return Solid(shape, zero, np.array([r, r, h]), float(np.hypot(r, h)), none)
 
 
-def _bounded(shape: Shape, geometry: Any, points: Array, thickness: float, convex: bool) -> Solid:
+def _bounded(shape: Shape, points: Array, thickness: float, convex: bool) -> Solid:
     """A solid of points, each a cube of half edge `thickness`."""
     lower, upper = points.min(axis=0) - thickness, points.max(axis=0) + thickness
     center = 0.5 * (lower + upper)
     radius = float(np.linalg.norm(points - center, axis=1).max()) + np.sqrt(3.0) * thickness
-    return Solid(shape, geometry, center, 0.5 * (upper - lower), radius, points, convex)
+    return Solid(shape, center, 0.5 * (upper - lower), radius, points, convex)
 
 
 def _mesh_solid(mesh: Mesh) -> Solid:
+    if mesh.convex and not _is_flat(mesh.vertices):
+        # A hull of the corners again: it holds the mesh even where the flag is wrong.
+        return _bounded(mesh, mesh.vertices, 0.0, convex=True)
     corners = mesh.vertices if mesh.convex else mesh.vertices[np.unique(mesh.faces)]
+    return replace(_bounded(mesh, corners, 0.0, convex=False), oriented=_is_oriented(mesh))
+
+
+def _coal_geometry(body: Solid) -> Any:
+    import coal
+
+    shape = body.shape
+    if isinstance(shape, Box):
+        return coal.Box(*shape.size)
+    if isinstance(shape, Sphere):
+        return coal.Sphere(shape.radius)
+    if isinstance(shape, Capsule):
+        return coal.Capsule(shape.radius, shape.length)
+    if isinstance(shape, Cylinder):
+        return coal.Cylinder(shape.radius, shape.length)
+    return _coal_mesh(shape, body.convex) if isinstance(shape, Mesh) else None
+
+
+def _coal_mesh(mesh: Mesh, convex: bool) -> Any:
+    import coal
+
     points = coal.StdVec_Vec3s()
     points.extend(list(np.array(mesh.vertices)))
     try:
-        if mesh.convex and not _is_flat(mesh.vertices):
-            # A hull of the corners again: it holds the mesh even where the flag is wrong.
-            return _bounded(mesh, coal.Convex.convexHull(points, True, "Qt"), corners, 0.0, convex=True)
+        if convex:
+            return coal.Convex.convexHull(points, True, "Qt")
         triangles = coal.StdVec_Triangle()
         triangles.extend([coal.Triangle(int(a), int(b), int(c)) for a, b, c in mesh.faces])
         surface = coal.BVHModelOBBRSS()
@@ -105,7 +131,7 @@ def _mesh_solid(mesh: Mesh) -> Solid:
         surface.endModel()
     except Exception as error:
         raise BackendError(f"Coal cannot build a mesh of {len(mesh.faces)} faces: {error}") from error
-    return replace(_bounded(mesh, surface, corners, 0.0, convex=False), oriented=_is_oriented(mesh))
+    return surface
 
 
 def _is_flat(points: Array) -> bool:
@@ -116,7 +142,7 @@ def _is_flat(points: Array) -> bool:
 
 def _cloud_solid(cloud: PointCloud) -> Solid:
     cells = CellBlocks(cloud)
-    return replace(_bounded(cloud, None, cells.centers, cells.half, convex=False), cells=cells)
+    return replace(_bounded(cloud, cells.centers, cells.half, convex=False), cells=cells)
 
 
 def support(body: Solid, directions: Array) -> Array:
@@ -145,6 +171,9 @@ class DistanceMeter:
     """Signed distances of two solids; negative is a depth of penetration."""
 
     def __init__(self) -> None:
+        import coal
+
+        self._ask = coal.distance
         self.calls = 0
         self._request = coal.DistanceRequest()
         self._request.gjk_tolerance = self._request.epa_tolerance = _GJK_TOLERANCE
@@ -157,11 +186,11 @@ class DistanceMeter:
         self.calls += 1
         result = self._result
         result.clear()
-        distance = coal.distance(a.geometry, Ta, b.geometry, Tb, self._request, result)
+        distance = self._ask(a.geometry, Ta, b.geometry, Tb, self._request, result)
         if not -1e6 < distance < 1e12:
             # With a tight tolerance the depth of two cylinders now and then ends in -1.8e308.
             result.clear()
-            distance = coal.distance(a.geometry, Ta, b.geometry, Tb, self._rough, result)
+            distance = self._ask(a.geometry, Ta, b.geometry, Tb, self._rough, result)
             if not -1e6 < distance < 1e12:
                 distance = -min(a.radius, b.radius)
         return float(distance), result.normal
@@ -179,6 +208,8 @@ class DistanceMeter:
 
     def _to_cells(self, a: Solid, Ta: Any, cloud: Solid, Tc: Any) -> float:
         """Distance to the nearest cell [m]."""
+        import coal
+
         assert cloud.cells is not None
         side = 2.0 * cloud.cells.half
         cell = solid(Box((side, side, side)))

@@ -1,0 +1,234 @@
+"""A scene as plain arrays for the compiled search, built once for each set of moving columns and kept with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere
+from rr1plan.validation.apart import (
+    BOUND,
+    BOX,
+    CENTER,
+    CYLINDER,
+    HALF,
+    HULL,
+    LOCAL,
+    PLANE,
+    RADIUS,
+    ROUND,
+)
+from rr1plan.validation.bodies import Bodies
+from rr1plan.validation.motion import MovingLink, SceneMotion
+from rr1plan.validation.polynomials import Mask
+from rr1plan.validation.solids import Solid
+from rr1plan.validation.sweeping import AXIS, FIXED, GAIN, OFFSET, SHIFT, SLIDES, TURNS
+
+Table = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """A scene with the columns that move in it; the columns of the tables are named where they are read.
+
+    Args:
+        motion: Its links at rest.
+        bodies: Its bodies and pairs.
+        searched: Which pairs of shapes the compiled search takes, shape (k,): both convex, or one a half-space.
+        steps: Links that move, after their parents, shape (s, 4).
+        frames: Their joints, shape (s, 17).
+        joints: The moving joints, shape (j, 3).
+        links: Poses of all links, those that move anywhere, shape (links, 12).
+        kinds: Kinds of the bodies, shape (b, 6).
+        sizes: Sizes and places of the bodies on their links, shape (b, 23); of a half-space its world plane.
+        corners: Corners of all hulls, shape (3, n).
+        chains: Joints that carry each body, one body after the other.
+        movers: Bodies that move.
+        pairs: The pairs of shapes to search, shape (k, 6).
+        padding: Distance to keep for each [m], shape (k,).
+    """
+
+    motion: SceneMotion
+    bodies: Bodies
+    searched: Mask
+    steps: Table
+    frames: Array
+    joints: Table
+    links: Array
+    kinds: Table
+    sizes: Array
+    corners: Array
+    chains: Table
+    movers: Table
+    pairs: Table
+    padding: Array
+
+
+def setting_of(scene: Scene, joint_names: tuple[str, ...]) -> Setting:
+    """The setting of a scene in which these columns move.
+
+    Args:
+        scene: The scene.
+        joint_names: The columns, all joints of their arms.
+
+    Raises:
+        InputError: shapes that cannot be compared.
+    """
+    key = ("referee", joint_names)
+    kept = scene.kept.get(key)
+    if kept is None:
+        kept = scene.kept[key] = _build(scene, joint_names)
+    found: Setting = kept
+    return found
+
+
+def _build(scene: Scene, joint_names: tuple[str, ...]) -> Setting:
+    motion = SceneMotion(scene, joint_names, np.zeros(1), np.zeros((1, 1, len(joint_names))))
+    bodies = Bodies(scene, motion)
+    steps, frames = _steps(motion)
+    kinds, corners = _kinds(bodies)
+    links = _links(motion)
+    chains = np.array([j for row in bodies.moved for j in np.flatnonzero(row)], dtype=np.int64)
+    searched = _searched(bodies)
+    item = np.flatnonzero(searched)
+    return Setting(
+        motion,
+        bodies,
+        searched,
+        steps,
+        frames,
+        _joints(motion),
+        links,
+        kinds,
+        _sizes(bodies, links),
+        corners,
+        chains,
+        np.flatnonzero(bodies.moved.any(axis=1)).astype(np.int64),
+        _pairs(bodies, item),
+        bodies.padding[bodies.pair[item]],
+    )
+
+
+# ---- links ---------------------------------------------------------------------------------
+
+
+def _steps(motion: SceneMotion) -> tuple[Table, Array]:
+    """The links that some moving joint carries; joints at rest become part of the frame before them."""
+    moving = [step for step in motion.steps if motion.movers[step.index].any()]
+    steps, frames = np.zeros((len(moving), 4), dtype=np.int64), np.zeros((len(moving), 17))
+    for i, step in enumerate(moving):
+        slides = step.joint.kind == "prismatic"
+        kind = FIXED if step.number < 0 else SLIDES if slides else TURNS
+        steps[i] = step.index, step.parent, kind, step.number
+        origin = _origin(step)
+        frames[i, :9], frames[i, SHIFT:AXIS] = origin[:3, :3].ravel(), origin[:3, 3]
+        frames[i, AXIS:GAIN] = step.joint.axis
+        frames[i, GAIN], frames[i, OFFSET] = step.drive.scale, step.drive.offset
+    return steps, frames
+
+
+def _origin(step: MovingLink) -> Array:
+    """T_parent_child of a joint at rest, T_parent_joint of one that moves."""
+    joint, value = step.joint, step.drive.offset
+    if step.number >= 0 or joint.kind == "fixed" or value == 0.0:
+        return joint.origin
+    moved = np.eye(4)
+    if joint.kind == "prismatic":
+        moved[:3, 3] = value * joint.axis
+    else:
+        x, y, z = joint.axis
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        moved[:3, :3] += np.sin(value) * cross + (1.0 - np.cos(value)) * cross @ cross
+    return np.asarray(joint.origin @ moved)
+
+
+def _joints(motion: SceneMotion) -> Table:
+    moving = [step for step in motion.steps if step.number >= 0]
+    joints = np.zeros((len(moving), 3), dtype=np.int64)
+    for step in moving:
+        before = np.flatnonzero(motion.movers[step.parent])
+        kind = SLIDES if step.joint.kind == "prismatic" else TURNS
+        joints[step.number] = step.drive.column, before[-1] if len(before) else -1, kind
+    return joints
+
+
+def _links(motion: SceneMotion) -> Array:
+    frames = motion.frames(np.zeros((1, motion.coefficients.shape[2])))
+    return np.concatenate([frames.rotation[0].reshape(-1, 9), frames.origin[0]], axis=1)
+
+
+# ---- bodies --------------------------------------------------------------------------------
+
+
+def _searched(bodies: Bodies) -> Mask:
+    """Pairs of two convex shapes, or of one and a half-space; the second of a pair may be that."""
+    convex = np.array([s.convex for s in bodies.solids], dtype=bool)
+    plane = np.array([isinstance(s.shape, HalfSpace) for s in bodies.solids], dtype=bool)
+    return np.asarray(convex[bodies.a] & (convex | plane)[bodies.b])
+
+
+def _kinds(bodies: Bodies) -> tuple[Table, Array]:
+    kinds, corners, first, chain = [], [np.zeros((0, 3))], 0, 0
+    for body, link, row in zip(bodies.solids, bodies.link.tolist(), bodies.moved, strict=True):
+        kind, points = _core(body)
+        depth = int(row.sum())
+        kinds.append((kind, first, len(points), link, chain, depth))
+        corners.append(points)
+        first, chain = first + len(points), chain + depth
+    return np.array(kinds, dtype=np.int64).reshape(-1, 6), np.ascontiguousarray(np.concatenate(corners).T)
+
+
+def _core(body: Solid) -> tuple[int, Array]:
+    """Kind of a body and corners of its hull, without its rounding."""
+    shape, none = body.shape, np.zeros((0, 3))
+    if isinstance(shape, Box):
+        return BOX, none
+    if isinstance(shape, Cylinder):
+        return CYLINDER, none
+    if isinstance(shape, HalfSpace):
+        return PLANE, none
+    if isinstance(shape, Sphere):
+        return HULL, np.zeros((1, 3))
+    if isinstance(shape, Capsule):
+        return HULL, np.array([[0.0, 0.0, -0.5 * shape.length], [0.0, 0.0, 0.5 * shape.length]])
+    return (HULL, body.points) if body.convex else (HULL, none)
+
+
+def _sizes(bodies: Bodies, links: Array) -> Array:
+    sizes = np.zeros((len(bodies.solids), 23))
+    for i, body in enumerate(bodies.solids):
+        shape = body.shape
+        if isinstance(shape, Box):
+            sizes[i, HALF:ROUND] = body.half
+        elif isinstance(shape, Cylinder):
+            sizes[i, HALF:ROUND] = shape.radius, shape.radius, 0.5 * shape.length
+        elif isinstance(shape, Sphere | Capsule):
+            sizes[i, ROUND] = shape.radius
+        sizes[i, RADIUS], sizes[i, BOUND:CENTER] = body.radius, body.half
+        sizes[i, CENTER:LOCAL] = bodies.local_center[i]
+        sizes[i, LOCAL : LOCAL + 9] = bodies.local_rotation[i].ravel()
+        sizes[i, LOCAL + 9 :] = bodies.local_origin[i]
+        if isinstance(shape, HalfSpace):
+            link = links[bodies.link[i]]
+            normal = link[:9].reshape(3, 3) @ bodies.local_rotation[i] @ np.array(shape.normal)
+            origin = link[:9].reshape(3, 3) @ bodies.local_origin[i] + link[9:]
+            sizes[i, HALF:ROUND], sizes[i, ROUND] = normal, shape.offset + normal @ origin
+    return sizes
+
+
+def _pairs(bodies: Bodies, item: NDArray[np.intp]) -> Table:
+    a, b = bodies.a[item], bodies.b[item]
+    pairs = np.zeros((len(item), 6), dtype=np.int64)
+    if not len(item):
+        return pairs
+    moved = bodies.moved
+    numbers = np.arange(moved.shape[1])
+    last = np.where(moved > 0.0, numbers, -1).max(axis=1, initial=-1)
+    shared = (moved[a] * moved[b]).sum(axis=1)
+    for column, values in enumerate((a, b, bodies.pair[item], shared, last[a], last[b])):
+        pairs[:, column] = values
+    return pairs
