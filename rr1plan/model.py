@@ -11,9 +11,11 @@ Each instance is cheap to make and holds no scratch memory; it may be shared bet
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from itertools import chain
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,7 +26,7 @@ from rr1plan.checks import Array, known_name, read_only
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Robot
-from rr1plan.scene import Scene
+from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import identity
 
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -71,6 +73,7 @@ class SceneModel:
 
     Attributes:
         scene, arms: As given; arms in the order of the scene.
+        skeleton: What it shares with other scenes that have the same arms.
         joint_names: Columns of q, "arm/joint".
         limits: Limits of those columns.
         model: The `pinocchio.Model`. Joints are named "arm/joint", frames "arm/link"; every joint has
@@ -87,23 +90,16 @@ class SceneModel:
         if not isinstance(scene, Scene):
             raise InputError(f"scene is a {type(scene).__name__}, expected a rr1plan Scene")
         self.scene = scene
-        self.arms = scene.arm_names([arms] if isinstance(arms, str) else arms)
-        self.joint_names = scene.joint_names(self.arms)
-        self.limits: Limits = scene.limits(self.arms)
-        self.model = pin.Model()
-        self._bodies: dict[str, Body] = {}
-        self._frames: dict[str, int] = {}
-        drives: list[tuple[int, float, float]] = []
-        first = 0
-        for name, arm in scene.arms.items():
-            moves = name in self.arms
-            drives += [_drive(arm.robot, joint, first if moves else None, arm.q) for joint in self._add_arm(name)]
-            first += arm.robot.nq if moves else 0
-        columns, gains, offsets = zip(*drives, strict=True) if drives else ((), (), ())
-        self.columns: NDArray[np.intp] = np.array(columns, dtype=np.intp)
-        self.gains: Array = read_only(np.array(gains, dtype=np.float64))
-        self.offsets: Array = read_only(np.array(offsets, dtype=np.float64))
-        self.columns.setflags(write=False)
+        # A second time, as a scene may have no arms at all.
+        self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
+        self.skeleton = skeleton_of(scene, self.arms)
+        self.joint_names: tuple[str, ...] = self.skeleton.joint_names
+        self.limits: Limits = self.skeleton.limits
+        self.model: Any = self.skeleton.model
+        self.columns: NDArray[np.intp] = self.skeleton.columns
+        self.gains: Array = self.skeleton.gains
+        self.offsets: Array = self.skeleton.offsets
+        self._bodies, self._frames = self.skeleton.bodies, self.skeleton.frames
         self._taken = np.maximum(self.columns, 0)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -165,19 +161,17 @@ class SceneModel:
     @cached_property
     def element_geometries(self) -> tuple[ElementGeometry, ...]:
         """Every collision shape of the scene with the joint that carries it, in the order of `element_names`."""
-        shapes: list[tuple[str, tuple[Geometry, ...]]] = [
-            (f"{name}/{link.name}", link.collisions)
-            for name, arm in self.scene.arms.items()
-            for link in arm.robot.links
-        ]
-        shapes += [(name, thing.geometries) for name, thing in self.scene.obstacles.items()]
-        shapes += [(name, held.geometries) for name, held in self.scene.attachments.items()]
-        return tuple(
-            ElementGeometry(element, g, body.joint, read_only(body.placement @ g.pose))
-            for element, geometries in shapes
-            for body in [self.body(element)]
-            for g in geometries
-        )
+        obstacles = (self.geometries_of(name, thing.geometries) for name, thing in self.scene.obstacles.items())
+        held = (self.geometries_of(name, held.geometries) for name, held in self.scene.attachments.items())
+        return (*self.skeleton.link_geometries, *chain.from_iterable(obstacles), *chain.from_iterable(held))
+
+    def geometries_of(self, element: str, geometries: Iterable[Geometry]) -> tuple[ElementGeometry, ...]:
+        """Shapes in an element's frame, hung in the model.
+
+        Raises:
+            UnknownNameError: there is nothing of that name.
+        """
+        return _hung(element, self.body(element), geometries)
 
     @cached_property
     def moved_by(self) -> NDArray[np.bool_]:
@@ -191,26 +185,112 @@ class SceneModel:
         moved.setflags(write=False)
         return moved
 
-    # ---- building ------------------------------------------------------------------------
 
-    def _add_arm(self, name: str) -> list[Joint]:
+def _hung(element: str, body: Body, geometries: Iterable[Geometry]) -> tuple[ElementGeometry, ...]:
+    return tuple(ElementGeometry(element, g, body.joint, read_only(body.placement @ g.pose)) for g in geometries)
+
+
+# ---- what scenes with the same arms share ----------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """What of a `SceneModel` depends on nothing but the arms, which of them move, and the posture of the rest.
+
+    Scenes that agree in these share one, so nobody may change its `model`.
+
+    Args:
+        joint_names, limits, model, columns, gains, offsets: See `SceneModel`.
+        bodies: Which joint carries each link, and where.
+        frames: Pinocchio's index of each link's frame.
+        link_geometries: Every collision shape of the links.
+    """
+
+    joint_names: tuple[str, ...]
+    limits: Limits
+    model: Any
+    columns: NDArray[np.intp]
+    gains: Array
+    offsets: Array
+    bodies: Mapping[str, Body]
+    frames: Mapping[str, int]
+    link_geometries: tuple[ElementGeometry, ...]
+
+
+@dataclass(frozen=True)
+class _Content:
+    """All that a skeleton depends on, to compare; and what to make it from."""
+
+    key: tuple[tuple[str, str, bytes, bytes | None], ...]
+    arms: Mapping[str, Arm] = field(compare=False)
+
+
+def skeleton_of(scene: Scene, arms: tuple[str, ...]) -> Skeleton:
+    """The skeleton of a scene of which those arms move; scenes with equal arms get the same.
+
+    Raises:
+        InputError: a joint that is neither planned, held nor mimics one that is.
+    """
+    key = tuple(
+        (name, arm.robot.content_hash, arm.base.tobytes(), None if name in arms else arm.q.tobytes())
+        for name, arm in scene.arms.items()
+    )
+    return _skeleton(_Content(key, scene.arms))
+
+
+@lru_cache(maxsize=64)
+def _skeleton(content: _Content) -> Skeleton:
+    builder = _Builder()
+    moving = [name for name, *_, posture in content.key if posture is None]
+    drives: list[tuple[int, float, float]] = []
+    names: list[str] = []
+    for name, arm in content.arms.items():
+        first = len(names) if name in moving else None
+        drives += [_drive(arm.robot, joint, first, arm.q) for joint in builder.add_arm(name, arm)]
+        names += [f"{name}/{joint}" for joint in arm.robot.joint_names] if name in moving else []
+    columns, gains, offsets = zip(*drives, strict=True) if drives else ((), (), ())
+    return Skeleton(
+        tuple(names),
+        Limits.stack([content.arms[name].robot.limits for name in moving]),
+        builder.model,
+        read_only(np.array(columns, dtype=np.intp)),
+        read_only(np.array(gains, dtype=np.float64)),
+        read_only(np.array(offsets, dtype=np.float64)),
+        MappingProxyType(builder.bodies),
+        MappingProxyType(builder.frames),
+        tuple(
+            geometry
+            for name, arm in content.arms.items()
+            for link in arm.robot.links
+            for geometry in _hung(f"{name}/{link.name}", builder.bodies[f"{name}/{link.name}"], link.collisions)
+        ),
+    )
+
+
+class _Builder:
+    """A Pinocchio model to which arms are added."""
+
+    def __init__(self) -> None:
+        self.model = pin.Model()
+        self.bodies: dict[str, Body] = {}
+        self.frames: dict[str, int] = {}
+
+    def add_arm(self, name: str, arm: Arm) -> list[Joint]:
         """Add one arm; its movable joints in the order of the model."""
-        arm = self.scene.arms[name]
-        self._add_link(name, arm.robot.base, Body(0, arm.base))
+        self._add_link(name, arm.robot, arm.robot.base, Body(0, arm.base))
         added = []
         for joint in _depth_first(arm.robot):
-            parent = self._bodies[f"{name}/{joint.parent}"]
+            parent = self.bodies[f"{name}/{joint.parent}"]
             placement = read_only(parent.placement @ joint.origin)
             if joint.kind == "fixed":
                 body = Body(parent.joint, placement)
             else:
-                body = Body(self._add_joint(name, joint, Body(parent.joint, placement)), identity())
+                body = Body(self._add_joint(name, arm.robot, joint, Body(parent.joint, placement)), identity())
                 added.append(joint)
-            self._add_link(name, joint.child, body)
+            self._add_link(name, arm.robot, joint.child, body)
         return added
 
-    def _add_joint(self, arm: str, joint: Joint, at: Body) -> int:
-        robot = self.scene.arms[arm].robot
+    def _add_joint(self, arm: str, robot: Robot, joint: Joint, at: Body) -> int:
         bounds = [joint.effort, joint.velocity, joint.lower, joint.upper]
         if joint.name in robot.joint_names:
             j, limits = robot.joint_names.index(joint.name), robot.limits
@@ -218,16 +298,16 @@ class SceneModel:
         name, placement = f"{arm}/{joint.name}", pin.SE3(np.array(at.placement))
         return int(self.model.addJoint(at.joint, _joint_model(joint), placement, name, *np.array(bounds)[:, None]))
 
-    def _add_link(self, arm: str, link: str, body: Body) -> None:
+    def _add_link(self, arm: str, robot: Robot, link: str, body: Body) -> None:
         name = f"{arm}/{link}"
-        inertial = self.scene.arms[arm].robot.link(link).inertial
+        inertial = robot.link(link).inertial
         placement = pin.SE3(np.array(body.placement))
         if inertial is not None:
             inertia = pin.Inertia(inertial.mass, np.array(inertial.com), np.array(inertial.inertia))
             self.model.appendBodyToJoint(body.joint, inertia, placement)
         frame = pin.Frame(name, body.joint, 0, placement, pin.FrameType.BODY)
-        self._frames[name] = int(self.model.addFrame(frame, False))
-        self._bodies[name] = body
+        self.frames[name] = int(self.model.addFrame(frame, False))
+        self.bodies[name] = body
 
 
 def _depth_first(robot: Robot) -> list[Joint]:

@@ -9,11 +9,9 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
-
-import numpy as np
 
 from rr1plan.checks import Seed, as_generator, finite_number, known_name
 from rr1plan.collision.shelf import borrowed_checker
@@ -193,9 +191,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     if finite_number("margin", margin) < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
     with borrowed_checker(problem.scene, problem.arms) as motions:
-        pairs, distances = motions.checker.pairs, motions.checker.distances(problem.start)
-    padding = np.array([problem.scene.padding_of(a, b) for a, b in pairs])
-    clearance = float((distances - padding).min(initial=np.inf))
+        clearance = motions.checker.clearance(problem.start, 2.0 * margin)
     return next((part for part in (margin * 0.5**k for k in range(6)) if 2.0 * part <= clearance), 0.0)
 
 
@@ -206,9 +202,7 @@ def with_margin(problem: Problem, margin: float) -> Problem:
         return problem
     roomy = scene.kept.get(("with margin", margin))
     if roomy is None:
-        pairs = {pair: distance + margin for pair, distance in scene.pair_padding.items()}
-        roomy = replace(scene, padding=scene.padding + margin, pair_padding=pairs)
-        scene.kept["with margin", margin] = roomy
+        roomy = scene.kept["with margin", margin] = scene.with_margin(margin)
     return Problem(roomy, problem.start, dict(problem.goal), problem.arms)
 
 

@@ -7,15 +7,17 @@ slash). A pair that may touch is a pair of such names; a whole arm's name stands
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, finite_number, known_name
+from rr1plan.checks import Array, Value, finite_number, known_name, read_only
+from rr1plan.contact_rules import Elements
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.robot import Color, Geometry, Robot, feed_digest
@@ -161,6 +163,11 @@ class Scene(Value):
         return {}
 
     @cached_property
+    def kept_for_any_padding(self) -> dict[Any, Any]:
+        """The same of what does not depend on padding: scenes that differ in padding alone may share it."""
+        return {}
+
+    @cached_property
     def element_names(self) -> tuple[str, ...]:
         """Every element that can touch another: "arm/link" of links with a shape, obstacles, attached objects."""
         links = [f"{a}/{link.name}" for a, arm in self.arms.items() for link in arm.robot.links if link.collisions]
@@ -264,7 +271,34 @@ class Scene(Value):
     def checked_pairs(self) -> tuple[tuple[str, str], ...]:
         """All pairs of elements that must not touch, in a fixed order (obstacle against obstacle is never one)."""
         names = self.element_names
-        return tuple((a, b) for i, a in enumerate(names) for b in names[i + 1 :] if not self.may_touch(a, b))
+        return tuple((names[i], names[j]) for i, j in self.checked_index.tolist())
+
+    @cached_property
+    def checked_index(self) -> NDArray[np.int64]:
+        """Indices in `element_names` of the `checked_pairs`, shape (m, 2)."""
+        still = [f"{name}/{arm.robot.base}" for name, arm in self.arms.items()]
+        return read_only(self._elements.checked(self._apart(), still, self.allowed))
+
+    @cached_property
+    def checked_padding(self) -> Array:
+        """Distance to keep between each of the `checked_pairs` [m], shape (m,)."""
+        return read_only(self._elements.paddings(self.checked_index, self.padding, self.pair_padding))
+
+    @cached_property
+    def _elements(self) -> Elements:
+        return Elements(self.element_names, [self.owner(name) for name in self.element_names])
+
+    def _apart(self) -> Iterator[tuple[str, str]]:
+        """Pairs of one arm's links and held objects that need no check."""
+        for name, arm in self.arms.items():
+            for one, *two in map(tuple, arm.robot.never_collide):
+                yield f"{name}/{one}", f"{name}/{two[0] if two else one}"
+        for name, held in self.attachments.items():
+            for link in held.touch | {held.link}:
+                yield name, f"{held.arm}/{link}"
+            for other, also in self.attachments.items():
+                if (also.arm, also.link) == (held.arm, held.link):
+                    yield name, other
 
     @cached_property
     def content_hash(self) -> str:
@@ -335,8 +369,19 @@ class Scene(Value):
         if (a is None) != (b is None):
             raise InputError("with_padding takes a distance, or a distance and two names")
         if a is None or b is None:
-            return replace(self, padding=distance)
-        return replace(self, pair_padding={**self.pair_padding, pair(a, b): distance})
+            return self._padded(distance, self.pair_padding)
+        return self._padded(self.padding, {**self.pair_padding, pair(a, b): distance})
+
+    def with_margin(self, distance: float) -> Scene:
+        """A scene that keeps `distance` [m] more between every pair than this one."""
+        distance = finite_number("margin", distance)
+        return self._padded(self.padding + distance, {both: d + distance for both, d in self.pair_padding.items()})
+
+    def _padded(self, padding: float, pair_padding: Mapping[Pair, float]) -> Scene:
+        other = replace(self, padding=padding, pair_padding=pair_padding)
+        for name in ("kept_for_any_padding", "element_names", "checked_index", "_elements"):
+            other.__dict__[name] = getattr(self, name)
+        return other
 
     def attach(
         self,

@@ -6,28 +6,28 @@ they touch). Joint limits are another question: see `CollisionChecker.limit_viol
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from rr1plan._kernels.clearance import least_clearance as _least_clearance_untyped
 from rr1plan.checks import Array, finite_array, read_only
-from rr1plan.collision.solids import coal_geometry, solid_pieces
+from rr1plan.collision.coal_pairs import CoalPairs
+from rr1plan.collision.layout import Solid, layout_of
+from rr1plan.collision.tables import Tables, build_resting_tables, build_tables
 from rr1plan.limits import Limits
 from rr1plan.model import SceneModel
 from rr1plan.scene import Scene
-from rr1plan.shapes import Shape
 
-# Coal's distances of cylinders are this sharp, not 1e-5 m as with its own default.
-_GJK_TOLERANCE = 1e-10
-# Where a core lies exactly in another surface, Coal may end with -1.8e308; a nanometre beside it, it does not.
-_NO_DISTANCE = -1e300
-_NUDGE = np.array([0.7e-9, -0.5e-9, 0.6e-9])
+# Rounding of a gap that the kernel computed is far below this [m].
+_ROUNDING = 1e-9
+
+_least_clearance: Callable[..., float] = _least_clearance_untyped
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,23 +63,6 @@ class Nearest:
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
-    """One convex piece (or point cloud) of one element, carried by a joint of the model.
-
-    Args:
-        element: The element it is a part of.
-        shape: A shape Coal takes as solid.
-        joint: Index of the Pinocchio joint that carries it; 0 is the world.
-        placement: T_joint_solid, shape (4, 4).
-    """
-
-    element: str
-    shape: Shape
-    joint: int
-    placement: Array
-
-
-@dataclass(frozen=True, eq=False)
 class _Resting:
     """What is true, whatever q is, of the pairs that do not move against each other.
 
@@ -97,7 +80,8 @@ class _Resting:
 class CollisionChecker:
     """Which elements of a scene touch, and how far apart they are, at a configuration.
 
-    An instance keeps scratch memory: give each thread its own (they pickle, as scene and arms).
+    An instance keeps scratch memory: give each thread its own (they pickle, as scene and arms). Coal's objects
+    are made when it is first asked.
 
     Args:
         scene: The scene.
@@ -105,8 +89,7 @@ class CollisionChecker:
 
     Attributes:
         model: The scene's `SceneModel`.
-        pairs: All pairs of elements that must not touch.
-        solids: The convex pieces of all elements.
+        layout: The convex pieces of all elements, and their pairs.
         solid_pairs: Pairs of solids [index] whose relative pose depends on q, shape (m, 2).
         solid_padding: Padding of each of those [m], shape (m,).
         solid_owner: For each of those the index in `pairs`, shape (m,).
@@ -118,21 +101,10 @@ class CollisionChecker:
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None) -> None:
         self.model = SceneModel(scene, arms)
-        self.pairs = scene.checked_pairs
-        self.solids = _solids(self.model)
-        self._padding = read_only(np.array([scene.padding_of(a, b) for a, b in self.pairs], dtype=np.float64))
-        index, owner = _solid_pairs(self.pairs, self.solids)
-        moving = _relative_motion(self.model, self.solids, index)
-        self.solid_pairs = read_only(index[moving])
-        self.solid_owner = read_only(owner[moving])
-        self.solid_padding = read_only(self._padding[self.solid_owner])
-        self._geometry = _geometry_model(self.model, self.solids, self.solid_pairs)
-        self._data = self.model.model.createData()
-        self._scratch = _geometry_data(self._geometry, self.solid_padding)
-        self._manager = pin.BroadPhaseManager_NaiveCollisionManager(self.model.model, self._geometry, self._scratch)
-        self._callback = pin.CollisionCallBackDefault(self._geometry, self._scratch)
-        self._callback.stopAtFirstCollision = True
-        self._resting = self._answer_resting_pairs(index[~moving], owner[~moving])
+        self.layout = layout_of(self.model)
+        self.solid_pairs: NDArray[np.int64] = self.layout.moving
+        self.solid_owner: NDArray[np.int64] = self.layout.moving_owner
+        self.solid_padding: Array = read_only(scene.checked_padding[self.solid_owner])
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as its scene and arms."""
@@ -144,6 +116,16 @@ class CollisionChecker:
     def scene(self) -> Scene:
         """The scene."""
         return self.model.scene
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """All pairs of elements that must not touch."""
+        return self.scene.checked_pairs
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """The convex pieces of all elements."""
+        return self.layout.solids
 
     @property
     def arms(self) -> tuple[str, ...]:
@@ -165,10 +147,10 @@ class CollisionChecker:
         """Limits of those columns."""
         return self.model.limits
 
-    @property
+    @cached_property
     def resting_is_free(self) -> bool:
         """No two elements collide that do not move against each other."""
-        return not self._resting.touching
+        return self._resting_clearance(_ROUNDING) >= _ROUNDING or not self._resting.touching
 
     def limit_violations(self, q: Any) -> tuple[tuple[str, float], ...]:
         """Joints outside their position limits, each with how far [rad or m].
@@ -195,10 +177,8 @@ class CollisionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        self._place(q)
-        self._manager.update(False)
-        self._callback.init()
-        return self.resting_is_free and not pin.computeCollisions(self._manager, self._callback)
+        moving = self._placed(q)
+        return self.resting_is_free and not moving.any_touches()
 
     def contacts(self, q: Any) -> tuple[Contact, ...]:
         """All pairs of elements that touch or are nearer than their padding, the deepest first.
@@ -209,13 +189,12 @@ class CollisionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        self._place(q)
-        pin.computeCollisions(self._geometry, self._scratch, False)
+        moving = self._placed(q)
         touching = list(self._resting.touching)
-        for i, owner in enumerate(self.solid_owner):
-            if self._scratch.collisionResults[i].isCollision():
-                distance, a, b = _distance(self._geometry, self._scratch, i)
-                touching.append((int(owner), max(0.0, float(self.solid_padding[i]) - distance), 0.5 * (a + b)))
+        for i in moving.touching():
+            distance, a, b = moving.distance(i)
+            depth = max(0.0, float(self.solid_padding[i]) - distance)
+            touching.append((int(self.solid_owner[i]), depth, 0.5 * (a + b)))
         deepest: dict[int, tuple[float, Array]] = {}
         for owner, depth, point in touching:
             if owner not in deepest or depth > deepest[owner][0]:
@@ -249,21 +228,34 @@ class CollisionChecker:
         if len(distances) == 0 or distances.min() >= self._resting.nearest.distance:
             return self._resting.nearest
         i = int(np.argmin(distances))
-        distance, a, b = _distance(self._geometry, self._scratch, i)
+        distance, a, b = self._moving.distance(i)
         return Nearest(distance, self.pairs[self.solid_owner[i]], read_only(a), read_only(b))
+
+    def clearance(self, q: Any, most: float = np.inf) -> float:
+        """The least distance of any checked pair beyond its padding [m], `most` at most.
+
+        Where elements overlap it is below zero, and no more than that. It comes from the compiled kernel, which can
+        only understate a distance; Coal is not asked.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+            most: What is more is not looked at [m].
+
+        Raises:
+            InputError: wrong shape or not finite, or elements that cannot be measured against each other.
+        """
+        q = self.checked(q)
+        return _least_clearance(q, self._resting_clearance(most), *self._tables)
 
     # ---- for the motion checker -----------------------------------------------------------
 
     def solid_distances(self, q: Any) -> Array:
         """Distance of every pair in `solid_pairs` [m], negative where they overlap, shape (m,)."""
-        self._place(q)
-        pin.computeDistances(self._geometry, self._scratch)
-        return _found_distances(self._geometry, self._scratch)
+        return self._placed(q).distances()
 
     def solid_distance(self, q: Any, pair: int) -> float:
         """Distance of one pair in `solid_pairs` [m], negative where they overlap."""
-        self._place(q)
-        return _distance(self._geometry, self._scratch, pair)[0]
+        return self._placed(q).distance(pair)[0]
 
     def checked(self, q: Any) -> Array:
         """The configuration q as an array of finite numbers, shape (nq,).
@@ -277,119 +269,48 @@ class CollisionChecker:
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _place(self, q: Any) -> None:
-        q = self.model.full(self.checked(q))
-        pin.updateGeometryPlacements(self.model.model, self._data, self._geometry, self._scratch, q)
+    @cached_property
+    def _tables(self) -> Tables:
+        return build_tables(self)
 
-    def _answer_resting_pairs(self, index: NDArray[np.int64], owner: NDArray[np.int64]) -> _Resting:
+    @cached_property
+    def _moving(self) -> CoalPairs:
+        return CoalPairs(self.model, self.solids, self.solid_pairs, self.solid_padding)
+
+    def _placed(self, q: Any) -> CoalPairs:
+        """Coal's view of the pairs that move, at q."""
+        q = self.checked(q)
+        self._moving.place(q)
+        return self._moving
+
+    def _resting_clearance(self, most: float) -> float:
+        """The least distance beyond their padding of pairs that do not move against each other [m], `most` at most."""
+        if len(self.layout.resting) == 0:
+            return most
+        tables = build_resting_tables(self)
+        if tables is None:
+            beyond = self._resting.distances - self.scene.checked_padding
+            return min(most, float(beyond.min()))
+        return _least_clearance(np.zeros(self.nq), most, *tables)
+
+    @cached_property
+    def _resting(self) -> _Resting:
+        index, owner = self.layout.resting, self.layout.resting_owner
         distances = np.full(len(self.pairs), np.inf)
         if len(index) == 0:
             return _Resting(read_only(distances))
-        geometry = _geometry_model(self.model, self.solids, index)
-        scratch = _distance_data(geometry)
-        q = self.model.full(np.zeros(self.nq))
-        pin.updateGeometryPlacements(self.model.model, self._data, geometry, scratch, q)
-        pin.computeDistances(geometry, scratch)
-        found = _found_distances(geometry, scratch)
+        padding = self.scene.checked_padding[owner]
+        pairs = CoalPairs(self.model, self.solids, index, padding)
+        pairs.place(np.zeros(self.nq))
+        found = pairs.distances()
         np.minimum.at(distances, owner, found)
         nearest = int(np.argmin(found))
-        _, a, b = _distance(geometry, scratch, nearest)
+        _, a, b = pairs.distance(nearest)
         touching = []
-        for i in np.flatnonzero(found <= self._padding[owner]):
-            distance, near_a, near_b = _distance(geometry, scratch, int(i))
-            touching.append((int(owner[i]), float(self._padding[owner[i]]) - distance, 0.5 * (near_a + near_b)))
+        for i in np.flatnonzero(found <= padding).tolist():
+            distance, near_a, near_b = pairs.distance(i)
+            touching.append((int(owner[i]), float(padding[i]) - distance, 0.5 * (near_a + near_b)))
         pair = self.pairs[owner[nearest]]
         return _Resting(
             read_only(distances), tuple(touching), Nearest(float(found[nearest]), pair, read_only(a), read_only(b))
         )
-
-
-def _found_distances(geometry: Any, data: Any) -> Array:
-    """The distances that `computeDistances` found [m], shape (m,)."""
-    found = np.array([r.min_distance for r in data.distanceResults], dtype=np.float64)
-    for pair in np.flatnonzero(found < _NO_DISTANCE):
-        found[pair] = _distance(geometry, data, int(pair))[0]
-    return found
-
-
-def _distance(geometry: Any, data: Any, pair: int) -> tuple[float, Array, Array]:
-    """Distance of a pair of solids as they are placed [m], and the nearest point of each."""
-    result = pin.computeDistance(geometry, data, pair)
-    if result.min_distance < _NO_DISTANCE:
-        placement = data.oMg[geometry.collisionPairs[pair].first]
-        exactly = placement.translation.copy()
-        placement.translation = exactly + _NUDGE
-        result = pin.computeDistance(geometry, data, pair)
-        placement.translation = exactly
-    return float(result.min_distance), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
-
-
-def _solids(model: SceneModel) -> tuple[Solid, ...]:
-    return tuple(
-        Solid(g.element, piece, g.joint, g.placement)
-        for g in model.element_geometries
-        for piece in solid_pieces(g.geometry.shape)
-    )
-
-
-def _solid_pairs(
-    pairs: tuple[tuple[str, str], ...], solids: tuple[Solid, ...]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs of solids (m, 2) and the pair of elements each belongs to (m,)."""
-    parts: dict[str, list[int]] = {}
-    for i, solid in enumerate(solids):
-        parts.setdefault(solid.element, []).append(i)
-    rows = [(i, j, k) for k, (a, b) in enumerate(pairs) for i in parts[a] for j in parts[b]]
-    table = np.array(rows, dtype=np.int64).reshape(-1, 3)
-    return table[:, :2].copy(), table[:, 2].copy()
-
-
-def _relative_motion(model: SceneModel, solids: tuple[Solid, ...], index: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """For each pair of solids whether any column of q moves one against the other, shape (m,)."""
-    parents = [int(p) for p in model.model.parents]
-    driven = [False, *((model.columns >= 0) & (model.gains != 0.0)).tolist()]
-    movers: list[frozenset[int]] = [frozenset()]
-    for joint in range(1, len(parents)):
-        movers.append(movers[parents[joint]] | ({joint} if driven[joint] else frozenset()))
-    above = [movers[s.joint] for s in solids]
-    return np.array([above[i] != above[j] for i, j in index.tolist()], dtype=np.bool_)
-
-
-def _geometry_model(model: SceneModel, solids: tuple[Solid, ...], index: NDArray[np.int64]) -> Any:
-    geometry = pin.GeometryModel()
-    for k, solid in enumerate(solids):
-        placement = pin.SE3(np.array(solid.placement))
-        name = f"{k} {solid.element}"
-        geometry.addGeometryObject(pin.GeometryObject(name, solid.joint, placement, coal_geometry(solid.shape)))
-    for i, j in index:
-        geometry.addCollisionPair(pin.CollisionPair(int(i), int(j)))
-    return geometry
-
-
-def _distance_data(geometry: Any) -> Any:
-    """Room for distances alone."""
-    data = pin.GeometryData(geometry)
-    for request in data.distanceRequests:
-        request.gjk_tolerance = _GJK_TOLERANCE
-        request.enable_signed_distance = True
-    _forget_guesses(data.distanceRequests)
-    return data
-
-
-def _geometry_data(geometry: Any, padding: Array) -> Any:
-    data = _distance_data(geometry)
-    for request, distance in zip(data.collisionRequests, padding.tolist(), strict=True):
-        request.security_margin = distance
-        # Without contacts Coal 3.0.3 answers "free" for balls and capsules whose core lies within
-        # its tolerance of the other shape's surface: centimetres deep, and not seen.
-        request.enable_contact = True
-    _forget_guesses(data.collisionRequests)
-    return data
-
-
-def _forget_guesses(requests: Any) -> None:
-    """Start every search afresh: a guess kept from the last one can be NaN, and then spoils all that follow."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # the successor of this switch does not turn it off
-        for request in requests:
-            request.enable_cached_gjk_guess = False

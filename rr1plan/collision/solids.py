@@ -25,11 +25,21 @@ def solid_pieces(shape: Shape) -> tuple[Shape, ...]:
     """The shape as shapes that Coal treats as solid: itself, or the convex pieces of a mesh.
 
     Raises:
-        InputError: a mesh without volume.
+        InputError: a mesh without volume, or a point cloud too far out for an octree.
     """
-    if not isinstance(shape, Mesh):
-        return (shape,)
-    return _mesh_pieces(shape)
+    if isinstance(shape, PointCloud):
+        _check_reach(shape)
+    return _mesh_pieces(shape) if isinstance(shape, Mesh) else (shape,)
+
+
+def _check_reach(cloud: PointCloud) -> None:
+    """Refuse a point cloud that Coal would lose cells of, here and not when Coal is asked."""
+    reach = float(np.abs(cloud.points).max()) / cloud.resolution
+    if reach > _OCTREE_REACH:
+        raise InputError(
+            f"point cloud reaches {reach:.0f} cells from its origin, expected at most {_OCTREE_REACH}; "
+            "take a coarser resolution or fewer points"
+        )
 
 
 @lru_cache(maxsize=256)
@@ -82,11 +92,6 @@ def _convex(mesh: Mesh) -> Any:
 
 
 def _octree(cloud: PointCloud) -> Any:
-    reach = float(np.abs(cloud.points).max()) / cloud.resolution
-    if reach > _OCTREE_REACH:
-        raise InputError(
-            f"point cloud reaches {reach:.0f} cells from its origin, expected at most {_OCTREE_REACH}; "
-            "take a coarser resolution or fewer points"
-        )
+    _check_reach(cloud)
     # The cells' centres, not the points: a point on a cell's face then cannot fall on either side.
     return coal.makeOctree(occupied_cells(cloud), cloud.resolution)

@@ -1,22 +1,27 @@
-"""The plain arrays that the motion kernel reads, made from a collision checker's scene."""
+"""The plain arrays that the motion kernel reads: those of what the arms carry, then those of the obstacles.
+
+The former are made once for all scenes with the same arms, and a scene's tables once for all paddings.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from rr1plan._kernels.separation import BOX, CELLS, CORNERS, CYLINDER, HALF_SPACE, POINT, SEGMENT
-from rr1plan.checks import Array
-from rr1plan.collision.exact import CollisionChecker, Solid
+from rr1plan.checks import Array, read_only
+from rr1plan.collision.layout import Carried, Layout, Solid
 from rr1plan.collision.solids import occupied_cells
-from rr1plan.errors import InputError
-from rr1plan.model import SceneModel
+from rr1plan.model import Skeleton
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+
+if TYPE_CHECKING:
+    from rr1plan.collision.exact import CollisionChecker
 
 # Stands for infinity where infinity times zero would be NaN.
 _FAR = 1e12
@@ -44,70 +49,166 @@ class Tables(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Core:
-    """A shape as a core and a radius around it; `points` in the shape's frame."""
+    """A shape as a core and a radius around it; `points` in the shape's frame.
+
+    `values` are its ball's radius, the radius around the core, its box, its size and its offset, shape (12,).
+    """
 
     kind: int
-    size: Array
-    radius: float
-    ball: tuple[Array, float]
-    box: tuple[Array, Array]
+    ball: Array
+    values: Array
     points: Array
-    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The tables of some bodies by themselves; columns as in `rr1plan._kernels.motion.certify`.
+
+    Args:
+        bodies, values, corners: As there, corners and chains counted from these bodies' first.
+        degrees, neighbours: How many edges leave each corner, and where they lead, corner after corner.
+        poses, centres: Where the bodies and the centres of their balls are at q = 0.
+    """
+
+    bodies: _INTS
+    values: Array
+    corners: Array
+    degrees: _INTS
+    neighbours: _INTS
+    poses: Array
+    centres: Array
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedTables:
+    """The tables of what the arms carry; columns as in `rr1plan._kernels.motion.certify`."""
+
+    joints: _INTS
+    joint_values: Array
+    joint_poses: Array
+    rows: Rows
+    chain: _INTS
+    chain_reach: Array
 
 
 def build_tables(checker: CollisionChecker) -> Tables:
-    """Tables of the moving pairs of a checker, in the order of its `solid_pairs`.
+    """Tables of the moving pairs of a checker, in the order of its `solid_pairs`, with scratch memory of their own.
 
     Raises:
         InputError: a half-space or a point cloud that would be checked against another one.
     """
-    model = checker.model
-    joints, joint_values, joint_poses = _joint_tables(model)
-    chains = [_driven_chain(joints, s.joint) for s in checker.solids]
-    reaches = [
-        _chain_reach(joints, joint_values, joint_poses, c, s, _core(s.shape))
-        for c, s in zip(chains, checker.solids, strict=True)
-    ]
-    bodies, body_values, corners = _body_tables(checker.solids, chains)
-    poses, centres = _rest_poses(bodies, body_values, joint_poses)
-    return Tables(
-        joints,
-        joint_values,
-        bodies,
-        body_values,
-        corners,
-        _link_table(checker.solids, len(corners)),
-        np.array([j for c in chains for j in c], dtype=np.int64),
-        np.array([r for reach in reaches for r in reach], dtype=np.float64),
-        _pair_table(checker, chains),
-        np.array(checker.solid_padding),
-        joint_poses,
-        poses,
-        centres,
-        np.zeros((len(checker.solid_pairs), 3)),
+    layout = checker.layout
+    layout.check_kinds()
+    pairs = np.column_stack([layout.oriented(layout.moving), layout.moving_shared])
+    return _with_pairs(_bare_tables(checker), pairs, checker.solid_padding)
+
+
+def build_resting_tables(checker: CollisionChecker) -> Tables | None:
+    """The same of the pairs that do not move against each other; None if some cannot be measured by the kernel."""
+    layout = checker.layout
+    pairs = layout.oriented(layout.resting)
+    if layout.surfaceless[pairs].all(axis=1).any():
+        return None
+    pairs = np.column_stack([pairs, np.zeros(len(pairs), np.int64)])
+    return _with_pairs(_bare_tables(checker), pairs, checker.scene.checked_padding[layout.resting_owner])
+
+
+def _with_pairs(bare: Tables, pairs: _INTS, padding: Array) -> Tables:
+    return bare._replace(
+        pairs=pairs,
+        padding=padding,
+        joint_poses=bare.joint_poses.copy(),
+        poses=bare.poses.copy(),
+        centres=bare.centres.copy(),
+        directions=np.zeros((len(pairs), 3)),
     )
 
 
-def _joint_tables(model: SceneModel) -> tuple[_INTS, Array, Array]:
+def _bare_tables(checker: CollisionChecker) -> Tables:
+    """Tables without pairs and padding; their arrays are shared, so the kernel's scratch memory has to be copied."""
+    kept = checker.scene.kept_for_any_padding
+    found = kept.get(("tables", checker.arms))
+    if not isinstance(found, Tables):
+        found = kept["tables", checker.arms] = _joined_tables(checker.layout)
+    return found
+
+
+def _joined_tables(layout: Layout) -> Tables:
+    carried = carried_tables(layout.carried)
+    rows = _joined(carried.rows, _rows(layout.standing, carried.joint_poses), len(carried.chain))
+    begins = np.concatenate([[0], np.cumsum(rows.degrees)]) + len(rows.corners) + 1
+    return Tables(
+        carried.joints,
+        carried.joint_values,
+        read_only(rows.bodies),
+        read_only(rows.values),
+        read_only(rows.corners),
+        read_only(np.concatenate([begins, rows.neighbours])),
+        carried.chain,
+        carried.chain_reach,
+        np.zeros((0, 3), np.int64),
+        np.zeros(0),
+        carried.joint_poses,
+        read_only(rows.poses),
+        read_only(rows.centres),
+        np.zeros((0, 3)),
+    )
+
+
+def _joined(first: Rows, second: Rows, links: int) -> Rows:
+    """Two sets of rows as one, of which the second's bodies have no chains and the first's have so many links."""
+    bodies = second.bodies + np.array([0, 0, len(first.corners), len(first.corners), links, links])
+    names = ("values", "corners", "degrees", "poses", "centres")
+    values, corners, degrees, poses, centres = (np.concatenate([getattr(r, n) for r in (first, second)]) for n in names)
+    neighbours = np.concatenate([first.neighbours, second.neighbours + len(first.corners)])
+    return Rows(np.concatenate([first.bodies, bodies]), values, corners, degrees, neighbours, poses, centres)
+
+
+# ---- what is carried -------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def carried_tables(carried: Carried) -> CarriedTables:
+    """The tables of what the arms carry, made once."""
+    joints, values, poses = _joint_tables(carried.skeleton)
+    rows = _rows(carried.solids, poses)
+    chains = [carried.chains[group] for group in carried.groups]
+    ends = np.cumsum([len(chain) for chain in chains], dtype=np.int64)
+    rows.bodies[:, 4:] = np.column_stack([np.concatenate([[0], ends])[:-1], ends])
+    reach = [
+        _chain_reach(joints, values, poses, chain, centre) for chain, centre in zip(chains, rows.centres, strict=True)
+    ]
+    return CarriedTables(
+        read_only(joints),
+        read_only(values),
+        read_only(poses),
+        rows,
+        read_only(np.array([j for chain in chains for j in chain], dtype=np.int64)),
+        read_only(np.array([r for one in reach for r in one], dtype=np.float64)),
+    )
+
+
+def _joint_tables(skeleton: Skeleton) -> tuple[_INTS, Array, Array]:
     """Joints, their values, and their world poses at q = 0; see the kernel's `place_joints`."""
-    data = model.model.createData()
-    at_zero = model.full(np.zeros(model.nq))
-    pin.computeJointJacobians(model.model, data, at_zero)
-    count = model.model.njoints
+    model = skeleton.model
+    data = model.createData()
+    # At q = 0.
+    pin.computeJointJacobians(model, data, np.array(skeleton.offsets))
+    count = model.njoints
     joints, values, poses = np.zeros((count, 4), np.int64), np.zeros((count, 17)), np.zeros((count, 12))
     poses[0] = _flat(np.eye(4))
     for j in range(1, count):
         # Of a model with one joint Pinocchio gives a vector, not a matrix of one column.
-        jacobian = pin.getJointJacobian(model.model, data, j, pin.ReferenceFrame.LOCAL).reshape(6, -1)
+        jacobian = pin.getJointJacobian(model, data, j, pin.ReferenceFrame.LOCAL).reshape(6, -1)
         twist = jacobian[:, j - 1]
         prismatic = float(np.abs(twist[:3]).max()) > 0.5
-        gain = float(model.gains[j - 1])
-        column = int(model.columns[j - 1]) if gain != 0.0 else -1
-        parent = int(model.model.parents[j])
+        gain = float(skeleton.gains[j - 1])
+        column = int(skeleton.columns[j - 1]) if gain != 0.0 else -1
+        parent = int(model.parents[j])
         joints[j] = parent, prismatic, column, column >= 0 or joints[parent, 3]
-        values[j, :12] = _flat(model.model.jointPlacements[j].homogeneous)
+        values[j, :12] = _flat(model.jointPlacements[j].homogeneous)
         values[j, 12:15] = twist[:3] if prismatic else twist[3:]
-        values[j, 15:] = gain, model.offsets[j - 1]
+        values[j, 15:] = gain, skeleton.offsets[j - 1]
         poses[j] = _flat(data.oMi[j].homogeneous)
     return joints, values, poses
 
@@ -117,23 +218,9 @@ def _flat(T: Array) -> Array:
     return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
 
 
-def _driven_chain(joints: _INTS, joint: int) -> list[int]:
-    """The joints above a body that a column of q drives, root first."""
-    chain = []
-    while joint:
-        if joints[joint, 2] >= 0:
-            chain.append(joint)
-        joint = int(joints[joint, 0])
-    return chain[::-1]
-
-
-def _chain_reach(
-    joints: _INTS, values: Array, poses: Array, chain: list[int], solid: Solid, core: _Core
-) -> list[float]:
-    """For each joint of a chain how far the centre of a body's ball can ever be from its axis [m]."""
-    T = poses[solid.joint]
-    centre = (solid.placement @ [*core.ball[0], 1.0])[:3]
-    point = T[:9].reshape(3, 3) @ centre + T[9:]
+def _chain_reach(joints: _INTS, values: Array, poses: Array, chain: tuple[int, ...], centre: Array) -> list[float]:
+    """For each joint of a chain how far the centre of a body's ball, there at q = 0, can ever be from its axis [m]."""
+    point = centre
     reach, beyond = [], 0.0
     for joint in chain[::-1]:
         axis = poses[joint, :9].reshape(3, 3) @ values[joint, 12:15]
@@ -150,35 +237,38 @@ def _cross(a: Array, b: Array) -> Array:
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def _body_tables(solids: tuple[Solid, ...], chains: list[list[int]]) -> tuple[_INTS, Array, Array]:
-    bodies, values = np.zeros((len(solids), 6), np.int64), np.zeros((len(solids), 27))
-    corners: list[Array] = [np.zeros((0, 3))]
-    first_corner, first_link = 0, 0
-    for i, (solid, chain) in enumerate(zip(solids, chains, strict=True)):
-        core = _core(solid.shape)
-        corners.append(core.points)
-        last_corner, last_link = first_corner + len(core.points), first_link + len(chain)
-        bodies[i] = core.kind, solid.joint, first_corner, last_corner, first_link, last_link
-        values[i, :12] = _flat(solid.placement)
-        values[i, 12:15] = (solid.placement @ [*core.ball[0], 1.0])[:3]
-        values[i, 15:17] = core.ball[1], core.radius
-        values[i, 17:20], values[i, 20:23] = core.box
-        values[i, 23:26], values[i, 26] = core.size, core.offset
-        first_corner, first_link = last_corner, last_link
-    return bodies, values, np.ascontiguousarray(np.concatenate(corners))
+# ---- bodies ----------------------------------------------------------------------------------------
 
 
-def _link_table(solids: tuple[Solid, ...], count: int) -> _INTS:
-    """Neighbours of every corner along the edges of its mesh; see the kernel's `support`."""
-    degrees, neighbours = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    first = 0
-    for solid in solids:
-        degree, around = _neighbours(solid.shape)
-        degrees.append(degree)
-        neighbours.append(around + first)
-        first += len(degree)
-    begins = np.concatenate([[0], np.cumsum(np.concatenate(degrees))]) + count + 1
-    return np.concatenate([begins, *neighbours])
+def _rows(solids: tuple[Solid, ...], joint_poses: Array) -> Rows:
+    """The tables of solids, their chains left empty."""
+    cores = [_core(solid.shape) for solid in solids]
+    around = [_neighbours(solid.shape) for solid in solids]
+    joints = np.array([solid.joint for solid in solids], dtype=np.int64)
+    T = np.array([solid.placement for solid in solids]).reshape(-1, 4, 4)
+    balls = np.array([core.ball for core in cores]).reshape(-1, 3)
+    ends = np.cumsum([len(core.points) for core in cores], dtype=np.int64)
+    begins = np.concatenate([[0], ends])[:-1]
+    bodies, values = np.zeros((len(solids), 6), np.int64), np.empty((len(solids), 27))
+    bodies[:, 0], bodies[:, 1] = [core.kind for core in cores], joints
+    bodies[:, 2], bodies[:, 3] = begins, ends
+    values[:, :9], values[:, 9:12] = T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]
+    values[:, 12:15] = np.einsum("nij,nj->ni", T[:, :3, :3], balls) + T[:, :3, 3]
+    values[:, 15:] = np.array([core.values for core in cores]).reshape(-1, 12)
+    R, t = joint_poses[joints, :9].reshape(-1, 3, 3), joint_poses[joints, 9:]
+    poses = np.empty((len(solids), 12))
+    poses[:, :9] = (R @ T[:, :3, :3]).reshape(-1, 9)
+    poses[:, 9:] = np.einsum("nij,nj->ni", R, T[:, :3, 3]) + t
+    centres = np.einsum("nij,nj->ni", R, values[:, 12:15]) + t
+    return Rows(
+        bodies,
+        values,
+        np.concatenate([np.zeros((0, 3)), *(core.points for core in cores)]),
+        np.concatenate([np.zeros(0, np.int64), *(degrees for degrees, _ in around)]),
+        np.concatenate([np.zeros(0, np.int64), *(to + begin for (_, to), begin in zip(around, begins, strict=True))]),
+        poses,
+        centres,
+    )
 
 
 @lru_cache(maxsize=256)
@@ -192,64 +282,52 @@ def _neighbours(shape: Shape) -> tuple[_INTS, _INTS]:
     return np.bincount(edges[:, 0], minlength=count), edges[:, 1].copy()
 
 
-def _rest_poses(bodies: _INTS, values: Array, joint_poses: Array) -> tuple[Array, Array]:
-    """World poses of the bodies and centres of their balls at q = 0; those that rest keep them."""
-    poses, centres = np.zeros((len(bodies), 12)), np.zeros((len(bodies), 3))
-    for i, body in enumerate(bodies):
-        R, t = joint_poses[body[1], :9].reshape(3, 3), joint_poses[body[1], 9:]
-        poses[i, :9] = (R @ values[i, :9].reshape(3, 3)).ravel()
-        poses[i, 9:] = R @ values[i, 9:12] + t
-        centres[i] = R @ values[i, 12:15] + t
-    return poses, centres
-
-
-def _pair_table(checker: CollisionChecker, chains: list[list[int]]) -> _INTS:
-    """Body, body, and how many driven joints move both; the body without an inside surface comes second."""
-    table = np.zeros((len(checker.solid_pairs), 3), np.int64)
-    special = [isinstance(s.shape, HalfSpace | PointCloud) for s in checker.solids]
-    for k, (a, b) in enumerate(checker.solid_pairs.tolist()):
-        if special[a] and special[b]:
-            one, two = checker.solids[a].element, checker.solids[b].element
-            raise InputError(f"{one!r} and {two!r} are half-spaces or point clouds; they cannot be checked")
-        shared = sum(x == y for x, y in zip(chains[a], chains[b], strict=False))
-        table[k] = (b, a, shared) if special[a] else (a, b, shared)
-    return table
-
-
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=512)
 def _core(shape: Shape) -> _Core:
     zero, none = np.zeros(3), np.zeros((0, 3))
     match shape:
         case Sphere(radius):
-            return _Core(POINT, zero, radius, (zero, radius), (zero, np.full(3, radius)), none)
+            return _made(POINT, zero, radius, (zero, radius), (zero, np.full(3, radius)), none)
         case Box(size):
             half = 0.5 * np.array(size)
-            return _Core(BOX, half, 0.0, (zero, float(np.linalg.norm(half))), (zero, half), none)
+            return _made(BOX, half, 0.0, (zero, float(np.linalg.norm(half))), (zero, half), none)
         case Cylinder(radius, length):
             half = np.array([radius, radius, 0.5 * length])
-            return _Core(CYLINDER, half, 0.0, (zero, float(np.hypot(radius, 0.5 * length))), (zero, half), none)
+            return _made(CYLINDER, half, 0.0, (zero, float(np.hypot(radius, 0.5 * length))), (zero, half), none)
         case Capsule(radius, length):
             core, half = np.array([0, 0, 0.5 * length]), np.array([radius, radius, 0.5 * length + radius])
-            return _Core(SEGMENT, core, radius, (zero, 0.5 * length + radius), (zero, half), none)
+            return _made(SEGMENT, core, radius, (zero, 0.5 * length + radius), (zero, half), none)
         case HalfSpace(normal, offset):
-            return _Core(HALF_SPACE, np.array(normal), 0.0, (zero, _FAR), (zero, np.full(3, _FAR)), none, offset)
+            return _made(HALF_SPACE, np.array(normal), 0.0, (zero, _FAR), (zero, np.full(3, _FAR)), none, offset)
         case PointCloud():
             return _cells(shape)
         case _:
             return _corners(shape)
 
 
+def _made(
+    kind: int,
+    size: Array,
+    radius: float,
+    ball: tuple[Array, float],
+    box: tuple[Array, Array],
+    points: Array,
+    offset: float = 0.0,
+) -> _Core:
+    return _Core(kind, ball[0], np.array([ball[1], radius, *box[0], *box[1], *size, offset]), points)
+
+
 def _cells(cloud: PointCloud) -> _Core:
     cells, half = occupied_cells(cloud), 0.5 * cloud.resolution
     low, high = cells.min(axis=0) - half, cells.max(axis=0) + half
     ball = (0.5 * (low + high), float(np.linalg.norm(0.5 * (high - low))))
-    return _Core(CELLS, np.full(3, half), 0.0, ball, (0.5 * (low + high), 0.5 * (high - low)), cells)
+    return _made(CELLS, np.full(3, half), 0.0, ball, (0.5 * (low + high), 0.5 * (high - low)), cells)
 
 
 def _corners(mesh: Mesh) -> _Core:
     points = np.array(mesh.vertices)
     low, high = points.min(axis=0), points.max(axis=0)
-    return _Core(CORNERS, np.zeros(3), 0.0, _ball(points), (0.5 * (low + high), 0.5 * (high - low)), points)
+    return _made(CORNERS, np.zeros(3), 0.0, _ball(points), (0.5 * (low + high), 0.5 * (high - low)), points)
 
 
 def _ball(points: Array) -> tuple[Array, float]:

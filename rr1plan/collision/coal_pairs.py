@@ -1,0 +1,110 @@
+"""Coal's view of some pairs of solids, through Pinocchio's geometry model."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.collision.layout import Solid
+from rr1plan.collision.solids import coal_geometry
+from rr1plan.model import SceneModel
+
+# Coal's distances of cylinders are this sharp, not 1e-5 m as with its own default.
+_GJK_TOLERANCE = 1e-10
+# Where a core lies exactly in another surface, Coal may end with -1.8e308; a nanometre beside it, it does not.
+_NO_DISTANCE = -1e300
+_NUDGE = np.array([0.7e-9, -0.5e-9, 0.6e-9])
+
+
+class CoalPairs:
+    """Pairs of solids as Coal sees them: place them first, then ask.
+
+    Args:
+        model: The scene's model.
+        solids: Its solids.
+        pairs: Pairs of them [index], shape (m, 2).
+        padding: Distance at which a pair counts as touching [m], shape (m,).
+    """
+
+    def __init__(self, model: SceneModel, solids: tuple[Solid, ...], pairs: NDArray[np.int64], padding: Array) -> None:
+        self._model = model
+        self._geometry = _geometry_model(solids, pairs)
+        self._data = model.model.createData()
+        self._scratch = _geometry_data(self._geometry, padding)
+        self._manager = pin.BroadPhaseManager_NaiveCollisionManager(model.model, self._geometry, self._scratch)
+        self._callback = pin.CollisionCallBackDefault(self._geometry, self._scratch)
+        self._callback.stopAtFirstCollision = True
+
+    def place(self, q: Array) -> None:
+        """Move the solids to where they are at q (nq,)."""
+        full = self._model.full(q)
+        pin.updateGeometryPlacements(self._model.model, self._data, self._geometry, self._scratch, full)
+
+    def any_touches(self) -> bool:
+        """Whether any pair is nearer than its padding."""
+        self._manager.update(False)
+        self._callback.init()
+        return bool(pin.computeCollisions(self._manager, self._callback))
+
+    def touching(self) -> list[int]:
+        """The pairs that are nearer than their padding."""
+        pin.computeCollisions(self._geometry, self._scratch, False)
+        return [i for i, result in enumerate(self._scratch.collisionResults) if result.isCollision()]
+
+    def distances(self) -> Array:
+        """Distance of every pair [m], negative where they overlap, shape (m,)."""
+        pin.computeDistances(self._geometry, self._scratch)
+        found = np.array([r.min_distance for r in self._scratch.distanceResults], dtype=np.float64)
+        for pair in np.flatnonzero(found < _NO_DISTANCE):
+            found[pair] = self.distance(int(pair))[0]
+        return found
+
+    def distance(self, pair: int) -> tuple[float, Array, Array]:
+        """Distance of one pair [m], and the nearest point of each in the world."""
+        result = pin.computeDistance(self._geometry, self._scratch, pair)
+        if result.min_distance < _NO_DISTANCE:
+            placement = self._scratch.oMg[self._geometry.collisionPairs[pair].first]
+            exactly = placement.translation.copy()
+            placement.translation = exactly + _NUDGE
+            result = pin.computeDistance(self._geometry, self._scratch, pair)
+            placement.translation = exactly
+        return float(result.min_distance), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+
+
+def _geometry_model(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Any:
+    geometry = pin.GeometryModel()
+    for k, solid in enumerate(solids):
+        placement = pin.SE3(np.array(solid.placement))
+        name = f"{k} {solid.element}"
+        geometry.addGeometryObject(pin.GeometryObject(name, solid.joint, placement, coal_geometry(solid.shape)))
+    for i, j in pairs.tolist():
+        geometry.addCollisionPair(pin.CollisionPair(i, j))
+    return geometry
+
+
+def _geometry_data(geometry: Any, padding: Array) -> Any:
+    data = pin.GeometryData(geometry)
+    for request in data.distanceRequests:
+        request.gjk_tolerance = _GJK_TOLERANCE
+        request.enable_signed_distance = True
+    for request, distance in zip(data.collisionRequests, padding.tolist(), strict=True):
+        request.security_margin = distance
+        # Without contacts Coal 3.0.3 answers "free" for balls and capsules whose core lies within
+        # its tolerance of the other shape's surface: centimetres deep, and not seen.
+        request.enable_contact = True
+    _forget_guesses(data.distanceRequests)
+    _forget_guesses(data.collisionRequests)
+    return data
+
+
+def _forget_guesses(requests: Any) -> None:
+    """Start every search afresh: a guess kept from the last one can be NaN, and then spoils all that follow."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # the successor of this switch does not turn it off
+        for request in requests:
+            request.enable_cached_gjk_guess = False
