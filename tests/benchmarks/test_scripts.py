@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -38,11 +40,57 @@ def test_problems_of_a_file_are_solved_and_judged(script, problem_file, tmp_path
     assert [p["status"] for p in results["problems"]] == ["solved", "solved"]
     for answer in results["problems"]:
         assert answer["certified"]
-        assert set(answer["opinions"]) == {"raw", "short", "timed"}
-        assert all(o["samples"] > 100 and set(o["touches"]) == {"Coal", "FCL"} for o in answer["opinions"].values())
+        assert set(answer["opinions"]) == {"raw", "path", "timed"}
+        assert all(o["samples"] > 100 for o in answer["opinions"].values())
+    (run,) = results["runs"]
+    assert run["touching"] == {"raw": [0, 2], "path": [0, 2], "timed": [0, 2]}
+    assert all(set(t) == {"Coal", "FCL"} for answer in run["answers"] for t in answer["touches"].values())
     assert results["machine"]["processor"]
     assert "| validate" in (tmp_path / "panda_problems.md").read_text()
     assert (tmp_path / "panda_problems.png").stat().st_size > 0
+
+
+def test_peers_answer_the_same_problems_or_tell_why_not(script, tmp_path, monkeypatch):
+    peers = script("peers")
+    straight = tmp_path / "straight_worker.py"
+    straight.write_text(
+        f"""
+import sys
+sys.path.insert(0, {str(Path(peers.__file__).parent)!r})
+from worker import serve
+
+def solve(robot, problem, answer):
+    line = [problem["start"], problem["goal"]]
+    for stage, kind in (("set up", ""), ("plan", "raw"), ("shorten", "path"), ("retime", "timed")):
+        with answer.stage(stage):
+            pass
+        if kind:
+            answer.keep(kind, line)
+    answer.data["duration"] = 1.0
+
+serve(lambda robot, task: robot, solve)
+"""
+    )
+    pair = (peers.Peer("straight", "straight", (), str(straight)), peers.Peer("absent", "absent", (), "none.py"))
+    monkeypatch.setattr(peers, "PEERS", pair)
+    monkeypatch.setattr(script("panda_problems"), "_REFERENCE", "straight")
+    arguments = ["--scene", "rr1_table", "--every", "3", "--python", f"straight={sys.executable}"]
+    assert script("panda_problems").main([*arguments, "--out", str(tmp_path)]) == 0
+    text = (tmp_path / "panda_problems.md").read_text()
+    assert "**absent did not run**: no folder for its environment." in text
+    assert "times faster than straight" in text
+    ours, straight, absent = json.loads((tmp_path / "panda_problems.json").read_text())["runs"]
+    assert [run["solved"] for run in (ours, straight, absent)] == [2, 2, 0]
+    assert [a["name"] for a in ours["answers"]] == [a["name"] for a in straight["answers"]]
+    assert ours["touching"]["timed"] == [0, 2]
+    assert straight["touching"]["raw"] == straight["touching"]["timed"] == [1, 2]
+
+
+@pytest.mark.parametrize("arguments", [[], ["--scene", "rr1_pair"], ["a.json"], ["a.json", "--scene", "rr1_table"]])
+def test_problems_that_cannot_be_read_end_with_the_usage(script, arguments, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        script("panda_problems").main(arguments)
+    assert "error:" in capsys.readouterr().err
 
 
 def test_random_queries_are_drawn_answered_and_replayed(script, tmp_path):

@@ -1,0 +1,143 @@
+"""What several planners did with the same problems: tables in Markdown, figures for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from shared import number, spread, table
+
+KINDS = ("raw", "path", "timed")
+WORDS = {"raw": "raw path", "path": "short path", "timed": "timed motion"}
+WHOLE = ("plan", "shorten", "retime")
+COLUMNS: Mapping[str, tuple[str, ...]] = {
+    "set up": ("set up",),
+    "plan": ("plan",),
+    "shorten": ("shorten",),
+    "plan + shorten": ("plan", "shorten"),
+    "retime": ("retime",),
+    "whole query": WHOLE,
+    "with referee": (*WHOLE, "validate"),
+}
+RATIOS = (("plan", "median"), ("plan", "p95"), ("plan + shorten", "median"), ("whole query", "median"))
+
+
+@dataclass
+class Run:
+    """One planner's answers, in the order of the problems.
+
+    An answer has `name`, `seconds` (CPU, by stage), and where it found a path `raw`, `path` (waypoints), `duration`,
+    and `touches`: for each of `KINDS` what each opinion sees, None or the first touch.
+    """
+
+    name: str
+    answers: list[dict[str, Any]]
+    note: str = ""
+    skipped: str = ""
+    solved: list[dict[str, Any]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.solved = [answer for answer in self.answers if "raw" in answer]
+
+    def times(self, column: str, group: str = "") -> list[float]:
+        """CPU seconds of a column of `COLUMNS`, of the solved problems (of one set) that have all its stages."""
+        stages = COLUMNS[column]
+        mine = [a["seconds"] for a in self.solved if a["name"].startswith(group)]
+        return [sum(s[stage] for stage in stages) for s in mine if all(stage in s for stage in stages)]
+
+    def lengths(self, kind: str) -> list[float]:
+        """Lengths of its paths [rad]."""
+        return [_length(a[kind]) for a in self.solved if kind in a]
+
+    def touching(self, kind: str) -> tuple[int, int]:
+        """How many of its results touch by any opinion, and how many were judged."""
+        judged = [a["touches"][kind] for a in self.solved if kind in a.get("touches", {})]
+        return sum(any(touch is not None for touch in found.values()) for found in judged), len(judged)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its figures, without the motions."""
+        answers = [{k: v for k, v in a.items() if k not in KINDS} for a in self.answers]
+        for told, own in zip(answers, self.answers, strict=True):
+            told |= {f"length {k}": _length(own[k]) for k in ("raw", "path") if k in own}
+        times = {column: spread(found) for column in COLUMNS if (found := self.times(column))}
+        return {
+            "planner": self.name,
+            "note": self.note,
+            "skipped": self.skipped,
+            "solved": len(self.solved),
+            "milliseconds": times,
+            "touching": {kind: self.touching(kind) for kind in KINDS},
+            "answers": answers,
+        }
+
+
+def _length(waypoints: Any) -> float:
+    return float(np.linalg.norm(np.diff(np.array(waypoints), axis=0), axis=1).sum())
+
+
+# ---- tables ----------------------------------------------------------------------------------------
+
+
+def compare(runs: Sequence[Run], reference: str) -> list[str]:
+    """The tables, and who did not run, as parts of a report."""
+    ran = [run for run in runs if not run.skipped]
+    parts = ["CPU milliseconds on the same core in the same run, median / p95 / max:", time_table(ran)]
+    parts += [
+        "Medians, and the share of results that Coal or FCL sees in collision at a millimetre:",
+        result_table(ran),
+    ]
+    if any(run.name == reference for run in ran):
+        parts += [f"How many times faster than {reference} at its defaults:", ratio_table(ran, reference)]
+    parts += ["Plan + shorten by set of problems, median [CPU ms]:", set_table(ran)]
+    notes = [f"- {run.name}: {run.note}." for run in ran if run.note]
+    notes += [f"- **{run.name} did not run**: {run.skipped}." for run in runs if run.skipped]
+    return [*parts, "\n".join(notes)] if notes else parts
+
+
+def time_table(runs: Sequence[Run]) -> str:
+    """Median, p95 and max of every stage, a planner a row."""
+    rows = [[run.name, *(_three(run.times(column)) for column in COLUMNS)] for run in runs]
+    return table(["planner", *COLUMNS], rows)
+
+
+def _three(seconds: list[float]) -> str:
+    found = spread(seconds)
+    return " / ".join(number(found[k]) for k in ("median", "p95", "max")) if seconds else "-"
+
+
+def result_table(runs: Sequence[Run]) -> str:
+    """Solved, lengths, duration and touches, a planner a row."""
+    header = ["planner", "solved", "raw path [rad]", "short path [rad]", "duration [s]"]
+    rows = []
+    for run in runs:
+        durations = [a["duration"] for a in run.solved if a.get("duration") is not None]
+        medians = [number(spread(v, 1.0)["median"]) for v in (run.lengths("raw"), run.lengths("path"), durations)]
+        rows.append([run.name, f"{len(run.solved)} / {len(run.answers)}", *medians, *(_share(run, k) for k in KINDS)])
+    return table([*header, *(f"{WORDS[kind]} touches" for kind in KINDS)], rows)
+
+
+def _share(run: Run, kind: str) -> str:
+    touching, judged = run.touching(kind)
+    return f"{100 * touching / judged:.1f} %" if judged else "-"
+
+
+def ratio_table(runs: Sequence[Run], reference: str) -> str:
+    """The reference's figure over each planner's."""
+    (base,) = [run for run in runs if run.name == reference]
+    rows = []
+    for run in runs:
+        pairs = [(spread(base.times(c))[k], spread(run.times(c))[k]) for c, k in RATIOS]
+        rows.append([run.name, *(number(theirs / own) for theirs, own in pairs)])
+    return table(["planner", *(f"{column}, {kind}" for column, kind in RATIOS)], rows)
+
+
+def set_table(runs: Sequence[Run]) -> str:
+    """Medians of planning and shortening, a set of problems a row."""
+    groups = list(dict.fromkeys(a["name"].rsplit("/", 1)[0] for run in runs for a in run.answers))
+    rows = [
+        [group, *(number(spread(run.times("plan + shorten", f"{group}/"))["median"]) for run in runs)]
+        for group in groups
+    ]
+    return table(["set", *(run.name for run in runs)], rows)

@@ -1,0 +1,240 @@
+"""Problems in plain words, which every planner understands: a URDF of convex shapes, obstacles, two configurations.
+
+Held and mimicking joints are written as fixed ones, meshes as STL files, a capsule as a cylinder and two
+balls, a half-space as a slab beyond the arm's reach: all planners get the very same bodies and the same pairs to check.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+import rr1plan as rp
+from rr1plan.checks import Array
+from rr1plan.robot import Geometry, Joint, Robot
+from rr1plan.transforms import inverse, pose, rotation_about
+
+_SLAB = 10.0  # sides and depth of the slab that stands for a half-space [m]
+
+
+def settle(problem: rp.Problem, seed: int) -> rp.Problem:
+    """The same problem with slabs for half-spaces and, for a goal in space, one configuration that reaches it.
+
+    Raises:
+        InputError: several arms, or nothing reaches the goal.
+    """
+    scene = problem.scene
+    slabs = {
+        name: replace(thing, geometries=tuple(map(_slab, thing.geometries))) for name, thing in scene.obstacles.items()
+    }
+    scene = replace(scene, obstacles=slabs)
+    arm = scene.only_arm()
+    goals = {arm: list(problem.goal[arm])}
+    settled = rp.Problem(scene, {arm: problem.start}, goals)
+    if len(goals[arm]) == 1 and isinstance(goals[arm][0], rp.JointGoal):
+        return settled
+    found = rp.plan(settled, "rrt_connect", rp.Budget(seconds=10.0), np.random.default_rng(seed))
+    if found.path is None:
+        raise rp.InputError(f"no configuration for the goal of scene {scene.name!r}: {found.status.value}")
+    return rp.Problem(scene, {arm: problem.start}, {arm: rp.JointGoal(found.path.waypoints[-1])})
+
+
+def _slab(geometry: Geometry) -> Geometry:
+    if not isinstance(geometry.shape, rp.HalfSpace):
+        return geometry
+    n = np.array(geometry.shape.normal)
+    across = np.cross([0.0, 0.0, 1.0], n)
+    length = float(np.linalg.norm(across))
+    turn = rotation_about(across / length if length > 1e-12 else np.array([1.0, 0.0, 0.0]), np.arctan2(length, n[2]))
+    place = np.eye(4)
+    place[:3, :3], place[:3, 3] = turn, (geometry.shape.offset - 0.5 * _SLAB) * n
+    return replace(geometry, shape=rp.Box((_SLAB, _SLAB, _SLAB)), pose=geometry.pose @ place)
+
+
+# ---- a problem -------------------------------------------------------------------------------------
+
+
+def describe_problem(problem: rp.Problem, folder: Path) -> dict[str, Any]:
+    """What a peer is told of a problem, all places in the frame of the arm's base; see `worker.py`.
+
+    Args:
+        problem: One arm that moves, with one goal configuration.
+        folder: Where the robot's files are written, or have been.
+
+    Raises:
+        InputError: it cannot be said so plainly; the message tells why.
+    """
+    scene = problem.scene
+    if len(scene.arms) > 1:
+        raise rp.InputError(f"{len(scene.arms)} arms in the scene; the peers are asked about one")
+    if scene.padding or scene.pair_padding or scene.attachments:
+        raise rp.InputError("the scene has paddings or attached objects")
+    (arm,) = scene.arms
+    goals = problem.goal[arm]
+    if len(goals) != 1 or not isinstance(goals[0], rp.JointGoal):
+        raise rp.InputError("the goal is not one configuration")
+    parts = {name: list(_parts(thing)) for name, thing in scene.obstacles.items()}
+    checked = {frozenset(pair) for pair in scene.checked_pairs}
+    links = [f"{arm}/{link.name}" for link in scene.arms[arm].robot.links if link.collisions]
+    base = inverse(scene.arms[arm].base)
+    told = [
+        {"name": f"{name}.{i}", "kind": kind, "size": size, "pose": (base @ T).tolist()}
+        for name, own in parts.items()
+        for i, (kind, size, T) in enumerate(own)
+    ]
+    free = [
+        [link.split("/", 1)[1], f"{name}.{i}"]
+        for link in links
+        for name, own in parts.items()
+        if frozenset((link, name)) not in checked
+        for i in range(len(own))
+    ]
+    apart = [[a.split("/", 1)[1], b.split("/", 1)[1]] for a, b in combinations(links, 2) if {a, b} not in checked]
+    robot = write_robot(scene.arms[arm].robot, apart, folder)
+    ends = {"start": list(map(float, problem.start)), "goal": list(map(float, goals[0].q))}
+    return {"robot": robot, "obstacles": told, "may_touch": free, **ends}
+
+
+def _parts(thing: rp.Obstacle) -> Any:
+    """Kind, sizes and T_world of each of an obstacle's parts."""
+    for g in thing.geometries:
+        for kind, size, T in _simple(g):
+            if kind == "mesh":
+                raise rp.InputError("an obstacle is a mesh; the peers get boxes, cylinders and balls")
+            yield kind, size, thing.pose @ T
+
+
+def _simple(g: Geometry) -> list[tuple[str, list[float], Array]]:
+    match g.shape:
+        case rp.Box(size):
+            return [("box", list(size), g.pose)]
+        case rp.Cylinder(radius, length):
+            return [("cylinder", [radius, length], g.pose)]
+        case rp.Sphere(radius):
+            return [("sphere", [radius], g.pose)]
+        case rp.Capsule(radius, length):
+            ends = [("sphere", [radius], g.pose @ pose([0.0, 0.0, z])) for z in (-0.5 * length, 0.5 * length)]
+            return [("cylinder", [radius, length], g.pose), *ends]
+        case rp.Mesh():
+            return [("mesh", [], g.pose)]
+    raise rp.InputError(f"no plain form of a {type(g.shape).__name__}")
+
+
+# ---- a robot ---------------------------------------------------------------------------------------
+
+
+def write_robot(robot: Robot, apart: Sequence[Sequence[str]], folder: Path) -> dict[str, Any]:
+    """Write a robot's URDF, SRDF and hulls into a folder of its own; tells where they are.
+
+    Raises:
+        InputError: a planning joint turns without end.
+    """
+    if robot.continuous.any():
+        raise rp.InputError("a joint turns without end, which the peers treat in as many ways")
+    place = folder / robot.content_hash[:16]
+    urdf, srdf = place / f"{robot.name}.urdf", place / f"{robot.name}.srdf"
+    if not urdf.exists():
+        place.mkdir(parents=True)
+        ElementTree.ElementTree(_urdf(robot, place)).write(urdf)
+        ElementTree.ElementTree(_srdf(robot, apart)).write(srdf)
+    return {
+        "name": robot.name,
+        "urdf": str(urdf),
+        "srdf": str(srdf),
+        "base": robot.base,
+        "tip": robot.joint(robot.joint_names[-1]).child,
+        "joints": list(robot.joint_names),
+        "velocity": robot.limits.velocity.tolist(),
+        "acceleration": robot.limits.acceleration.tolist(),
+    }
+
+
+def _urdf(robot: Robot, folder: Path) -> ElementTree.Element:
+    top = ElementTree.Element("robot", name=robot.name)
+    for link in robot.links:
+        element = ElementTree.SubElement(top, "link", name=link.name)
+        _add_inertia(element)
+        for i, g in enumerate(link.collisions):
+            for kind, size, T in _simple(g):
+                collision = ElementTree.SubElement(element, "collision")
+                _add_origin(collision, T)
+                stl = folder / f"{link.name}.{i}.stl"
+                if isinstance(g.shape, rp.Mesh):
+                    _write_hull(g.shape, stl)
+                _add_shape(ElementTree.SubElement(collision, "geometry"), kind, size, stl)
+    values = robot.joint_values(robot.home)
+    for joint in robot.joints:
+        top.append(_joint(robot, joint, values))
+    return top
+
+
+def _joint(robot: Robot, joint: Joint, values: dict[str, float]) -> ElementTree.Element:
+    if joint.name not in robot.joint_names:
+        element = ElementTree.Element("joint", name=joint.name, type="fixed")
+        _add_origin(element, joint.origin @ joint.motion(values.get(joint.name, 0.0)))
+    else:
+        element = ElementTree.Element("joint", name=joint.name, type=joint.kind)
+        _add_origin(element, joint.origin)
+        ElementTree.SubElement(element, "axis", xyz=_text(joint.axis))
+        i, limits = robot.joint_names.index(joint.name), robot.limits
+        bounds = {"lower": limits.lower[i], "upper": limits.upper[i], "velocity": limits.velocity[i], "effort": 100.0}
+        ElementTree.SubElement(element, "limit", {k: repr(float(v)) for k, v in bounds.items()})
+    ElementTree.SubElement(element, "parent", link=joint.parent)
+    ElementTree.SubElement(element, "child", link=joint.child)
+    return element
+
+
+def _add_inertia(element: ElementTree.Element) -> None:
+    """Some readers want a mass of every link; no planner here uses it."""
+    inertial = ElementTree.SubElement(element, "inertial")
+    ElementTree.SubElement(inertial, "mass", value="1.0")
+    ElementTree.SubElement(inertial, "inertia", ixx="0.01", iyy="0.01", izz="0.01", ixy="0", ixz="0", iyz="0")
+
+
+def _add_origin(element: ElementTree.Element, T: Array) -> None:
+    R = T[:3, :3]
+    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
+    if np.hypot(R[0, 0], R[1, 0]) > 1e-9:
+        roll, yaw = np.arctan2(R[2, 1], R[2, 2]), np.arctan2(R[1, 0], R[0, 0])
+    else:  # straight up or down: roll and yaw are one angle
+        roll, yaw = np.arctan2(-R[1, 2], R[1, 1]), 0.0
+    ElementTree.SubElement(element, "origin", xyz=_text(T[:3, 3]), rpy=_text([roll, pitch, yaw]))
+
+
+def _add_shape(element: ElementTree.Element, kind: str, size: list[float], stl: Path) -> None:
+    if kind == "box":
+        ElementTree.SubElement(element, "box", size=_text(size))
+    elif kind == "cylinder":
+        ElementTree.SubElement(element, "cylinder", radius=repr(size[0]), length=repr(size[1]))
+    elif kind == "sphere":
+        ElementTree.SubElement(element, "sphere", radius=repr(size[0]))
+    else:
+        ElementTree.SubElement(element, "mesh", filename=f"package://{stl.name}")
+
+
+def _write_hull(mesh: rp.Mesh, file: Path) -> None:
+    """The hull twice: one peer looks for it beside the mesh, under a name of its own."""
+    hull = trimesh.Trimesh(mesh.vertices, mesh.faces).convex_hull
+    for name in (file.name, f"{file.name}.convex.stl"):
+        hull.export(file.with_name(name))
+
+
+def _srdf(robot: Robot, apart: Sequence[Sequence[str]]) -> ElementTree.Element:
+    top = ElementTree.Element("robot", name=robot.name)
+    group = ElementTree.SubElement(top, "group", name="arm")
+    tip = robot.joint(robot.joint_names[-1]).child
+    ElementTree.SubElement(group, "chain", base_link=robot.base, tip_link=tip)
+    for a, b in apart:
+        ElementTree.SubElement(top, "disable_collisions", link1=a, link2=b, reason="Never")
+    return top
+
+
+def _text(values: Any) -> str:
+    return " ".join(repr(float(v)) for v in values)

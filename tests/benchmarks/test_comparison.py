@@ -1,0 +1,84 @@
+"""The comparison's tables, from answers that are known."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+
+def _answer(name, plan, shorten, retime=None, touch=None):
+    seconds = {"set up": 0.001, "plan": plan, "shorten": shorten}
+    answer = {"name": name, "seconds": seconds, "raw": [[0.0, 0.0], [0.0, 4.0], [3.0, 4.0]]}
+    answer |= {"path": [[0.0, 0.0], [3.0, 4.0]], "touches": {"raw": {"Coal": None, "FCL": None}}}
+    answer["touches"]["path"] = {"Coal": touch, "FCL": None}
+    if retime is not None:
+        seconds["retime"] = retime
+        answer["duration"] = 2.0
+        answer["touches"]["timed"] = {"Coal": None, "FCL": None}
+    return answer
+
+
+@pytest.fixture
+def runs(script):
+    run = script("comparison").Run
+    touch = ("arm/hand", "shelf", 0.5)
+    fast = run("fast", [_answer("shelf/1", 0.001, 0.001, 0.002), _answer("cage/1", 0.003, 0.001, 0.002)], "certified")
+    slow = run("slow", [_answer("shelf/1", 0.010, 0.030, touch=touch), {"name": "cage/1", "seconds": {"plan": 9.0}}])
+    return [fast, slow, run("absent", [], skipped="pip could not install it")]
+
+
+def _cells(text, row):
+    (line,) = [line for line in text.splitlines() if line.startswith(f"| {row} ")]
+    return [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def test_times_are_of_the_solved_problems_in_milliseconds(script, runs):
+    text = script("comparison").time_table(runs[:2])
+    header = _cells(text, "planner")
+    fast, slow = (dict(zip(header, _cells(text, name), strict=True)) for name in ("fast", "slow"))
+    assert fast["plan"] == "2 / 2.9 / 3"
+    assert fast["whole query"] == "5 / 5.9 / 6"
+    assert fast["with referee"] == "-"
+    assert slow["plan + shorten"] == "40 / 40 / 40"
+    assert slow["whole query"] == "-"
+
+
+def test_results_count_solved_lengths_and_touches(script, runs):
+    text = script("comparison").result_table(runs[:2])
+    assert _cells(text, "fast") == ["fast", "2 / 2", "7", "5", "2", "0.0 %", "0.0 %", "0.0 %"]
+    assert _cells(text, "slow") == ["slow", "1 / 2", "7", "5", "-", "0.0 %", "100.0 %", "-"]
+
+
+def test_ratios_are_to_the_reference(script, runs):
+    text = script("comparison").ratio_table(runs[:2], "slow")
+    assert _cells(text, "fast") == ["fast", "5", "3.45", "13.3", "-"]
+    assert _cells(text, "slow")[1:4] == ["1", "1", "1"]
+
+
+def test_sets_have_their_own_medians(script, runs):
+    text = script("comparison").set_table(runs[:2])
+    assert _cells(text, "shelf") == ["shelf", "2", "40"]
+    assert _cells(text, "cage") == ["cage", "4", "-"]
+
+
+def test_the_report_names_who_did_not_run_and_why(script, runs):
+    text = "\n\n".join(script("comparison").compare(runs, "slow"))
+    assert "**absent did not run**: pip could not install it." in text
+    assert "- fast: certified." in text
+    assert "times faster than slow" in text
+    assert "times faster" not in "\n".join(script("comparison").compare(runs, "absent"))
+
+
+def test_the_figures_are_plain_and_without_motions(runs):
+    told = json.loads(json.dumps([run.to_dict() for run in runs]))
+    assert told[0]["milliseconds"]["plan"]["median"] == pytest.approx(2.0)
+    assert told[0]["answers"][0]["length path"] == 5.0
+    assert "path" not in told[0]["answers"][0]
+    assert told[1]["touching"]["path"] == [1, 1]
+    assert told[2]["skipped"] == "pip could not install it"
+
+
+def test_the_picture_is_drawn_without_those_who_did_not_run(script, runs, tmp_path):
+    script("picture").draw(tmp_path / "picture.png", runs, "Known answers")
+    assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
