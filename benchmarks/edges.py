@@ -17,8 +17,8 @@ import numba
 import numpy as np
 
 import rr1plan as rp
+from rr1plan._kernels.intervals import sweep
 from rr1plan._kernels.motion import certify
-from rr1plan._kernels.spheres import sweep
 from rr1plan._kernels.swept import sweep_edge
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.swept import SweptEdges

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from numba import types
 
+from rr1plan._kernels.cover import COVER, WORK
 from rr1plan._kernels.jit import FLOATS1, I64, INT1, jit
-from rr1plan._kernels.spheres import COVER, WORK
 from rr1plan._kernels.swept import EXACT, sweep_edge
 
 # Arguments of `sweep_edge` after the ends of the edge.

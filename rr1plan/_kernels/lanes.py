@@ -75,6 +75,16 @@ _define(operator.mul, lambda builder, a, b: builder.fmul(a, b, flags=_FUSED))
 _define(operator.truediv, lambda builder, a, b: builder.fdiv(a, b))
 
 
+@infer_global(operator.neg)
+class _Negation(ConcreteTemplate):
+    cases = (signature(LANES, LANES),)
+
+
+@lower_builtin(operator.neg, LANES)
+def _negate(context, builder, sig, args):
+    return builder.fneg(args[0])
+
+
 def _call(builder, name, value):
     function = cgutils.get_or_insert_function(
         builder.module, ir.FunctionType(_VECTOR, [_VECTOR]), f"llvm.{name}.v{WIDTH}f64"
@@ -115,6 +125,18 @@ def _chosen(comparison):
 
 lesser = _chosen("<")
 greater = _chosen(">")
+
+
+@intrinsic
+def choose(typing_context, a, b, one, other):
+    """`one` in lanes where a < b, else `other`; floats count for all lanes."""
+
+    def lower(context, builder, sig, args):
+        a, b, one, other = (_lanes(builder, value, kind) for value, kind in zip(args, sig.args, strict=True))
+        return builder.select(builder.fcmp_ordered("<", a, b), one, other)
+
+    kinds = [LANES if isinstance(kind, LanesType) else types.float64 for kind in (a, b, one, other)]
+    return LANES(*kinds), lower
 
 
 @intrinsic

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from numba import types
 
+from rr1plan._kernels.cover import COVER, WORK
+from rr1plan._kernels.intervals import PROVEN, TOUCHES, sweep
 from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INT1, INTS1, INTS2, OUT2, jit
 from rr1plan._kernels.motion import CONTACT, FREE, certify, certify_open
-from rr1plan._kernels.spheres import COVER, PROVEN, TOUCHES, WORK, sweep
 
 # Tolerance [m], then the tables of `certify` in its order.
 EXACT = types.Tuple(
@@ -28,8 +29,8 @@ def sweep_edge(begin, end, cover, work, exact, done):
     Args:
         begin: Configuration, shape (nq,).
         end: Configuration, shape (nq,).
-        cover: See `spheres.Cover`.
-        work: See `spheres.Work`.
+        cover: See `cover.Cover`.
+        work: See `cover.Work`.
         exact: Tolerance and tables of the exact kernel.
         done: Counters, added to; shape (4,).
 

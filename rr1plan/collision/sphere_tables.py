@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rr1plan._kernels.cover import (
+    CELLS,
+    CLOSED_FORM,
+    CYLINDER,
+    HALF_SPACE,
+    LEFT_OUT,
+    POINTS,
+    ROUND,
+    ROUNDED_BOX,
+    Cover,
+    Work,
+)
 from rr1plan._kernels.lanes import WIDTH
 from rr1plan._kernels.neighbours import map_pair as _map_pair_untyped
-from rr1plan._kernels.spheres import CELLS, CYLINDER, HALF_SPACE, ROUNDED_BOX, Cover, Work
 from rr1plan.checks import Array
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.spheres import SphereCover, cover
@@ -27,6 +39,8 @@ _SPANS = 512
 # Joints that turn without end have a map of a turn to both sides; one that slides, of as many metres.
 _TURN = 2.0 * np.pi
 _MOST_MAPS = 256
+# Meshes of more corners are left to the exact kernel, which walks along edges instead of looking at all.
+_MOST_POINTS = 2000
 _map_pair: Callable[..., None] = _map_pair_untyped
 _MAPS: dict[tuple[str, Shape, Shape], _INTS] = {}
 
@@ -58,8 +72,10 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
     index = {b: i for i, b in enumerate(moving)}
     pairs = checker.solid_pairs.tolist()
     resting = sorted({b for pair in pairs for b in pair if b not in index})
-    bodies, spheres, chain, reach = _body_tables(checker, joints, moving)
+    cores = _Cores()
+    bodies, spheres, chain, reach = _body_tables(checker, joints, moving, cores)
     kinds, values, boxes = _obstacle_tables(checker, tables, resting)
+    core_of = _obstacle_cores(checker, tables, resting, len(kinds), cores)
     pair_of = np.full((len(moving), len(kinds)), -1, np.int64)
     meetings = []
     for k, (a, b) in enumerate(pairs):
@@ -75,7 +91,7 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
     table, maps, ranges = _map_tables(checker, tables, np.array(meetings, np.int64).reshape(-1, 4), margin)
     made = Cover(
         joints.rows, joints.values, bodies, spheres, chain, reach, kinds, values, boxes, pair_of,
-        table, maps, ranges, np.array(tables.padding), margins,
+        table, maps, ranges, np.array(tables.padding), *cores.arrays(), core_of, margins,
     )  # fmt: skip
     return made, _work(made, checker.nq)
 
@@ -93,12 +109,15 @@ def _work(made: Cover, columns: int) -> Work:
         np.zeros((len(made.bodies), longest + 1)),
         np.zeros((len(made.spheres), 2), np.int64),
         np.zeros((len(made.joints), 2)),
-        np.zeros((items + 1, 5), np.int64),
+        np.zeros((items + 1, 7), np.int64),
         np.zeros((_SPANS, 2)),
         np.zeros(_SPANS, np.int64),
+        np.zeros(2 * WIDTH),
+        np.zeros((_SPANS, 2)),
+        np.zeros(_SPANS, np.int64),
+        np.zeros((items, 3)),
+        np.zeros(items, np.int64),
         np.zeros(3 * WIDTH),
-        np.zeros((_SPANS, 2)),
-        np.zeros(_SPANS, np.int64),
         np.zeros(8 + WIDTH, np.int64),
         np.zeros((2, columns)),
     )
@@ -147,7 +166,9 @@ def _driven_joints(tables: Tables) -> _Joints:
     return _Joints(np.array(rows, np.int64), np.array(values), carrier, offset)
 
 
-def _body_tables(checker: CollisionChecker, joints: _Joints, moving: list[int]) -> tuple[_INTS, Array, _INTS, Array]:
+def _body_tables(
+    checker: CollisionChecker, joints: _Joints, moving: list[int], cores: _Cores
+) -> tuple[_INTS, Array, _INTS, Array]:
     """Bodies, their spheres, their chains and how far these reach; see the kernel's `Cover`."""
     bodies, spheres = np.zeros((len(moving), 5), np.int64), [np.zeros((0, 5))]
     chain: list[int] = []
@@ -157,7 +178,8 @@ def _body_tables(checker: CollisionChecker, joints: _Joints, moving: list[int]) 
         solid = checker.solids[b]
         joint = joints.carrier[solid.joint]
         made = cover(solid.shape)
-        rows = _sphere_rows(made, joints.offset[solid.joint] @ solid.placement)
+        T = joints.offset[solid.joint] @ solid.placement
+        rows = _sphere_rows(made, T)
         above = []
         while joint:
             above.append(joint)
@@ -165,7 +187,8 @@ def _body_tables(checker: CollisionChecker, joints: _Joints, moving: list[int]) 
         bodies[i] = above[0], first, first + len(rows), len(chain), len(chain) + len(above)
         spheres.append(rows)
         chain += above[::-1]
-        reach += _reaches(joints, above, rows)
+        cores.add(above[0], solid.shape, T)
+        reach += _reaches(joints, above, np.concatenate([rows[:, :3], _extremes(solid.shape) @ T[:3, :3].T + T[:3, 3]]))
         first += len(rows)
     return bodies, np.concatenate(spheres), np.array(chain, np.int64), np.array(reach)
 
@@ -178,10 +201,10 @@ def _sphere_rows(made: SphereCover, T: Array) -> Array:
     return np.column_stack([centres @ T[:3, :3].T + T[:3, 3], radii, inner])
 
 
-def _reaches(joints: _Joints, above: list[int], spheres: Array) -> list[float]:
-    """How far a body's spheres' centres can be from the axis of each joint of its chain [m], root first."""
-    reach = [float(np.hypot(spheres[:, 0], spheres[:, 1]).max())]
-    beyond = float(np.linalg.norm(spheres[:, :3], axis=1).max())
+def _reaches(joints: _Joints, above: list[int], points: Array) -> list[float]:
+    """How far points of a body can be from the axis of each joint of its chain [m], root first."""
+    reach = [float(np.hypot(points[:, 0], points[:, 1]).max())]
+    beyond = float(np.linalg.norm(points, axis=1).max())
     for joint in above[:-1]:
         x, y, z = joints.values[joint, 9:12]
         reach.append(float(np.hypot(x, y)) + beyond)
@@ -227,6 +250,80 @@ def _measures(shape: object, half: Array) -> tuple[tuple[int, int], Array]:
         case _:
             assert isinstance(shape, Mesh | PointCloud)
             return (ROUNDED_BOX, 0), np.array([*half, 0.0])
+
+
+# ---- cores ---------------------------------------------------------------------------------------------
+
+
+class _Cores:
+    """Rows of the kernel's `cores`, `core_values` and `points`, as they are added."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[int, int, int, int]] = []
+        self._values: list[Array] = []
+        self._points: list[Array] = [np.zeros((0, 3))]
+        self._count = 0
+
+    def add(self, frame: int, shape: Shape, T: Array) -> int:
+        """The row of a shape placed in a frame."""
+        rotate, shift = T[:3, :3], T[:3, 3]
+        if isinstance(shape, Cylinder):
+            middle, radius, kind = shift, 0.0, ROUND
+            points = np.array([shift, rotate[:, 2], [0.5 * shape.length, shape.radius, 0.0]])
+            reach = float(np.hypot(0.5 * shape.length, shape.radius)) * (1.0 + 1e-9)
+        else:
+            points, radius, kind = _extremes(shape) @ rotate.T + shift, _radius(shape), POINTS
+            middle = points.mean(axis=0)
+            reach = float(np.linalg.norm(points - middle, axis=1).max()) * (1.0 + 1e-9)
+        self._rows.append((frame, self._count, self._count + len(points), kind))
+        self._values.append(np.array([*middle, radius, reach]))
+        self._points.append(points)
+        self._count += len(points)
+        return len(self._rows) - 1
+
+    def arrays(self) -> tuple[_INTS, Array, Array]:
+        """The three tables."""
+        rows = np.array(self._rows, np.int64).reshape(-1, 4)
+        return rows, np.array(self._values).reshape(-1, 5), np.ascontiguousarray(np.concatenate(self._points))
+
+
+def _extremes(shape: Shape) -> Array:
+    """Points of a shape's core that no other point of it is farther out than, in its frame, shape (n, 3)."""
+    match shape:
+        case Sphere():
+            return np.zeros((1, 3))
+        case Capsule(_, length):
+            return np.array([[0.0, 0.0, -0.5 * length], [0.0, 0.0, 0.5 * length]])
+        case Box(size):
+            return _around(0.5 * np.array(size))
+        case Cylinder(radius, length):
+            # Corners of the box around it are farther out than any of its own.
+            return _around(np.array([radius, radius, 0.5 * length]))
+        case _:
+            assert isinstance(shape, Mesh)
+            return np.array(shape.vertices)
+
+
+def _around(half: Array) -> Array:
+    """Corners of a box of so much to both sides, shape (8, 3)."""
+    return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
+
+
+def _radius(shape: Shape) -> float:
+    return shape.radius if isinstance(shape, Sphere | Capsule) else 0.0
+
+
+def _obstacle_cores(checker: CollisionChecker, tables: Tables, resting: list[int], count: int, cores: _Cores) -> _INTS:
+    """What the kernel's `core_of` says of each obstacle."""
+    core_of = np.full(count, CLOSED_FORM, np.int64)
+    for i, b in enumerate(resting):
+        shape = checker.solids[b].shape
+        if isinstance(shape, Mesh):
+            small = len(shape.vertices) <= _MOST_POINTS
+            core_of[i] = cores.add(0, shape, _matrix(tables.poses[b])) if small else LEFT_OUT
+        elif isinstance(shape, PointCloud):
+            core_of[i] = LEFT_OUT
+    return core_of
 
 
 # ---- maps of neighbours ------------------------------------------------------------------------------

@@ -5,17 +5,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rr1plan._kernels.cover import CYLINDER, HALF_SPACE, ROUNDED_BOX
 from rr1plan._kernels.lanes import WIDTH, below, floor, greater, least, lesser, load, most, root, size_of, store
-from rr1plan._kernels.spheres import (
-    CYLINDER,
-    FARTHEST,
-    HALF_SPACE,
-    ROUNDED_BOX,
-    approach_to,
-    gap_to,
-    sine_cosine,
-    within,
-)
+from rr1plan._kernels.obstacles import approach_to, gap_to, within
+from rr1plan._kernels.placing import FARTHEST, sine_cosine
 
 numbers = st.lists(st.floats(-1e3, 1e3), min_size=WIDTH, max_size=WIDTH).map(np.array)
 

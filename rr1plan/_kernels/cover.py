@@ -1,0 +1,135 @@
+"""What the kernel of certified edges knows of a scene, and the memory it writes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+
+from rr1plan._kernels.jit import INT1, INT2, OUT1, OUT2
+from rr1plan._kernels.lanes import WIDTH
+
+# What obstacles are to the kernel.
+ROUNDED_BOX, CYLINDER, HALF_SPACE = range(3)
+# Stands for the core of an obstacle that has a closed form, and of one that is left to the exact kernel.
+CLOSED_FORM, LEFT_OUT = -1, -2
+# What the cores of bodies are to it: the hull of points, or a cylinder.
+POINTS, ROUND = range(2)
+
+# Factor for what is added up in floating point.
+SLACK = 1.0 + 1e-9
+# Numbers kept of each frame (rotation row by row, origin, angular and linear velocity) and of each sphere.
+FRAME = 18 * WIDTH
+SPHERE = 7 * WIDTH
+# Bits of all lanes.
+ALL = (1 << WIDTH) - 1
+# Cells of a map along each of its sides.
+CELLS = 128
+
+
+class Cover(NamedTuple):
+    """What the kernel knows of a scene; made by `rr1plan.collision.sphere_tables`.
+
+    Args:
+        joints: Parent (0: the world), 1 for prismatic, column; row 0 is the world, shape (j, 3).
+        joint_values: T_parent_joint with z along the axis (12) and gain, shape (j, 13).
+        bodies: Joint, first and last sphere (the first is the ball around all), first and last entry of
+            its chain; shape (b, 5).
+        spheres: Centre in the joint's frame, radius, radius of the ball inside [m], shape (s, 5).
+        chain: Joints above each body, root first.
+        chain_reach: For each, how far any sphere's centre can be from its axis, prismatic joints at zero [m].
+        obstacles: Kind, and 1 if its gap is exact, not only a bound from below; shape (o, 2).
+        obstacle_values: Rotation row by row, centre, half sizes (a cylinder's radius and half length; a
+            half-space's normal), radius around it (a half-space's offset); shape (o, 16).
+        boxes: Box around each obstacle, low and high, shape (6, o), o a multiple of `WIDTH`.
+        pair_of: Index of the pair of a body and an obstacle, -1 for none, shape (b, o).
+        meetings: Body, body, joints that move both, index of the pair, and if it has a map where that begins in
+            `maps` (else -1), the number of its columns of cells, and its two columns of q; shape (m, 8).
+        maps: For each map how many cells before a corner are not free; see `neighbours.py`.
+        map_ranges: Low end and cells per rad or m, of both columns of q; shape (m, 4).
+        padding: Distance to keep of each pair [m].
+        cores: Frame, first and last row of `points`, POINTS or ROUND: of each body, then of each obstacle without a
+            closed form; shape (c, 4).
+        core_values: A point in the core, the radius around the core, and how far the core reaches from the point
+            [m]; shape (c, 5).
+        points: Corners of a core in its frame; of one that is ROUND centre, axis, half length and radius;
+            shape (p, 3).
+        core_of: Row of `cores` of each obstacle, CLOSED_FORM or LEFT_OUT, shape (o,).
+        margins: What must be left of a gap beyond everything else, and the greatest padding [m], shape (2,).
+    """
+
+    joints: np.ndarray
+    joint_values: np.ndarray
+    bodies: np.ndarray
+    spheres: np.ndarray
+    chain: np.ndarray
+    chain_reach: np.ndarray
+    obstacles: np.ndarray
+    obstacle_values: np.ndarray
+    boxes: np.ndarray
+    pair_of: np.ndarray
+    meetings: np.ndarray
+    maps: np.ndarray
+    map_ranges: np.ndarray
+    padding: np.ndarray
+    cores: np.ndarray
+    core_values: np.ndarray
+    points: np.ndarray
+    core_of: np.ndarray
+    margins: np.ndarray
+
+
+class Work(NamedTuple):
+    """Memory the kernel writes.
+
+    Args:
+        frames: Of every joint, `WIDTH` configurations side by side.
+        centres: Of every sphere: place, velocity, travel.
+        placed: The batch each body was placed for last.
+        speeds: Greatest speed of a body's spheres, by the joints that count; shape (b, longest chain + 1).
+        pushes: Greatest acceleration, the same.
+        near: Spheres of a body that are near another's ball, and in which lanes; shape (n, 2).
+        turns: Of each joint: rate and greatest value on the edge, shape (j, 2).
+        items: Body, obstacle or other body, row of `meetings` (-1: an obstacle), pair, bits of the lanes in which
+            it is open, a sphere of either that is too near; shape (k, 7).
+        spans: Middle and half width of each interval, shape (n, 2).
+        span_items: Bits of the items it is open for.
+        lanes: `WIDTH` middles, then as many half widths.
+        open_spans: Middle and half width of what is left to the exact kernel, shape (n, 2).
+        open_pairs: The pair of each.
+        starts: The direction of each pair where the search of one ended last, shape (p, 3).
+        begun: The edge of which that is told, shape (p,).
+        walk: `WIDTH` directions.
+        counts: How many of those there are, batches looked at, the pair of a contact, edges so far; from 8 on
+            the bits of the items that each lane is open for.
+        curve: The edge as the exact kernel takes it, shape (2, nq).
+    """
+
+    frames: np.ndarray
+    centres: np.ndarray
+    placed: np.ndarray
+    speeds: np.ndarray
+    pushes: np.ndarray
+    near: np.ndarray
+    turns: np.ndarray
+    items: np.ndarray
+    spans: np.ndarray
+    span_items: np.ndarray
+    lanes: np.ndarray
+    open_spans: np.ndarray
+    open_pairs: np.ndarray
+    starts: np.ndarray
+    begun: np.ndarray
+    walk: np.ndarray
+    counts: np.ndarray
+    curve: np.ndarray
+
+
+COVER = types.NamedTuple(
+    [INT2, OUT2, INT2, OUT2, INT1, OUT1, INT2, OUT2, OUT2, INT2, INT2, INT1, OUT2, OUT1, INT2, OUT2, OUT2, INT1, OUT1],
+    Cover,
+)
+WORK = types.NamedTuple(
+    [OUT1, OUT1, INT1, OUT2, OUT2, INT2, OUT2, INT2, OUT2, INT1, OUT1, OUT2, INT1, OUT2, INT1, OUT1, INT1, OUT2], Work
+)

@@ -1,0 +1,148 @@
+# mypy: disable-error-code="no-untyped-def,no-untyped-call"
+"""Where frames and spheres are at several times of an edge, how fast, and how much that can change.
+
+The bound of a sphere's acceleration is the sum over pairs of joints of their speeds times how far the sphere can
+be from the farther one's axis.
+"""
+
+from __future__ import annotations
+
+from numba import types
+
+from rr1plan._kernels.cover import COVER, FRAME, SLACK, SPHERE, WORK
+from rr1plan._kernels.jit import FLOATS1, I64, jit
+from rr1plan._kernels.lanes import LANES, WIDTH, fill, floor, lesser, load, root, store
+
+# Angles beyond this are not reduced precisely enough [rad].
+FARTHEST = 1e5
+# Two over pi, and pi over two in two parts of which the first has 33 bits.
+_TURNS = 0.6366197723675814
+_QUARTER = 1.5707963267341256
+_REST = 6.077100506506192e-11
+
+
+@jit(types.UniTuple(LANES, 2)(LANES), inline=True, allocates=False)
+def sine_cosine(angle):
+    """Sine and cosine, each within 1e-13, of angles up to `FARTHEST`."""
+    k = floor(angle * _TURNS + 0.5)
+    x = angle - k * _QUARTER - k * _REST
+    y = x * x
+    # Taylor's series; the terms left out are below 3e-14 within an eighth of a turn.
+    s = y * (1.0 / 6227020800.0) - 1.0 / 39916800.0
+    s = s * y + 1.0 / 362880.0
+    s = s * y - 1.0 / 5040.0
+    s = s * y + 1.0 / 120.0
+    s = s * y - 1.0 / 6.0
+    s = x + x * (s * y)
+    c = y * (-1.0 / 87178291200.0) + 1.0 / 479001600.0
+    c = c * y - 1.0 / 3628800.0
+    c = c * y + 1.0 / 40320.0
+    c = c * y - 1.0 / 720.0
+    c = c * y + 1.0 / 24.0
+    c = c * y - 0.5
+    c = c * y + 1.0
+    half = floor(k * 0.5)
+    other = floor(k * 0.5 + 0.5)
+    odd = k - half * 2.0
+    sign_s = 1.0 - (half - floor(half * 0.5) * 2.0) * 2.0
+    sign_c = 1.0 - (other - floor(other * 0.5) * 2.0) * 2.0
+    return sign_s * (s + odd * (c - s)), sign_c * (c + odd * (s - c))
+
+
+@jit(types.void(FLOATS1, FLOATS1, COVER, WORK), inline=True, allocates=False)
+def bound_motion(q0, q1, cover, work):
+    """Greatest speeds and accelerations on an edge, by body and by the joints that count."""
+    for j in range(1, cover.joints.shape[0]):
+        column, gain = cover.joints[j, 2], cover.joint_values[j, 12]
+        work.turns[j, 0] = gain * (q1[column] - q0[column])
+        work.turns[j, 1] = abs(gain) * max(abs(q0[column]), abs(q1[column]))
+    for b in range(cover.bodies.shape[0]):
+        first, last = cover.bodies[b, 3], cover.bodies[b, 4]
+        speed, push, beyond = 0.0, 0.0, 0.0
+        work.speeds[b, last - first] = 0.0
+        work.pushes[b, last - first] = 0.0
+        for k in range(last - 1, first - 1, -1):
+            j = cover.chain[k]
+            rate = abs(work.turns[j, 0]) * SLACK
+            if cover.joints[j, 1] == 1:
+                # It pushes all alike: what hangs on it accelerates by the joints before it only.
+                speed += rate
+                beyond += work.turns[j, 1]
+            else:
+                swing = rate * (cover.chain_reach[k] + beyond)
+                push += rate * (swing + 2.0 * speed)
+                speed += swing
+            work.speeds[b, k - first] = speed
+            work.pushes[b, k - first] = push
+
+
+@jit(types.void(FLOATS1, LANES, COVER, WORK), inline=True, allocates=False)
+def place_frames(q0, t, cover, work):
+    """World poses and velocities of all joints at the times t of an edge that begins at q0."""
+    frames = work.frames
+    for j in range(1, cover.joints.shape[0]):
+        parent = cover.joints[j, 0] * FRAME
+        at = j * FRAME
+        rate = work.turns[j, 0]
+        value = t * rate + cover.joint_values[j, 12] * q0[cover.joints[j, 2]]
+        turn, shift = fill(0.0), value
+        s, c = fill(0.0), fill(1.0)
+        if cover.joints[j, 1] == 0:
+            s, c = sine_cosine(value)
+            turn, shift = fill(rate), fill(0.0)
+        for r in range(3):
+            row = parent + 3 * r * WIDTH
+            a, b, d = load(frames, row), load(frames, row + WIDTH), load(frames, row + 2 * WIDTH)
+            x = a * cover.joint_values[j, 0] + b * cover.joint_values[j, 3] + d * cover.joint_values[j, 6]
+            y = a * cover.joint_values[j, 1] + b * cover.joint_values[j, 4] + d * cover.joint_values[j, 7]
+            z = a * cover.joint_values[j, 2] + b * cover.joint_values[j, 5] + d * cover.joint_values[j, 8]
+            reach = a * cover.joint_values[j, 9] + b * cover.joint_values[j, 10] + d * cover.joint_values[j, 11]
+            store(frames, at + 3 * r * WIDTH, x * c + y * s)
+            store(frames, at + (3 * r + 1) * WIDTH, y * c - x * s)
+            store(frames, at + (3 * r + 2) * WIDTH, z)
+            reach = reach + z * shift
+            store(frames, at + (9 + r) * WIDTH, load(frames, parent + (9 + r) * WIDTH) + reach)
+            store(frames, at + (12 + r) * WIDTH, load(frames, parent + (12 + r) * WIDTH) + z * turn)
+        dx = load(frames, at + 9 * WIDTH) - load(frames, parent + 9 * WIDTH)
+        dy = load(frames, at + 10 * WIDTH) - load(frames, parent + 10 * WIDTH)
+        dz = load(frames, at + 11 * WIDTH) - load(frames, parent + 11 * WIDTH)
+        x, y, z = (
+            load(frames, parent + 12 * WIDTH),
+            load(frames, parent + 13 * WIDTH),
+            load(frames, parent + 14 * WIDTH),
+        )
+        u = load(frames, parent + 15 * WIDTH) + y * dz - z * dy
+        v = load(frames, parent + 16 * WIDTH) + z * dx - x * dz
+        w = load(frames, parent + 17 * WIDTH) + x * dy - y * dx
+        if cover.joints[j, 1] == 1:
+            u = u + load(frames, at + 2 * WIDTH) * rate
+            v = v + load(frames, at + 5 * WIDTH) * rate
+            w = w + load(frames, at + 8 * WIDTH) * rate
+        store(frames, at + 15 * WIDTH, u)
+        store(frames, at + 16 * WIDTH, v)
+        store(frames, at + 17 * WIDTH, w)
+
+
+@jit(types.void(I64, I64, I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
+def place_spheres(b, batch, first, last, h, cover, work):
+    """Places, velocities and travels of some spheres of a body."""
+    frames, spheres = work.frames, cover.spheres
+    j = cover.bodies[b, 0] * FRAME
+    push = h * h * (0.5 * work.pushes[b, 0])
+    far = h * work.speeds[b, 0]
+    wx, wy, wz = load(frames, j + 12 * WIDTH), load(frames, j + 13 * WIDTH), load(frames, j + 14 * WIDTH)
+    vx, vy, vz = load(frames, j + 15 * WIDTH), load(frames, j + 16 * WIDTH), load(frames, j + 17 * WIDTH)
+    for i in range(first, last):
+        x, y, z = spheres[i, 0], spheres[i, 1], spheres[i, 2]
+        dx = load(frames, j) * x + load(frames, j + WIDTH) * y + load(frames, j + 2 * WIDTH) * z
+        dy = load(frames, j + 3 * WIDTH) * x + load(frames, j + 4 * WIDTH) * y + load(frames, j + 5 * WIDTH) * z
+        dz = load(frames, j + 6 * WIDTH) * x + load(frames, j + 7 * WIDTH) * y + load(frames, j + 8 * WIDTH) * z
+        u, v, w = vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx
+        at = i * SPHERE
+        store(work.centres, at, load(frames, j + 9 * WIDTH) + dx)
+        store(work.centres, at + WIDTH, load(frames, j + 10 * WIDTH) + dy)
+        store(work.centres, at + 2 * WIDTH, load(frames, j + 11 * WIDTH) + dz)
+        store(work.centres, at + 3 * WIDTH, u)
+        store(work.centres, at + 4 * WIDTH, v)
+        store(work.centres, at + 5 * WIDTH, w)
+        store(work.centres, at + 6 * WIDTH, lesser(root(u * u + v * v + w * w) * h * SLACK + push, far))
