@@ -1,0 +1,175 @@
+"""Tables that scenes share are those that a scene made anew has, whatever was changed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rr1plan.collision import CollisionChecker, MotionChecker, layout, tables
+from rr1plan.errors import InputError
+from rr1plan.library import load_scene
+from rr1plan.model import SceneModel, _skeleton
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, HalfSpace, PointCloud, Sphere
+from rr1plan.transforms import pose
+
+
+def forget() -> None:
+    for kept in (_skeleton, layout._carried, tables.carried_tables):
+        kept.cache_clear()
+
+
+def copied(scene: Scene) -> Scene:
+    """An equal scene that shares nothing that was kept with the first."""
+    fields = (scene.arms, scene.obstacles, scene.attachments, scene.allowed, scene.padding, scene.pair_padding)
+    return Scene(*fields)
+
+
+def arrays_of(scene: Scene, arms: list[str] | None) -> list[np.ndarray]:
+    checker = CollisionChecker(scene, arms)
+    # Before the scratch memory in them is used.
+    exact, resting = tables.build_tables(checker), tables.build_resting_tables(checker) or ()
+    cover = MotionChecker(checker).context[0]
+    own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding)
+    return [np.asarray(a) for a in (*own, *cover, *exact, *resting)]
+
+
+def same_as_anew(scene: Scene, arms: list[str] | None = None) -> None:
+    shared = arrays_of(scene, arms)
+    forget()
+    anew = arrays_of(copied(scene), arms)
+    assert len(shared) == len(anew)
+    for one, two in zip(shared, anew, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def changes(scene: Scene, arm: str) -> dict[str, Scene]:
+    """Scenes a step away from one with obstacles "one" and "two"."""
+    held = scene.attach("one", arm)
+    return {
+        "moved": scene.with_obstacle("one", Box((0.1, 0.2, 0.3)), pose([0.5, 0.6, 0.7], rpy=[0.1, 0.2, 0.3])),
+        "reshaped": scene.with_obstacle("one", Capsule(0.1, 0.2), [0.5, 0.6, 0.7]),
+        "removed": scene.without_obstacle("one"),
+        "added": scene.with_obstacle("three", Sphere(0.1), [0.9, 0.1, 0.2]),
+        "ground": scene.with_obstacle("three", HalfSpace((0, 0, 1), -0.5)),
+        "cloud": scene.with_obstacle("three", PointCloud(np.array([[0.9, 0.9, 0.9], [1.0, 0.9, 0.9]]))),
+        "attached": held,
+        "held otherwise": scene.attach("one", arm, pose=pose([0, 0, 0.2])),
+        "detached": held.detach("one"),
+        "allowed": scene.allow(arm, "two"),
+        "padded": scene.with_padding(0.01),
+        "padded for one": scene.with_padding(0.01, arm, "two"),
+        "with a margin": scene.with_padding(0.01, arm, "two").with_margin(0.002),
+        "moved, then padded": scene.with_obstacle("one", Sphere(0.1), [0.5, 0.5, 0.5]).with_margin(0.001),
+        "another posture": scene.with_posture(arm, 0.5 * scene.arms[arm].q + 0.1),
+        "another base": scene.with_arm(arm, scene.arms[arm].robot, pose([0.1, 0, 0], rpy=[0, 0, 0.3])),
+    }
+
+
+CHANGES = (
+    *("moved", "reshaped", "removed", "added", "ground", "cloud", "attached", "held otherwise", "detached", "allowed"),
+    *("padded", "padded for one", "with a margin", "moved, then padded", "another posture", "another base"),
+)
+
+
+def furnished(scene: Scene) -> Scene:
+    return scene.with_obstacle("one", Box((0.1, 0.2, 0.3)), [0.7, 0.3, 0.8]).with_obstacle(
+        "two", Sphere(0.1), [-0.7, 0.3, 0.4]
+    )
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_was_kept_is_what_is_made_anew(odd, change):
+    scene = furnished(Scene().with_arm("a", odd))
+    arrays_of(scene, None)
+    same_as_anew(changes(scene, "a")[change])
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_with_a_resting_arm_too(six, planar, change):
+    scene = furnished(Scene().with_arm("a", six).with_arm("b", planar, [1.5, 0, 0]))
+    arrays_of(scene, ["b"])
+    same_as_anew(changes(scene, "a")[change], ["b"])
+
+
+def test_the_robot_with_another_gripper_has_tables_of_its_own(odd):
+    scene = furnished(Scene().with_arm("a", odd))
+    before = arrays_of(scene, None)
+    open_hand = scene.with_robot("a", odd.with_held({"grip": 0.05}))
+    same_as_anew(open_hand)
+    after = arrays_of(open_hand, None)
+    assert any(x.shape != y.shape or (x != y).any() for x, y in zip(before, after, strict=True))
+
+
+def test_scenes_with_equal_arms_share_what_the_arms_carry(odd):
+    scene = furnished(Scene().with_arm("a", odd))
+    same = [scene.with_obstacle("one", Sphere(0.3)), scene.with_posture("a", [0.1, 0.2, 0.3]), copied(scene)]
+    first = CollisionChecker(scene)
+    for other in same:
+        checker = CollisionChecker(other)
+        assert checker.model.model is first.model.model
+        assert checker.layout.carried is first.layout.carried
+    assert CollisionChecker(scene.with_margin(0.1)).layout is first.layout
+    assert SceneModel(scene.with_arm("b", odd)).model is not first.model.model
+
+
+def test_scratch_memory_is_nobody_elses(odd):
+    scene = furnished(Scene().with_arm("a", odd))
+    one, two = MotionChecker(scene).context[2], MotionChecker(scene.with_margin(0.1)).context[2]
+    for mine, other in zip(one[-4:], two[-4:], strict=True):
+        assert mine.flags.writeable
+        assert not np.shares_memory(mine, other)
+
+
+# ---- without Coal ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rr1_cluttered", "rr1_pair", "planar2r_path"])
+def test_clearance_is_coals_least_distance_beyond_the_padding(name):
+    scene = load_scene(name).with_padding(0.01)
+    checker, rng = CollisionChecker(scene), np.random.default_rng(3)
+    apart = 0
+    for q in rng.uniform(-1.5, 1.5, (60, checker.nq)):
+        expected = float((checker.distances(q) - scene.checked_padding).min())
+        found = checker.clearance(q)
+        if expected > -0.01 + 1e-6:
+            apart += 1
+            assert found == pytest.approx(expected, abs=2e-5)
+            assert checker.clearance(q, 0.03) == pytest.approx(min(expected, 0.03), abs=2e-5)
+        else:
+            assert found <= -0.01 + 1e-6
+    assert apart > 5
+
+
+def test_clearance_counts_what_rests_too(planar):
+    scene = Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0, 0])
+    scene = scene.with_obstacle("b", Sphere(0.1), [3.25, 0.15, 0])
+    checker = CollisionChecker(scene, ["l"])
+    assert checker.clearance([0, 0]) == pytest.approx(0.03, abs=1e-9)
+    assert checker.resting_is_free
+    padded = CollisionChecker(scene.with_padding(0.04), ["l"])
+    assert padded.clearance([0, 0]) == pytest.approx(-0.01, abs=1e-9)
+    assert not padded.resting_is_free
+
+
+def test_clearance_of_a_lone_arm_is_what_was_asked_for(planar):
+    assert CollisionChecker(Scene().with_arm("p", planar)).clearance([0, 0]) == np.inf
+    assert CollisionChecker(Scene().with_arm("p", planar)).clearance([0, 0], 0.5) == 0.5
+
+
+def test_clearance_refuses_what_is_no_configuration(planar):
+    with pytest.raises(InputError):
+        CollisionChecker(Scene().with_arm("p", planar)).clearance([0, np.nan])
+
+
+def test_motions_are_proven_without_a_word_from_coal(cluttered, monkeypatch):
+    def asked(*_):
+        raise AssertionError("Coal was asked")
+
+    monkeypatch.setattr("rr1plan.collision.exact.CoalPairs", asked)
+    motions = MotionChecker(cluttered)
+    q = np.array([0.0, 0.4, 0.8, 0.0, 0.5, 0.0])
+    assert motions.edge_is_free(q, q)
+    assert motions.checker.clearance(q, 0.001) == 0.001
+    with pytest.raises(AssertionError, match="Coal was asked"):
+        motions.checker.is_free(q)

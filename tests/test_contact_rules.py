@@ -1,0 +1,93 @@
+"""The tables of rules about all pairs say what the scene says about each pair."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rr1plan.library import load_scene
+from rr1plan.limits import Limits
+from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.scene import Scene
+from rr1plan.shapes import Sphere
+from rr1plan.transforms import identity
+
+BALL = (Geometry("ball", Sphere(0.1), identity()),)
+
+
+def chain_of_links() -> Robot:
+    """Four links, of which one has no shape."""
+    names = "abcd"
+    links = tuple(Link(name, collisions=() if name == "c" else BALL) for name in names)
+    joints = tuple(Joint(f"j{i}", "revolute", one, two) for i, (one, two) in enumerate(pairwise(names)))
+    limits = Limits(-np.ones(3), np.ones(3), *(np.ones(3) for _ in range(4)))
+    never = frozenset({frozenset("ab"), frozenset("cd")})
+    joint_names = tuple(joint.name for joint in joints)
+    return Robot("chain", links, joints, joint_names, limits, {"home": np.zeros(3)}, {}, never, "d")
+
+
+ROBOT = chain_of_links()
+NAMES = ("l", "r", *(f"{arm}/{link}" for arm in "lr" for link in "abd"), "box", "can", "cup", "lid")
+BOTH = st.lists(st.sampled_from(NAMES), min_size=2, max_size=2, unique=True).map(tuple)
+
+
+def two_arms() -> Scene:
+    scene = Scene().with_arm("l", ROBOT).with_arm("r", ROBOT, [1.0, 0, 0])
+    for name in ("box", "can", "cup", "lid"):
+        scene = scene.with_obstacle(name, Sphere(0.1), [0, 0, 3.0])
+    return scene.attach("cup", "l", touch=["b"])
+
+
+def agrees(scene: Scene) -> None:
+    names = scene.element_names
+    pairs = tuple((a, b) for i, a in enumerate(names) for b in names[i + 1 :] if not scene.may_touch(a, b))
+    assert scene.checked_pairs == pairs
+    assert [(names[i], names[j]) for i, j in scene.checked_index] == list(pairs)
+    assert scene.checked_padding.tolist() == [scene.padding_of(a, b) for a, b in pairs]
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(BOTH, max_size=4), st.lists(st.tuples(BOTH, st.floats(0, 1)), max_size=6), st.floats(0, 1), st.booleans()
+)
+def test_the_tables_agree_with_the_rules_for_one_pair(allowed, special, general, twice) -> None:
+    scene = two_arms().with_padding(general)
+    if twice:
+        scene = scene.attach("lid", "l")
+    for a, b in allowed:
+        scene = scene.allow(a, b)
+    for (a, b), distance in special:
+        scene = scene.with_padding(distance, a, b)
+    agrees(scene)
+
+
+@pytest.mark.parametrize("name", ["rr1_cluttered", "rr1_pair", "planar2r_path"])
+def test_the_tables_of_a_shipped_scene_agree_with_its_rules(name: str) -> None:
+    agrees(load_scene(name))
+
+
+def test_an_arm_may_have_a_padding_among_its_own_links() -> None:
+    scene = two_arms().with_padding(0.02, "l", "l")
+    assert scene.padding_of("l/a", "l/d") == 0.02
+    assert scene.padding_of("l/a", "r/d") == 0.0
+    agrees(scene)
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+@settings(deadline=None, max_examples=20)
+def test_a_margin_is_kept_beyond_every_padding(padding: float, margin: float) -> None:
+    scene = two_arms().with_padding(padding).with_padding(0.3, "r", "box")
+    roomy = scene.with_margin(margin)
+    assert roomy.checked_pairs == scene.checked_pairs
+    np.testing.assert_array_equal(roomy.checked_padding, scene.checked_padding + margin)
+    agrees(roomy)
+
+
+def test_a_scene_without_arms_has_no_pairs() -> None:
+    scene = Scene().with_obstacle("box", Sphere(1.0)).with_obstacle("can", Sphere(1.0))
+    assert scene.checked_pairs == ()
+    assert scene.checked_padding.shape == (0,)
