@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from shared import number, spread, table
 
+Array = NDArray[np.float64]
 KINDS = ("raw", "path", "timed")
 WORDS = {"raw": "raw path", "path": "short path", "timed": "timed motion"}
 WHOLE = ("plan", "shorten", "retime")
@@ -21,6 +23,7 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {
     "whole query": WHOLE,
     "with referee": (*WHOLE, "validate"),
 }
+QUANTILES = {"median": 0.5, "p95": 0.95, "max": 1.0}
 RATIOS = (("plan", "median"), ("plan", "p95"), ("plan + shorten", "median"), ("whole query", "median"))
 
 
@@ -41,11 +44,15 @@ class Run:
     def __post_init__(self) -> None:
         self.solved = [answer for answer in self.answers if "raw" in answer]
 
-    def times(self, column: str, group: str = "") -> list[float]:
-        """CPU seconds of a column of `COLUMNS`, of the solved problems (of one set) that have all its stages."""
+    def times(self, column: str, group: str = "") -> Array:
+        """CPU milliseconds of a column of `COLUMNS` for every problem (of one set), endless where it was not solved.
+
+        Empty where the planner has no such stage.
+        """
         stages = COLUMNS[column]
-        mine = [a["seconds"] for a in self.solved if a["name"].startswith(group)]
-        return [sum(s[stage] for stage in stages) for s in mine if all(stage in s for stage in stages)]
+        mine = [a["seconds"] if "raw" in a else {} for a in self.answers if a["name"].startswith(group)]
+        found = np.array([1e3 * sum(s[stage] for stage in stages) if s.keys() >= set(stages) else np.inf for s in mine])
+        return found if np.isfinite(found).any() else np.empty(0)
 
     def lengths(self, kind: str) -> list[float]:
         """Lengths of its paths [rad]."""
@@ -61,7 +68,11 @@ class Run:
         answers = [{k: v for k, v in a.items() if k not in KINDS} for a in self.answers]
         for told, own in zip(answers, self.answers, strict=True):
             told |= {f"length {k}": _length(own[k]) for k in ("raw", "path") if k in own}
-        times = {column: spread(found) for column in COLUMNS if (found := self.times(column))}
+        times = {
+            column: {word: quantile(found, share) for word, share in QUANTILES.items()}
+            for column in COLUMNS
+            if len(found := self.times(column))
+        }
         return {
             "planner": self.name,
             "note": self.note,
@@ -77,13 +88,26 @@ def _length(waypoints: Any) -> float:
     return float(np.linalg.norm(np.diff(np.array(waypoints), axis=0), axis=1).sum())
 
 
+def quantile(values: Array, share: float) -> float | None:
+    """The value that a share of all do not exceed, between two as numpy has it; None where it is endless."""
+    if not len(values):
+        return None
+    values, place = np.sort(values), share * (len(values) - 1)
+    low, high = values[int(np.floor(place))], values[int(np.ceil(place))]
+    return float(low + (place % 1.0) * (high - low)) if np.isfinite(high) else None
+
+
 # ---- tables ----------------------------------------------------------------------------------------
 
 
 def compare(runs: Sequence[Run], reference: str) -> list[str]:
     """The tables, and who did not run, as parts of a report."""
     ran = [run for run in runs if not run.skipped]
-    parts = ["CPU milliseconds on the same core in the same run, median / p95 / max:", time_table(ran)]
+    parts = [
+        "CPU milliseconds on the same core in the same run, median / p95 / max; a problem that is not solved counts as "
+        "endless, and what is endless is written as a dash:",
+        time_table(ran),
+    ]
     parts += [
         "Medians, and the share of results that Coal or FCL sees in collision at a millimetre:",
         result_table(ran),
@@ -102,9 +126,12 @@ def time_table(runs: Sequence[Run]) -> str:
     return table(["planner", *COLUMNS], rows)
 
 
-def _three(seconds: list[float]) -> str:
-    found = spread(seconds)
-    return " / ".join(number(found[k]) for k in ("median", "p95", "max")) if seconds else "-"
+def _three(values: Array) -> str:
+    return " / ".join(_told(quantile(values, share)) for share in QUANTILES.values()) if len(values) else "-"
+
+
+def _told(value: float | None) -> str:
+    return "-" if value is None else number(value)
 
 
 def result_table(runs: Sequence[Run]) -> str:
@@ -128,8 +155,8 @@ def ratio_table(runs: Sequence[Run], reference: str) -> str:
     (base,) = [run for run in runs if run.name == reference]
     rows = []
     for run in runs:
-        pairs = [(spread(base.times(c))[k], spread(run.times(c))[k]) for c, k in RATIOS]
-        rows.append([run.name, *(number(theirs / own) for theirs, own in pairs)])
+        pairs = [[quantile(r.times(c), QUANTILES[k]) for r in (base, run)] for c, k in RATIOS]
+        rows.append([run.name, *(number(theirs / own) if theirs and own else "-" for theirs, own in pairs)])
     return table(["planner", *(f"{column}, {kind}" for column, kind in RATIOS)], rows)
 
 
@@ -137,7 +164,6 @@ def set_table(runs: Sequence[Run]) -> str:
     """Medians of planning and shortening, a set of problems a row."""
     groups = list(dict.fromkeys(a["name"].rsplit("/", 1)[0] for run in runs for a in run.answers))
     rows = [
-        [group, *(number(spread(run.times("plan + shorten", f"{group}/"))["median"]) for run in runs)]
-        for group in groups
+        [group, *(_told(quantile(run.times("plan + shorten", f"{group}/"), 0.5)) for run in runs)] for group in groups
     ]
     return table(["set", *(run.name for run in runs)], rows)

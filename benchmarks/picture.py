@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from comparison import KINDS, WORDS, Run
-from shared import number, spread
+from comparison import KINDS, WORDS, Run, quantile
+from shared import number
 
 _COLORS = ("#c8102e", "#1f4e79", "#6fa0cc", "#d98e04", "#4f8f5b", "#7d5a99", "#6b6b6b", "#2aa6a1")
 _INK, _FAINT = "#222222", "#8a8a8a"
@@ -50,12 +50,13 @@ def draw(file: Path, runs: Sequence[Run], title: str) -> None:
 def _draw_times(axes: Any, runs: Sequence[Run], colors: dict[str, str], column: str, title: str) -> None:
     """Each planner's share of all problems solved within a time, the medians of both panels in its label."""
     for i, run in enumerate(runs):
-        data = 1e3 * np.sort(np.array(run.times(column)))
+        data = np.sort(run.times(column))
+        data = data[np.isfinite(data)]
         if not len(data):
             continue
         share = np.arange(1, len(data) + 1) / len(run.answers)
-        medians = (number(spread(run.times(c))["median"]) for c in ("plan", "plan + shorten"))
-        label = f"{run.name}: {' / '.join(medians)} ms"
+        medians = [quantile(run.times(c), 0.5) for c in ("plan", "plan + shorten")]
+        label = f"{run.name}: {' / '.join('-' if m is None else number(m) for m in medians)} ms"
         own = i == 0
         x, y = np.concatenate([data[:1], data]), 100 * np.concatenate([[0.0], share])
         axes.step(x, y, where="post", color=colors[run.name], linewidth=3.2 if own else 1.8, label=label, zorder=20 - i)

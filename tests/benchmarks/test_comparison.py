@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 
@@ -24,7 +25,8 @@ def runs(script):
     run = script("comparison").Run
     touch = ("arm/hand", "shelf", 0.5)
     fast = run("fast", [_answer("shelf/1", 0.001, 0.001, 0.002), _answer("cage/1", 0.003, 0.001, 0.002)], "certified")
-    slow = run("slow", [_answer("shelf/1", 0.010, 0.030, touch=touch), {"name": "cage/1", "seconds": {"plan": 9.0}}])
+    slow = [_answer("shelf/1", 0.010, 0.030, touch=touch), _answer("shelf/2", 0.020, 0.060)]
+    slow = run("slow", [*slow, {"name": "cage/1", "seconds": {"plan": 9.0}, "failure": "no path"}])
     return [fast, slow, run("absent", [], skipped="pip could not install it")]
 
 
@@ -33,32 +35,42 @@ def _cells(text, row):
     return [cell.strip() for cell in line.strip("|").split("|")]
 
 
-def test_times_are_of_the_solved_problems_in_milliseconds(script, runs):
+def test_problems_that_are_not_solved_count_as_endless(script, runs):
     text = script("comparison").time_table(runs[:2])
     header = _cells(text, "planner")
     fast, slow = (dict(zip(header, _cells(text, name), strict=True)) for name in ("fast", "slow"))
     assert fast["plan"] == "2 / 2.9 / 3"
     assert fast["whole query"] == "5 / 5.9 / 6"
     assert fast["with referee"] == "-"
-    assert slow["plan + shorten"] == "40 / 40 / 40"
+    assert slow["plan + shorten"] == "80 / - / -"
     assert slow["whole query"] == "-"
+
+
+def test_quantiles_are_those_of_numpy_where_they_end(script):
+    quantile = script("comparison").quantile
+    values = np.random.default_rng(5).exponential(size=17)
+    for share in (0.0, 0.3, 0.5, 0.95, 1.0):
+        assert quantile(values, share) == pytest.approx(np.quantile(values, share))
+    assert quantile(np.array([1.0, np.inf, 2.0]), 0.5) == 2.0
+    assert quantile(np.array([1.0, np.inf, 2.0]), 0.75) is None
+    assert quantile(np.empty(0), 0.5) is None
 
 
 def test_results_count_solved_lengths_and_touches(script, runs):
     text = script("comparison").result_table(runs[:2])
     assert _cells(text, "fast") == ["fast", "2 / 2", "7", "5", "2", "0.0 %", "0.0 %", "0.0 %"]
-    assert _cells(text, "slow") == ["slow", "1 / 2", "7", "5", "-", "0.0 %", "100.0 %", "-"]
+    assert _cells(text, "slow") == ["slow", "2 / 3", "7", "5", "-", "0.0 %", "50.0 %", "-"]
 
 
 def test_ratios_are_to_the_reference(script, runs):
     text = script("comparison").ratio_table(runs[:2], "slow")
-    assert _cells(text, "fast") == ["fast", "5", "3.45", "13.3", "-"]
-    assert _cells(text, "slow")[1:4] == ["1", "1", "1"]
+    assert _cells(text, "fast") == ["fast", "10", "-", "26.7", "-"]
+    assert _cells(text, "slow") == ["slow", "1", "-", "1", "-"]
 
 
 def test_sets_have_their_own_medians(script, runs):
     text = script("comparison").set_table(runs[:2])
-    assert _cells(text, "shelf") == ["shelf", "2", "40"]
+    assert _cells(text, "shelf") == ["shelf", "2", "60"]
     assert _cells(text, "cage") == ["cage", "4", "-"]
 
 
@@ -75,7 +87,8 @@ def test_the_figures_are_plain_and_without_motions(runs):
     assert told[0]["milliseconds"]["plan"]["median"] == pytest.approx(2.0)
     assert told[0]["answers"][0]["length path"] == 5.0
     assert "path" not in told[0]["answers"][0]
-    assert told[1]["touching"]["path"] == [1, 1]
+    assert told[1]["touching"]["path"] == [1, 2]
+    assert told[1]["milliseconds"]["plan"] == {"median": pytest.approx(20.0), "p95": None, "max": None}
     assert told[2]["skipped"] == "pip could not install it"
 
 

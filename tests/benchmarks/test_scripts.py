@@ -129,3 +129,11 @@ def test_the_same_seed_draws_the_same_feasible_queries(script):
         assert a.name == b.name
         assert (a.problem.start == b.problem.start).all()
         assert rp.CollisionChecker(a.problem.scene).is_free(a.problem.start)
+
+
+def test_fresh_processes_are_timed(script, tmp_path):
+    assert script("cold_start").main(["--count", "1", "--no-compile", "--out", str(tmp_path)]) == 0
+    results = json.loads((tmp_path / "cold_start.json").read_text())
+    assert all(run["cpu"] > 0.0 for runs in results["processes"].values() for run in runs)
+    assert set(results["stages"][0]) >= {"import rr1plan", "first plan"}
+    assert "| first plan, from Python" in (tmp_path / "cold_start.md").read_text()
