@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from shared import number, spread, table
 
+import rr1plan as rp
+
 Array = NDArray[np.float64]
 KINDS = ("raw", "path", "timed")
 WORDS = {"raw": "raw path", "path": "short path", "timed": "timed motion"}
@@ -32,7 +34,7 @@ class Run:
     """One planner's answers, in the order of the problems.
 
     An answer has `name`, `seconds` (CPU, by stage), and where it found a path `raw`, `path` (waypoints), `duration`,
-    and `touches`: for each of `KINDS` what each opinion sees, None or the first touch.
+    `touches`: for each of `KINDS` what each opinion sees, None or the first touch; and `excess`, see there.
     """
 
     name: str
@@ -63,6 +65,11 @@ class Run:
         judged = [a["touches"][kind] for a in self.solved if kind in a.get("touches", {})]
         return sum(any(touch is not None for touch in found.values()) for found in judged), len(judged)
 
+    def breaking(self) -> tuple[int, int]:
+        """How many of its timed motions break a limit by more than 5 %, and how many were looked at."""
+        found = [a["excess"] for a in self.solved if "excess" in a]
+        return sum(value > 1.05 for value in found), len(found)
+
     def to_dict(self) -> dict[str, Any]:
         """Its figures, without the motions."""
         answers = [{k: v for k, v in a.items() if k not in KINDS} for a in self.answers]
@@ -79,6 +86,7 @@ class Run:
             "skipped": self.skipped,
             "solved": len(self.solved),
             "milliseconds": times,
+            "breaking": self.breaking(),
             "touching": {kind: self.touching(kind) for kind in KINDS},
             "answers": answers,
         }
@@ -86,6 +94,25 @@ class Run:
 
 def _length(waypoints: Any) -> float:
     return float(np.linalg.norm(np.diff(np.array(waypoints), axis=0), axis=1).sum())
+
+
+def excess(samples: Any, step: float, limits: rp.Limits) -> float:
+    """The largest speed or acceleration of a timed motion, as a multiple of its joint's limit.
+
+    Differences over some 10 ms are means of the true values, so what is above 1 here is above 1 there.
+
+    Args:
+        samples: Positions, shape (n, nq); the last may lie nearer to its neighbour than the others.
+        step: Time between samples [s].
+        limits: The limits of the joints.
+    """
+    stride = max(1, round(0.01 / step))
+    q = np.asarray(samples, dtype=np.float64)[:-1][::stride]
+    if len(q) < 3:
+        return 0.0
+    v = np.diff(q, axis=0) / (stride * step)
+    a = np.diff(v, axis=0) / (stride * step)
+    return float(max((np.abs(v) / limits.velocity).max(), (np.abs(a) / limits.acceleration).max()))
 
 
 def quantile(values: Array, share: float) -> float | None:
@@ -109,7 +136,8 @@ def compare(runs: Sequence[Run], reference: str) -> list[str]:
         time_table(ran),
     ]
     parts += [
-        "Medians, and the share of results that Coal or FCL sees in collision at a millimetre:",
+        "Medians, the share of results that Coal or FCL sees in collision at a millimetre, and of timed motions whose "
+        "speed or acceleration is more than 5 % above a limit:",
         result_table(ran),
     ]
     if any(run.name == reference for run in ran):
@@ -141,12 +169,12 @@ def result_table(runs: Sequence[Run]) -> str:
     for run in runs:
         durations = [a["duration"] for a in run.solved if a.get("duration") is not None]
         medians = [number(spread(v, 1.0)["median"]) for v in (run.lengths("raw"), run.lengths("path"), durations)]
-        rows.append([run.name, f"{len(run.solved)} / {len(run.answers)}", *medians, *(_share(run, k) for k in KINDS)])
-    return table([*header, *(f"{WORDS[kind]} touches" for kind in KINDS)], rows)
+        shares = [_share(*run.touching(kind)) for kind in KINDS]
+        rows.append([run.name, f"{len(run.solved)} / {len(run.answers)}", *medians, *shares, _share(*run.breaking())])
+    return table([*header, *(f"{WORDS[kind]} touches" for kind in KINDS), "limits broken"], rows)
 
 
-def _share(run: Run, kind: str) -> str:
-    touching, judged = run.touching(kind)
+def _share(touching: int, judged: int) -> str:
     return f"{100 * touching / judged:.1f} %" if judged else "-"
 
 

@@ -51,8 +51,9 @@ def solve(own: tuple[Any, float], problem: dict[str, Any], answer: Answer) -> No
         answer.keep("path", path)
         with answer.stage("retime"):
             *_, duration = planner.TOPP(path, COARSE)
-        answer.data["duration"] = float(duration)
-        answer.keep("timed", planner.TOPP(path, FINE)[1])
+        times, samples, *_ = planner.TOPP(path, FINE)
+        answer.data |= {"duration": float(duration), "step": float(times[1] - times[0])}
+        answer.keep("timed", samples)
     finally:
         for o in problem["obstacles"]:
             world.remove_object(o["name"])

@@ -19,8 +19,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import peers
-from comparison import KINDS, Run, compare
+from comparison import KINDS, Run, compare, excess
 from line import STAGES, Outcome, run_line, warm_up
 from opinions import Opinions, Verdict
 from picture import draw
@@ -30,6 +31,7 @@ from shared import STAGE_HEADER, heading, make_parser, number, pin_to_core, save
 import rr1plan as rp
 from rr1plan.formats.motion_bench import read_problem_set
 
+_STEP = 0.002  # of the samples whose speed and acceleration are looked at [s]
 _REFERENCE = peers.PEERS[0].name
 
 
@@ -51,8 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     verdicts = [_judge(out, opinions[out.name]) for out in track(outcomes, "rr1plan at a millimetre")]
     for run in others:
         for answer in track(run.solved, f"{run.name} at a millimetre") if run.solved else ():
-            answer["touches"] = _judge_peer(answer, opinions[answer["name"]])
-    runs = [_own_run(args.planner, outcomes, verdicts), *others]
+            answer |= _judge_peer(answer, opinions[answer["name"]], chosen[answer["name"]].scene.limits())
+    runs = [_own_run(args.planner, chosen, outcomes, verdicts), *others]
     facts = {"problems": len(chosen), "seed": args.seed, "margin": f"{1e3 * args.margin:g} mm"}
     text = "\n\n".join(_report(facts, runs, outcomes, verdicts))
     save(args.out, "panda_problems", _data(facts, runs, outcomes, verdicts), text)
@@ -139,24 +141,35 @@ def _judge(out: Outcome, opinions: Opinions) -> dict[str, Verdict]:
     return {"raw": raw, "path": short, "timed": opinions.judge_trajectory(out.trajectory)}
 
 
-def _judge_peer(answer: dict[str, Any], opinions: Opinions) -> dict[str, Any]:
-    """First touches of its raw and its short path and its timed samples, by Coal and FCL."""
-    return {kind: opinions.judge_path(answer[kind]).touches for kind in ("raw", "path", "timed") if kind in answer}
+def _judge_peer(answer: dict[str, Any], opinions: Opinions, limits: rp.Limits) -> dict[str, Any]:
+    """First touches of its paths and its timed samples by Coal and FCL, and how far it goes beyond its limits."""
+    judged: dict[str, Any] = {
+        "touches": {kind: opinions.judge_path(answer[kind]).touches for kind in KINDS if kind in answer}
+    }
+    if "timed" in answer:
+        judged["excess"] = excess(answer["timed"], answer["step"], limits)
+    return judged
 
 
-def _own_run(planner: str, outcomes: list[Outcome], verdicts: list[dict[str, Verdict]]) -> Run:
+def _own_run(
+    planner: str, problems: Mapping[str, rp.Problem], outcomes: list[Outcome], verdicts: list[dict[str, Verdict]]
+) -> Run:
     name = "rr1plan" if planner == "rrt_connect" else f"rr1plan {planner}"
-    answers = [_answer(out, found) for out, found in zip(outcomes, verdicts, strict=True)]
+    answers = [
+        _answer(out, found, problems[out.name].scene.limits()) for out, found in zip(outcomes, verdicts, strict=True)
+    ]
     return Run(name, answers, "every edge certified; set up builds its checker for a new scene")
 
 
-def _answer(out: Outcome, verdicts: dict[str, Verdict]) -> dict[str, Any]:
+def _answer(out: Outcome, verdicts: dict[str, Verdict], limits: rp.Limits) -> dict[str, Any]:
     """What the comparison asks of an answer, of rr1plan's."""
     answer: dict[str, Any] = {"name": out.name, "seconds": out.clock.cpu}
     if out.raw is None or out.path is None:
         return answer | {"failure": out.reason}
     answer |= {"raw": out.raw.waypoints, "path": out.path.waypoints}
-    answer["duration"] = out.trajectory.duration if out.trajectory else None
+    if out.trajectory is not None:
+        samples = out.trajectory(np.arange(0.0, out.trajectory.duration, _STEP))
+        answer |= {"duration": out.trajectory.duration, "excess": excess(samples, _STEP, limits)}
     return answer | {"touches": {kind: found.touches for kind, found in verdicts.items()}}
 
 

@@ -36,7 +36,7 @@ def solve(own: tuple[Any, ...], problem: dict[str, Any], answer: Answer) -> None
     with answer.stage("retime"):
         motion = TrapezoidalVelocityTrajectory(np.array(path).T, velocity, acceleration)
         motion.generate(COARSE)
-    answer.data["duration"] = float(motion.segment_times[-1])
+    answer.data |= {"duration": float(motion.segment_times[-1]), "step": FINE}
     answer.keep("timed", motion.generate(FINE)[1].T)
 
 

@@ -54,7 +54,7 @@ def solve(own: dict[str, Any], problem: dict[str, Any], answer: Answer) -> None:
         with answer.stage("retime"):
             timing = PathParameterizerTOPPRA(scene, "arm")
             motion = timing.generate(path, TOPPRAOptions(dt=COARSE))
-        answer.data["duration"] = float(motion.times[-1])
+        answer.data |= {"duration": float(motion.times[-1]), "step": FINE}
         answer.keep("timed", timing.generate(path, TOPPRAOptions(dt=FINE)).positions)
     finally:
         for obstacle in problem["obstacles"]:

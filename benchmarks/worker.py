@@ -6,7 +6,7 @@ out: {"ready": true}. Then a problem in, an answer out:
     in   name, seed, start, goal, obstacles (name, kind, size, pose), may_touch (pairs of link and obstacle),
          robot (name, urdf, srdf, base, tip, joints, velocity, acceleration)
     out  name, seconds (CPU time of each stage: set up, plan, shorten, retime), raw, path (lists of waypoints),
-         timed (positions every 2 ms), duration, and failure where it found no path
+         timed (positions every 2 ms), step (the exact time between those), duration; failure where something failed
 
 Sizes are [x, y, z] of a box, [radius, length] of a cylinder, [radius] of a sphere; poses are matrices in
 the frame of the robot's base.

@@ -7,6 +7,8 @@ import json
 import numpy as np
 import pytest
 
+import rr1plan as rp
+
 
 def _answer(name, plan, shorten, retime=None, touch=None):
     seconds = {"set up": 0.001, "plan": plan, "shorten": shorten}
@@ -27,6 +29,7 @@ def runs(script):
     fast = run("fast", [_answer("shelf/1", 0.001, 0.001, 0.002), _answer("cage/1", 0.003, 0.001, 0.002)], "certified")
     slow = [_answer("shelf/1", 0.010, 0.030, touch=touch), _answer("shelf/2", 0.020, 0.060)]
     slow = run("slow", [*slow, {"name": "cage/1", "seconds": {"plan": 9.0}, "failure": "no path"}])
+    fast.answers[0]["excess"], fast.answers[1]["excess"] = 1.04, 1.06
     return [fast, slow, run("absent", [], skipped="pip could not install it")]
 
 
@@ -56,10 +59,27 @@ def test_quantiles_are_those_of_numpy_where_they_end(script):
     assert quantile(np.empty(0), 0.5) is None
 
 
-def test_results_count_solved_lengths_and_touches(script, runs):
+def test_excess_is_seen_in_speed_and_acceleration(script):
+    t = np.arange(0.0, 1.0, 0.002)[:, None]
+    limits = rp.Limits(
+        lower=np.full(2, -9.0),
+        upper=np.full(2, 9.0),
+        velocity=np.array([2.0, 4.0]),
+        acceleration=np.array([8.0, 5.0]),
+        jerk=np.full(2, 100.0),
+        effort=np.full(2, 100.0),
+    )
+    excess = script("comparison").excess
+    assert excess(np.hstack([3.0 * t, 0.0 * t]), 0.002, limits) == pytest.approx(1.5)
+    assert excess(np.hstack([0.0 * t, 3.0 * t**2]), 0.002, limits) == pytest.approx(1.48, abs=0.02)
+    assert excess(np.hstack([0.5 * np.sin(4.0 * t), 0.0 * t]), 0.002, limits) == pytest.approx(1.0, abs=1e-3)
+    assert excess(np.zeros((2, 2)), 0.002, limits) == 0.0
+
+
+def test_results_count_solved_lengths_touches_and_broken_limits(script, runs):
     text = script("comparison").result_table(runs[:2])
-    assert _cells(text, "fast") == ["fast", "2 / 2", "7", "5", "2", "0.0 %", "0.0 %", "0.0 %"]
-    assert _cells(text, "slow") == ["slow", "2 / 3", "7", "5", "-", "0.0 %", "50.0 %", "-"]
+    assert _cells(text, "fast") == ["fast", "2 / 2", "7", "5", "2", "0.0 %", "0.0 %", "0.0 %", "50.0 %"]
+    assert _cells(text, "slow") == ["slow", "2 / 3", "7", "5", "-", "0.0 %", "50.0 %", "-", "-"]
 
 
 def test_ratios_are_to_the_reference(script, runs):

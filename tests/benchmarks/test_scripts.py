@@ -66,7 +66,7 @@ def solve(robot, problem, answer):
             pass
         if kind:
             answer.keep(kind, line)
-    answer.data["duration"] = 1.0
+    answer.data |= {{"duration": 1.0, "step": 0.002}}
 
 serve(lambda robot, task: robot, solve)
 """
