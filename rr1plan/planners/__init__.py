@@ -13,6 +13,7 @@ from rr1plan.errors import InputError
 from rr1plan.planners.anytime import AnytimePlanner
 from rr1plan.planners.cartesian import CartesianPlanner
 from rr1plan.planners.ompl import KINDS, OmplPlanner
+from rr1plan.planners.roadmap import Roadmap, RoadmapPlanner
 from rr1plan.planners.rrt_connect import RrtConnect
 from rr1plan.planning import Budget, Planner, PlannerInfo, PlanResult, ProgressCallback
 from rr1plan.problem import Problem
@@ -21,6 +22,8 @@ __all__ = [
     "AnytimePlanner",
     "CartesianPlanner",
     "OmplPlanner",
+    "Roadmap",
+    "RoadmapPlanner",
     "RrtConnect",
     "make_planner",
     "plan",
@@ -33,6 +36,7 @@ _ROWS = (
     PlannerInfo(
         AnytimePlanner.name, "RRT-Connect under falling bounds, with shortcuts, again and again, compiled", True
     ),
+    PlannerInfo(RoadmapPlanner.name, "a roadmap kept with the scene, for many queries, compiled"),
     *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
     PlannerInfo("cartesian", "the tool moves on a straight line to a pose, the joints follow"),
 )
@@ -41,6 +45,7 @@ _OWN: Mapping[str, tuple[Callable[..., Planner], tuple[str, ...]]] = MappingProx
     {
         RrtConnect.name: (RrtConnect, ("range", "tree")),
         AnytimePlanner.name: (AnytimePlanner, ("range",)),
+        RoadmapPlanner.name: (RoadmapPlanner, ("samples",)),
         CartesianPlanner.name: (CartesianPlanner, ("tolerance", "orientation_tolerance")),
     }
 )

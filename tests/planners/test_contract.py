@@ -118,7 +118,7 @@ def test_a_start_at_the_goal_is_a_path_of_no_length(name, seam):
 
 
 def test_the_table_has_all_planners_described():
-    assert len(planner_names()) == len(set(planner_names())) == 17
+    assert len(planner_names()) == len(set(planner_names())) == 18
     assert all(row.description and "\n" not in row.description for row in planner_table())
 
 

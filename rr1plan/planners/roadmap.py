@@ -1,0 +1,218 @@
+"""Many questions in one scene: a roadmap that is kept.
+
+Samples are drawn once. An edge is certified when the shortest way so far needs it, and never again. What
+the roadmap does not connect is answered by trees that grow towards each other, as RRT-Connect does.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from rr1plan.checks import Seed, of_kind
+from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.errors import InputError
+from rr1plan.path import Path
+from rr1plan.planners.bounded_search import BoundedSearch
+from rr1plan.planners.graph import Graph
+from rr1plan.planners.query import Query
+from rr1plan.planners.seeds import as_seed
+from rr1plan.planners.shortcut import shorten
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree
+from rr1plan.problem import Problem
+from rr1plan.scene import Scene
+
+_SAMPLES = 2000
+_NAME = "roadmap"
+
+
+class Roadmap:
+    """A roadmap of a scene and the arms that move in it, built once for many questions.
+
+    The answer is the shortest way along the roadmap's free edges. Where it does not connect start and goal,
+    RRT-Connect does, and the roadmap learns its path. So answers get faster and depend on what was asked before; the
+    same questions in the same order have the same answers. An iteration of a budget is a sample of these trees.
+
+    Several threads may ask; they are answered one after the other.
+
+    Args:
+        scene: The scene; its moving arms may stand anywhere.
+        arms: The arms that move (default: all).
+        samples: How many samples to draw; those that are not free are dropped.
+
+    Raises:
+        UnknownNameError: no such arm.
+        InputError: a scene that cannot be checked, a joint without limits, or no sample.
+    """
+
+    name = _NAME
+    optimizing = False
+
+    def __init__(self, scene: Scene, arms: Sequence[str] | None = None, *, samples: int = _SAMPLES) -> None:
+        of_kind("scene", scene, Scene)
+        self.scene, self.arms = scene, scene.arm_names(arms)
+        self._graph = Graph(scene, self.arms)
+        self._lock = threading.Lock()
+        self.grow(samples)
+
+    def __repr__(self) -> str:
+        return f"Roadmap({self.scene.name!r}, arms={list(self.arms)}, {len(self)} vertices)"
+
+    def __len__(self) -> int:
+        """How many vertices there are."""
+        return self._graph.size
+
+    @property
+    def graph(self) -> SearchTree:
+        """Vertices and the edges that are not known to be blocked."""
+        with self._lock:
+            return self._graph.picture()
+
+    def grow(self, samples: int) -> None:
+        """Draw more samples.
+
+        Args:
+            samples: How many.
+
+        Raises:
+            InputError: less than one, or no whole number.
+        """
+        samples = checked_samples(samples)
+        with self._lock, borrowed_checker(self.scene, self.arms) as motion:
+            self._graph.sample(self._graph.samples + samples, motion, lambda: True)
+
+    def plan(
+        self,
+        problem: Problem,
+        budget: Budget | None = None,
+        rng: Seed = None,
+        progress: ProgressCallback | None = None,
+    ) -> PlanResult:
+        """Answer a problem in this scene; see `rr1plan.plan`.
+
+        Args:
+            problem: The question.
+            budget: When to stop (default: 10 s).
+            rng: Generator or seed of inverse kinematics and of the trees where the roadmap does not connect.
+            progress: Called about ten times a second; it may return False to cancel.
+
+        Raises:
+            InputError: a problem in another scene or for other arms.
+        """
+        of_kind("problem", problem, Problem)
+        self._check_fits(problem)
+        began = time.perf_counter()
+        with self._lock, borrowed_checker(self.scene, self.arms) as motion:
+            query = Query(_NAME, problem, motion, budget, as_seed(rng), progress, began)
+            return query.refusal() or _answer(query, self._graph, learns=True)
+
+    def _check_fits(self, problem: Problem) -> None:
+        if problem.arms != self.arms:
+            raise InputError(
+                f"the problem moves {', '.join(problem.arms)}, but the roadmap is for {', '.join(self.arms)}; "
+                "build one for these arms"
+            )
+        if problem.scene is self.scene:
+            return
+        if _without_postures(problem.scene, self.arms) != _without_postures(self.scene, self.arms):
+            raise InputError(
+                f"the problem is in another scene ({problem.scene.name!r}) than the roadmap ({self.scene.name!r}), or "
+                "something in it has changed; build a roadmap for it"
+            )
+
+
+class RoadmapPlanner:
+    """A roadmap that is kept with the scene, behind the verb of all planners.
+
+    It is built by the first question and never learns, so that no answer depends on what was asked before. An
+    iteration is a sample, of the roadmap (whether or not it was drawn for an earlier question) or of the trees that
+    search where it does not connect.
+
+    Args:
+        samples: How many samples the roadmap has.
+
+    Raises:
+        InputError: no sample.
+    """
+
+    name = _NAME
+    optimizing = False
+
+    def __init__(self, *, samples: int = _SAMPLES) -> None:
+        self.samples = checked_samples(samples)
+
+    def __repr__(self) -> str:
+        return f"RoadmapPlanner(samples={self.samples})"
+
+    def plan(
+        self,
+        problem: Problem,
+        budget: Budget | None = None,
+        rng: Seed = None,
+        progress: ProgressCallback | None = None,
+    ) -> PlanResult:
+        """Plan; see `rr1plan.plan`."""
+        of_kind("problem", problem, Problem)
+        began = time.perf_counter()
+        with borrowed_checker(problem.scene, problem.arms) as motion:
+            query = Query(self.name, problem, motion, budget, as_seed(rng), progress, began)
+            refused = query.refusal()
+            if refused:
+                return refused
+            # Appending to a list and popping from it are atomic. A smaller roadmap is another one.
+            samples = min(self.samples, query.most)
+            idle: list[Graph] = problem.scene.kept.setdefault((_NAME, problem.arms, samples), [])
+            graph = idle.pop() if idle else Graph(problem.scene, problem.arms)
+            try:
+                graph.sample(samples, motion, lambda: query.seconds_left > 0.0 and not query.cancelled())
+                query.iterations += graph.samples
+                return _answer(query, graph, learns=False)
+            finally:
+                if samples == self.samples:
+                    idle.append(graph)
+
+
+def checked_samples(samples: int) -> int:
+    """A number of samples.
+
+    Raises:
+        InputError: less than one, or no whole number.
+    """
+    if not isinstance(samples, int | np.integer) or isinstance(samples, bool) or samples < 1:
+        raise InputError(f"samples is {samples!r}, expected a whole number >= 1")
+    return int(samples)
+
+
+def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
+    """The shortest way along the roadmap, or what trees find where there is none."""
+    problem, motion = query.problem, query.motion
+    before = graph.asked
+    way = graph.find_way(
+        problem.start, query.plain_goals, motion, lambda: query.seconds_left > 0.0 and not query.cancelled()
+    )
+    query.edges += graph.asked - before
+    if way is not None:
+        return query.result(PlanStatus.SOLVED, way)
+    search = BoundedSearch(query)
+    if not search.space.movable.any():
+        return query.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
+    if not search.meets(math.inf):
+        return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
+    path = Path(problem.joint_names, search.trees.path())
+    checked = motion.edges_checked
+    path = shorten(path, motion, rng=query.seed, seconds=max(query.seconds_left, 1e-6))
+    query.edges += motion.edges_checked - checked
+    if learns:
+        graph.learn(path.waypoints)
+    return query.result(PlanStatus.SOLVED, path.waypoints)
+
+
+def _without_postures(scene: Scene, arms: Sequence[str]) -> str:
+    """What a scene is but for where its moving arms stand."""
+    for name in arms:
+        scene = scene.with_posture(name, scene.arm(name).robot.home)
+    return scene.content_hash
