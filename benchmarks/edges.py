@@ -28,23 +28,23 @@ _TOLERANCE = 1e-6
 
 
 @numba.njit
-def by_spheres(begins, ends, arguments, answers):
+def by_spheres(begins, ends, record, counts, answers):
     batches = 0
     for i in range(len(begins)):
-        answers[i] = sweep(begins[i], ends[i], arguments[0], arguments[1])
-        batches += arguments[1].counts[1]
+        answers[i] = sweep(begins[i], ends[i], record)
+        batches += counts[1]
     return batches
 
 
 @numba.njit
-def by_both(begins, ends, arguments, answers):
+def by_both(begins, ends, record, answers):
     for i in range(len(begins)):
-        answers[i] = sweep_edge(begins[i], ends[i], arguments[0], arguments[1], arguments[2], arguments[3])[0]
+        answers[i] = sweep_edge(begins[i], ends[i], record)[0]
 
 
 @numba.njit
-def exactly(begins, ends, arguments, answers):
-    exact, curve = arguments[2], np.empty((2, begins.shape[1]))
+def exactly(begins, ends, exact, answers):
+    curve = np.empty((2, begins.shape[1]))
     for i in range(len(begins)):
         curve[0], curve[1] = begins[i], ends[i] - begins[i]
         answers[i] = certify(curve, 1.0, exact[0], *exact[1:])[0]
@@ -65,11 +65,11 @@ def main() -> int:
     for name, scene in _scenes(args):
         checker = CollisionChecker(scene)
         begins, ends = _edges(checker, args.edges)
-        arguments = SweptEdges(checker, _TOLERANCE).arguments
+        edges = SweptEdges(checker, _TOLERANCE)
         swept, both, exact = (np.zeros(args.edges, np.int64) for _ in range(3))
-        quick, batches = _clock(by_spheres, begins, ends, arguments, swept)
-        slow, _ = _clock(by_both, begins, ends, arguments, both)
-        slowest, _ = _clock(exactly, begins, ends, arguments, exact)
+        quick, batches = _clock(by_spheres, begins, ends, edges.record, edges.tables[1].counts, swept)
+        slow, _ = _clock(by_both, begins, ends, edges.record, both)
+        slowest, _ = _clock(exactly, begins, ends, edges.tables[2], exact)
         agree &= bool(((both == 0) == (exact == 0)).all())
         per = [1e6 * quick / (8 * batches), *(1e6 * t / args.edges for t in (quick, slow, slowest))]
         times = " | ".join(f"{t:.3g}" for t in per)

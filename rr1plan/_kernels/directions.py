@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from numba import types
 
-from rr1plan._kernels.cover import ALL, COVER, FRAME, HALF_SPACE, ROUND, SLACK, SPHERE, WORK
+from rr1plan._kernels.cover import ALL, COVER, FRAME, HALF_SPACE, RECORD, ROUND, SLACK, SPHERE, WORK, tables_of
 from rr1plan._kernels.jit import F64, I64, OUT1, jit
 from rr1plan._kernels.lanes import (
     LANES,
@@ -311,8 +311,8 @@ def _gap_within(a, b, o, base, x, y, z, h, cover, work):
     return gap + lowest_within(b, -x, -y, -z, base, h, cover, work)
 
 
-@jit(types.UniTuple(I64, 3)(I64, I64, I64, I64, _NEAR, F64, F64, I64, LANES, COVER, WORK), allocates=False)
-def separate(a, b, o, base, near, padding, push, asked, h, cover, work):
+@jit(types.UniTuple(I64, 3)(I64, I64, I64, I64, _NEAR, F64, F64, I64, LANES, RECORD), allocates=False)
+def separate(a, b, o, base, near, padding, push, asked, h, record):
     """A body against another, or against an obstacle, in the lanes asked for.
 
     Args:
@@ -325,13 +325,13 @@ def separate(a, b, o, base, near, padding, push, asked, h, cover, work):
         push: Greatest acceleration of one against the other.
         asked: Bits of the lanes.
         h: Half widths of the intervals.
-        cover: See `cover.Cover`.
-        work: See `cover.Work`.
+        record: Of `cover.TABLES`.
 
     Returns:
         Bits of the lanes that stay open, of those in which even the middle of the interval is not proven, and of
         those with a contact in the middle.
     """
+    cover, work, _, _ = tables_of(record)
     frames, values = work.frames, cover.obstacle_values
     if b < 0 and cover.obstacles[o, 0] == HALF_SPACE:
         return _over_half_space(a, o, padding, push, asked, h, cover, work)

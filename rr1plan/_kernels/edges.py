@@ -7,14 +7,12 @@ what is called here touches the files that call `edge_code` too, or their compil
 
 from __future__ import annotations
 
-from numba import types
-
-from rr1plan._kernels.cover import COVER, WORK
-from rr1plan._kernels.jit import FLOATS1, I64, INT1, jit
-from rr1plan._kernels.swept import EXACT, sweep_edge
+from rr1plan._kernels.cover import RECORD
+from rr1plan._kernels.jit import FLOATS1, I64, jit
+from rr1plan._kernels.swept import sweep_edge
 
 # Arguments of `sweep_edge` after the ends of the edge.
-CONTEXT = types.Tuple((COVER, WORK, EXACT, INT1))
+CONTEXT = RECORD
 
 
 @jit(I64(FLOATS1, FLOATS1, CONTEXT), allocates=False)
@@ -26,5 +24,5 @@ def edge_code(begin, end, context):
         end: Configuration, shape (nq,).
         context: See `sweep_edge`.
     """
-    status, _, _ = sweep_edge(begin, end, context[0], context[1], context[2], context[3])
+    status, _, _ = sweep_edge(begin, end, context)
     return status

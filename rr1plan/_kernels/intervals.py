@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from rr1plan._kernels.cover import ALL, CELLS, COVER, LEFT_OUT, SPHERE, WORK
+from rr1plan._kernels.cover import ALL, CELLS, COVER, LEFT_OUT, RECORD, SPHERE, WORK, tables_of
 from rr1plan._kernels.directions import separate
 from rr1plan._kernels.jit import F64, FLOATS1, I64, jit
 from rr1plan._kernels.lanes import LANES, WIDTH, below, least, load, most
@@ -171,30 +171,32 @@ def _meet_by_spheres(count, batch, h, cover, work):
     return OPEN
 
 
-@jit(types.UniTuple(I64, 3)(I64, LANES, COVER, WORK), inline=True, allocates=False)
-def _separate(k, h, cover, work):
+@jit(types.UniTuple(I64, 3)(I64, LANES, RECORD), inline=True, allocates=False)
+def _separate(k, h, record):
     """See `separate`, for an item."""
+    cover, work, _, _ = tables_of(record)
     a, b, m, pair, asked = work.items[k, 0], work.items[k, 1], work.items[k, 2], work.items[k, 3], work.items[k, 4]
     near = (pair, work.items[k, 5], work.items[k, 6])
     if m < 0:
         core = cover.core_of[b]
         if core == LEFT_OUT:
             return asked, 0, 0
-        return separate(a, core, b, 0, near, cover.padding[pair], work.pushes[a, 0], asked, h, cover, work)
+        return separate(a, core, b, 0, near, cover.padding[pair], work.pushes[a, 0], asked, h, record)
     shared = cover.meetings[m, 2]
     base = cover.chain[cover.bodies[a, 3] + shared - 1] if shared else 0
     push = work.pushes[a, shared] + work.pushes[b, shared]
-    return separate(a, b, -1, base, near, cover.padding[pair], push, asked, h, cover, work)
+    return separate(a, b, -1, base, near, cover.padding[pair], push, asked, h, record)
 
 
-@jit(types.UniTuple(I64, 2)(I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
-def _meet_by_directions(count, batch, h, cover, work):
+@jit(types.UniTuple(I64, 2)(I64, I64, LANES, RECORD), inline=True, allocates=False)
+def _meet_by_directions(count, batch, h, record):
     """What spheres left; TOUCHES, OPEN or FULL, and after the first batch how many items are still open."""
+    _, work, _, _ = tables_of(record)
     items, kept = work.items, 0
     for k in range(count):
         left, pair = items[k, 4], items[k, 3]
         if left:
-            left, stuck, touching = _separate(k, h, cover, work)
+            left, stuck, touching = _separate(k, h, record)
             if touching:
                 return _touch(pair, touching, work), 0
             bit = min(kept if batch == 1 else k, _BITS)
@@ -228,20 +230,20 @@ def _whole(answer, batch, work):
     return answer
 
 
-@jit(I64(FLOATS1, FLOATS1, COVER, WORK), allocates=False)
-def sweep(q0, q1, cover, work):
+@jit(I64(FLOATS1, FLOATS1, RECORD), allocates=False)
+def sweep(q0, q1, record):
     """An edge against all obstacles and between its own bodies, by spheres and directions.
 
     Args:
         q0: Begin, shape (nq,).
         q1: End, shape (nq,).
-        cover: See `Cover`.
-        work: See `Work`.
+        record: Of `cover.TABLES`.
 
     Returns:
         PROVEN free; TOUCHES at `open_spans[0, 0]`, the pair `counts[2]`; or OPEN: `counts[0]` intervals and pairs are
         left to the exact kernel (-1: the whole edge).
     """
+    cover, work, _, _ = tables_of(record)
     work.counts[0], work.counts[1] = 0, 0
     work.counts[3] += 1
     for c in range(q0.shape[0]):
@@ -269,7 +271,7 @@ def sweep(q0, q1, cover, work):
             _take_up(count, head, taken, q0, q1, h, batch, cover, work)
         if _meet_by_spheres(count, batch, h, cover, work) == TOUCHES:
             return _whole(TOUCHES, batch, work)
-        answer, count = _meet_by_directions(count, batch, h, cover, work)
+        answer, count = _meet_by_directions(count, batch, h, record)
         if answer == TOUCHES:
             return _whole(TOUCHES, batch, work)
         # All that is open at present may not fit: the edge is left to the exact kernel.

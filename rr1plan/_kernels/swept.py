@@ -9,37 +9,32 @@ from __future__ import annotations
 
 from numba import types
 
-from rr1plan._kernels.cover import COVER, WORK
+from rr1plan._kernels.cover import RECORD, tables_of
 from rr1plan._kernels.intervals import PROVEN, TOUCHES, sweep
-from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INT1, INTS1, INTS2, OUT2, jit
+from rr1plan._kernels.jit import F64, FLOATS1, I64, jit
+from rr1plan._kernels.lanes import WIDTH
 from rr1plan._kernels.motion import CONTACT, FREE, certify, certify_open
 
-# Tolerance [m], then the tables of `certify` in its order.
-EXACT = types.Tuple(
-    (F64, INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1, OUT2, OUT2, OUT2, OUT2)
-)
 # What has been done so far: edges, those that needed the exact kernel, configurations, gaps computed finely.
 EDGES, EXACT_EDGES, CONFIGURATIONS, GAPS = range(4)
 
 
-@jit(types.Tuple((I64, F64, I64))(FLOATS1, FLOATS1, COVER, WORK, EXACT, INT1), allocates=False)
-def sweep_edge(begin, end, cover, work, exact, done):
+@jit(types.Tuple((I64, F64, I64))(FLOATS1, FLOATS1, RECORD), allocates=False)
+def sweep_edge(begin, end, record):
     """Certify a straight edge free of contact, or find a place where it is not.
 
     Args:
         begin: Configuration, shape (nq,).
         end: Configuration, shape (nq,).
-        cover: See `cover.Cover`.
-        work: See `cover.Work`.
-        exact: Tolerance and tables of the exact kernel.
-        done: Counters, added to; shape (4,).
+        record: Of `cover.TABLES`.
 
     Returns:
         FREE, CONTACT or GRAZING; where (0..1); which pair.
     """
+    _, work, exact, done = tables_of(record)
     done[EDGES] += 1
-    answer = sweep(begin, end, cover, work)
-    done[CONFIGURATIONS] += work.lanes.shape[0] // 3 * work.counts[1]
+    answer = sweep(begin, end, record)
+    done[CONFIGURATIONS] += WIDTH * work.counts[1]
     if answer == PROVEN:
         return FREE, 0.0, -1
     if answer == TOUCHES:

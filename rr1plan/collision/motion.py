@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan._kernels.motion import FREE
 from rr1plan._kernels.motion import certify as _certify_untyped
@@ -86,9 +87,9 @@ class MotionChecker:
         return _rebuild, (self.checker, self.tolerance)
 
     @property
-    def context(self) -> tuple[Any, ...]:
+    def context(self) -> NDArray[np.int64]:
         """What compiled planners pass on to `rr1plan._kernels.edges.edge_code`."""
-        return self._straight().arguments
+        return self._straight().record
 
     def _straight(self) -> SweptEdges:
         """Spheres around everything that moves, made when first asked for."""

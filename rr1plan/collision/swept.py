@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from rr1plan._kernels.cover import TABLES
 from rr1plan._kernels.motion import FREE
+from rr1plan._kernels.record import pack
 from rr1plan._kernels.swept import CONFIGURATIONS, EDGES, EXACT_EDGES, GAPS
 from rr1plan._kernels.swept import sweep_edge as _sweep_edge_untyped
 from rr1plan.checks import Array
@@ -29,7 +31,8 @@ class SweptEdges:
         tables: Tables of the checker for the exact kernel (default: new ones); their scratch memory is used too.
 
     Attributes:
-        arguments: What the compiled `rr1plan._kernels.swept.sweep_edge` takes after the two ends of an edge.
+        tables: What compiled kernels know of the scene; see `rr1plan._kernels.cover`.
+        record: A record of it, which the compiled `rr1plan._kernels.swept.sweep_edge` takes after both ends of an edge.
 
     Raises:
         InputError: a scene that cannot be checked.
@@ -39,11 +42,8 @@ class SweptEdges:
         self._checker = checker
         tables = build_tables(checker) if tables is None else tables
         self._done = np.zeros(4, np.int64)
-        self.arguments: tuple[Any, ...] = (
-            *build_cover(checker, tables, tolerance),
-            (tolerance, *tables),
-            self._done,
-        )
+        self.tables = (*build_cover(checker, tables, tolerance), (tolerance, *tables), self._done)
+        self.record = pack(self.tables, TABLES)
 
     @property
     def edges_checked(self) -> int:
@@ -81,4 +81,4 @@ class SweptEdges:
         """Status, where (0..1), and which pair of solids (-1: one that rests) of an edge that was checked for shape."""
         if not self._checker.resting_is_free:
             return FREE + 1, 0.0, -1
-        return _sweep_edge(q0, q1, *self.arguments)
+        return _sweep_edge(q0, q1, self.record)

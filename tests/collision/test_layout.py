@@ -29,7 +29,7 @@ def arrays_of(scene: Scene, arms: list[str] | None) -> list[np.ndarray]:
     checker = CollisionChecker(scene, arms)
     # Before the scratch memory in them is used.
     exact, resting = tables.build_tables(checker), tables.build_resting_tables(checker) or ()
-    cover = MotionChecker(checker).context[0]
+    cover = SweptEdges(checker, 1e-6).tables[0]
     own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding)
     return [np.asarray(a) for a in (*own, *cover, *exact, *resting)]
 
@@ -115,7 +115,7 @@ def test_scenes_with_equal_arms_share_what_the_arms_carry(odd):
 
 def test_scratch_memory_is_nobody_elses(odd):
     scene = furnished(Scene().with_arm("a", odd))
-    one, two = MotionChecker(scene).context[2], MotionChecker(scene.with_margin(0.1)).context[2]
+    one, two = (SweptEdges(CollisionChecker(s), 1e-6).tables[2] for s in (scene, scene.with_margin(0.1)))
     for mine, other in zip(one[-4:], two[-4:], strict=True):
         assert mine.flags.writeable
         assert not np.shares_memory(mine, other)
