@@ -14,9 +14,9 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan._kernels import shortcut as kernel
 from rr1plan.checks import Array, Seed, of_kind, positive_number
@@ -114,7 +114,7 @@ class _Shortener:
         """The path as it is now, shape (n, nq)."""
         return self._points[: self._counts[kernel.SIZE]].copy()
 
-    def _skip_vertices(self, context: tuple[Any, ...]) -> None:
+    def _skip_vertices(self, context: NDArray[np.int64]) -> None:
         self._counts[kernel.PLACE] = 0
         for count in self._chunks(int(self._counts[kernel.SIZE])):
             _skip_vertices(self._points, self._counts, count, context)

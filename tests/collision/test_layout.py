@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rr1plan.collision import CollisionChecker, MotionChecker, layout, tables
+from rr1plan.collision.swept import SweptEdges
 from rr1plan.errors import InputError
 from rr1plan.library import load_scene
 from rr1plan.model import SceneModel, _skeleton
