@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 def reader(kind: Any) -> Callable[..., Any]:
     """An intrinsic that gives kernels back what `pack` wrote down.
 
-    Only kernels that count no references may read, and what is read lives no longer than the packed arrays.
+    What is read lives no longer than the record.
 
     Args:
         kind: Numba's type of it: a tuple of arrays, numbers and tuples.
@@ -37,8 +37,16 @@ def reader(kind: Any) -> Callable[..., Any]:
     return read
 
 
+class _Owner:
+    """Memory of a record, and what it tells of."""
+
+    def __init__(self, words: NDArray[np.int64], value: Any) -> None:
+        self.words, self.value = words, value
+        self.__array_interface__ = words.__array_interface__
+
+
 def pack(value: Any, kind: Any) -> NDArray[np.int64]:
-    """Write down where the arrays of a tuple are; they have to be kept alive for as long as the record is used.
+    """Write down where the arrays of a tuple are; they live as long as the record.
 
     Args:
         value: The tuple.
@@ -47,7 +55,8 @@ def pack(value: Any, kind: Any) -> NDArray[np.int64]:
     Returns:
         The record, shape (k,).
     """
-    return np.array(list(_words(value, kind)), np.int64)
+    # An array keeps what it is a view of.
+    return np.asarray(_Owner(np.array(list(_words(value, kind)), np.int64), value))
 
 
 def _words(value: Any, kind: Any) -> Iterator[int]:

@@ -97,6 +97,18 @@ class MotionChecker:
             self._swept = SweptEdges(self.checker, self.tolerance, self._tables)
         return self._swept
 
+    def is_free(self, q: Any) -> bool:
+        """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        q = self.checker.checked(q)
+        return self._straight().look_along(q, q)[0] == FREE or self.checker.is_free(q)
+
     def edge_is_free(self, q0: Any, q1: Any) -> bool:
         """Every configuration on the straight line from q0 to q1 is free.
 

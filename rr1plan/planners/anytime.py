@@ -18,13 +18,15 @@ from collections.abc import Callable
 
 import numpy as np
 
+from rr1plan._kernels import bounded_trees
 from rr1plan._kernels.generator import draw
+from rr1plan._kernels.rrt_connect import trace
 from rr1plan.checks import Array, Seed, finite_number, of_kind
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners.bounded_search import BoundedSearch
-from rr1plan.planners.query import NO_LIMIT, Query
+from rr1plan.planners.query import NO_LIMIT, Query, prepare
 from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
@@ -73,6 +75,7 @@ class AnytimePlanner:
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         of_kind("problem", problem, Problem)
+        prepare(bounded_trees.grow_bounded, trace)
         began = time.perf_counter()
         with borrowed_checker(problem.scene, problem.arms) as motion:
             query = Query(self.name, problem, motion, budget, as_seed(rng), progress, began)

@@ -95,7 +95,7 @@ class CartesianPlanner:
     def _answer(
         self, problem: Problem, goals: tuple[PoseGoal, ...], walk: _Walk, rng: np.random.Generator
     ) -> PlanResult:
-        blocked = check_start(problem, walk.checker)
+        blocked = check_start(problem, walk.motion)
         if blocked:
             return walk.result(PlanStatus.INVALID_START, None, blocked)
         stops = []
@@ -109,7 +109,7 @@ class CartesianPlanner:
         reason = "; ".join(stop.reason for stop in stops)
         if stops[-1].status is PlanStatus.TIMEOUT:
             return walk.result(PlanStatus.TIMEOUT, None, reason)
-        ends = goal_configurations(problem, walk.checker, rng, max_per_goal=1)
+        ends = goal_configurations(problem, walk.motion, rng, max_per_goal=1)
         if ends.status is not None:
             return walk.result(ends.status, None, f"{reason}; and {ends.reason}")
         return walk.result(PlanStatus.INFEASIBLE, None, f"{reason}; the goal itself has a free configuration")

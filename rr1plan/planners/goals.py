@@ -15,7 +15,7 @@ from heapq import heappop, heappush
 import numpy as np
 
 from rr1plan.checks import Array, Seed, as_generator, read_only
-from rr1plan.collision import CollisionChecker, Contact
+from rr1plan.collision import Contact, MotionChecker
 from rr1plan.kinematics import Kinematics, nearest_copy, solve_ik
 from rr1plan.kinematics.inverse import describe_excess
 from rr1plan.planning import PlanStatus
@@ -44,24 +44,24 @@ class GoalSet:
     reason: str = ""
 
 
-def check_start(problem: Problem, checker: CollisionChecker) -> str:
+def check_start(problem: Problem, motion: MotionChecker) -> str:
     """Why the start is none, in words (which joint is out by how much, which links touch what); empty if it is fine.
 
     Args:
         problem: The problem.
-        checker: Of the problem's scene and moving arms.
+        motion: Of the problem's scene and moving arms.
     """
     excess = _composite_excess(problem, problem.start)
     if excess:
         return f"the start is out of limits: {excess}"
-    if checker.is_free(problem.start):
+    if motion.is_free(problem.start):
         return ""
-    return f"the start is in collision: {describe_contacts(checker.contacts(problem.start))}"
+    return f"the start is in collision: {describe_contacts(motion.checker.contacts(problem.start))}"
 
 
 def goal_configurations(
     problem: Problem,
-    checker: CollisionChecker,
+    motion: MotionChecker,
     rng: Seed = None,
     *,
     max_per_goal: int = 8,
@@ -72,7 +72,7 @@ def goal_configurations(
 
     Args:
         problem: The problem.
-        checker: Of the problem's scene and moving arms.
+        motion: Of the problem's scene and moving arms.
         rng: Generator or seed of inverse kinematics' random starts.
         max_per_goal: Most configurations of one pose or region goal.
         max_composites: Most configurations in all.
@@ -85,7 +85,7 @@ def goal_configurations(
     generator = None if all(isinstance(g, JointGoal) for gs in problem.goal.values() for g in gs) else as_generator(rng)
     choices: list[list[Array]] = []
     for arm in problem.arms:
-        finder = _Finder(problem, checker, arm)
+        finder = _Finder(problem, motion, arm)
         for goal in problem.goal[arm]:
             finder.add(goal, generator, max_per_goal, attempts)
         if not finder.found:
@@ -93,7 +93,7 @@ def goal_configurations(
             status = PlanStatus.INVALID_GOAL if invalid else PlanStatus.INFEASIBLE
             return GoalSet(np.empty((0, problem.nq)), status, "; ".join(finder.reasons))
         choices.append(finder.found)
-    return _combine(problem, checker, choices, max_composites)
+    return _combine(problem, motion, choices, max_composites)
 
 
 def describe_contacts(contacts: Sequence[Contact]) -> str:
@@ -114,8 +114,8 @@ def _composite_excess(problem: Problem, q: Array) -> str:
 class _Finder:
     """Configurations of one arm that fulfil one of its goals, free as far as this arm alone goes."""
 
-    def __init__(self, problem: Problem, checker: CollisionChecker, arm: str) -> None:
-        self.problem, self.checker, self.arm = problem, checker, arm
+    def __init__(self, problem: Problem, motion: MotionChecker, arm: str) -> None:
+        self.problem, self.motion, self.arm = problem, motion, arm
         self.robot: Robot = problem.scene.arms[arm].robot
         self.start = problem.scene.split(problem.start, problem.arms)[arm]
         before = problem.arms[: problem.arms.index(arm)]
@@ -178,10 +178,10 @@ class _Finder:
         """What touches at q that no other moving arm has a part in."""
         composite = self.problem.start.copy()
         composite[self.columns] = q
-        if self.checker.is_free(composite):
+        if self.motion.is_free(composite):
             return []
         owner = self.problem.scene.owner
-        return [c for c in self.checker.contacts(composite) if not {owner(c.a), owner(c.b)} & self.others]
+        return [c for c in self.motion.checker.contacts(composite) if not {owner(c.a), owner(c.b)} & self.others]
 
     def _refuse(self, status: PlanStatus, reason: str) -> None:
         self.statuses.append(status)
@@ -192,7 +192,7 @@ def _depth(contacts: Sequence[Contact]) -> float:
     return max(float(c.depth) for c in contacts)
 
 
-def _combine(problem: Problem, checker: CollisionChecker, choices: list[list[Array]], most: int) -> GoalSet:
+def _combine(problem: Problem, motion: MotionChecker, choices: list[list[Array]], most: int) -> GoalSet:
     """Composites of the arms' choices that are free as a whole."""
     if len(choices) == len(choices[0]) == 1:
         return GoalSet(read_only(np.array(choices[0])))
@@ -211,10 +211,10 @@ def _combine(problem: Problem, checker: CollisionChecker, choices: list[list[Arr
             break
         tried += 1
         q = np.concatenate([found[i] for found, i in zip(ranked, index, strict=True)])
-        if len(choices) == 1 or checker.is_free(q):
+        if len(choices) == 1 or motion.is_free(q):
             free.append(q)
         elif not blocked:
-            blocked = list(checker.contacts(q))
+            blocked = list(motion.checker.contacts(q))
     if free:
         return GoalSet(read_only(np.array(free)))
     reason = f"the arms' goals collide with each other in all {tried} combinations tried: {describe_contacts(blocked)}"

@@ -9,11 +9,13 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rr1plan._kernels.motion import certify
 from rr1plan.checks import Array, Seed, as_generator, known_name, of_kind
 from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, goal_configurations
+from rr1plan.planners.query import prepare
 from rr1plan.planners.space import Space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree
 from rr1plan.problem import Problem
@@ -95,6 +97,7 @@ class OmplPlanner:
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         of_kind("problem", problem, Problem)
+        prepare(certify)
         began = time.perf_counter()
         with borrowed_checker(problem.scene, problem.arms) as motion:
             query = _Query(self, problem, motion, began, budget or Budget(), rng, progress)
@@ -124,7 +127,7 @@ class _Query:
         else:
             self.seed = int(as_generator(rng).integers(2**32))
         self.rng = as_generator(self.seed)
-        self.checker = motion.checker
+        self.motion = motion
         self.edges_before = motion.edges_checked
         self.watch = _ompl.Watch(budget, self.began, None if progress is None else self.report)
         self.reported = self.began - _REPORTS
@@ -134,10 +137,10 @@ class _Query:
 
     def refusal(self) -> PlanResult | None:
         """The answer to a problem without a usable start or goal."""
-        blocked = check_start(self.problem, self.checker)
+        blocked = check_start(self.problem, self.motion)
         if blocked:
             return self.result(PlanStatus.INVALID_START, reason=blocked)
-        found = goal_configurations(self.problem, self.checker, self.rng)
+        found = goal_configurations(self.problem, self.motion, self.rng)
         if found.status is not None:
             return self.result(found.status, reason=found.reason)
         self.goals = with_copies(self.problem, found.configurations)
@@ -171,7 +174,7 @@ class _Query:
             space.upper[space.movable],
             space.reduce(self.problem.start),
             space.reduce(self.goals),
-            lambda q: self.checker.is_free(space.whole(q)),
+            lambda q: self.motion.is_free(space.whole(q)),
             lambda a, b: self.motion.edge_is_free(space.whole(a), space.whole(b)),
         )
         kind = KINDS[self.planner.name].ompl

@@ -6,6 +6,8 @@ import time
 
 import numpy as np
 
+from rr1plan._kernels.jit import Kernel
+from rr1plan._kernels.swept import sweep_edge
 from rr1plan.checks import Array
 from rr1plan.collision import MotionChecker
 from rr1plan.path import Path
@@ -19,6 +21,16 @@ _LEAST, _MOST = 0.002, 0.01  # time between two looks at the clock [s]
 _CHUNK = 16  # steps before the first look at the clock
 # As many iterations as there are numbers.
 NO_LIMIT = int(np.iinfo(np.int64).max)
+
+
+def prepare(*kernels: Kernel) -> None:
+    """Compile what is not compiled yet, before a budget begins that is not meant for that.
+
+    Args:
+        kernels: What a planner calls, besides the edge's.
+    """
+    for needed in (sweep_edge, *kernels):
+        needed.build()
 
 
 class Pace:
@@ -80,10 +92,10 @@ class Query:
 
     def refusal(self) -> PlanResult | None:
         """The answer to a problem without a usable start or goal, or whose start is a goal."""
-        blocked = check_start(self.problem, self.motion.checker)
+        blocked = check_start(self.problem, self.motion)
         if blocked:
             return self.result(PlanStatus.INVALID_START, reason=blocked)
-        found = goal_configurations(self.problem, self.motion.checker, self.seed)
+        found = goal_configurations(self.problem, self.motion, self.seed)
         if found.status is not None:
             return self.result(found.status, reason=found.reason)
         self.plain_goals = found.configurations

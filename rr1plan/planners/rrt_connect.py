@@ -19,6 +19,7 @@ from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, goal_configurations
+from rr1plan.planners.query import prepare
 from rr1plan.planners.seeds import as_seed, generator_state
 from rr1plan.planners.space import Space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree
@@ -72,6 +73,7 @@ class RrtConnect:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
+        prepare(kernel.nearest_direct, kernel.grow, kernel.trace)
         began = time.perf_counter()
         with borrowed_checker(problem.scene, problem.arms) as motion:
             query = _Query(self, problem, motion, began, budget or Budget(), as_seed(rng), progress)
@@ -101,10 +103,10 @@ class _Query:
 
     def refusal(self) -> PlanResult | None:
         """The answer to a problem without a usable start or goal."""
-        blocked = check_start(self.problem, self.motion.checker)
+        blocked = check_start(self.problem, self.motion)
         if blocked:
             return self.result(PlanStatus.INVALID_START, reason=blocked)
-        found = goal_configurations(self.problem, self.motion.checker, self.seed)
+        found = goal_configurations(self.problem, self.motion, self.seed)
         if found.status is not None:
             return self.result(found.status, reason=found.reason)
         self.goals = np.ascontiguousarray(with_copies(self.problem, found.configurations))

@@ -29,11 +29,11 @@ def body_of(shape, T):
     begins = np.cumsum([0, *degrees]) + len(degrees) + 1
     links = np.concatenate([begins, around]).astype(np.int64)
     points = np.ascontiguousarray(core.points.reshape(-1, 3))
-    return core.kind, core.size, np.concatenate([T[:3, :3].ravel(), T[:3, 3]]), points, links, 0
+    return core.kind, core.values[8:11], np.concatenate([T[:3, :3].ravel(), T[:3, 3]]), points, links, 0
 
 
 def gap_bounds(one, A, two, B, least=np.inf, enough=np.inf):
-    radius = _core(one).radius + _core(two).radius
+    radius = _core(one).values[1] + _core(two).values[1]
     bounds = separation(
         *body_of(one, A), *body_of(two, B), least + radius, enough + radius, np.array([0.1, 0.2, 0.3]), np.empty((4, 3))
     )

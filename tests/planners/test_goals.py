@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import CollisionChecker
+from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.planners.goals import check_start, goal_configurations
 from rr1plan.planning import PlanStatus
 from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal
@@ -19,11 +19,11 @@ def alone(robot):
 
 
 def goals_of(problem, **settings):
-    return goal_configurations(problem, CollisionChecker(problem.scene, problem.arms), 0, **settings)
+    return goal_configurations(problem, MotionChecker(problem.scene, problem.arms), 0, **settings)
 
 
 def start_of(problem):
-    return check_start(problem, CollisionChecker(problem.scene, problem.arms))
+    return check_start(problem, MotionChecker(problem.scene, problem.arms))
 
 
 def test_a_joint_goal_is_taken_as_it_is(rr1):
@@ -52,7 +52,7 @@ def test_pose_goals_give_free_configurations_that_reach_them_nearest_first(rr1):
     T = rr1.link_poses(FREE)["tool"]
     problem = Problem(alone(rr1), "home", PoseGoal("tool", T[:3, 3]))
     checker = CollisionChecker(problem.scene)
-    goals = goal_configurations(problem, checker, 0, max_per_goal=5)
+    goals = goal_configurations(problem, MotionChecker(checker), 0, max_per_goal=5)
     assert len(goals.configurations) == 5
     for q in goals.configurations:
         assert checker.is_free(q)
@@ -125,7 +125,7 @@ def test_goals_of_several_arms_combine_without_touching(planar2r):
     goal = {"left": PoseGoal("tool", [0.9, 0.4, 0.0]), "right": PoseGoal("tool", [1.1, 0.4, 0.0])}
     problem = Problem(scene, None, goal)
     checker = CollisionChecker(scene)
-    goals = goal_configurations(problem, checker, 0)
+    goals = goal_configurations(problem, MotionChecker(checker), 0)
     assert 1 <= len(goals.configurations) <= 4
     for q in goals.configurations:
         assert checker.is_free(q)
