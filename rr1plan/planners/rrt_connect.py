@@ -34,8 +34,8 @@ _DIRECT = 8  # goals to which the straight line is tried first
 _STEP = 0.08  # longest edge of a tree, as a part of the space's diagonal
 _SHORTEST = 1e-4  # the least that may be set, the same way
 _DOMAIN = 0.2  # how near to a vertex that has met an obstacle samples have to be, the same way
-_CAPACITY = 1024  # vertices of each tree to begin with
-_CHUNK = 16  # samples before the first look at the clock
+_CAPACITY = 256  # vertices of each tree to begin with
+_CHUNK = 128  # samples before the first look at the clock
 _LEAST, _MOST = 0.002, 0.01  # time between two looks at the clock [s]
 _REPORTS = 0.1  # time between two reports of progress [s]
 

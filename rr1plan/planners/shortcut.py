@@ -33,7 +33,7 @@ _take_shortcuts: Callable[..., None] = kernel.take_shortcuts
 # After so many shortcuts in a row that gained nothing, more are unlikely to.
 _PATIENCE = 30
 # Steps of a compiled loop between two looks at the clock.
-_CHUNK = 32
+_CHUNK = 128
 # A corner that cannot be cut is tried closer, this many times.
 _CLOSER = 4
 
