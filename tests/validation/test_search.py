@@ -1,0 +1,351 @@
+"""The compiled search of the referee against Coal, against the slow certificate, and against dense samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from typing import Any
+
+import coal
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+import rr1plan as rp
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
+from rr1plan.robot import Mimic
+from rr1plan.transforms import pose
+from rr1plan.validation.apart import part_bodies
+from rr1plan.validation.certificate import Certificate, Findings
+from rr1plan.validation.proof import prove
+from rr1plan.validation.solids import DistanceMeter, Solid, support
+from rr1plan.validation.tables import Setting, setting_of
+
+Make = Callable[..., Any]
+MOST = 400_000
+# How much Coal's distance of two convex shapes may be too large [m].
+COAL = 2e-5
+ROUNDING = 1e-9
+
+
+# ---- two bodies ----------------------------------------------------------------------------
+
+
+def one_of_each(rng: np.random.Generator) -> list[Any]:
+    """A ball, a box, a cylinder, a capsule and a hull, between a needle and a plate."""
+    a, b, c = 10.0 ** rng.uniform(-3.0, -0.3, 3)
+    corners = rng.normal(size=(int(rng.integers(4, 40)), 3)) * 10.0 ** rng.uniform(-2.0, -0.5, 3)
+    hull = rp.Mesh(corners, ConvexHull(corners).simplices, convex=True)
+    return [rp.Sphere(a), rp.Box((a, b, c)), rp.Cylinder(b, c), rp.Capsule(c, a), hull]
+
+
+class Pairs:
+    """Bodies in the tables of the search, placed at will, and what Coal says of the same."""
+
+    def __init__(self, setting: Setting) -> None:
+        self.setting = setting
+        self.solids = setting.bodies.solids
+        self.meter = DistanceMeter()
+        self.known, self.share = np.zeros((5, 9)), np.zeros((3, 4))
+
+    def bounds(self, a: int, Ta: Array, b: int, Tb: Array, base: float = 1e300) -> tuple[float, float]:
+        """Upper and lower bound of the distance of two bodies, going on from the search before."""
+        s = self.setting
+        placed = np.zeros((len(s.kinds), 15))
+        for body, T in ((a, Ta), (b, Tb)):
+            middle = T[:3, :3] @ self.solids[body].center + T[:3, 3]
+            placed[body] = np.concatenate([T[:3, :3].ravel(), T[:3, 3], middle])
+        off = s.sizes[a, 3] + s.sizes[b, 3]
+        tables = (s.kinds, s.sizes, s.corners, placed, a, b, self.known, self.share)
+        upper, lower = part_bodies(*tables, min(base + off, 1e300), 1e300)[:2]
+        return upper - off, lower - off
+
+    def coal(self, a: int, Ta: Array, b: int, Tb: Array) -> tuple[float, float]:
+        """Coal's distance, and the gap along Coal's normal: no distance is less."""
+        x, y = self.solids[a], self.solids[b]
+        placed = [coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3])) for T in (Ta, Tb)]
+        distance, normal = self.meter.convex(x, placed[0], y, placed[1])
+        normal = normal / np.linalg.norm(normal)
+        return distance, float(normal @ (Tb[:3, 3] - Ta[:3, 3])) - reach(x, Ta, normal) - reach(y, Tb, -normal)
+
+
+def reach(body: Solid, T: Array, direction: Array) -> float:
+    return float(support(body, (T[:3, :3].T @ direction)[None])[0])
+
+
+def random_pose(rng: np.random.Generator, size: float) -> Array:
+    return np.asarray(pose(size * rng.normal(size=3), rpy=rng.uniform(-3.1, 3.1, 3)))
+
+
+@pytest.fixture
+def bodies(slider: Make) -> Callable[[np.random.Generator], Pairs]:
+    """Two of each kind of convex shape."""
+
+    def make(rng: np.random.Generator) -> Pairs:
+        shapes = one_of_each(rng) + one_of_each(rng)
+        scene = rp.Scene().with_arm("arm", slider(shapes[0]))
+        for i, shape in enumerate(shapes[1:]):
+            scene = scene.with_obstacle(f"thing{i}", shape)
+        return Pairs(setting_of(scene, scene.joint_names()))
+
+    return make
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_two_bounds_hold_coals_distance_between_them(
+    seed: int, bodies: Callable[[np.random.Generator], Pairs]
+) -> None:
+    rng = np.random.default_rng(seed)
+    pairs, size = bodies(rng), (0.1, 0.2, 0.4)[seed % 3]
+    apart = 0
+    for a in range(10):
+        for b in range(10):
+            if a == b:
+                continue
+            Ta, Tb = random_pose(rng, size), random_pose(rng, size)
+            distance, gap = pairs.coal(a, Ta, b, Tb)
+            pairs.known[:] = 0.0
+            for base in (0.0, 1e300):
+                upper, lower = pairs.bounds(a, Ta, b, Tb, base)
+                assert lower <= distance + ROUNDING
+                assert upper >= max(gap, distance - COAL) - ROUNDING or distance < 0.0
+                assert upper >= lower - ROUNDING
+                if distance > 1e-6:
+                    assert lower > 0.0, "a clear gap must be found"
+                    assert upper - lower <= (0.25 * upper if base == 0.0 else 1e-6) + ROUNDING
+            apart += distance > 0.0
+    assert apart >= 30
+
+
+def test_a_search_that_goes_on_from_the_last_one_is_as_good(
+    bodies: Callable[[np.random.Generator], Pairs],
+) -> None:
+    """Points kept from where the bodies were may be poor ones; they must not spoil the bounds."""
+    rng = np.random.default_rng(100)
+    pairs = bodies(rng)
+    for _ in range(60):
+        a, b = rng.choice(10, 2, replace=False).tolist()
+        Ta, Tb = random_pose(rng, 0.3), random_pose(rng, 0.3)
+        pairs.known[:] = 0.0
+        for _ in range(6):
+            step = 10.0 ** rng.uniform(-6.0, 0.5)
+            Tb = Tb @ pose(step * rng.normal(size=3), rpy=step * rng.normal(size=3))
+            distance, gap = pairs.coal(a, Ta, b, Tb)
+            upper, lower = pairs.bounds(a, Ta, b, Tb)
+            assert lower <= distance + ROUNDING
+            assert distance < 0.0 or upper >= gap - ROUNDING
+            assert distance < 1e-6 or upper - lower <= 1e-6
+
+
+def test_bodies_one_inside_the_other_touch(bodies: Callable[[np.random.Generator], Pairs]) -> None:
+    rng = np.random.default_rng(3)
+    pairs = bodies(rng)
+    for a in range(10):
+        for b in range(10):
+            if a == b:
+                continue
+            # The middles of both lie at the same place, up to a thousandth of the smaller one.
+            Ta, Tb = random_pose(rng, 1.0), random_pose(rng, 1.0).copy()
+            inside = 1e-3 * min(pairs.solids[a].half.min(), pairs.solids[b].half.min())
+            middle_a = Ta[:3, :3] @ inner_point(pairs.solids[a]) + Ta[:3, 3]
+            Tb[:3, 3] = middle_a - Tb[:3, :3] @ inner_point(pairs.solids[b]) + inside * rng.uniform(-0.5, 0.5, 3)
+            pairs.known[:] = 0.0
+            assert pairs.bounds(a, Ta, b, Tb)[1] < 0.0
+
+
+def inner_point(body: Solid) -> Array:
+    return np.asarray(body.points.mean(axis=0) if len(body.points) else body.center)
+
+
+# ---- whole motions -------------------------------------------------------------------------
+
+
+def geared(robot: rp.Robot) -> rp.Robot:
+    """The last joint follows the first one the other way, and faster."""
+    joints = (*robot.joints[:-1], replace(robot.joints[-1], mimic=Mimic(robot.joint_names[0], -1.5, 0.1)))
+    n = len(robot.joint_names) - 1
+    limits = rp.Limits(*(getattr(robot.limits, f.name)[:n] for f in fields(rp.Limits)))
+    names, home = robot.joint_names[:n], {"home": np.zeros(n)}
+    return replace(robot, joints=joints, joint_names=names, limits=limits, configurations=home)
+
+
+def sliding(rng: np.random.Generator, chain: Make) -> rp.Robot:
+    """A random arm with at least one prismatic joint and one that turns."""
+    while True:
+        robot: rp.Robot = chain(rng, 4)
+        if len({joint.kind for joint in robot.joints}) == 2:
+            return robot
+
+
+def around(scene: rp.Scene, rng: np.random.Generator, shape: Make, count: int, flat: bool = False) -> rp.Scene:
+    """Random obstacles at 0.3 to 1.2 m from the origin."""
+    for k in range(count):
+        at = rng.normal(size=3) * np.array([1.0, 1.0, 0.0 if flat else 1.0])
+        place = pose(at / np.linalg.norm(at) * rng.uniform(0.3, 1.2), rpy=rng.normal(size=3))
+        scene = scene.with_obstacle(f"thing{k}", shape(rng), place)
+    return scene
+
+
+def scene_of(kind: str, rng: np.random.Generator, chain: Make, shape: Make) -> rp.Scene:
+    if kind in rp.scene_names():
+        return rp.load_scene(kind)
+    if kind == "planar2r":
+        return around(rp.Scene().with_arm("arm", rp.load_robot("planar2r")), rng, shape, 3, flat=True)
+    robot = sliding(rng, chain)
+    scene = around(rp.Scene().with_arm("arm", geared(robot) if kind == "geared" else robot), rng, shape, 3)
+    if kind == "two arms":
+        return scene.with_arm("other", chain(rng, 3), pose(rng.normal(size=3), rpy=rng.normal(size=3)))
+    if kind == "held":
+        tool = scene.link_poses()[f"arm/{scene.arms['arm'].robot.tool}"]
+        held = scene.with_obstacle("stick", rp.Capsule(0.01, 0.3), tool @ random_pose(rng, 0.1)).attach("stick")
+        return held.allow("stick", f"arm/{scene.arms['arm'].robot.tool}")
+    floor = rp.HalfSpace(tuple((normal := rng.normal(size=3)) / np.linalg.norm(normal)), -0.6)
+    return scene.with_obstacle("floor", floor) if kind == "half-space" else scene
+
+
+def wander(scene: rp.Scene, rng: np.random.Generator, reach: float) -> rp.Trajectory:
+    """Three cubics, one after the other."""
+    home = scene.configuration()
+    widths = 10.0 ** rng.uniform(-2.0, 0.5, 3)
+    c = reach * rng.normal(size=(3, 4, len(home))) * np.array([1.0, 0.6, 0.4, 0.3])[None, :, None]
+    c[0, 0] = home
+    for i in (1, 2):
+        c[i, 0] = c[i - 1].sum(axis=0)
+    scale = widths[:, None] ** np.arange(4)
+    return rp.Trajectory(scene.joint_names(), np.concatenate([[0.0], np.cumsum(widths)]), c / scale[:, :, None])
+
+
+def quick(scene: rp.Scene, move: rp.Trajectory, tolerance: float = 2e-4) -> Findings:
+    setting = setting_of(scene, move.joint_names)
+    return prove(setting.motion.along(move.breaks, move.coefficients), setting, tolerance, MOST)
+
+
+def slow(scene: rp.Scene, move: rp.Trajectory, tolerance: float = 2e-4) -> Findings:
+    setting = setting_of(scene, move.joint_names)
+    motion = setting.motion.along(move.breaks, move.coefficients)
+    return Certificate(motion, setting.bodies.along(motion), tolerance, MOST).run()
+
+
+def hits(found: Findings) -> Array:
+    return np.asarray(np.isfinite(found.first_contact) | found.undecided)
+
+
+KINDS = {
+    "planar2r": 0.5,
+    "planar2r_path": 0.3,
+    "rr1_table": 0.6,
+    "rr1_pair": 0.6,
+    "sliding": 0.25,
+    "geared": 0.25,
+    "two arms": 0.25,
+    "held": 0.25,
+    "half-space": 0.25,
+}
+SEEDS = 12
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_search_and_the_slow_certificate_say_the_same_and_samples_do_not_object(
+    kind: str, chain: Make, shape: Make
+) -> None:
+    verdicts = []
+    count = SEEDS // 2 if kind.startswith("rr1") else SEEDS
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        scene = scene_of(kind, rng, chain, shape)
+        move = wander(scene, rng, KINDS[kind] * (0.1, 0.5, 1.0)[seed % 3])
+        fast, sure = quick(scene, move), slow(scene, move)
+        assert (hits(fast) == hits(sure)).all(), seed
+        verdicts.append(hits(fast).any())
+        if not verdicts[-1]:
+            assert fast.clearance.min() == pytest.approx(sure.clearance.min(), abs=2e-4 + COAL)
+            assert 0.0 < fast.proven.min() <= fast.clearance.min()
+            assert fast.proven.min() >= fast.clearance.min() - 2e-4 - ROUNDING
+            for (value, _, time), (known, _, at) in zip(fast.ends, sure.ends, strict=True):
+                assert (value, time) == pytest.approx((known, at), abs=COAL)
+        no_sample_objects(scene, move, fast)
+    assert 0 < sum(verdicts) < count
+
+
+def no_sample_objects(scene: rp.Scene, move: rp.Trajectory, found: Findings) -> None:
+    """No pair that is called free is seen nearer than was proven."""
+    checker = CollisionChecker(scene)
+    assert checker.joint_names == move.joint_names
+    free = ~hits(found)
+    padding = np.array([scene.padding_of(*pair) for pair in scene.checked_pairs])
+    for time in np.linspace(move.breaks[0], move.breaks[-1], 60):
+        q = move(time)
+        assert (checker.distances(q) - padding >= found.proven - 1e-7)[free].all()
+        assert not free.all() or checker.is_free(q)
+
+
+@pytest.mark.parametrize("kind", ["sliding", "two arms", "half-space"])
+def test_the_smallest_clearance_is_where_padding_turns_free_into_contact(kind: str, chain: Make, shape: Make) -> None:
+    turned = 0
+    for seed in range(8):
+        rng = np.random.default_rng(1000 + seed)
+        scene = scene_of(kind, rng, chain, shape)
+        move = wander(scene, rng, 0.1)
+        found = quick(scene, move, 1e-5)
+        if hits(found).any():
+            continue
+        clearance, proven = float(found.clearance.min()), float(found.proven.min())
+        assert not hits(quick(scene.with_padding(proven - 2e-6), move)).any()
+        assert hits(quick(scene.with_padding(clearance + 1e-6), move)).any()
+        turned += 1
+    assert turned >= 3
+
+
+def test_an_arm_without_a_column_is_hit_where_it_rests(chain: Make, shape: Make) -> None:
+    verdicts = []
+    for seed in range(SEEDS):
+        rng = np.random.default_rng(seed)
+        scene = scene_of("two arms", rng, chain, shape)
+        whole = wander(scene, rng, 0.25)
+        n = len(scene.arms["arm"].robot.joint_names)
+        move = rp.Trajectory(whole.joint_names[:n], whole.breaks, whole.coefficients[:, :, :n])
+        still = whole.coefficients.copy()
+        still[:, :, n:] = 0.0
+        still[:, 0, n:] = scene.configuration()[n:]
+        fast = hits(quick(scene, move))
+        assert (fast == hits(slow(scene, rp.Trajectory(whole.joint_names, whole.breaks, still)))).all()
+        verdicts.append(fast.any())
+    assert 0 < sum(verdicts) < SEEDS
+
+
+# ---- thin things ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("thin", [rp.Box((0.001, 1.0, 1.0)), rp.Capsule(0.0002, 1.0), rp.Cylinder(0.0002, 1.0)])
+@pytest.mark.parametrize("body", [rp.Sphere(0.0005), rp.Box((0.001, 0.4, 0.001)), rp.Cylinder(0.0005, 0.01)])
+def test_a_plate_or_a_needle_that_is_crossed_at_once_is_found(
+    thin: Any, body: Any, slider: Make, quintic: Make
+) -> None:
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        at = rng.uniform(-3.0, 3.0)
+        scene = rp.Scene().with_arm("arm", slider(body)).with_obstacle("thin", thin, [at, 0.0, 0.0])
+        move = quintic(["arm/slide"], [-5.0], [5.0], 10.0 ** rng.uniform(-4.0, 0.0))
+        found = quick(scene, move)
+        assert np.isfinite(found.first_contact).all()
+        assert found.clearance[0] < -1e-4
+        assert float(move(found.time[0])[0]) == pytest.approx(at, abs=0.006)
+        past = scene.without_obstacle("thin").with_obstacle("thin", thin, [at, 0.72, 0.0])
+        assert not hits(quick(past, move)).any()
+
+
+def test_a_needle_crossed_by_the_turning_tip_of_an_arm_is_found(gripper: Make, quintic: Make) -> None:
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        angle = rng.uniform(0.3, 2.5)
+        scene = rp.Scene().with_arm("arm", gripper(rp.Sphere(0.001)))
+        # The left finger stands at (0.5, 0.05) of the arm.
+        turn = pose(rpy=[0.0, 0.0, angle])
+        met = scene.with_obstacle("needle", rp.Capsule(0.0002, 0.4), turn @ pose([0.5, 0.05, 0.0]))
+        missed = scene.with_obstacle("needle", rp.Capsule(0.0002, 0.4), turn @ pose([0.5, 0.0, 0.0]))
+        move = quintic(["arm/turn"], [0.0], [3.0], 0.001)
+        hit = quick(met, move)
+        assert hits(hit).any()
+        assert float(move(hit.time[np.argmin(hit.clearance)])[0]) == pytest.approx(angle, abs=0.003)
+        assert not hits(quick(missed, move)).any()
