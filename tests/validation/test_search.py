@@ -234,7 +234,7 @@ def hits(found: Findings) -> Array:
 KINDS = {
     "planar2r": 0.5,
     "planar2r_path": 0.3,
-    "rr1_table": 0.6,
+    "rr1_table": 1.0,
     "rr1_pair": 0.6,
     "sliding": 0.25,
     "geared": 0.25,
