@@ -1,8 +1,7 @@
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
 """The one place where compiled planners ask whether a straight edge is free.
 
-They know an edge function and a context they pass on unread, nothing else of the geometry. Whoever changes
-what is called here touches the files that call `edge_code` too, or their compiled code stays as it was.
+They know an edge function and a context they pass on unread, nothing else of the geometry.
 """
 
 from __future__ import annotations
