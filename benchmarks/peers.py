@@ -15,7 +15,7 @@ import tempfile
 import threading
 import venv
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -177,13 +177,14 @@ class Worker:
     """
 
     def __init__(self, python: Path, peer: Peer, seconds: float) -> None:
-        self._errors = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 (closed by end)
+        self._open = ExitStack()
+        self._errors = self._open.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace"))
         script = Path(__file__).parent / peer.worker
         pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": self._errors}
         try:
             self._process = subprocess.Popen([python, script], text=True, env=_clean(), **pipes)
         except OSError as error:
-            self._errors.close()
+            self._open.close()
             raise PeerMissing(f"its interpreter does not start: {error}") from None
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         threading.Thread(target=self._listen, daemon=True).start()
