@@ -15,11 +15,10 @@ import tempfile
 import threading
 import venv
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import Any
+from typing import IO, Any
 
 from shared import console, track
 
@@ -157,34 +156,39 @@ def ask(peer: Peer, python: Path, problems: Sequence[Mapping[str, Any]], seconds
 def _answers(
     peer: Peer, python: Path, problems: Sequence[Mapping[str, Any]], seconds: float, limit: float
 ) -> Iterator[dict[str, Any]]:
-    worker = Worker(python, peer, seconds)
-    try:
-        worker.ask(problems[0], limit)  # not counted: what is loaded once is loaded now
-        for problem in track(problems, peer.name):
-            if not worker.alive:
-                worker.end()
-                worker = Worker(python, peer, seconds)
-            yield worker.ask(problem, limit)
-    finally:
-        worker.end()
+    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
+        worker = Worker(python, peer, seconds, errors)
+        try:
+            worker.ask(problems[0], limit)  # not counted: what is loaded once is loaded now
+            for problem in track(problems, peer.name):
+                if not worker.alive:
+                    worker.end()
+                    worker = Worker(python, peer, seconds, errors)
+                yield worker.ask(problem, limit)
+        finally:
+            worker.end()
 
 
 class Worker:
     """A running worker; end it.
 
+    Args:
+        python: The interpreter that can import the peer.
+        peer: The peer.
+        seconds: What it is told to spend on one search.
+        errors: An open file for what it has to say to people.
+
     Raises:
         PeerMissing: it does not start.
     """
 
-    def __init__(self, python: Path, peer: Peer, seconds: float) -> None:
-        self._open = ExitStack()
-        self._errors = self._open.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace"))
+    def __init__(self, python: Path, peer: Peer, seconds: float, errors: IO[str]) -> None:
+        self._errors = errors
         script = Path(__file__).parent / peer.worker
         pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": self._errors}
         try:
             self._process = subprocess.Popen([python, script], text=True, env=_clean(), **pipes)
         except OSError as error:
-            self._open.close()
             raise PeerMissing(f"its interpreter does not start: {error}") from None
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         threading.Thread(target=self._listen, daemon=True).start()
@@ -193,12 +197,6 @@ class Worker:
         if ready is None or "failure" in ready:
             self.end()
             raise PeerMissing(self._reason)
-
-    def __enter__(self) -> Worker:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.end()
 
     @property
     def ended(self) -> bool:
@@ -215,7 +213,7 @@ class Worker:
         self.alive = False
         self._process.kill()
         self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout, self._errors):
+        for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 with suppress(BrokenPipeError):  # what it has not read is lost on purpose
                     pipe.close()
