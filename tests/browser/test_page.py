@@ -182,6 +182,27 @@ def test_the_motion_repeats_or_stops_at_its_end(calm: Any) -> None:
     assert time < 0.5
 
 
+def test_a_wait_at_the_end_that_was_broken_off_does_not_count_later(calm: Any) -> None:
+    run = """() => {
+        RR1.setLoop(true);
+        const found = [];
+        for (const begin of [5000, 0]) {
+            RR1.seek(2.9);
+            RR1.play();
+            RR1.player.last = begin;
+            for (const now of [200, 500]) RR1.player.tick(begin + now);
+            found.push(RR1.time);
+            RR1.player.tick(begin + 900);
+            found.push(RR1.time);
+            RR1.seek(2.9);
+            RR1.player.tick(begin + 1000);
+            RR1.pause();
+        }
+        return found;
+    }"""
+    assert calm.ask(run) == [3, 0, 3, 0]
+
+
 def test_keys_do_what_buttons_do(calm: Any) -> None:
     calm.page.click("#pane", position={"x": 480, "y": 300})
     calm.page.keyboard.press("ArrowRight")

@@ -10,6 +10,7 @@ class Player {
     this.speed = 1;
     this.loop = true;
     this.last = null;
+    this.rest = null;
     this.pause = this.pause.bind(this);
   }
 
@@ -21,7 +22,7 @@ class Player {
     if (!this.track || this.end <= this.start) return;
     if (this.time >= this.end) this.time = this.start;
     this.playing = true;
-    this.last = null;
+    this.last = this.rest = null;
   }
 
   pause() {
@@ -30,6 +31,7 @@ class Player {
 
   seek(t) {
     this.time = Math.min(Math.max(Number(t) || 0, this.start), this.end);
+    this.rest = null;
   }
 
   /** Lets time pass up to now [ms]; true when it did. */
@@ -47,7 +49,7 @@ class Player {
 
   /** A repeated motion stands still at its end for a moment, so that the eye can follow. */
   waited(now) {
-    if (this.rest === undefined || this.rest === null) this.rest = now;
+    if (this.rest === null) this.rest = now;
     return now - this.rest > 600;
   }
 }
