@@ -1,9 +1,9 @@
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
-"""A map of where two bodies are apart, over the one or two columns of q that move them against each other.
+"""Maps of how far two bodies are apart, over the one or two columns of q that move them against each other.
 
 Links that follow each other closely are always near, so spheres never tell them apart, but few joints
-move one against the other. A cell of the map is free when the gap at its middle is more than the bodies can
-approach anywhere in it; cells that are not are cut in quarters down to the finest.
+move one against the other. A cell of the map holds a bound of the gap anywhere in it: the gap at its middle less what
+the bodies can approach. Cells that have less than is asked for are cut in quarters down to the finest.
 """
 
 from __future__ import annotations
@@ -11,27 +11,28 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INTS1, INTS2, OUT2, jit
+from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, INTS1, INTS2, OUT2, jit
 from rr1plan._kernels.motion import bound_travel, fine_gap, place_body, place_joints
 
 # Bodies move on: a proof needs this much more than the travel [m].
 _ROUNDING = 1e-9
 _RELATIVE = 1.0 + 1e-9
+# Cells are kept in single precision [m].
+_ROUNDING_OF_CELLS = 1e-7
 
 
 @jit(
     types.void(
-        *(I64, INTS1, FLOATS2, F64, types.int64[:, ::1]),
+        *(INTS1, FLOATS2, F64, types.float32[:, ::1]),
         *(INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1),
         *(OUT2, OUT2, OUT2, OUT2),
     )
 )
-def map_pair(
-    pair,
+def map_gaps(
     columns,
     ranges,
-    margin,
-    cells,
+    most,
+    gaps,
     joints,
     joint_values,
     bodies,
@@ -47,14 +48,13 @@ def map_pair(
     centres,
     directions,
 ):
-    """Mark the cells in which a pair may come nearer than its padding and a margin.
+    """Bound the gap of the first pair from below, cell by cell.
 
     Args:
-        pair: The pair.
         columns: The two columns of q (or one, twice), shape (2,).
         ranges: Low and high of each [rad or m], shape (2, 2).
-        margin: What must be left of the gap [m].
-        cells: Out: 1 where it is not proven free, shape (n, n) or (n, 1), n a power of two.
+        most: Gaps beyond this are not told from it [m].
+        gaps: Out: the bound, `most` at most [m], shape (n, n) or (n, 1), n a power of two.
         joints: From here on see `rr1plan._kernels.motion.certify`.
         joint_values: The same.
         bodies: The same.
@@ -76,19 +76,19 @@ def map_pair(
     q, reach = np.zeros(nq), np.zeros(nq)
     small, scratch, n = np.empty(12), np.empty((4, 3)), np.zeros(3)
     travel = np.zeros((bodies.shape[0], joints.shape[0] + 1))
-    a, b, shared = pairs[pair, 0], pairs[pair, 1], pairs[pair, 2]
-    rows, width = cells.shape
+    a, b, shared = pairs[0, 0], pairs[0, 1], pairs[0, 2]
+    rows, width = gaps.shape
     widths = np.empty(2)
     widths[0] = (ranges[0, 1] - ranges[0, 0]) / rows
     widths[1] = (ranges[1, 1] - ranges[1, 0]) / width
-    cells[:, :] = 0
-    stack = np.empty((4 * 64, 3), np.int64)
+    stack, known = np.empty((4 * 64, 3), np.int64), np.empty(4 * 64)
     stack[0] = 0
     stack[0, 2] = rows
+    known[0] = -np.inf
     count = 1
     while count > 0:
         count -= 1
-        x, y, size = stack[count, 0], stack[count, 1], stack[count, 2]
+        x, y, size, bound = stack[count, 0], stack[count, 1], stack[count, 2], known[count]
         tall = min(size, width)
         if width > 1:
             q[columns[1]] = ranges[1, 0] + (y + 0.5 * tall) * widths[1]
@@ -105,17 +105,37 @@ def map_pair(
                     travel,
                 )  # fmt: skip
                 moved += travel[body, shared]
-        enough = padding[pair] + margin + moved * _RELATIVE + _ROUNDING
+        moved = moved * _RELATIVE + _ROUNDING
         lower, _ = fine_gap(
-            a, b, bodies, body_values, corners, links, poses, centres, enough, enough, n, scratch, small
+            a, b, bodies, body_values, corners, links, poses, centres, most + moved, most + moved, n, scratch, small
         )
-        if lower >= enough:
-            continue
-        if size == 1:
-            cells[x, y] = 1
+        # What was proven of the whole is true of its parts.
+        bound = max(bound, lower - moved)
+        if bound >= most or size == 1:
+            gaps[x : x + size, y : y + tall] = min(bound, most) - _ROUNDING_OF_CELLS
             continue
         half = size // 2
         for i in range(2):
             for k in range(2 if width > 1 else 1):
                 stack[count, 0], stack[count, 1], stack[count, 2] = x + i * half, y + k * half, half
+                known[count] = bound
                 count += 1
+
+
+@jit(types.void(types.float32[:, ::1], F64, types.int64[:, ::1]), allocates=False)
+def count_near(gaps, least, counts):
+    """How many cells before each corner of a map may have too small a gap.
+
+    Args:
+        gaps: Bound of the gap in each cell [m], shape (n, m).
+        least: The gap that has to be proven [m].
+        counts: Out: shape (n + 1, m + 1).
+    """
+    rows, width = gaps.shape
+    counts[0, :] = 0
+    for x in range(rows):
+        along = 0
+        counts[x + 1, 0] = 0
+        for y in range(width):
+            along += 0 if gaps[x, y] >= least else 1
+            counts[x + 1, y + 1] = counts[x, y + 1] + along

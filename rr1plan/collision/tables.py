@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +19,7 @@ from rr1plan.collision.layout import Carried, Layout, Solid
 from rr1plan.collision.solids import occupied_cells
 from rr1plan.model import Skeleton
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.transforms import rotation_about
 
 if TYPE_CHECKING:
     from rr1plan.collision.exact import CollisionChecker
@@ -176,7 +177,7 @@ def carried_tables(carried: Carried) -> CarriedTables:
     ends = np.cumsum([len(chain) for chain in chains], dtype=np.int64)
     rows.bodies[:, 4:] = np.column_stack([np.concatenate([[0], ends])[:-1], ends])
     reach = [
-        _chain_reach(joints, values, poses, chain, centre) for chain, centre in zip(chains, rows.centres, strict=True)
+        chain_reach(joints, values, poses, chain, centre) for chain, centre in zip(chains, rows.centres, strict=True)
     ]
     return CarriedTables(
         read_only(joints),
@@ -193,14 +194,12 @@ def _joint_tables(skeleton: Skeleton) -> tuple[_INTS, Array, Array]:
     model = skeleton.model
     data = model.createData()
     # At q = 0.
-    pin.computeJointJacobians(model, data, np.array(skeleton.offsets))
+    pin.forwardKinematics(model, data, np.array(skeleton.offsets))
     count = model.njoints
     joints, values, poses = np.zeros((count, 4), np.int64), np.zeros((count, 17)), np.zeros((count, 12))
     poses[0] = _flat(np.eye(4))
     for j in range(1, count):
-        # Of a model with one joint Pinocchio gives a vector, not a matrix of one column.
-        jacobian = pin.getJointJacobian(model, data, j, pin.ReferenceFrame.LOCAL).reshape(6, -1)
-        twist = jacobian[:, j - 1]
+        twist = _twist(model.joints[j])
         prismatic = float(np.abs(twist[:3]).max()) > 0.5
         gain = float(skeleton.gains[j - 1])
         column = int(skeleton.columns[j - 1]) if gain != 0.0 else -1
@@ -213,12 +212,19 @@ def _joint_tables(skeleton: Skeleton) -> tuple[_INTS, Array, Array]:
     return joints, values, poses
 
 
+def _twist(joint: Any) -> Array:
+    """The velocity of a joint of one number in its own frame, linear and angular, shape (6,)."""
+    state = joint.createData()
+    joint.calc(state, np.zeros(1))
+    return np.asarray(state.S).ravel()
+
+
 def _flat(T: Array) -> Array:
     """A transform as its rotation row by row and its translation, shape (12,)."""
     return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
 
 
-def _chain_reach(joints: _INTS, values: Array, poses: Array, chain: tuple[int, ...], centre: Array) -> list[float]:
+def chain_reach(joints: _INTS, values: Array, poses: Array, chain: tuple[int, ...], centre: Array) -> list[float]:
     """For each joint of a chain how far the centre of a body's ball, there at q = 0, can ever be from its axis [m]."""
     point = centre
     reach, beyond = [], 0.0
@@ -230,6 +236,18 @@ def _chain_reach(joints: _INTS, values: Array, poses: Array, chain: tuple[int, .
         beyond += _FAR if joints[joint, 1] else float(np.linalg.norm(arm))
         point = poses[joint, 9:]
     return reach[::-1]
+
+
+def joint_motion(prismatic: bool, row: Array) -> Array:
+    """T_parent_joint (4, 4) of a joint at q = 0, by its row of `joint_values`."""
+    axis, rest = row[12:15], float(row[16])
+    T, moved = np.eye(4), np.eye(4)
+    T[:3, :3], T[:3, 3] = row[:9].reshape(3, 3), row[9:12]
+    if prismatic:
+        moved[:3, 3] = rest * axis
+    else:
+        moved[:3, :3] = rotation_about(axis, rest)
+    return np.asarray(T @ moved)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -1,0 +1,142 @@
+"""What the sphere kernel knows of all that moves, made once for all scenes with the same arms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, read_only
+from rr1plan.collision.cores import Cores, extremes
+from rr1plan.collision.layout import Carried
+from rr1plan.collision.spheres import SphereCover, cover
+from rr1plan.collision.tables import CarriedTables, carried_tables, joint_motion
+from rr1plan.transforms import rotation_about
+
+_INTS = NDArray[np.int64]
+# No ball inside: a ball around the whole body is no part of it.
+_NOTHING = -1e12
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedCover:
+    """Tables of the solids that move; columns as in `rr1plan._kernels.cover.Cover`.
+
+    Args:
+        joints, joint_values, bodies, spheres, chain, chain_reach: As there.
+        cores, core_values, points: As there; the cores of the bodies, in their order.
+        body: Index in `bodies` of each carried solid, -1 where it rests, shape (n,).
+    """
+
+    joints: _INTS
+    joint_values: Array
+    bodies: _INTS
+    spheres: Array
+    chain: _INTS
+    chain_reach: Array
+    cores: _INTS
+    core_values: Array
+    points: Array
+    body: _INTS
+
+
+@dataclass(frozen=True, eq=False)
+class _Joints:
+    """The driven joints alone, each turning about or sliding along its z axis.
+
+    `carrier[j]` is the driven joint that carries joint j of the model (0: the world), and `offset[j]` the pose
+    of joint j in its frame.
+    """
+
+    rows: _INTS
+    values: Array
+    carrier: list[int]
+    offset: list[Array]
+
+
+@lru_cache(maxsize=64)
+def carried_cover(carried: Carried) -> CarriedCover:
+    """The tables of the solids that move, made once."""
+    joints = _driven_joints(carried_tables(carried))
+    body = np.where(carried.groups > 0, np.cumsum(carried.groups > 0) - 1, -1)
+    moving = [solid for solid, group in zip(carried.solids, carried.groups, strict=True) if group > 0]
+    bodies, spheres = np.zeros((len(moving), 5), np.int64), [np.zeros((0, 5))]
+    chain: list[int] = []
+    reach: list[float] = []
+    cores = Cores()
+    first = 0
+    for i, solid in enumerate(moving):
+        T = joints.offset[solid.joint] @ solid.placement
+        rows = _sphere_rows(cover(solid.shape), T)
+        above = []
+        joint = joints.carrier[solid.joint]
+        while joint:
+            above.append(joint)
+            joint = int(joints.rows[joint, 0])
+        bodies[i] = above[0], first, first + len(rows), len(chain), len(chain) + len(above)
+        spheres.append(rows)
+        chain += above[::-1]
+        cores.add(above[0], solid.shape, T)
+        reach += _reaches(joints, above, np.concatenate([rows[:, :3], extremes(solid.shape) @ T[:3, :3].T + T[:3, 3]]))
+        first += len(rows)
+    arrays = (joints.rows, joints.values, bodies, np.concatenate(spheres), np.array(chain, np.int64), np.array(reach))
+    return CarriedCover(*map(read_only, (*arrays, *cores.arrays(), body)))
+
+
+def matrix(flat: Array) -> Array:
+    """The transform (4, 4) of a rotation row by row and a translation."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = flat[:9].reshape(3, 3), flat[9:12]
+    return T
+
+
+def _turn_from_z(axis: Array) -> Array:
+    """A rotation that takes z to an axis, shape (4, 4)."""
+    T = np.eye(4)
+    cross = np.array([-axis[1], axis[0], 0.0])
+    sine = float(np.linalg.norm(cross))
+    if sine > 1e-12:
+        T[:3, :3] = rotation_about(cross / sine, float(np.arctan2(sine, axis[2])))
+    elif axis[2] < 0.0:
+        T[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    return T
+
+
+def _driven_joints(tables: CarriedTables) -> _Joints:
+    rows, values = [(0, 0, 0)], [np.zeros(13)]
+    carrier, offset = [0], [np.eye(4)]
+    for (parent, prismatic, column, _), row in zip(tables.joints[1:].tolist(), tables.joint_values[1:], strict=True):
+        T = offset[parent] @ joint_motion(prismatic, row)
+        axis, gain = row[12:15], row[15]
+        if column < 0:
+            carrier.append(carrier[parent])
+            offset.append(T)
+            continue
+        turn = _turn_from_z(axis)
+        rows.append((carrier[parent], prismatic, column))
+        T = T @ turn
+        values.append(np.array([*T[:3, :3].ravel(), *T[:3, 3], gain]))
+        carrier.append(len(rows) - 1)
+        offset.append(turn.T)
+    return _Joints(np.array(rows, np.int64), np.array(values), carrier, offset)
+
+
+def _sphere_rows(made: SphereCover, T: Array) -> Array:
+    """The ball around a solid, then its spheres, in the frame of the joint that carries it."""
+    centres = np.concatenate([made.ball[None, :3], made.centres])
+    radii = np.array([made.ball[3], *made.radii])
+    inner = np.array([_NOTHING, *np.maximum(made.inner, _NOTHING)])
+    return np.column_stack([centres @ T[:3, :3].T + T[:3, 3], radii, inner])
+
+
+def _reaches(joints: _Joints, above: list[int], points: Array) -> list[float]:
+    """How far points of a body can be from the axis of each joint of its chain [m], root first."""
+    reach = [float(np.hypot(points[:, 0], points[:, 1]).max())]
+    beyond = float(np.linalg.norm(points, axis=1).max())
+    for joint in above[:-1]:
+        x, y, z = joints.values[joint, 9:12]
+        reach.append(float(np.hypot(x, y)) + beyond)
+        beyond += float(np.linalg.norm([x, y, z]))
+    return [r * (1.0 + 1e-9) + 1e-9 for r in reach[::-1]]

@@ -1,0 +1,122 @@
+"""Maps of neighbours against Coal, and how they are kept."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+
+from rr1plan.collision import CollisionChecker, neighbour_maps
+from rr1plan.scene import Scene
+from rr1plan.transforms import pose
+
+
+@pytest.fixture
+def own_cache(tmp_path, monkeypatch):
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("RR1PLAN_CACHE", str(folder))
+    neighbour_maps._gaps.cache_clear()
+    neighbour_maps._maps.cache_clear()
+    yield folder
+    neighbour_maps._gaps.cache_clear()
+    neighbour_maps._maps.cache_clear()
+
+
+def of(scene, least=0.001):
+    """A checker, its pairs that move against each other by few columns, and their maps."""
+    checker = CollisionChecker(scene)
+    groups = checker.layout.carried.groups
+    pairs = checker.solid_pairs
+    pairs = pairs[(pairs < len(groups)).all(axis=1)]
+    pairs = pairs[(groups[pairs] > 0).all(axis=1)]
+    maps = neighbour_maps.neighbour_maps(checker.layout.carried, pairs, np.full(len(pairs), least))
+    return checker, pairs, maps
+
+
+def number_of(checker, pair):
+    return next(i for i, both in enumerate(checker.solid_pairs.tolist()) if both == pair.tolist())
+
+
+@pytest.mark.parametrize("robot", ["odd", "rr1"])
+def test_no_map_promises_more_than_coal_measures(robot, request, own_cache):
+    checker, pairs, maps = of(Scene().with_arm("a", request.getfixturevalue(robot), pose([0.3, 0.1, 0.2])))
+    rng, free, seen = np.random.default_rng(4), 0, 0
+    for pair, place, (low_x, per_x, low_y, per_y) in zip(pairs, maps.places, maps.ranges, strict=True):
+        if place[0] < 0:
+            continue
+        begin, width, x, y = place.tolist()
+        number = number_of(checker, pair)
+        sums = maps.counts[begin : begin + (neighbour_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
+        near = np.diff(np.diff(sums, axis=0), axis=1)
+        for q in rng.uniform(checker.limits.lower, checker.limits.upper, (40, checker.nq)):
+            cell = int((q[x] - low_x) * per_x), int((q[y] - low_y) * per_y) if width > 1 else 0
+            gap = checker.solid_distance(q, number)
+            seen += 1
+            if not near[cell]:
+                free += 1
+                assert gap >= 0.001 - 1e-9
+            else:
+                # A cell is small: what is far is proven.
+                assert gap < 0.3
+    assert 0 < free < seen
+
+
+def test_a_greater_gap_is_proven_in_fewer_cells_of_the_same_map(odd, own_cache):
+    scene = Scene().with_arm("a", odd)
+    _, _, maps = of(scene, 0.001)
+    files = sorted(own_cache.iterdir())
+    made = neighbour_maps._gaps.cache_info().misses
+    assert len(files) == made > 0
+    _, _, wider = of(scene, 0.01)
+    assert sorted(own_cache.iterdir()) == files
+    assert neighbour_maps._gaps.cache_info().misses == made
+    assert (wider.counts >= maps.counts).all()
+    assert wider.counts.sum() > maps.counts.sum()
+
+
+def test_maps_are_the_same_wherever_the_arm_stands(odd, own_cache):
+    of(Scene().with_arm("a", odd))
+    files = sorted(own_cache.iterdir())
+    of(Scene().with_arm("b", odd, pose([0.5, 0.2, 0.1], rpy=[0.1, 0.2, 0.3])))
+    assert sorted(own_cache.iterdir()) == files
+
+
+def test_a_new_process_takes_the_maps_it_finds(odd, own_cache, monkeypatch):
+    _, _, maps = of(Scene().with_arm("a", odd))
+    neighbour_maps._gaps.cache_clear()
+    neighbour_maps._maps.cache_clear()
+
+    def made_again(*_):
+        raise AssertionError("a map was made though there is one")
+
+    monkeypatch.setattr(neighbour_maps, "_map_gaps", made_again)
+    _, _, again = of(Scene().with_arm("a", odd))
+    np.testing.assert_array_equal(again.counts, maps.counts)
+
+
+def test_a_damaged_map_is_made_again(odd, own_cache, caplog):
+    _, _, maps = of(Scene().with_arm("a", odd))
+    for i, file in enumerate(sorted(own_cache.iterdir())):
+        if i % 2:
+            np.savez(file, gaps=np.full((3, 3), 9.0))
+        else:
+            file.write_bytes(file.read_bytes()[:-40])
+    neighbour_maps._gaps.cache_clear()
+    neighbour_maps._maps.cache_clear()
+    with caplog.at_level(logging.WARNING):
+        _, _, again = of(Scene().with_arm("a", odd))
+    assert "cannot be used" in caplog.text
+    np.testing.assert_array_equal(again.counts, maps.counts)
+
+
+def test_without_a_folder_to_write_to_maps_are_made_all_the_same(odd, own_cache):
+    _, _, maps = of(Scene().with_arm("a", odd))
+    for file in own_cache.iterdir():
+        file.unlink()
+    own_cache.rmdir()
+    own_cache.write_text("not a folder")
+    neighbour_maps._gaps.cache_clear()
+    neighbour_maps._maps.cache_clear()
+    _, _, again = of(Scene().with_arm("a", odd))
+    np.testing.assert_array_equal(again.counts, maps.counts)
