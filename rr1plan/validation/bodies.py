@@ -56,7 +56,7 @@ class Bodies:
     def __init__(self, scene: Scene, motion: SceneMotion) -> None:
         self.motion = motion
         self.pairs = scene.checked_pairs
-        self.padding = np.array([scene.padding_of(*pair) for pair in self.pairs], dtype=np.float64)
+        self.padding = scene.checked_padding
         self.asked = 0
         self._solids: dict[int, Solid] = {}
         self.solids: list[Solid] = []

@@ -18,7 +18,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 FLOATS1, FLOATS2, FLOATS3 = (numba.types.Array(numba.float64, n, "C", readonly=True) for n in (1, 2, 3))
 INTS1, INTS2 = (numba.types.Array(numba.int64, n, "C", readonly=True) for n in (1, 2))
 # C arrays that an entry writes.
-OUT1, OUT2 = numba.float64[::1], numba.float64[:, ::1]
+OUT1, OUT2, OUT3 = numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 COUNT1, COUNT2 = numba.int64[::1], numba.int64[:, ::1]
 F64, I64 = numba.float64, numba.int64
 

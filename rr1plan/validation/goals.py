@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -35,7 +35,7 @@ def check_start(ledger: Ledger, problem: Problem, postures: Mapping[str, Array],
 
 
 def check_goal(
-    ledger: Ledger, problem: Problem, postures: Mapping[str, Array], poses: Mapping[str, Array], time: float
+    ledger: Ledger, problem: Problem, postures: Mapping[str, Array], poses: Callable[[str], Array], time: float
 ) -> None:
     """Every moving arm ends at one of its goals.
 
@@ -43,7 +43,7 @@ def check_goal(
         ledger: Where violations go.
         problem: The problem.
         postures: Last configuration of every arm, by arm.
-        poses: T_world_link at the end, by "arm/link".
+        poses: Gives T_world_link at the end, by "arm/link".
         time: When that is [s].
     """
     ledger.checked.append("goal")
@@ -60,11 +60,11 @@ def check_goal(
 Miss = tuple[float, float, str]
 
 
-def _miss(goal: Goal, arm: str, robot: Robot, q: Array, poses: Mapping[str, Array]) -> Miss:
+def _miss(goal: Goal, arm: str, robot: Robot, q: Array, poses: Callable[[str], Array]) -> Miss:
     """By how much a goal is missed, what is allowed, and that in words: the worst of its conditions."""
     if isinstance(goal, JointGoal):
         return _joint_miss(goal, robot, q)
-    T = poses[f"{arm}/{frame_link(robot, goal.frame)}"]
+    T = poses(f"{arm}/{frame_link(robot, goal.frame)}")
     at, rotation = T[:3, 3], goal.rotation if isinstance(goal, PoseGoal) else None
     if isinstance(goal, PoseGoal):
         off, allowed = float(np.linalg.norm(at - goal.position)), goal.position_tolerance

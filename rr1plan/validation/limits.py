@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import NamedTuple
 
 import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.limits import Limits
 from rr1plan.report import Margin, Violation, ViolationKind
-from rr1plan.validation.polynomials import derivative, evaluate, peaks
+from rr1plan.scene import Scene
+from rr1plan.validation.extremes import Extremes
 
 # Rounding that a limit forgives, relative to it.
 TOLERANCE = 1e-9
@@ -31,54 +33,62 @@ class Ledger:
     statistics: dict[str, float] = field(default_factory=dict)
 
 
-def check_positions(
-    ledger: Ledger, names: tuple[str, ...], units: tuple[str, ...], limits: Limits, breaks: Array, coefficients: Array
-) -> None:
-    """Position limits, by the exact extremes of the polynomials; infinite limits hold always."""
-    high, low = peaks(coefficients, breaks), peaks(-coefficients, breaks)
-    for j, name in enumerate(names):
-        for value, bound, time, sign in (
-            (float(high.value[j]), float(limits.upper[j]), float(high.time[j]), 1.0),
-            (float(-low.value[j]), float(limits.lower[j]), float(low.time[j]), -1.0),
-        ):
+class Columns(NamedTuple):
+    """The columns of a motion: their names "arm/joint", units (rad or m) and limits."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    limits: Limits
+
+
+def columns_of(scene: Scene, names: tuple[str, ...]) -> Columns:
+    """The columns of these names, which are joints of the scene, in their order."""
+    joints = [scene.arms[arm].robot.joint(joint) for arm, joint in (name.split("/", 1) for name in names)]
+    units = tuple("m" if joint.kind == "prismatic" else "rad" for joint in joints)
+    arms = tuple(dict.fromkeys(name.split("/", 1)[0] for name in names))
+    if not arms:
+        return Columns(names, units, Limits(*([np.zeros(0)] * len(fields(Limits)))))
+    stacked, place = scene.limits(arms), {name: i for i, name in enumerate(scene.joint_names(arms))}
+    order = [place[name] for name in names]
+    return Columns(names, units, Limits(*(getattr(stacked, f.name)[order] for f in fields(Limits))))
+
+
+def check_positions(ledger: Ledger, columns: Columns, found: Extremes) -> None:
+    """Position limits; infinite limits hold always."""
+    upper, lower = columns.limits.upper.tolist(), columns.limits.lower.tolist()
+    highest = zip(found.high[0].tolist(), upper, found.high_time[0].tolist(), strict=True)
+    lowest = zip(found.low[0].tolist(), lower, found.low_time[0].tolist(), strict=True)
+    for name, unit, above, below in zip(columns.names, columns.units, highest, lowest, strict=True):
+        half = 0.5 * (above[1] - below[1])
+        for (value, bound, time), sign in ((above, 1.0), (below, -1.0)):
             if sign * (value - bound) > TOLERANCE * max(1.0, abs(bound)):
                 side = "above its upper" if sign > 0.0 else "below its lower"
-                message = f"{name} is at {value:.9g} {units[j]} at {time:.6f} s, {side} limit {bound:.9g} {units[j]}"
+                message = f"{name} is at {value:.9g} {unit} at {time:.6f} s, {side} limit {bound:.9g} {unit}"
                 ledger.violations.append(Violation("position", (name,), time, value, bound, message))
-            half = 0.5 * float(limits.upper[j] - limits.lower[j])
-            if np.isfinite(half) and half > 0.0:
+            if 0.0 < half < np.inf:
                 _tighten(ledger, "position", 1.0 + sign * (value - bound) / half, name, time)
     ledger.checked.append("position")
 
 
-def check_rates(
-    ledger: Ledger,
-    names: tuple[str, ...],
-    units: tuple[str, ...],
-    limits: Limits,
-    breaks: Array,
-    coefficients: Array,
-    jerk: bool,
-) -> None:
-    """Velocity, acceleration and on request jerk limits, by exact extremes; jumps of acceleration for the last."""
-    rate = coefficients
-    for kind, per in _RATES:
-        rate = derivative(rate)
-        bounds: Array = getattr(limits, kind)
+def check_rates(ledger: Ledger, columns: Columns, found: Extremes, jerk: bool) -> None:
+    """Velocity, acceleration and on request jerk limits; jumps of acceleration for the last."""
+    for order, (kind, per) in enumerate(_RATES, start=1):
+        bounds: Array = getattr(columns.limits, kind)
         if kind == "jerk" and not jerk:
             ledger.not_checked[kind] = "not asked for (jerk_limits=True checks it)"
             return
         if not np.isfinite(bounds).any():
             ledger.not_checked[kind] = "no joint has a limit for it"
             continue
-        high, low = peaks(rate, breaks), peaks(-rate, breaks)
-        value = np.maximum(high.value, low.value)
-        time = np.where(high.value >= low.value, high.time, low.time)
-        for j, name in enumerate(names):
-            unit = units[j] + per
-            _hold(ledger, kind, name, unit, float(value[j]), float(bounds[j]), float(time[j]))
+        up = found.high[order] >= -found.low[order]
+        values = np.where(up, found.high[order], -found.low[order]).tolist()
+        times = np.where(up, found.high_time[order], found.low_time[order]).tolist()
+        for name, unit, value, bound, time in zip(
+            columns.names, columns.units, values, bounds.tolist(), times, strict=True
+        ):
+            _hold(ledger, kind, name, unit + per, value, bound, time)
         ledger.checked.append(kind)
-    _check_jumps(ledger, "jerk", names, units, derivative(derivative(coefficients)), breaks, _acceleration_jump(limits))
+    _check_jumps(ledger, "jerk", columns, found, 2, _acceleration_jump(columns.limits))
 
 
 def _acceleration_jump(limits: Limits) -> Array:
@@ -103,55 +113,33 @@ def _tighten(ledger: Ledger, kind: str, ratio: float, name: str, time: float) ->
         ledger.margins[kind] = Margin(ratio, "", (name,), time)
 
 
-def check_continuity(
-    ledger: Ledger, names: tuple[str, ...], units: tuple[str, ...], breaks: Array, coefficients: Array
-) -> None:
+def check_continuity(ledger: Ledger, columns: Columns, found: Extremes, coefficients: Array) -> None:
     """Position and velocity must not jump where two pieces meet."""
     ledger.checked.append("continuity")
     scale = np.maximum(1.0, np.abs(coefficients[:, 0]).max(axis=0))
-    _check_jumps(ledger, "continuity", names, units, coefficients, breaks, _POSITION_JUMP * scale)
-    rate_units = tuple(unit + "/s" for unit in units)
-    flat = np.full(len(names), _VELOCITY_JUMP)
-    _check_jumps(ledger, "continuity", names, rate_units, derivative(coefficients), breaks, flat)
+    _check_jumps(ledger, "continuity", columns, found, 0, _POSITION_JUMP * scale)
+    _check_jumps(ledger, "continuity", columns, found, 1, np.full(len(columns.names), _VELOCITY_JUMP))
 
 
 def _check_jumps(
-    ledger: Ledger,
-    kind: ViolationKind,
-    names: tuple[str, ...],
-    units: tuple[str, ...],
-    coefficients: Array,
-    breaks: Array,
-    allowed: Array,
+    ledger: Ledger, kind: ViolationKind, columns: Columns, found: Extremes, order: int, allowed: Array
 ) -> None:
-    if len(coefficients) < 2:
-        return
-    ends = evaluate(coefficients[:-1], np.diff(breaks)[:-1])
-    jumps = np.abs(coefficients[1:, 0] - ends)
-    for j, name in enumerate(names):
-        i = int(np.argmax(jumps[:, j]))
-        jump, time = float(jumps[i, j]), float(breaks[i + 1])
-        if jump > allowed[j]:
-            what = {"continuity": "jumps", "jerk": "has a jump of acceleration, an infinite jerk,"}[kind]
-            unit = units[j] + ("/s²" if kind == "jerk" else "")
-            message = f"{name} {what} by {jump:.6g} {unit} at {time:.6f} s"
-            ledger.violations.append(Violation(kind, (name,), time, jump, float(allowed[j]), message))
+    for j in np.flatnonzero(found.jump[order] > allowed).tolist():
+        name, unit = columns.names[j], columns.units[j] + ("", "/s", "/s²")[order]
+        jump, time = float(found.jump[order, j]), float(found.jump_time[order, j])
+        what = {"continuity": "jumps", "jerk": "has a jump of acceleration, an infinite jerk,"}[kind]
+        message = f"{name} {what} by {jump:.6g} {unit} at {time:.6f} s"
+        ledger.violations.append(Violation(kind, (name,), time, jump, float(allowed[j]), message))
 
 
-def check_rest(
-    ledger: Ledger, names: tuple[str, ...], units: tuple[str, ...], breaks: Array, coefficients: Array
-) -> None:
+def check_rest(ledger: Ledger, columns: Columns, found: Extremes, breaks: Array, coefficients: Array) -> None:
     """A motion starts and ends at rest; one of no duration is at rest."""
     ledger.checked.append("rest")
     if len(breaks) < 2:
         return
-    rate = derivative(coefficients)
-    for when, speeds, time in (
-        ("starts", rate[0, 0], breaks[0]),
-        ("ends", evaluate(rate[-1:], np.diff(breaks)[-1:])[0], breaks[-1]),
-    ):
-        for name, unit, speed in zip(names, units, speeds, strict=True):
-            if abs(speed) > _VELOCITY_JUMP:
-                message = f"{name} {when} with {speed:.6g} {unit}/s at {time:.6f} s, expected rest"
-                violation = Violation("rest", (name,), float(time), abs(float(speed)), _VELOCITY_JUMP, message)
-                ledger.violations.append(violation)
+    start = coefficients[0, 1] if coefficients.shape[1] > 1 else np.zeros(len(columns.names))
+    for when, speeds, time in (("starts", start, breaks[0]), ("ends", found.end[1], breaks[-1])):
+        for j in np.flatnonzero(np.abs(speeds) > _VELOCITY_JUMP).tolist():
+            name, speed = columns.names[j], float(speeds[j])
+            message = f"{name} {when} with {speed:.6g} {columns.units[j]}/s at {time:.6f} s, expected rest"
+            ledger.violations.append(Violation("rest", (name,), float(time), abs(speed), _VELOCITY_JUMP, message))

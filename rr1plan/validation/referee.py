@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from dataclasses import fields
 
 import numpy as np
 
 from rr1plan.checks import Array, of_kind, positive_number
 from rr1plan.errors import InputError
-from rr1plan.limits import Limits
 from rr1plan.path import Path
 from rr1plan.planning import Progress, ProgressCallback
 from rr1plan.problem import Problem
@@ -23,9 +21,10 @@ from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation.bodies import Bodies
 from rr1plan.validation.certificate import TOUCH, Findings
+from rr1plan.validation.extremes import extremes
 from rr1plan.validation.goals import check_goal, check_start
 from rr1plan.validation.limits import Ledger, check_continuity, check_positions, check_rates, check_rest
-from rr1plan.validation.motion import SceneMotion
+from rr1plan.validation.motion import Frames, SceneMotion
 from rr1plan.validation.proof import prove
 from rr1plan.validation.tables import Setting, setting_of
 from rr1plan.validation.torque import check_torques
@@ -78,13 +77,11 @@ def validate(
     setting = setting_of(scene, trajectory.joint_names)
     motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
     _check_collisions(ledger, motion, setting, clearance_tolerance, progress)
-    names, units = trajectory.joint_names, _units(trajectory.joint_names, scene)
-    breaks, coefficients = motion.breaks, motion.coefficients
-    limits = _limits(trajectory, scene)
-    check_positions(ledger, names, units, limits, breaks, coefficients)
-    check_continuity(ledger, names, units, breaks, coefficients)
-    check_rest(ledger, names, units, breaks, coefficients)
-    check_rates(ledger, names, units, limits, breaks, coefficients, jerk_limits)
+    columns, found = setting.columns, extremes(motion.breaks, motion.coefficients)
+    check_positions(ledger, columns, found)
+    check_continuity(ledger, columns, found, motion.coefficients)
+    check_rest(ledger, columns, found, motion.breaks, motion.coefficients)
+    check_rates(ledger, columns, found, jerk_limits)
     if torque_limits:
         check_torques(ledger, trajectory, scene)
     else:
@@ -126,8 +123,7 @@ def certify_path(
     setting = setting_of(scene, trajectory.joint_names)
     motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
     _check_collisions(ledger, motion, setting, clearance_tolerance, progress)
-    names, units = trajectory.joint_names, _units(trajectory.joint_names, scene)
-    check_positions(ledger, names, units, _limits(trajectory, scene), motion.breaks, motion.coefficients)
+    check_positions(ledger, setting.columns, extremes(motion.breaks, motion.coefficients))
     for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
         ledger.not_checked[rule] = "a path has no times"
     return _report(ledger, trajectory.duration)
@@ -208,21 +204,6 @@ def _check_reach(ledger: Ledger, trajectory: Trajectory) -> bool:
     return bool((reach <= _FARTHEST).all())
 
 
-def _limits(trajectory: Trajectory, scene: Scene) -> Limits:
-    """Limits of the columns, in their order."""
-    if not trajectory.arms:
-        return Limits(*([np.zeros(0)] * 6))
-    stacked, names = scene.limits(trajectory.arms), scene.joint_names(trajectory.arms)
-    order = [names.index(name) for name in trajectory.joint_names]
-    return Limits(*(getattr(stacked, f.name)[order] for f in fields(Limits)))
-
-
-def _units(names: tuple[str, ...], scene: Scene) -> tuple[str, ...]:
-    """The unit of each column: rad or m."""
-    kinds = [scene.arms[arm].robot.joint(joint).kind for arm, joint in (name.split("/", 1) for name in names)]
-    return tuple("m" if kind == "prismatic" else "rad" for kind in kinds)
-
-
 def _check_collisions(
     ledger: Ledger, motion: SceneMotion, setting: Setting, tolerance: float, progress: ProgressCallback | None
 ) -> None:
@@ -284,19 +265,29 @@ def _check_ends(
     if problem is None:
         ledger.not_checked["start"] = ledger.not_checked["goal"] = "no problem was given"
         return
-    ends = np.array([motion.breaks[0], motion.breaks[-1]])
+    ends = motion.breaks[[0, -1]]
     q = motion.positions(*motion.locate(ends))
     columns = {name: i for i, name in enumerate(trajectory.joint_names)}
-    postures = [{arm: _posture(scene, arm, columns, row) for arm in scene.arms} for row in q]
+    first, last = ({arm: _posture(scene, arm, columns, row) for arm in scene.arms} for row in q)
     for arm in problem.arms:
         scene.arm(arm)
-    check_start(ledger, problem, postures[0], float(ends[0]))
-    frames = motion.frames(q[1:])
-    poses = {}
-    for name, i in motion.links.items():
-        poses[name] = np.eye(4)
-        poses[name][:3, :3], poses[name][:3, 3] = frames.rotation[0, i], frames.origin[0, i]
-    check_goal(ledger, problem, postures[1], poses, float(ends[1]))
+    check_start(ledger, problem, first, float(ends[0]))
+    check_goal(ledger, problem, last, _poses(motion, q[1:]), float(ends[1]))
+
+
+def _poses(motion: SceneMotion, q: Array) -> Callable[[str], Array]:
+    """T_world_link by "arm/link" at one configuration (1, nq), reckoned when first asked for."""
+    known: list[Frames] = []
+
+    def pose(link: str) -> Array:
+        if not known:
+            known.append(motion.frames(q))
+        i = motion.links[link]
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = known[0].rotation[0, i], known[0].origin[0, i]
+        return T
+
+    return pose
 
 
 def _posture(scene: Scene, arm: str, columns: dict[str, int], q: Array) -> Array:

@@ -23,6 +23,7 @@ from rr1plan.validation.apart import (
     ROUND,
 )
 from rr1plan.validation.bodies import Bodies
+from rr1plan.validation.limits import Columns, columns_of
 from rr1plan.validation.motion import MovingLink, SceneMotion
 from rr1plan.validation.polynomials import Mask
 from rr1plan.validation.solids import Solid
@@ -36,6 +37,7 @@ class Setting:
     """A scene with the columns that move in it; the columns of the tables are named where they are read.
 
     Args:
+        columns: Their names, units and limits.
         motion: Its links at rest.
         bodies: Its bodies and pairs.
         searched: Which pairs of shapes the compiled search takes, shape (k,): both convex, or one a half-space.
@@ -52,6 +54,7 @@ class Setting:
         padding: Distance to keep for each [m], shape (k,).
     """
 
+    columns: Columns
     motion: SceneMotion
     bodies: Bodies
     searched: Mask
@@ -96,6 +99,7 @@ def _build(scene: Scene, joint_names: tuple[str, ...]) -> Setting:
     searched = _searched(bodies)
     item = np.flatnonzero(searched)
     return Setting(
+        columns_of(scene, joint_names),
         motion,
         bodies,
         searched,
