@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -263,7 +263,7 @@ class CollisionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        if type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (self.nq,) and isfinite(q.dot(q)):
+        if _is_plain(q, self.nq) and isfinite(q.dot(q)):
             return q
         return finite_array("q", q, (self.nq,))
 
@@ -314,3 +314,8 @@ class CollisionChecker:
         return _Resting(
             read_only(distances), tuple(touching), Nearest(float(found[nearest]), pair, read_only(a), read_only(b))
         )
+
+
+def _is_plain(q: Any, length: int) -> TypeGuard[Array]:
+    """A vector of this length as compiled kernels take it."""
+    return type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (length,) and bool(q.flags.c_contiguous)
