@@ -1,7 +1,8 @@
 """Certified motions: a whole edge or curve is proven free, not sampled.
 
-The proof is in `rr1plan._kernels.motion`. It leaves no gap between samples for a thin obstacle to
-slip through. What passes at less than `tolerance` beyond the padding is not proven, so it is refused.
+The proof is in `rr1plan._kernels`: straight edges by `swept`, curves by `motion`. It leaves no gap between samples
+for a thin obstacle to slip through. What passes at less than `tolerance` beyond the padding is not proven, so it is
+refused.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from rr1plan._kernels.motion import FREE
 from rr1plan._kernels.motion import certify as _certify_untyped
-from rr1plan.checks import Array, finite_array, finite_number, positive_number, read_only
+from rr1plan.checks import Array, finite_array, finite_number, of_kind, positive_number, read_only
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.collision.tables import build_tables
@@ -58,12 +59,10 @@ class MotionChecker:
     Attributes:
         checker: The collision checker.
         edges_checked: Edges and curves looked at so far.
-        configurations_checked: Configurations looked at so far.
-        gaps_checked: Distances of pairs computed finely so far.
 
     Raises:
         UnknownNameError: no such arm.
-        InputError: a scene that cannot be checked.
+        InputError: no checker or scene, a tolerance that is not above zero, or a scene that cannot be checked.
     """
 
     def __init__(
@@ -71,20 +70,32 @@ class MotionChecker:
     ) -> None:
         if isinstance(checker, Scene):
             checker = CollisionChecker(checker, arms)
-        elif arms is not None:
-            raise InputError("MotionChecker takes arms with a scene only; a checker has its own")
+        else:
+            of_kind("checker", checker, CollisionChecker)
+            if arms is not None:
+                raise InputError("MotionChecker takes arms with a scene only; a checker has its own")
         self.checker = checker
         self.tolerance = positive_number("tolerance", tolerance)
         self._tables = build_tables(checker)
         self._swept: SweptEdges | None = None
         self._edge = np.zeros((2, checker.nq))
         self.edges_checked = 0
-        self.configurations_checked = 0
-        self.gaps_checked = 0
+        self._configurations_checked = 0
+        self._gaps_checked = 0
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as its checker; the counters begin anew."""
         return _rebuild, (self.checker, self.tolerance)
+
+    @property
+    def configurations_checked(self) -> int:
+        """Configurations looked at so far, those of compiled planners too."""
+        return self._configurations_checked + (0 if self._swept is None else self._swept.configurations_checked)
+
+    @property
+    def gaps_checked(self) -> int:
+        """Distances of pairs computed finely so far, those of compiled planners too."""
+        return self._gaps_checked + (0 if self._swept is None else self._swept.gaps_checked)
 
     @property
     def context(self) -> NDArray[np.int64]:
@@ -111,6 +122,20 @@ class MotionChecker:
 
     def edge_is_free(self, q0: Any, q1: Any) -> bool:
         """Every configuration on the straight line from q0 to q1 is free.
+
+        Args:
+            q0: Begin [rad or m], shape (nq,).
+            q1: End [rad or m], shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        q0, q1 = self.checker.checked(q0), self.checker.checked(q1)
+        self.edges_checked += 1
+        return self._straight().look_along(q0, q1)[0] == FREE
+
+    def edge_is_free_slowly(self, q0: Any, q1: Any) -> bool:
+        """The answer of `edge_is_free`, by the exact kernel alone; it is what tests hold that to.
 
         Args:
             q0: Begin [rad or m], shape (nq,).
@@ -190,8 +215,8 @@ class MotionChecker:
         if not self.checker.resting_is_free:
             return FREE + 1, 0.0, -1
         status, where, pair, seen, fine = _certify(curve, duration, self.tolerance, *self._tables)
-        self.configurations_checked += seen
-        self.gaps_checked += fine
+        self._configurations_checked += seen
+        self._gaps_checked += fine
         return status, where, pair
 
     def _names(self, pair: int) -> tuple[str, str]:

@@ -9,7 +9,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan._kernels.motion import certify
 from rr1plan.checks import Array, Seed, as_generator, known_name, of_kind
 from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import borrowed_checker
@@ -97,7 +96,7 @@ class OmplPlanner:
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         of_kind("problem", problem, Problem)
-        prepare(certify)
+        prepare()
         began = time.perf_counter()
         with borrowed_checker(problem.scene, problem.arms) as motion:
             query = _Query(self, problem, motion, began, budget or Budget(), rng, progress)
@@ -169,13 +168,15 @@ class _Query:
         space = Space.around(self.problem, self.goals)
         if not space.movable.any():
             return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
+        # A configuration that is no certified edge has none either, so Coal need not be asked about it.
+        is_free = self.motion.edge_is_free
         query = _ompl.Query(
             space.lower[space.movable],
             space.upper[space.movable],
             space.reduce(self.problem.start),
             space.reduce(self.goals),
-            lambda q: self.motion.is_free(space.whole(q)),
-            lambda a, b: self.motion.edge_is_free(space.whole(a), space.whole(b)),
+            lambda q: is_free(space.whole(q), space.whole(q)),
+            lambda a, b: is_free(space.whole(a), space.whole(b)),
         )
         kind = KINDS[self.planner.name].ompl
         seed = int(self.rng.integers(1, 2**32))

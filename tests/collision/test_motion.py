@@ -70,14 +70,15 @@ def clearance(checker, q):
     return float((checker.distances(q) - paddings).min(initial=np.inf))
 
 
+@pytest.mark.parametrize("ask", [MotionChecker.edge_is_free, MotionChecker.edge_is_free_slowly])
 @pytest.mark.parametrize("name", SCENES)
-def test_an_edge_is_free_exactly_when_coal_finds_every_sample_free(scenes, name):
+def test_an_edge_is_free_exactly_when_coal_finds_every_sample_free(scenes, name, ask):
     scene, wide = scenes[name]
     motion = MotionChecker(scene)
     free = 0
     for q0, q1 in random_edges(motion.checker, wide, 120, 1):
         sampled = all(motion.checker.is_free(q0 + u * (q1 - q0)) for u in np.linspace(0, 1, 120))
-        if motion.edge_is_free(q0, q1):
+        if ask(motion, q0, q1):
             free += 1
             assert sampled
         elif sampled:
@@ -125,8 +126,8 @@ def test_the_fast_certificate_agrees_with_a_slow_one_by_coal_alone(scenes, name)
     motion, slow = MotionChecker(scene), CoalCertificate(scene)
     answers = []
     for q0, q1 in random_edges(motion.checker, wide, 20, 2, long=0.35):
-        answers.append(motion.edge_is_free(q0, q1))
-        assert answers[-1] == slow.edge_is_free(q0, q1)
+        answers.append(slow.edge_is_free(q0, q1))
+        assert motion.edge_is_free(q0, q1) == motion.edge_is_free_slowly(q0, q1) == answers[-1]
     assert 0 < sum(answers) < len(answers)
 
 
@@ -350,7 +351,11 @@ def test_it_counts_its_work(planar):
     motion = MotionChecker(Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0]))
     motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0]])
     assert motion.edges_checked == 2
-    assert motion.configurations_checked >= 2
+    looked = motion.configurations_checked
+    assert looked >= 2
+    assert motion.edge_is_free_slowly([0.0, 0.0], [0.5, 0.0])
+    assert motion.edges_checked == 3
+    assert motion.configurations_checked > looked
 
 
 def test_it_takes_a_scene_or_a_checker_and_survives_pickling(scenes):
@@ -363,9 +368,37 @@ def test_it_takes_a_scene_or_a_checker_and_survives_pickling(scenes):
         MotionChecker(CollisionChecker(scene), ["l"])
 
 
+def test_arrays_of_any_layout_are_taken(scenes):
+    motion = MotionChecker(scenes["cluttered"][0])
+    for q0, q1 in random_edges(motion.checker, 2.5, 20, 10):
+        columns = np.column_stack([q0, q1])
+        assert motion.edge_is_free(columns[:, 0], columns[:, 1]) == motion.edge_is_free(q0, q1)
+        assert motion.is_free(columns[:, 1]) == motion.checker.is_free(q1)
+        assert motion.edge_is_free(q0.tolist(), q1[::-1][::-1]) == motion.edge_is_free(q0, q1)
+
+
+@pytest.mark.parametrize(
+    ("checker", "settings", "said"),
+    [
+        ("a scene", {}, "checker is of type str"),
+        (None, {"arms": ["a"]}, "checker is of type NoneType"),
+    ],
+)
+def test_what_is_no_checker_is_refused_by_name(checker, settings, said):
+    with pytest.raises(InputError, match=said):
+        MotionChecker(checker, **settings)
+
+
+@pytest.mark.parametrize("tolerance", ["small", 0.0, np.nan])
+def test_a_senseless_tolerance_is_refused(planar, tolerance):
+    with pytest.raises(InputError, match="tolerance"):
+        MotionChecker(Scene().with_arm("p", planar), tolerance=tolerance)
+
+
 @pytest.mark.parametrize(
     ("question", "arguments"),
     [
+        ("edge_is_free_slowly", ([np.nan, 0], [0, 0])),
         ("edge_is_free", ([np.nan, 0], [0, 0])),
         ("edge_is_free", ([0, 0], [0, 0, 0])),
         ("first_contact", ([0, 0], [np.inf, 0])),

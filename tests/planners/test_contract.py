@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError, NoPlanError, UnknownNameError
 from rr1plan.library import load_problems
 from rr1plan.planners import OmplPlanner, make_planner, plan, planner_names, planner_table
@@ -40,7 +39,7 @@ def budget_of(name):
 
 
 @pytest.mark.parametrize("name", JOINT_SPACE)
-def test_the_path_begins_at_the_start_ends_at_the_goal_and_is_certified(name, seam):
+def test_the_path_begins_at_the_start_ends_at_the_goal_and_is_certified(name, seam, is_certified):
     before = (seam.start.tobytes(), seam.scene.arm("arm").q.tobytes())
     result = plan(seam, name, budget_of(name), rng=5)
     assert result.status is PlanStatus.SOLVED, result.reason
@@ -48,7 +47,7 @@ def test_the_path_begins_at_the_start_ends_at_the_goal_and_is_certified(name, se
     assert points[0].tobytes() == seam.start.tobytes()
     off = points[-1] - seam.goal["arm"][0].q
     np.testing.assert_allclose(off - 2 * np.pi * np.round(off / (2 * np.pi)), 0.0, atol=1e-12)
-    assert MotionChecker(seam.scene).path_is_free(points)
+    assert is_certified(seam.scene, points)
     assert result.path.joint_names == seam.joint_names
     assert result.planner == name
     assert result.iterations <= budget_of(name).iterations
@@ -65,10 +64,10 @@ def test_the_same_seed_gives_the_same_path_and_the_result_names_it(name, seam):
 
 
 @pytest.mark.parametrize("name", planner_names())
-def test_a_line_that_is_free_is_found_by_all(name, straight):
+def test_a_line_that_is_free_is_found_by_all(name, straight, is_certified):
     result = plan(straight, name, BUDGET, rng=0)
     assert result.status is PlanStatus.SOLVED, result.reason
-    assert MotionChecker(straight.scene).path_is_free(result.path.waypoints)
+    assert is_certified(straight.scene, result.path.waypoints)
 
 
 @pytest.mark.parametrize("name", planner_names())
@@ -173,8 +172,8 @@ def test_a_joint_that_cannot_move_is_left_out_of_the_search(rr1):
     np.testing.assert_array_equal(space.whole(space.reduce(rr1.home)), rr1.home)
 
 
-def test_rr1_goes_into_the_cage_and_out():
+def test_rr1_goes_into_the_cage_and_out(is_certified):
     for name, problem in load_problems("rr1_cage").items():
         result = plan(problem, rng=1)
         assert result.solved, f"{name}: {result.reason}"
-        assert MotionChecker(problem.scene).path_is_free(result.path.waypoints)
+        assert is_certified(problem.scene, result.path.waypoints)

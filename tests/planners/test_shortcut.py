@@ -43,12 +43,12 @@ def gantry_path(points):
 DETOUR = [[-1, 0], [-1, 1.5], [0.5, 1.5], [1.5, 1.0], [1, 0]]
 
 
-def test_a_detour_becomes_nearly_the_shortest_way_round(gantry):
+def test_a_detour_becomes_nearly_the_shortest_way_round(gantry, is_certified):
     result = shorten(gantry_path(DETOUR), gantry, rng=1)
     # Round the corners of the block, grown by the ball: at best two tangents and a straight piece.
     best = 2 * np.hypot(0.7, 0.35) + 0.6
     assert best * 0.97 < result.length < best * 1.06
-    assert gantry.path_is_free(result.waypoints)
+    assert is_certified(gantry.checker.scene, result.waypoints)
 
 
 def test_the_ends_stay_exact(gantry):
@@ -73,7 +73,7 @@ def test_the_same_seed_gives_the_same_bytes(gantry):
     assert a.waypoints.tobytes() == b.waypoints.tobytes()
 
 
-def test_smoothing_turns_less_at_each_corner(gantry):
+def test_smoothing_turns_less_at_each_corner(gantry, is_certified):
     plain, smooth = (shorten(gantry_path(DETOUR), gantry, rng=3, smooth=n) for n in (0, 3))
 
     def sharpest(path):
@@ -83,7 +83,7 @@ def test_smoothing_turns_less_at_each_corner(gantry):
 
     assert sharpest(smooth) < 0.7 * sharpest(plain)
     assert smooth.length <= plain.length
-    assert gantry.path_is_free(smooth.waypoints)
+    assert is_certified(gantry.checker.scene, smooth.waypoints)
 
 
 def test_out_of_time_the_path_comes_back_free(gantry):
