@@ -25,6 +25,8 @@ FRAME = 18 * WIDTH
 SPHERE = 7 * WIDTH
 # Bits of all lanes.
 ALL = (1 << WIDTH) - 1
+# Corners of a core come in blocks of so many neighbours.
+BLOCK = 8
 # Cells of a map along each of its sides.
 CELLS = 128
 
@@ -50,12 +52,13 @@ class Cover(NamedTuple):
         maps: For each map how many cells before a corner are not free; see `neighbours.py`.
         map_ranges: Low end and cells per rad or m, of both columns of q; shape (m, 4).
         padding: Distance to keep of each pair [m].
-        cores: Frame, first and last row of `points`, POINTS or ROUND: of each body, then of each obstacle without a
-            closed form; shape (c, 4).
+        cores: Frame, first and last row of `points`, POINTS or ROUND, first row of `blocks`: of each body, then of each
+            obstacle without a closed form; shape (c, 5).
         core_values: A point in the core, the radius around the core, and how far the core reaches from the point
             [m]; shape (c, 5).
         points: Corners of a core in its frame; of one that is ROUND centre, axis, half length and radius;
             shape (p, 3).
+        blocks: Ball around each `BLOCK` corners of a core: centre and radius; shape (n, 4).
         core_of: Row of `cores` of each obstacle, CLOSED_FORM or LEFT_OUT, shape (o,).
         margins: What must be left of a gap beyond everything else, and the greatest padding [m], shape (2,).
     """
@@ -77,6 +80,7 @@ class Cover(NamedTuple):
     cores: np.ndarray
     core_values: np.ndarray
     points: np.ndarray
+    blocks: np.ndarray
     core_of: np.ndarray
     margins: np.ndarray
 
@@ -128,7 +132,10 @@ class Work(NamedTuple):
 
 
 COVER = types.NamedTuple(
-    [INT2, OUT2, INT2, OUT2, INT1, OUT1, INT2, OUT2, OUT2, INT2, INT2, INT1, OUT2, OUT1, INT2, OUT2, OUT2, INT1, OUT1],
+    [
+        *(INT2, OUT2, INT2, OUT2, INT1, OUT1, INT2, OUT2, OUT2, INT2, INT2, INT1, OUT2, OUT1),
+        *(INT2, OUT2, OUT2, OUT2, INT1, OUT1),
+    ],
     Cover,
 )
 WORK = types.NamedTuple(

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from numba import types
 
-from rr1plan._kernels.cover import ALL, COVER, FRAME, HALF_SPACE, RECORD, ROUND, SLACK, SPHERE, WORK, tables_of
+from rr1plan._kernels.cover import ALL, BLOCK, COVER, FRAME, HALF_SPACE, RECORD, ROUND, SLACK, SPHERE, WORK, tables_of
 from rr1plan._kernels.jit import F64, I64, OUT1, jit
 from rr1plan._kernels.lanes import (
     LANES,
@@ -73,6 +73,15 @@ def _along_origin(frames, at, x, y, z):
     return x * load(frames, at + 9 * WIDTH) + y * load(frames, at + 10 * WIDTH) + z * load(frames, at + 11 * WIDTH)
 
 
+@jit(LANES(I64, LANES, LANES, LANES, COVER), inline=True, allocates=False)
+def _lowest_of_blocks(k, x, y, z, cover):
+    """The least n.p over the first corner of each block of a core: no less than over all."""
+    points, best = cover.points, fill(1e300)
+    for i in range(cover.cores[k, 1], cover.cores[k, 2], BLOCK):
+        best = lesser(x * points[i, 0] + y * points[i, 1] + z * points[i, 2], best)
+    return best
+
+
 @jit(types.UniTuple(LANES, 4)(I64, LANES, LANES, LANES, COVER), inline=True, allocates=False)
 def lowest(k, x, y, z, cover):
     """The least n.p over the core of a body, n a direction of its frame, and the point p where that is."""
@@ -92,14 +101,19 @@ def lowest(k, x, y, z, cover):
         py = points[first, 1] + end * points[first + 1, 1] + v * part
         pz = points[first, 2] + end * points[first + 1, 2] + w * part
         return x * px + y * py + z * pz, px, py, pz
-    px, py, pz = fill(points[first, 0]), fill(points[first, 1]), fill(points[first, 2])
-    best = x * px + y * py + z * pz
-    for i in range(first + 1, last):
-        value = x * points[i, 0] + y * points[i, 1] + z * points[i, 2]
-        px = choose(value, best, points[i, 0], px)
-        py = choose(value, best, points[i, 1], py)
-        pz = choose(value, best, points[i, 2], pz)
-        best = lesser(value, best)
+    bound, best = _lowest_of_blocks(k, x, y, z, cover), fill(1e300)
+    px, py, pz = fill(0.0), fill(0.0), fill(0.0)
+    for i in range(first, last, BLOCK):
+        ball = cover.blocks[(i - first) // BLOCK + cover.cores[k, 4]]
+        # What is no lower than a corner at hand is left out, but for equals: all take part, in one order.
+        if below(x * ball[0] + y * ball[1] + z * ball[2] - ball[3], bound) == 0:
+            continue
+        for p in range(i, min(i + BLOCK, last)):
+            value = x * points[p, 0] + y * points[p, 1] + z * points[p, 2]
+            px = choose(value, best, points[p, 0], px)
+            py = choose(value, best, points[p, 1], py)
+            pz = choose(value, best, points[p, 2], pz)
+            best = lesser(value, best)
     return best, px, py, pz
 
 
@@ -148,11 +162,17 @@ def lowest_within(k, x, y, z, base, h, cover, work):
     if cover.cores[k, 3] == ROUND:
         best, _, _, _ = lowest(k, lx, ly, lz, cover)
         return offset + best - h * _fastest(k, x, y, z, base, cover, work)
-    best = fill(1e300)
-    for i in range(first, last):
-        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        value = lx * px + ly * py + lz * pz
-        best = lesser(value - h * size_of(speed + mx * px + my * py + mz * pz), best)
+    best, turn = fill(1e300), root(mx * mx + my * my + mz * mz) * h
+    for i in range(first, last, BLOCK):
+        ball = cover.blocks[(i - first) // BLOCK + cover.cores[k, 4]]
+        value = lx * ball[0] + ly * ball[1] + lz * ball[2] - ball[3]
+        value = value - h * size_of(speed + mx * ball[0] + my * ball[1] + mz * ball[2]) - turn * ball[3]
+        if below(value, best) == 0:
+            continue
+        for p in range(i, min(i + BLOCK, last)):
+            px, py, pz = points[p, 0], points[p, 1], points[p, 2]
+            value = lx * px + ly * py + lz * pz
+            best = lesser(value - h * size_of(speed + mx * px + my * py + mz * pz), best)
     return offset + best
 
 

@@ -26,7 +26,7 @@ class CarriedCover:
 
     Args:
         joints, joint_values, bodies, spheres, chain, chain_reach: As there.
-        cores, core_values, points: As there; the cores of the bodies, in their order.
+        cores, core_values, points, blocks: As there; the cores of the bodies, in their order.
         body: Index in `bodies` of each carried solid, -1 where it rests, shape (n,).
     """
 
@@ -39,6 +39,7 @@ class CarriedCover:
     cores: _INTS
     core_values: Array
     points: Array
+    blocks: Array
     body: _INTS
 
 

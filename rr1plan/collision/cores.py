@@ -3,47 +3,68 @@
 from __future__ import annotations
 
 import itertools
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan._kernels.cover import POINTS, ROUND
-from rr1plan.checks import Array
+from rr1plan.checks import Array, read_only
+from rr1plan.collision.point_blocks import in_blocks
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 _INTS = NDArray[np.int64]
 
 
 class Cores:
-    """Rows of the kernel's `cores`, `core_values` and `points`, as they are added."""
+    """Rows of the kernel's `cores`, `core_values`, `points` and `blocks`, as they are added."""
 
     def __init__(self) -> None:
-        self._rows: list[tuple[int, int, int, int]] = []
+        self._rows: list[tuple[int, int, int, int, int]] = []
         self._values: list[Array] = []
         self._points: list[Array] = [np.zeros((0, 3))]
-        self._count = 0
+        self._blocks: list[Array] = [np.zeros((0, 4))]
+        self._count, self._block_count = 0, 0
 
     def add(self, frame: int, shape: Shape, T: Array) -> int:
         """The row of a shape placed in a frame."""
         rotate, shift = T[:3, :3], T[:3, 3]
         if isinstance(shape, Cylinder):
-            middle, radius, kind = shift, 0.0, ROUND
+            middle, radius, kind, blocks = shift, 0.0, ROUND, np.zeros((0, 4))
             points = np.array([shift, rotate[:, 2], [0.5 * shape.length, shape.radius, 0.0]])
             reach = float(np.hypot(0.5 * shape.length, shape.radius)) * (1.0 + 1e-9)
         else:
-            points, radius, kind = extremes(shape) @ rotate.T + shift, _radius(shape), POINTS
+            points, blocks = _placed_blocks(shape, rotate, shift)
+            radius, kind = _radius(shape), POINTS
             middle = points.mean(axis=0)
             reach = float(np.linalg.norm(points - middle, axis=1).max()) * (1.0 + 1e-9)
-        self._rows.append((frame, self._count, self._count + len(points), kind))
+        self._rows.append((frame, self._count, self._count + len(points), kind, self._block_count))
         self._values.append(np.array([*middle, radius, reach]))
         self._points.append(points)
+        self._blocks.append(blocks)
         self._count += len(points)
+        self._block_count += len(blocks)
         return len(self._rows) - 1
 
-    def arrays(self) -> tuple[_INTS, Array, Array]:
-        """The three tables."""
-        rows = np.array(self._rows, np.int64).reshape(-1, 4)
-        return rows, np.array(self._values).reshape(-1, 5), np.ascontiguousarray(np.concatenate(self._points))
+    def arrays(self) -> tuple[_INTS, Array, Array, Array]:
+        """The four tables."""
+        rows = np.array(self._rows, np.int64).reshape(-1, 5)
+        points, blocks = (np.ascontiguousarray(np.concatenate(parts)) for parts in (self._points, self._blocks))
+        return rows, np.array(self._values).reshape(-1, 5), points, blocks
+
+
+@lru_cache(maxsize=512)
+def _blocks(shape: Shape) -> tuple[Array, Array]:
+    points, balls = in_blocks(extremes(shape))
+    return read_only(points), read_only(balls)
+
+
+def _placed_blocks(shape: Shape, rotate: Array, shift: Array) -> tuple[Array, Array]:
+    """Points of a shape's core in blocks, and balls around these, in a frame."""
+    points, balls = _blocks(shape)
+    # The rounding of a product with a rotation and a sum.
+    radii = balls[:, 3] + 1e-14 * (1.0 + float(np.abs(shift).max()))
+    return points @ rotate.T + shift, np.column_stack([balls[:, :3] @ rotate.T + shift, radii])
 
 
 def extremes(shape: Shape) -> Array:

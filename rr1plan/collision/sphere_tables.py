@@ -36,7 +36,7 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
     meetings, pair_of, resting = _pair_tables(checker, carried)
     shapes = [checker.solids[b].shape for b in resting]
     kinds, values, boxes = _obstacle_tables(shapes, tables.poses[resting], tables.body_values[resting])
-    core_of, cores, core_values, points = _core_tables(carried, shapes, tables.poses[resting], len(kinds))
+    core_of, *cores = _core_tables(carried, shapes, tables.poses[resting], len(kinds))
     scale = float(np.abs(values).max(initial=0.0)) + float(np.abs(carried.joint_values[:, 9:12]).sum())
     margins = np.array([2.0 * tolerance + 1e-9 + 1e-12 * scale, float(np.max(tables.padding, initial=0.0))])
     # Rounded up, so that maps serve scenes of other sizes too.
@@ -46,7 +46,7 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
     made = Cover(
         carried.joints, carried.joint_values, carried.bodies, carried.spheres, carried.chain, carried.chain_reach,
         kinds, values, boxes, pair_of, np.column_stack([meetings, maps.places]), maps.counts, maps.ranges,
-        np.array(tables.padding), cores, core_values, points, core_of, margins,
+        np.array(tables.padding), *cores, core_of, margins,
     )  # fmt: skip
     return made, _work(made, checker.nq)
 
@@ -149,16 +149,17 @@ def _measures(shape: Shape) -> tuple[float, ...]:
 
 def _core_tables(
     carried: CarriedCover, shapes: list[Shape], poses: Array, count: int
-) -> tuple[_INTS, _INTS, Array, Array]:
-    """The kernel's `core_of`, and its `cores`, `core_values` and `points`, those of obstacles after those that move."""
+) -> tuple[_INTS, _INTS, Array, Array, Array]:
+    """The kernel's `core_of`, and its `cores` to `blocks`, those of obstacles after those that move."""
     core_of, added = np.full(count, CLOSED_FORM, np.int64), Cores()
     for i, shape in enumerate(shapes):
         if isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
             core_of[i] = len(carried.cores) + added.add(0, shape, matrix(poses[i]))
         elif isinstance(shape, Mesh | PointCloud):
             core_of[i] = LEFT_OUT
-    rows, values, points = added.arrays()
-    rows = rows + np.array([0, len(carried.points), len(carried.points), 0])
-    together = ((carried.cores, rows), (carried.core_values, values), (carried.points, points))
-    cores, core_values, all_points = (np.concatenate(both) for both in together)
-    return core_of, cores, core_values, all_points
+    rows, *others = added.arrays()
+    before = len(carried.points)
+    rows = rows + np.array([0, before, before, 0, len(carried.blocks)])
+    own = (carried.cores, carried.core_values, carried.points, carried.blocks)
+    cores, values, points, blocks = (np.concatenate(both) for both in zip(own, (rows, *others), strict=True))
+    return core_of, cores, values, points, blocks
