@@ -36,7 +36,7 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
     meetings, pair_of, resting = _pair_tables(checker, carried)
     shapes = [checker.solids[b].shape for b in resting]
     kinds, values, boxes = _obstacle_tables(shapes, tables.poses[resting], tables.body_values[resting])
-    core_of, *cores = _core_tables(carried, shapes, tables.poses[resting], len(kinds))
+    core_of, cores, core_values, points, blocks = _core_tables(carried, shapes, tables.poses[resting], len(kinds))
     scale = float(np.abs(values).max(initial=0.0)) + float(np.abs(carried.joint_values[:, 9:12]).sum())
     margins = np.array([2.0 * tolerance + 1e-9 + 1e-12 * scale, float(np.max(tables.padding, initial=0.0))])
     # Rounded up, so that maps serve scenes of other sizes too.
@@ -46,7 +46,7 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
     made = Cover(
         carried.joints, carried.joint_values, carried.bodies, carried.spheres, carried.chain, carried.chain_reach,
         kinds, values, boxes, pair_of, np.column_stack([meetings, maps.places]), maps.counts, maps.ranges,
-        np.array(tables.padding), *cores, core_of, margins,
+        np.array(tables.padding), cores, core_values, points, blocks, core_of, margins,
     )  # fmt: skip
     return made, _work(made, checker.nq)
 
