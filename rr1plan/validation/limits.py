@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.limits import Limits
 from rr1plan.report import Margin, Violation, ViolationKind
-from rr1plan.scene import Scene
+from rr1plan.scene import Arm
 from rr1plan.validation.extremes import Extremes
 
 # Rounding that a limit forgives, relative to it.
@@ -41,14 +42,15 @@ class Columns(NamedTuple):
     limits: Limits
 
 
-def columns_of(scene: Scene, names: tuple[str, ...]) -> Columns:
-    """The columns of these names, which are joints of the scene, in their order."""
-    joints = [scene.arms[arm].robot.joint(joint) for arm, joint in (name.split("/", 1) for name in names)]
+def columns_of(arms: Mapping[str, Arm], names: tuple[str, ...]) -> Columns:
+    """The columns of these names, each a joint of one of the arms, in their order."""
+    joints = [arms[arm].robot.joint(joint) for arm, joint in (name.split("/", 1) for name in names)]
     units = tuple("m" if joint.kind == "prismatic" else "rad" for joint in joints)
-    arms = tuple(dict.fromkeys(name.split("/", 1)[0] for name in names))
-    if not arms:
+    moving = list(dict.fromkeys(name.split("/", 1)[0] for name in names))
+    if not moving:
         return Columns(names, units, Limits(*([np.zeros(0)] * len(fields(Limits)))))
-    stacked, place = scene.limits(arms), {name: i for i, name in enumerate(scene.joint_names(arms))}
+    stacked = Limits.stack([arms[arm].robot.limits for arm in moving])
+    place = {name: i for i, name in enumerate(f"{arm}/{j}" for arm in moving for j in arms[arm].robot.joint_names)}
     order = [place[name] for name in names]
     return Columns(names, units, Limits(*(getattr(stacked, f.name)[order] for f in fields(Limits))))
 

@@ -6,6 +6,7 @@ and is tested against `Robot.link_poses`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +17,7 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
-from rr1plan.scene import Scene
+from rr1plan.scene import Arm
 from rr1plan.validation.polynomials import Index, RangeTable, bernstein, evaluate
 
 
@@ -93,22 +94,23 @@ class SceneMotion:
     """All links of a scene along the columns of one piecewise polynomial.
 
     Args:
-        scene: The scene; arms without a column rest in their posture.
+        arms: The arms of the scene; those without a column rest in their posture.
         joint_names: Name of each column, "arm/joint".
         breaks: Times [s], shape (m + 1,), or (1,) for a duration of zero.
         coefficients: Local coefficients, lowest power first, shape (m, d + 1, nq).
     """
 
-    def __init__(self, scene: Scene, joint_names: tuple[str, ...], breaks: Array, coefficients: Array) -> None:
-        self.scene = scene
+    def __init__(
+        self, arms: Mapping[str, Arm], joint_names: tuple[str, ...], breaks: Array, coefficients: Array
+    ) -> None:
         self.breaks, self.coefficients = breaks, coefficients
         self.links: dict[str, int] = {"": 0}
         self.bases: list[tuple[int, Array]] = []
         self.steps: list[MovingLink] = []
         self._moving: list[MovingLink] = []
         columns = {name: i for i, name in enumerate(joint_names)}
-        for arm in scene.arms:
-            self._add_arm(arm, columns)
+        for name, arm in arms.items():
+            self._add_arm(name, arm, columns)
         self.movers = self._movers()
         moving = self._moving
         self.column = np.array([step.drive.column for step in moving], dtype=np.intp)
@@ -137,13 +139,13 @@ class SceneMotion:
         control = bernstein(self.coefficients, np.zeros(self.pieces), self.widths)
         return RangeTable(control.min(axis=1), control.max(axis=1))
 
-    def _add_arm(self, arm: str, columns: dict[str, int]) -> None:
-        robot = self.scene.arms[arm].robot
+    def _add_arm(self, arm: str, placed: Arm, columns: dict[str, int]) -> None:
+        robot = placed.robot
         own = {n: columns[f"{arm}/{n}"] for n in robot.joint_names if f"{arm}/{n}" in columns}
-        rest = dict(zip(robot.joint_names, (float(v) for v in self.scene.arms[arm].q), strict=True))
+        rest = dict(zip(robot.joint_names, (float(v) for v in placed.q), strict=True))
         driven = drives(robot, own, {n: v for n, v in rest.items() if n not in own})
         self.links[f"{arm}/{robot.base}"] = base = len(self.links)
-        self.bases.append((base, self.scene.arms[arm].base))
+        self.bases.append((base, placed.base))
         for joint in robot.joints:
             drive = driven.get(joint.name, Drive(-1, 0.0, 0.0))
             index = self.links.setdefault(f"{arm}/{joint.child}", len(self.links))

@@ -167,8 +167,8 @@ def _check_values(ledger: Ledger, trajectory: Trajectory) -> bool:
         message = f"breaks of shape {np.shape(breaks)} do not fit coefficients of shape {np.shape(coefficients)}"
         ledger.violations.append(Violation("clock", (), None, float(np.size(breaks)), float(shape[0] + 1), message))
         return False
-    bad = [name for j, name in enumerate(trajectory.joint_names) if not np.isfinite(coefficients[:, :, j]).all()]
-    for name in bad:
+    bad = np.flatnonzero(~np.isfinite(coefficients).all(axis=(0, 1))).tolist()
+    for name in (trajectory.joint_names[j] for j in bad):
         message = f"{name} has a coefficient that is not a finite number"
         ledger.violations.append(Violation("finite", (name,), None, 0.0, 0.0, message))
     if not np.isfinite(breaks).all():
@@ -214,9 +214,8 @@ def _check_collisions(
         ledger.not_checked["collision"] = "cancelled before all of the motion was decided"
     else:
         ledger.checked.append("collision")
-    for k, pair in enumerate(bodies.pairs):
-        if np.isfinite(found.first_contact[k]) or found.undecided[k]:
-            ledger.violations.append(_contact(pair, float(bodies.padding[k]), found, k))
+    for k in np.flatnonzero(np.isfinite(found.first_contact) | found.undecided).tolist():
+        ledger.violations.append(_contact(bodies.pairs[k], float(bodies.padding[k]), found, k))
     _clearance_margins(ledger, bodies, found)
     ledger.statistics |= found.statistics | {"collision_seconds": clock.perf_counter() - began}
     if not bodies.pairs:

@@ -14,7 +14,7 @@ A point cloud is the union of the cells of its grid (an octree's leaves).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -92,6 +92,7 @@ def _bounded(shape: Shape, points: Array, thickness: float, convex: bool) -> Sol
     return Solid(shape, center, 0.5 * (upper - lower), radius, points, convex)
 
 
+@lru_cache(maxsize=512)
 def _mesh_solid(mesh: Mesh) -> Solid:
     if mesh.convex and not _is_flat(mesh.vertices):
         # A hull of the corners again: it holds the mesh even where the flag is wrong.

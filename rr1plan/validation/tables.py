@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.scene import Scene
+from rr1plan.robot import Robot
+from rr1plan.scene import Arm, Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere
 from rr1plan.validation.apart import (
     BOUND,
@@ -39,12 +43,12 @@ class Setting:
     Args:
         columns: Their names, units and limits.
         motion: Its links at rest.
-        bodies: Its bodies and pairs.
-        searched: Which pairs of shapes the compiled search takes, shape (k,): both convex, or one a half-space.
         steps: Links that move, after their parents, shape (s, 4).
         frames: Their joints, shape (s, 17).
         joints: The moving joints, shape (j, 3).
         links: Poses of all links, those that move anywhere, shape (links, 12).
+        bodies: Its bodies and pairs.
+        searched: Which pairs of shapes the compiled search takes, shape (k,): both convex, or one a half-space.
         kinds: Kinds of the bodies, shape (b, 6).
         sizes: Sizes and places of the bodies on their links, shape (b, 23); of a half-space its world plane.
         corners: Corners of all hulls, shape (3, n).
@@ -56,12 +60,12 @@ class Setting:
 
     columns: Columns
     motion: SceneMotion
-    bodies: Bodies
-    searched: Mask
     steps: Table
     frames: Array
     joints: Table
     links: Array
+    bodies: Bodies
+    searched: Mask
     kinds: Table
     sizes: Array
     corners: Array
@@ -89,28 +93,48 @@ def setting_of(scene: Scene, joint_names: tuple[str, ...]) -> Setting:
     return found
 
 
+class Linkage(NamedTuple):
+    """What of a setting its arms decide, whatever is around them; for the fields see `Setting`."""
+
+    columns: Columns
+    motion: SceneMotion
+    steps: Table
+    frames: Array
+    joints: Table
+    links: Array
+
+
+@dataclass(frozen=True)
+class _Arms:
+    """Arms by what a linkage depends on: those with equal keys have the same."""
+
+    key: tuple[tuple[str, Robot, bytes, bytes], ...]
+    joint_names: tuple[str, ...]
+    arms: Mapping[str, Arm] = field(compare=False)
+
+
+@lru_cache(maxsize=32)
+def _linkage(arms: _Arms) -> Linkage:
+    names = arms.joint_names
+    motion = SceneMotion(arms.arms, names, np.zeros(1), np.zeros((1, 1, len(names))))
+    return Linkage(columns_of(arms.arms, names), motion, *_steps(motion), _joints(motion), _links(motion))
+
+
 def _build(scene: Scene, joint_names: tuple[str, ...]) -> Setting:
-    motion = SceneMotion(scene, joint_names, np.zeros(1), np.zeros((1, 1, len(joint_names))))
-    bodies = Bodies(scene, motion)
-    steps, frames = _steps(motion)
+    key = tuple((name, arm.robot, arm.base.tobytes(), arm.q.tobytes()) for name, arm in scene.arms.items())
+    linkage = _linkage(_Arms(key, joint_names, scene.arms))
+    bodies = Bodies(scene, linkage.motion)
     kinds, corners = _kinds(bodies)
-    links = _links(motion)
-    chains = np.array([j for row in bodies.moved for j in np.flatnonzero(row)], dtype=np.int64)
     searched = _searched(bodies)
     item = np.flatnonzero(searched)
     return Setting(
-        columns_of(scene, joint_names),
-        motion,
+        *linkage,
         bodies,
         searched,
-        steps,
-        frames,
-        _joints(motion),
-        links,
         kinds,
-        _sizes(bodies, links),
+        _sizes(bodies, linkage.links),
         corners,
-        chains,
+        np.nonzero(bodies.moved)[1].astype(np.int64),
         np.flatnonzero(bodies.moved.any(axis=1)).astype(np.int64),
         _pairs(bodies, item),
         bodies.padding[bodies.pair[item]],

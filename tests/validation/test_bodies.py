@@ -20,7 +20,7 @@ Make = Callable[..., Any]
 
 def still_life(scene: rp.Scene) -> tuple[SceneMotion, Bodies]:
     names = scene.joint_names()
-    motion = SceneMotion(scene, names, np.zeros(1), np.zeros((1, 1, len(names))))
+    motion = SceneMotion(scene.arms, names, np.zeros(1), np.zeros((1, 1, len(names))))
     return motion, Bodies(scene, motion)
 
 

@@ -15,7 +15,7 @@ from rr1plan.validation.motion import SceneMotion, drives
 
 
 def assert_agree(scene: rp.Scene, trajectory: rp.Trajectory, times: np.ndarray) -> None:
-    motion = SceneMotion(scene, trajectory.joint_names, trajectory.breaks, trajectory.coefficients)
+    motion = SceneMotion(scene.arms, trajectory.joint_names, trajectory.breaks, trajectory.coefficients)
     frames = motion.frames(motion.positions(*motion.locate(times)))
     for n, t in enumerate(times):
         q = dict(zip(trajectory.joint_names, trajectory(t), strict=True))
