@@ -58,6 +58,22 @@ class Trajectory(Value):
 
     # ---- construction ------------------------------------------------------------------
 
+    @classmethod
+    def trusted(cls, joint_names: tuple[str, ...], breaks: Array, coefficients: Array) -> Trajectory:
+        """A trajectory of values that are known to be right: nothing is checked or copied, the arrays become read-only.
+
+        For code that has just made the arrays; see the class for what they must be.
+        """
+        made = object.__new__(cls)
+        values = (
+            ("joint_names", joint_names),
+            ("breaks", read_only(breaks)),
+            ("coefficients", read_only(coefficients)),
+        )
+        for name, value in values:
+            object.__setattr__(made, name, value)
+        return made
+
     @staticmethod
     def rest(joint_names: tuple[str, ...], q: Any, start: float = 0.0, duration: float = 0.0) -> Trajectory:
         """Standing still at q (nq,) for `duration` [s]."""

@@ -164,3 +164,12 @@ def test_wrong_calls_are_refused() -> None:
             still.sample(factor)
     with pytest.raises(InputError, match="not finite"):
         still(float("nan"))
+
+
+def test_a_trusted_trajectory_is_what_the_constructor_makes() -> None:
+    breaks, coefficients = np.array([0.0, 1.0]), np.array([[[0.0], [1.0]]])
+    trusted = Trajectory.trusted(("a/x",), breaks, coefficients)
+    assert trusted.allclose(Trajectory(("a/x",), breaks, coefficients), atol=0.0)
+    with pytest.raises(ValueError, match="read-only"):
+        trusted.coefficients[0, 0, 0] = 1.0
+    assert pickle.loads(pickle.dumps(trusted)).allclose(trusted, atol=0.0)

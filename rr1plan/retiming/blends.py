@@ -20,7 +20,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels import polyline
+from rr1plan._kernels import blended, polyline
 from rr1plan.checks import Array
 
 DUPLICATE = 1e-9
@@ -33,6 +33,9 @@ _REVERSAL = 1e-3
 _SMALLEST = 1e-8
 
 _corners: Callable[[Array, float], NDArray[np.int64]] = polyline.corners
+_largest_blends: Callable[[Array, float, float, float], Array] = blended.largest_blends
+_blend: Callable[[Array, int, float], Array] = blended.blend
+_round_corners: Callable[[Array, Array, float], tuple[Array, Array, NDArray[np.int64]]] = blended.round_corners
 
 
 class CurveChecker(Protocol):
@@ -71,13 +74,6 @@ def clean(waypoints: Array) -> Array:
     return np.asarray(waypoints[_corners(waypoints, DUPLICATE)])
 
 
-def directions(points: Array) -> tuple[Array, Array]:
-    """Unit direction (m - 1, nq) and length (m - 1,) [rad] of every edge."""
-    edges = np.diff(points, axis=0)
-    lengths = np.linalg.norm(edges, axis=1)
-    return edges / lengths[:, None], lengths
-
-
 def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -> Array:
     """How far before and behind each waypoint its blend reaches [rad], shape (m,); zero means a stop.
 
@@ -86,49 +82,28 @@ def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -
         max_blend: Largest size [rad].
         checker: What certifies a blend; None for a curve that needs no certificate.
     """
-    unit, lengths = directions(points)
-    sizes = np.zeros(len(points))
-    sizes[1:-1] = np.minimum(max_blend, 0.5 * np.minimum(lengths[:-1], lengths[1:]))
-    sizes[1:-1][np.linalg.norm(unit[:-1] + unit[1:], axis=1) < _REVERSAL] = 0.0
-    smallest = _SMALLEST * lengths.sum()
-    sizes[sizes < smallest] = 0.0
-    if checker is None:
-        return sizes
-    undecided = np.flatnonzero(sizes)
-    for _ in range(HALVINGS):
-        if not undecided.size:
-            break
-        blends = zip(undecided, _blends(points, unit, sizes, undecided), strict=True)
-        refused = [i for i, blend in blends if not checker.polynomial_is_free(blend, 2.0 * float(sizes[i]))]
-        sizes[refused] *= 0.5
-        sizes[sizes < smallest] = 0.0
-        undecided = np.array([i for i in refused if sizes[i] > 0.0], dtype=np.intp)
-    sizes[undecided] = 0.0
+    sizes = _largest_blends(points, max_blend, _REVERSAL, _SMALLEST)
+    if checker is not None and sizes.any():
+        smallest = _SMALLEST * float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        for i in np.flatnonzero(sizes).tolist():
+            sizes[i] = _certified_size(points, i, float(sizes[i]), smallest, checker)
     return sizes
+
+
+def _certified_size(points: Array, i: int, size: float, smallest: float, checker: CurveChecker) -> float:
+    """The largest certified size of a blend that halving leads to, or zero."""
+    for _ in range(HALVINGS):
+        if size < smallest:
+            break
+        if checker.polynomial_is_free(_blend(points, i, size), 2.0 * size):
+            return size
+        size *= 0.5
+    return 0.0
 
 
 def curves(points: Array, sizes: Array) -> list[Curve]:
     """The rounded polyline, cut where the motion stops."""
-    unit, lengths = directions(points)
-    # edge, blend at its end, next edge, ...: what has no extent is left out
-    extents = np.zeros(2 * len(unit))
-    coefficients = np.zeros((len(extents), 3, points.shape[1]))
-    lines = lengths - sizes[:-1] - sizes[1:]
-    extents[::2] = np.where(lines > DUPLICATE * lengths, lines, 0.0)
-    coefficients[::2, 0] = points[:-1] + sizes[:-1, None] * unit
-    coefficients[::2, 1] = unit
-    blended = np.flatnonzero(sizes)
-    extents[2 * blended - 1] = 2.0 * sizes[blended]
-    coefficients[2 * blended - 1] = _blends(points, unit, sizes, blended)
+    lengths, coefficients, before = _round_corners(points, sizes, DUPLICATE)
     stops = [0, *(np.flatnonzero(sizes[1:] == 0.0) + 1).tolist()]
-    done = []
-    for first, last in pairwise(stops):
-        kept = np.flatnonzero(extents[2 * first : 2 * last]) + 2 * first
-        done.append(Curve(extents[kept], coefficients[kept], (first, last)))
-    return done
-
-
-def _blends(points: Array, unit: Array, sizes: Array, where: NDArray[np.intp]) -> Array:
-    """The parabolas at some inner waypoints, shape (len(where), 3, nq)."""
-    before, behind, size = unit[where - 1], unit[where], sizes[where, None]
-    return np.stack([points[where] - size * before, before, (behind - before) / (4.0 * size)], axis=1)
+    parts = [slice(int(before[first]), int(before[last])) for first, last in pairwise(stops)]
+    return [Curve(lengths[at], coefficients[at], ends) for at, ends in zip(parts, pairwise(stops), strict=True)]

@@ -26,7 +26,7 @@ from rr1plan.path import Path
 from rr1plan.retiming.blends import Curve, CurveChecker, blend_sizes, clean, curves
 from rr1plan.retiming.finite import check_limits
 from rr1plan.retiming.pieces import Pieces, as_trajectory, concatenate
-from rr1plan.retiming.speed import stopping_duration, time_curve
+from rr1plan.retiming.speed import time_polyline
 from rr1plan.retiming.torque import InverseDynamics, check_gravity, within_torque
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
@@ -132,37 +132,32 @@ def _share(name: str, value: float) -> float:
 def _blend(work: Work) -> list[Pieces]:
     """Blends where they are free; where timing them fails or is slower, rest at the corners."""
     checker = work.checker() if len(work.points) > 2 and work.max_blend > 0.0 else None
-    sizes = blend_sizes(work.points, work.max_blend, checker)
-    parts: list[Pieces] = []
-    for curve in curves(work.points, sizes):
-        parts += _blended(work, curve)
-    return parts
-
-
-def _blended(work: Work, curve: Curve) -> list[Pieces]:
-    if curve.is_line:
-        return [_time(work, curve)]
-    begin, end = curve.corners
-    points = work.points[begin : end + 1]
-    try:
-        smooth = _time(work, curve)
-        if work.inverse_dynamics is not None or smooth.duration <= stopping_duration(points, work.limits):
-            return [smooth]
-    except RetimingError as error:
-        logger.info("resting at waypoints %d to %d: %s", begin, end, error)
-    return [_time(work, line) for line in curves(points, np.zeros(len(points)))]
+    return _time(work, blend_sizes(work.points, work.max_blend, checker))
 
 
 def _stop(work: Work) -> list[Pieces]:
-    return [_time(work, line) for line in curves(work.points, np.zeros(len(work.points)))]
+    return _time(work, np.zeros(len(work.points)))
 
 
-def _time(work: Work, curve: Curve) -> Pieces:
+def _time(work: Work, sizes: Array) -> list[Pieces]:
     if work.inverse_dynamics is None:
-        return time_curve(curve, work.limits).within(work.limits)
+        return [time_polyline(work.points, sizes, work.limits)]
+    return [part for curve in curves(work.points, sizes) for part in _time_with_torque(work, curve)]
+
+
+def _time_with_torque(work: Work, curve: Curve) -> list[Pieces]:
     from rr1plan.retiming.toppra_ import time_curve_with_torque
 
-    return time_curve_with_torque(curve, work.limits, work.inverse_dynamics).within(work.limits)
+    assert work.inverse_dynamics is not None
+    begin, end = curve.corners
+    try:
+        return [time_curve_with_torque(curve, work.limits, work.inverse_dynamics).within(work.limits)]
+    except RetimingError as error:
+        if end - begin == 1:
+            raise
+        logger.info("resting at waypoints %d to %d: %s", begin, end, error)
+    points = work.points[begin : end + 1]
+    return [part for line in curves(points, np.zeros(len(points))) for part in _time_with_torque(work, line)]
 
 
 def _ruckig(work: Work) -> list[Pieces]:

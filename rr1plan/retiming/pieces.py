@@ -65,5 +65,9 @@ def as_trajectory(joint_names: tuple[str, ...], pieces: Pieces) -> Trajectory:
     kept = pieces.durations > SHORTEST
     if not kept.any():
         return Trajectory.rest(joint_names, pieces.coefficients[0, 0])
-    breaks = np.concatenate([[0.0], np.cumsum(pieces.durations[kept])])
-    return Trajectory(joint_names, breaks, pieces.coefficients[kept])
+    breaks = np.zeros(np.count_nonzero(kept) + 1)
+    np.cumsum(pieces.durations[kept], out=breaks[1:])
+    if not (np.isfinite(breaks[-1]) and (breaks[1:] > breaks[:-1]).all()):
+        # Pieces that are lost beside the whole: the constructor says where.
+        return Trajectory(joint_names, breaks, pieces.coefficients[kept])
+    return Trajectory.trusted(joint_names, breaks, pieces.coefficients[kept])

@@ -13,18 +13,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels import parameterize
+from rr1plan._kernels import blended, parameterize
 from rr1plan.checks import Array
 from rr1plan.errors import RetimingError
 from rr1plan.limits import Limits
-from rr1plan.retiming.blends import Curve, directions
+from rr1plan.retiming.blends import DUPLICATE, Curve
 from rr1plan.retiming.pieces import Pieces
 
 _PER_RADIAN = 12.0
 
 _count_intervals: Callable[..., NDArray[np.int64]] = parameterize.count_intervals
 _make_grid: Callable[..., tuple[NDArray[np.int64], Array, Array]] = parameterize.make_grid
-_time_curve: Callable[..., tuple[Array, Array]] = parameterize.time_curve
+_time_polyline: Callable[..., tuple[Array, Array, bool, int]] = blended.time_polyline
 _put_on_clock: Callable[..., None] = parameterize.put_on_clock
 
 
@@ -77,22 +77,25 @@ def line_rates(direction: Array, limits: Limits) -> tuple[Array, Array, Array]:
     return speed, acceleration, jerk
 
 
-def time_curve(curve: Curve, limits: Limits) -> Pieces:
-    """A curve from rest to rest, as fast as velocity and acceleration limits allow on the grid.
+def time_polyline(points: Array, sizes: Array, limits: Limits) -> Pieces:
+    """A rounded polyline from rest to rest, as fast as velocity and acceleration limits allow on the grid.
+
+    The motion rests at waypoints without a blend, and at those where a blend would be slower.
 
     Args:
-        curve: The curve.
+        points: Cleaned waypoints [rad], shape (m, nq), m >= 2.
+        sizes: How far before and behind each its blend reaches [rad], shape (m,).
         limits: Velocity and acceleration limits, finite for joints that move.
 
     Raises:
         RetimingError: numbers so large or small that no speed is left; says between which waypoints.
     """
-    grid = make_grid(curve, count_intervals(curve, limits))
-    durations, coefficients = _time_curve(curve.coefficients, *grid, limits.velocity, limits.acceleration)
-    if not np.isfinite(durations).all():
-        begin, end = curve.corners
-        raise RetimingError(f"no speed between waypoints {begin} and {end}; try method 'stop' or wider limits")
-    return Pieces(durations, coefficients if curve.coefficients[:, 2].any() else coefficients[:, :3])
+    durations, coefficients, bent, failed = _time_polyline(
+        points, sizes, limits.velocity, limits.acceleration, _PER_RADIAN, DUPLICATE
+    )
+    if failed >= 0:
+        raise RetimingError(f"no speed between waypoints {failed - 1} and {failed}; try wider limits")
+    return Pieces(durations, coefficients if bent else coefficients[:, :3])
 
 
 def timed(curve: Curve, grid: Grid, x: Array) -> Pieces:
@@ -101,11 +104,3 @@ def timed(curve: Curve, grid: Grid, x: Array) -> Pieces:
     durations, coefficients = np.empty(n), np.empty((n, 5, nq))
     _put_on_clock(curve.coefficients, *grid, x, durations, coefficients)
     return Pieces(durations, coefficients if curve.coefficients[:, 2].any() else coefficients[:, :3])
-
-
-def stopping_duration(points: Array, limits: Limits) -> float:
-    """Time a polyline (n, nq) takes with rest at every point, in closed form [s]."""
-    unit, lengths = directions(points)
-    speed, acceleration, _ = line_rates(unit, limits)
-    peak = np.minimum(speed, np.sqrt(acceleration * lengths))
-    return float((lengths / peak + peak / acceleration).sum())

@@ -164,21 +164,36 @@ def test_blends_that_collide_are_not_driven(tools):
 
 
 def test_a_failing_solver_falls_back_to_stops(tools, monkeypatch, caplog):
-    from rr1plan.retiming import methods
+    from rr1plan.retiming import toppra_
 
-    time_curve = methods.time_curve
+    time_curve = toppra_.time_curve_with_torque
 
-    def fail(curve, limits):
+    def fail(curve, limits, inverse_dynamics):
         if curve.is_line:
-            return time_curve(curve, limits)
+            return time_curve(curve, limits, inverse_dynamics)
         raise rp.RetimingError("no speed")
 
-    monkeypatch.setattr(methods, "time_curve", fail)
     points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
+    stops = tools.retime_points(points, method="stop", torque_limits=True)
+    monkeypatch.setattr(toppra_, "time_curve_with_torque", fail)
     with caplog.at_level(logging.INFO, logger="rr1plan"):
-        trajectory = tools.retime_points(points)
-    assert trajectory.allclose(tools.retime_points(points, method="stop"))
+        trajectory = tools.retime_points(points, torque_limits=True)
+    assert trajectory.allclose(stops)
     assert "resting at waypoints 0 to 2" in caplog.text
+
+
+def test_corners_that_are_faster_from_rest_to_rest_get_a_stop_and_the_others_none(tools):
+    # past the second corner only the slow joint moves: a blend there would hold up the fast one
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 1.0], [2.0, 1.001], [2.0, 2.0]])
+    limits = tools.limits_of(2, [10.0, 0.02], [50.0, 0.02])
+    both = tools.retime_points(points, limits, max_blend=0.4)
+    assert both.duration <= tools.retime_points(points, limits, "stop").duration * (1.0 + 1e-12)
+    tools.check_motion(both, points, limits)
+
+
+def test_limits_that_leave_no_speed_are_an_error_that_says_where(tools):
+    with pytest.raises(rp.RetimingError, match="between waypoints 0 and 1"):
+        tools.retime_points([[0.0], [1.0]], tools.limits_of(1, 1e-300, 1e-300))
 
 
 def test_the_state_to_state_motion_is_only_driven_when_certified(tools):
