@@ -6,75 +6,114 @@ may do is said in words by `Scene.may_touch` and `Scene.padding_of`; the tables 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, read_only
 
 Indices = NDArray[np.int64]
+_Names = frozenset[str]
 
 
-class Elements:
-    """The elements of a scene by index, for rules that name them.
+@dataclass(frozen=True)
+class RuleContent:
+    """All that decides which pairs of elements need a check, to compare.
 
     Args:
         names: All elements.
         owners: The arm each moves with, None for an obstacle.
+        arms: Of each arm its name, its base link, and pairs of its links that need no check.
+        held: Of each attached object its name, its arm, its link, and the links it may touch.
+        allowed: Pairs of elements or arms that may touch.
     """
 
-    def __init__(self, names: Sequence[str], owners: Sequence[str | None]) -> None:
-        self._count = len(names)
-        self._index = {name: i for i, name in enumerate(names)}
+    names: tuple[str, ...]
+    owners: tuple[str | None, ...]
+    arms: tuple[tuple[str, str, frozenset[_Names]], ...]
+    held: tuple[tuple[str, str, str, _Names], ...]
+    allowed: frozenset[_Names]
+
+
+@lru_cache(maxsize=128)
+def rules_of(content: RuleContent) -> ContactRules:
+    """The rules of a scene; scenes whose rules are equal get the same, wherever their obstacles are."""
+    return ContactRules(content)
+
+
+class ContactRules:
+    """Which pairs of elements must not touch, and how far apart they have to be.
+
+    Args:
+        content: What the rules say.
+
+    Attributes:
+        names: All elements.
+        obstacles: Which of them are obstacles [index].
+    """
+
+    def __init__(self, content: RuleContent) -> None:
+        self._content = content
+        self.names = content.names
+        self._count = len(content.names)
+        self._index = {name: i for i, name in enumerate(content.names)}
         self._of_arm: dict[str, list[int]] = {}
-        self._obstacles: list[int] = []
-        for i, arm in enumerate(owners):
+        self.obstacles: list[int] = []
+        for i, arm in enumerate(content.owners):
             if arm is None:
-                self._obstacles.append(i)
+                self.obstacles.append(i)
             else:
                 self._of_arm.setdefault(arm, []).append(i)
 
-    def checked(
-        self, apart: Iterable[tuple[str, str]], still: Iterable[str], allowed: Iterable[frozenset[str]]
-    ) -> Indices:
-        """The pairs that must not touch, by ascending indices, shape (m, 2).
-
-        Args:
-            apart: Pairs of elements that need no check; names of nothing are passed over.
-            still: Elements that need no check against obstacles, as no obstacle does.
-            allowed: Pairs of elements or arms that may touch.
-        """
+    @cached_property
+    def checked(self) -> Indices:
+        """The pairs that must not touch, by ascending indices, shape (m, 2)."""
         index = self._index
         checked = np.ones((self._count, self._count), dtype=np.bool_)
-        pairs = [(index[a], index[b]) for a, b in apart if a in index and b in index]
+        # Names of elements without a shape are passed over.
+        pairs = [(index[a], index[b]) for a, b in self._apart() if a in index and b in index]
         rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         checked[rows, columns] = checked[columns, rows] = False
-        fixed = self._obstacles + [index[name] for name in still if name in index]
-        checked[np.ix_(fixed, self._obstacles)] = checked[np.ix_(self._obstacles, fixed)] = False
-        for both in allowed:
+        still = [f"{arm}/{base}" for arm, base, _ in self._content.arms]
+        fixed = self.obstacles + [index[name] for name in still if name in index]
+        checked[np.ix_(fixed, self.obstacles)] = checked[np.ix_(self.obstacles, fixed)] = False
+        for both in self._content.allowed:
             if len(both) == 2:
                 one, two = (self._members(name) for name in both)
                 checked[np.ix_(one, two)] = checked[np.ix_(two, one)] = False
-        return np.argwhere(np.triu(checked, 1))
+        return read_only(np.argwhere(np.triu(checked, 1)))
 
-    def paddings(self, pairs: Indices, general: float, special: Mapping[frozenset[str], float]) -> Array:
-        """Distance to keep between the elements of each pair [m], shape (m,).
+    def paddings(self, general: float, special: Mapping[_Names, float]) -> Array:
+        """Distance to keep between the elements of each checked pair [m], shape (m,).
 
         Args:
-            pairs: Pairs of elements by ascending indices, shape (m, 2).
             general: What counts where no rule says otherwise [m].
             special: Distances of pairs of elements or arms [m].
         """
         if not special:
-            return np.full(len(pairs), general)
+            return np.full(len(self.checked), general)
         table = np.full((self._count, self._count), general)
         for _, first, second, distance in sorted(self._blocks(special), key=itemgetter(0)):
             table[np.ix_(first, second)] = distance
-        return table[pairs[:, 0], pairs[:, 1]]
+        return table[self.checked[:, 0], self.checked[:, 1]]
 
-    def _blocks(self, special: Mapping[frozenset[str], float]) -> Iterator[tuple[int, list[int], list[int], float]]:
+    def _apart(self) -> Iterator[tuple[str, str]]:
+        """Pairs of one arm's links and held objects that need no check."""
+        for arm, _, never in self._content.arms:
+            for one, *two in map(tuple, never):
+                yield f"{arm}/{one}", f"{arm}/{two[0] if two else one}"
+        for name, arm, link, touch in self._content.held:
+            for near in touch | {link}:
+                yield name, f"{arm}/{near}"
+            for other, *also, _ in self._content.held:
+                if also == [arm, link]:
+                    yield name, other
+
+    def _blocks(self, special: Mapping[_Names, float]) -> Iterator[tuple[int, list[int], list[int], float]]:
         """Parts of the table of paddings: rank (of two rules the higher counts), rows, columns, distance."""
         for both, distance in special.items():
             # An arm's name alone is about the arm's own pairs.

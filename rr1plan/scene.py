@@ -7,7 +7,7 @@ slash). A pair that may touch is a pair of such names; a whole arm's name stands
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, Value, finite_number, known_name, read_only
-from rr1plan.contact_rules import Elements
+from rr1plan.contact_rules import ContactRules, RuleContent, rules_of
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.robot import Color, Geometry, Robot, feed_digest
@@ -276,29 +276,25 @@ class Scene(Value):
     @cached_property
     def checked_index(self) -> NDArray[np.int64]:
         """Indices in `element_names` of the `checked_pairs`, shape (m, 2)."""
-        still = [f"{name}/{arm.robot.base}" for name, arm in self.arms.items()]
-        return read_only(self._elements.checked(self._apart(), still, self.allowed))
+        return self.contact_rules.checked
 
     @cached_property
     def checked_padding(self) -> Array:
         """Distance to keep between each of the `checked_pairs` [m], shape (m,)."""
-        return read_only(self._elements.paddings(self.checked_index, self.padding, self.pair_padding))
+        return read_only(self.contact_rules.paddings(self.padding, self.pair_padding))
 
     @cached_property
-    def _elements(self) -> Elements:
-        return Elements(self.element_names, [self.owner(name) for name in self.element_names])
-
-    def _apart(self) -> Iterator[tuple[str, str]]:
-        """Pairs of one arm's links and held objects that need no check."""
-        for name, arm in self.arms.items():
-            for one, *two in map(tuple, arm.robot.never_collide):
-                yield f"{name}/{one}", f"{name}/{two[0] if two else one}"
-        for name, held in self.attachments.items():
-            for link in held.touch | {held.link}:
-                yield name, f"{held.arm}/{link}"
-            for other, also in self.attachments.items():
-                if (also.arm, also.link) == (held.arm, held.link):
-                    yield name, other
+    def contact_rules(self) -> ContactRules:
+        """Which pairs of elements must not touch; scenes that agree in that share it."""
+        names, held = self.element_names, self.attachments.items()
+        content = RuleContent(
+            names,
+            tuple(self.owner(name) for name in names),
+            tuple((name, arm.robot.base, frozenset(arm.robot.never_collide)) for name, arm in self.arms.items()),
+            tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
+            self.allowed,
+        )
+        return rules_of(content)
 
     @cached_property
     def content_hash(self) -> str:
@@ -379,7 +375,7 @@ class Scene(Value):
 
     def _padded(self, padding: float, pair_padding: Mapping[Pair, float]) -> Scene:
         other = replace(self, padding=padding, pair_padding=pair_padding)
-        for name in ("kept_for_any_padding", "element_names", "checked_index", "_elements"):
+        for name in ("kept_for_any_padding", "element_names", "contact_rules"):
             other.__dict__[name] = getattr(self, name)
         return other
 

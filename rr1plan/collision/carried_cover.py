@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.cores import Cores, extremes
-from rr1plan.collision.layout import Carried
+from rr1plan.collision.carried import Carried
+from rr1plan.collision.cores import Cores, CoreTables, extremes
 from rr1plan.collision.spheres import SphereCover, cover
 from rr1plan.collision.tables import CarriedTables, carried_tables, joint_motion
 from rr1plan.transforms import rotation_about
@@ -26,7 +26,7 @@ class CarriedCover:
 
     Args:
         joints, joint_values, bodies, spheres, chain, chain_reach: As there.
-        cores, core_values, points, blocks: As there; the cores of the bodies, in their order.
+        cores: The cores of the bodies, in their order.
         body: Index in `bodies` of each carried solid, -1 where it rests, shape (n,).
     """
 
@@ -36,10 +36,7 @@ class CarriedCover:
     spheres: Array
     chain: _INTS
     chain_reach: Array
-    cores: _INTS
-    core_values: Array
-    points: Array
-    blocks: Array
+    cores: CoreTables
     body: _INTS
 
 
@@ -82,8 +79,16 @@ def carried_cover(carried: Carried) -> CarriedCover:
         cores.add(above[0], solid.shape, T)
         reach += _reaches(joints, above, np.concatenate([rows[:, :3], extremes(solid.shape) @ T[:3, :3].T + T[:3, 3]]))
         first += len(rows)
-    arrays = (joints.rows, joints.values, bodies, np.concatenate(spheres), np.array(chain, np.int64), np.array(reach))
-    return CarriedCover(*map(read_only, (*arrays, *cores.arrays(), body)))
+    return CarriedCover(
+        read_only(joints.rows),
+        read_only(joints.values),
+        read_only(bodies),
+        read_only(np.concatenate(spheres)),
+        read_only(np.array(chain, np.int64)),
+        read_only(np.array(reach)),
+        cores.tables(),
+        read_only(body),
+    )
 
 
 def matrix(flat: Array) -> Array:

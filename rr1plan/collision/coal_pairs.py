@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.layout import Solid
+from rr1plan.collision.carried import Solid
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.model import SceneModel
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +18,17 @@ from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 _INTS = NDArray[np.int64]
 
 
+class CoreTables(NamedTuple):
+    """The `cores`, `core_values`, `points` and `blocks` of `rr1plan._kernels.cover.Cover`, or some of them."""
+
+    rows: _INTS
+    values: Array
+    points: Array
+    blocks: Array
+
+
 class Cores:
-    """Rows of the kernel's `cores`, `core_values`, `points` and `blocks`, as they are added."""
+    """Rows of the kernel's tables, as they are added."""
 
     def __init__(self) -> None:
         self._rows: list[tuple[int, int, int, int, int]] = []
@@ -46,11 +57,25 @@ class Cores:
         self._block_count += len(blocks)
         return len(self._rows) - 1
 
-    def arrays(self) -> tuple[_INTS, Array, Array, Array]:
-        """The four tables."""
+    def tables(self) -> CoreTables:
+        """What was added, counted from zero."""
         rows = np.array(self._rows, np.int64).reshape(-1, 5)
         points, blocks = (np.ascontiguousarray(np.concatenate(parts)) for parts in (self._points, self._blocks))
-        return rows, np.array(self._values).reshape(-1, 5), points, blocks
+        return CoreTables(*map(read_only, (rows, np.array(self._values).reshape(-1, 5), points, blocks)))
+
+
+def joined_cores(parts: Sequence[CoreTables]) -> tuple[CoreTables, list[int]]:
+    """Tables as one, and how many cores come before those of each part."""
+    before, points, blocks = [0], 0, 0
+    full = []
+    for part in parts:
+        if len(part.rows):
+            full.append(part._replace(rows=part.rows + np.array([0, points, points, 0, blocks])))
+        before.append(before[-1] + len(part.rows))
+        points, blocks = points + len(part.points), blocks + len(part.blocks)
+    if len(full) == 1:
+        return full[0], before[:-1]
+    return CoreTables(*(np.concatenate(tables) for tables in zip(*(full or parts), strict=True))), before[:-1]
 
 
 @lru_cache(maxsize=512)

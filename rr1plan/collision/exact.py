@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from rr1plan._kernels.clearance import least_clearance as _least_clearance_untyped
 from rr1plan.checks import Array, finite_array, read_only
+from rr1plan.collision.carried import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
-from rr1plan.collision.layout import Solid, layout_of
+from rr1plan.collision.layout import layout_of
 from rr1plan.collision.tables import Tables, build_resting_tables, build_tables
 from rr1plan.limits import Limits
 from rr1plan.model import SceneModel
@@ -102,8 +103,8 @@ class CollisionChecker:
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None) -> None:
         self.model = SceneModel(scene, arms)
         self.layout = layout_of(self.model)
-        self.solid_pairs: NDArray[np.int64] = self.layout.moving
-        self.solid_owner: NDArray[np.int64] = self.layout.moving_owner
+        self.solid_pairs: NDArray[np.int64] = self.layout.pairs.moving
+        self.solid_owner: NDArray[np.int64] = self.layout.pairs.moving_owner
         self.solid_padding: Array = read_only(scene.checked_padding[self.solid_owner])
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -285,7 +286,7 @@ class CollisionChecker:
 
     def _resting_clearance(self, most: float) -> float:
         """The least distance beyond their padding of pairs that do not move against each other [m], `most` at most."""
-        if len(self.layout.resting) == 0:
+        if len(self.layout.pairs.resting) == 0:
             return most
         tables = build_resting_tables(self)
         if tables is None:
@@ -295,7 +296,7 @@ class CollisionChecker:
 
     @cached_property
     def _resting(self) -> _Resting:
-        index, owner = self.layout.resting, self.layout.resting_owner
+        index, owner = self.layout.pairs.resting, self.layout.pairs.resting_owner
         distances = np.full(len(self.pairs), np.inf)
         if len(index) == 0:
             return _Resting(read_only(distances))

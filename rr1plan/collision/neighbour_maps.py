@@ -18,7 +18,7 @@ from rr1plan._kernels.cover import CELLS
 from rr1plan._kernels.neighbours import count_near as _count_near_untyped
 from rr1plan._kernels.neighbours import map_gaps as _map_gaps_untyped
 from rr1plan.checks import Array
-from rr1plan.collision.layout import Carried
+from rr1plan.collision.carried import Carried
 from rr1plan.collision.tables import CarriedTables, carried_tables, chain_reach, joint_motion
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 

@@ -1,27 +1,26 @@
-"""The plain arrays that the sphere kernel reads: what moves, from `carried_cover`, and what it may meet in a scene."""
+"""The plain arrays that the sphere kernel reads: what moves, and what it may meet in a scene."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.cover import CLOSED_FORM, CYLINDER, HALF_SPACE, LEFT_OUT, ROUNDED_BOX, Cover, Work
+from rr1plan._kernels.cover import Cover, Work
 from rr1plan._kernels.lanes import WIDTH
-from rr1plan.checks import Array
-from rr1plan.collision.carried_cover import CarriedCover, carried_cover, matrix
-from rr1plan.collision.cores import Cores
+from rr1plan.checks import read_only
+from rr1plan.collision.carried_cover import carried_cover
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.neighbour_maps import neighbour_maps
+from rr1plan.collision.obstacle_rows import joined_obstacles, resting_links, standing_obstacle
+from rr1plan.collision.pairs import SolidPairs
 from rr1plan.collision.tables import Tables
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 _INTS = NDArray[np.int64]
 # Intervals of one edge, and what is left of them, that are kept before the whole edge goes to the exact kernel.
 _SPANS = 512
-# Meshes of more corners are left to the exact kernel, which walks along edges instead of looking at all.
-_MOST_POINTS = 2000
 
 
 def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> tuple[Cover, Work]:
@@ -32,21 +31,21 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
         tables: Its tables for the exact kernel.
         tolerance: Gaps beyond the padding smaller than this are no proof [m].
     """
-    carried = carried_cover(checker.layout.carried)
-    meetings, pair_of, resting = _pair_tables(checker, carried)
-    shapes = [checker.solids[b].shape for b in resting]
-    kinds, values, boxes = _obstacle_tables(shapes, tables.poses[resting], tables.body_values[resting])
-    core_of, cores, core_values, points, blocks = _core_tables(carried, shapes, tables.poses[resting], len(kinds))
-    scale = float(np.abs(values).max(initial=0.0)) + float(np.abs(carried.joint_values[:, 9:12]).sum())
+    layout = checker.layout
+    carried, met = carried_cover(layout.carried), _meetings(layout.pairs)
+    still = joined_obstacles(
+        carried.cores, [resting_links(layout.carried), *map(standing_obstacle, layout.standing)], met.obstacles
+    )
+    scale = float(np.abs(still.values).max(initial=0.0)) + float(np.abs(carried.joint_values[:, 9:12]).sum())
     margins = np.array([2.0 * tolerance + 1e-9 + 1e-12 * scale, float(np.max(tables.padding, initial=0.0))])
     # Rounded up, so that maps serve scenes of other sizes too.
     margin = max(10.0 * tolerance, float(margins[0]))
-    met = meetings[:, 3]
-    maps = neighbour_maps(checker.layout.carried, checker.solid_pairs[met], tables.padding[met] + margin)
+    maps = neighbour_maps(layout.carried, met.pairs, tables.padding[met.rows[:, 3]] + margin)
     made = Cover(
         carried.joints, carried.joint_values, carried.bodies, carried.spheres, carried.chain, carried.chain_reach,
-        kinds, values, boxes, pair_of, np.column_stack([meetings, maps.places]), maps.counts, maps.ranges,
-        np.array(tables.padding), cores, core_values, points, blocks, core_of, margins,
+        still.kinds, still.values, np.ascontiguousarray(still.boxes.T), met.pair_of,
+        np.column_stack([met.rows, maps.places]), maps.counts, maps.ranges,
+        tables.padding, *still.cores, still.core_of, margins,
     )  # fmt: skip
     return made, _work(made, checker.nq)
 
@@ -81,85 +80,37 @@ def _work(made: Cover, columns: int) -> Work:
 # ---- pairs -----------------------------------------------------------------------------------------
 
 
-def _pair_tables(checker: CollisionChecker, carried: CarriedCover) -> tuple[_INTS, _INTS, list[int]]:
-    """First columns of the kernel's `meetings`, its `pair_of`, and which solids the obstacles of that are."""
-    standing = np.full(len(checker.solids) - len(carried.body), -1, np.int64)
-    body = np.concatenate([carried.body, standing])
-    one, two = checker.solid_pairs.T
+@dataclass(frozen=True, eq=False)
+class _Meetings:
+    """Who meets whom; columns as in the kernel's `Cover`.
+
+    Args:
+        rows: The first columns of `meetings`.
+        pairs: Those pairs of carried solids [index], shape (m, 2).
+        pair_of: As there.
+        obstacles: Which of the resting links, then of the obstacles it counts [index], and some beyond the last.
+    """
+
+    rows: _INTS
+    pairs: _INTS
+    pair_of: _INTS
+    obstacles: _INTS
+
+
+@lru_cache(maxsize=128)
+def _meetings(pairs: SolidPairs) -> _Meetings:
+    bodies = carried_cover(pairs.carried).body
+    body = np.concatenate([bodies, np.full(len(pairs.surfaceless) - len(bodies), -1, np.int64)])
+    one, two = pairs.moving.T
     number = np.arange(len(one))
     meets = (body[one] >= 0) & (body[two] >= 0)
-    rows = (body[one], body[two], checker.layout.moving_shared, number)
-    meetings = np.column_stack([row[meets] for row in rows])
+    rows = np.column_stack([body[one], body[two], pairs.moving_rows[:, 2], number])[meets]
     one, two, number = one[~meets], two[~meets], number[~meets]
     moving, still = np.where(body[one] >= 0, one, two), np.where(body[one] >= 0, two, one)
-    resting, place = np.unique(still, return_inverse=True)
-    pair_of = np.full((len(carried.bodies), _padded(len(resting))), -1, np.int64)
+    resting = np.flatnonzero(body < 0)
+    chosen, place = np.unique(np.searchsorted(resting, still), return_inverse=True)
+    more = -len(chosen) % WIDTH
+    pair_of = np.full((int(np.count_nonzero(bodies >= 0)), len(chosen) + more), -1, np.int64)
     pair_of[body[moving], place] = number
-    return meetings, pair_of, resting.tolist()
-
-
-def _padded(count: int) -> int:
-    return -(-count // WIDTH) * WIDTH
-
-
-# ---- obstacles -------------------------------------------------------------------------------------
-
-
-def _obstacle_tables(shapes: list[Shape], poses: Array, bodies: Array) -> tuple[_INTS, Array, Array]:
-    """Kinds, values and boxes of what does not move; see the kernel's `Cover`."""
-    many, count = len(shapes), _padded(len(shapes))
-    kinds, values = np.zeros((count, 2), np.int64), np.zeros((count, 16))
-    # What is not there is nowhere near.
-    boxes = np.concatenate([np.full((3, count), np.inf), np.full((3, count), -np.inf)])
-    measures = np.array([_measures(shape) for shape in shapes]).reshape(-1, 6)
-    R, half = poses[:, :9].reshape(-1, 3, 3), bodies[:, 20:23]
-    centres = np.einsum("nij,nj->ni", R, bodies[:, 17:20]) + poses[:, 9:]
-    extents = np.einsum("nij,nj->ni", np.abs(R), half)
-    kinds[:many] = measures[:, :2]
-    values[:many, :9], values[:many, 9:12], values[:many, 12:] = poses[:, :9], centres, measures[:, 2:]
-    around = measures[:, 1] == 0
-    values[:many][around, 12:15] = half[around]
-    boxes[:3, :many], boxes[3:, :many] = (centres - extents).T, (centres + extents).T
-    for i, shape in enumerate(shapes):
-        if isinstance(shape, HalfSpace):
-            normal = R[i] @ np.array(shape.normal)
-            values[i, 9:12] = 0.0
-            values[i, 12:] = *normal, shape.offset + float(normal @ poses[i, 9:])
-            boxes[:3, i], boxes[3:, i] = -np.inf, np.inf
-    return kinds, values, boxes
-
-
-@lru_cache(maxsize=512)
-def _measures(shape: Shape) -> tuple[float, ...]:
-    """Kind, whether that is the shape itself or a box around it, half sizes (of a shape itself) and radius."""
-    match shape:
-        case Sphere(radius):
-            return ROUNDED_BOX, 1, 0.0, 0.0, 0.0, radius
-        case Capsule(radius, length):
-            return ROUNDED_BOX, 1, 0.0, 0.0, 0.5 * length, radius
-        case Cylinder(radius, length):
-            return CYLINDER, 1, radius, radius, 0.5 * length, 0.0
-        case Box((x, y, z)):
-            return ROUNDED_BOX, 1, 0.5 * x, 0.5 * y, 0.5 * z, 0.0
-        case HalfSpace():
-            return HALF_SPACE, 1, 0.0, 0.0, 0.0, 0.0
-        case _:
-            return ROUNDED_BOX, 0, 0.0, 0.0, 0.0, 0.0
-
-
-def _core_tables(
-    carried: CarriedCover, shapes: list[Shape], poses: Array, count: int
-) -> tuple[_INTS, _INTS, Array, Array, Array]:
-    """The kernel's `core_of`, and its `cores` to `blocks`, those of obstacles after those that move."""
-    core_of, added = np.full(count, CLOSED_FORM, np.int64), Cores()
-    for i, shape in enumerate(shapes):
-        if isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
-            core_of[i] = len(carried.cores) + added.add(0, shape, matrix(poses[i]))
-        elif isinstance(shape, Mesh | PointCloud):
-            core_of[i] = LEFT_OUT
-    rows, *others = added.arrays()
-    before = len(carried.points)
-    rows = rows + np.array([0, before, before, 0, len(carried.blocks)])
-    own = (carried.cores, carried.core_values, carried.points, carried.blocks)
-    cores, values, points, blocks = (np.concatenate(both) for both in zip(own, (rows, *others), strict=True))
-    return core_of, cores, values, points, blocks
+    chosen = np.concatenate([chosen, len(resting) + np.arange(more)])
+    return _Meetings(*map(read_only, (rows, pairs.moving[meets], pair_of, chosen)))

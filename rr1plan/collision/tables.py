@@ -1,6 +1,7 @@
 """The plain arrays that the motion kernel reads: those of what the arms carry, then those of the obstacles.
 
-The former are made once for all scenes with the same arms, and a scene's tables once for all paddings.
+The former are made once for all scenes with the same arms, those of an obstacle once for all scenes that have it at the
+same place, and a scene's tables once for all paddings.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from numpy.typing import NDArray
 
 from rr1plan._kernels.separation import BOX, CELLS, CORNERS, CYLINDER, HALF_SPACE, POINT, SEGMENT
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.layout import Carried, Layout, Solid
+from rr1plan.collision.carried import Carried, Solid
+from rr1plan.collision.layout import Layout
 from rr1plan.collision.solids import occupied_cells
+from rr1plan.collision.standing import Standing
 from rr1plan.model import Skeleton
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.transforms import rotation_about
@@ -98,20 +101,18 @@ def build_tables(checker: CollisionChecker) -> Tables:
     Raises:
         InputError: a half-space or a point cloud that would be checked against another one.
     """
-    layout = checker.layout
-    layout.check_kinds()
-    pairs = np.column_stack([layout.oriented(layout.moving), layout.moving_shared])
-    return _with_pairs(_bare_tables(checker), pairs, checker.solid_padding)
+    pairs = checker.layout.pairs
+    pairs.check_kinds(checker.solids)
+    return _with_pairs(_bare_tables(checker), pairs.moving_rows, checker.solid_padding)
 
 
 def build_resting_tables(checker: CollisionChecker) -> Tables | None:
     """The same of the pairs that do not move against each other; None if some cannot be measured by the kernel."""
-    layout = checker.layout
-    pairs = layout.oriented(layout.resting)
-    if layout.surfaceless[pairs].all(axis=1).any():
+    pairs = checker.layout.pairs
+    if pairs.surfaceless[pairs.resting].all(axis=1).any():
         return None
-    pairs = np.column_stack([pairs, np.zeros(len(pairs), np.int64)])
-    return _with_pairs(_bare_tables(checker), pairs, checker.scene.checked_padding[layout.resting_owner])
+    padding = checker.scene.checked_padding[pairs.resting_owner]
+    return _with_pairs(_bare_tables(checker), pairs.resting_rows, padding)
 
 
 def _with_pairs(bare: Tables, pairs: _INTS, padding: Array) -> Tables:
@@ -136,7 +137,7 @@ def _bare_tables(checker: CollisionChecker) -> Tables:
 
 def _joined_tables(layout: Layout) -> Tables:
     carried = carried_tables(layout.carried)
-    rows = _joined(carried.rows, _rows(layout.standing, carried.joint_poses), len(carried.chain))
+    rows = _joined([carried.rows, *map(standing_rows, layout.standing)], len(carried.chain))
     begins = np.concatenate([[0], np.cumsum(rows.degrees)]) + len(rows.corners) + 1
     return Tables(
         carried.joints,
@@ -156,13 +157,22 @@ def _joined_tables(layout: Layout) -> Tables:
     )
 
 
-def _joined(first: Rows, second: Rows, links: int) -> Rows:
-    """Two sets of rows as one, of which the second's bodies have no chains and the first's have so many links."""
-    bodies = second.bodies + np.array([0, 0, len(first.corners), len(first.corners), links, links])
-    names = ("values", "corners", "degrees", "poses", "centres")
-    values, corners, degrees, poses, centres = (np.concatenate([getattr(r, n) for r in (first, second)]) for n in names)
-    neighbours = np.concatenate([first.neighbours, second.neighbours + len(first.corners)])
-    return Rows(np.concatenate([first.bodies, bodies]), values, corners, degrees, neighbours, poses, centres)
+def _joined(parts: list[Rows], links: int) -> Rows:
+    """Rows as one; only the first of them have chains, of so many links."""
+    names = ("bodies", "values", "corners", "degrees", "neighbours", "poses", "centres")
+    joined = Rows(*(np.concatenate([getattr(rows, name) for rows in parts]) for name in names))
+    before = np.cumsum([len(rows.corners) for rows in parts])[:-1]
+    joined.bodies[:, 2:4] += np.repeat([0, *before], [len(rows.bodies) for rows in parts])[:, None]
+    joined.bodies[len(parts[0].bodies) :, 4:] = links
+    if len(joined.neighbours):
+        joined.neighbours[:] += np.repeat([0, *before], [len(rows.neighbours) for rows in parts])
+    return joined
+
+
+@lru_cache(maxsize=1024)
+def standing_rows(standing: Standing) -> Rows:
+    """The tables of an obstacle, made once."""
+    return _rows(standing.solids, _flat(np.eye(4))[None])
 
 
 # ---- what is carried -------------------------------------------------------------------------------

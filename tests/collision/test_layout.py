@@ -5,18 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rr1plan.collision import CollisionChecker, MotionChecker, layout, tables
+from rr1plan.collision import CollisionChecker, MotionChecker, carried, carried_cover, pairs, standing, tables
+from rr1plan.collision.obstacle_rows import standing_obstacle
 from rr1plan.collision.swept import SweptEdges
+from rr1plan.contact_rules import rules_of
 from rr1plan.errors import InputError
 from rr1plan.library import load_scene
 from rr1plan.model import SceneModel, _skeleton
 from rr1plan.scene import Scene
-from rr1plan.shapes import Box, Capsule, HalfSpace, PointCloud, Sphere
+from rr1plan.shapes import Box, Capsule, HalfSpace, Mesh, PointCloud, Sphere
 from rr1plan.transforms import pose
+
+HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], convex=True)
 
 
 def forget() -> None:
-    for kept in (_skeleton, layout._carried, tables.carried_tables):
+    # All else is kept by these.
+    for kept in (_skeleton, carried._carried, standing._standing, pairs._solid_pairs, rules_of):
         kept.cache_clear()
 
 
@@ -53,6 +58,7 @@ def changes(scene: Scene, arm: str) -> dict[str, Scene]:
         "removed": scene.without_obstacle("one"),
         "added": scene.with_obstacle("three", Sphere(0.1), [0.9, 0.1, 0.2]),
         "ground": scene.with_obstacle("three", HalfSpace((0, 0, 1), -0.5)),
+        "hull": scene.with_obstacle("three", HULL, pose([0.9, 0.1, 0.2], rpy=[0.1, 0.2, 0.3])),
         "cloud": scene.with_obstacle("three", PointCloud(np.array([[0.9, 0.9, 0.9], [1.0, 0.9, 0.9]]))),
         "attached": held,
         "held otherwise": scene.attach("one", arm, pose=pose([0, 0, 0.2])),
@@ -68,7 +74,19 @@ def changes(scene: Scene, arm: str) -> dict[str, Scene]:
 
 
 CHANGES = (
-    *("moved", "reshaped", "removed", "added", "ground", "cloud", "attached", "held otherwise", "detached", "allowed"),
+    *(
+        "moved",
+        "reshaped",
+        "removed",
+        "added",
+        "ground",
+        "hull",
+        "cloud",
+        "attached",
+        "held otherwise",
+        "detached",
+        "allowed",
+    ),
     *("padded", "padded for one", "with a margin", "moved, then padded", "another posture", "another base"),
 )
 
@@ -112,6 +130,44 @@ def test_scenes_with_equal_arms_share_what_the_arms_carry(odd):
         assert checker.layout.carried is first.layout.carried
     assert CollisionChecker(scene.with_margin(0.1)).layout is first.layout
     assert SceneModel(scene.with_arm("b", odd)).model is not first.model.model
+
+
+def test_an_obstacle_that_moved_leaves_all_else_as_it_was(odd, monkeypatch):
+    scene = furnished(Scene().with_arm("a", odd)).with_obstacle("three", Sphere(0.1), [0.9, 0.1, 0.2])
+    scene = scene.with_obstacle("four", HULL, [1.5, 0.1, 0.2])
+    first, before = CollisionChecker(scene), arrays_of(scene, None)
+
+    def made_again(*_):
+        raise AssertionError("tables of the arm were made again")
+
+    monkeypatch.setattr(carried_cover, "cover", made_again)
+    monkeypatch.setattr(tables, "_joint_tables", made_again)
+    moved = scene.with_obstacle("two", Sphere(0.1), [-0.7, 0.35, 0.4])
+    after = CollisionChecker(moved)
+    same = [a is b for a, b in zip(first.layout.standing, after.layout.standing, strict=True)]
+    assert same == [True, False, True, True]
+    for make in (tables.standing_rows, standing_obstacle):
+        assert [make(a) is make(b) for a, b in zip(first.layout.standing, after.layout.standing, strict=True)] == same
+    assert after.layout.carried is first.layout.carried
+    assert after.layout.pairs is first.layout.pairs
+    changed = [x.shape == y.shape and (x != y).any() for x, y in zip(before, arrays_of(moved, None), strict=True)]
+    assert 0 < sum(changed) < 10
+
+
+def test_equal_obstacles_made_apart_share_their_tables(odd):
+    one, two = (furnished(Scene().with_arm("a", odd)) for _ in range(2))
+    layouts = [CollisionChecker(scene).layout for scene in (one, two)]
+    assert layouts[0].standing == layouts[1].standing
+    assert layouts[0].pairs is layouts[1].pairs
+
+
+def test_scenes_whose_obstacles_have_other_rules_have_other_pairs(odd):
+    scene = furnished(Scene().with_arm("a", odd))
+    first = CollisionChecker(scene).layout.pairs
+    for other in (scene.allow("a", "two"), scene.without_obstacle("two"), scene.with_obstacle("two", HULL)):
+        assert (CollisionChecker(other).layout.pairs is first) == (len(other.checked_index) == len(scene.checked_index))
+    ground = scene.with_obstacle("two", HalfSpace((0, 0, 1), -0.5))
+    assert CollisionChecker(ground).layout.pairs is not first
 
 
 def test_scratch_memory_is_nobody_elses(odd):

@@ -1,0 +1,134 @@
+"""What the sphere kernel knows of solids that do not move, made once for an obstacle at its place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan._kernels.cover import CLOSED_FORM, CYLINDER, HALF_SPACE, LEFT_OUT, ROUNDED_BOX
+from rr1plan._kernels.lanes import WIDTH
+from rr1plan.checks import Array, read_only
+from rr1plan.collision.carried import Carried, Solid
+from rr1plan.collision.carried_cover import matrix
+from rr1plan.collision.cores import Cores, CoreTables, joined_cores
+from rr1plan.collision.standing import Standing
+from rr1plan.collision.tables import carried_tables, standing_rows
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+
+_INTS = NDArray[np.int64]
+# Meshes of more corners are left to the exact kernel, which walks along edges instead of looking at all.
+_MOST_POINTS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class ObstacleRows:
+    """Rows of solids that do not move; columns as in `rr1plan._kernels.cover.Cover`.
+
+    Args:
+        kinds, values: `obstacles` and `obstacle_values` there.
+        boxes: Box around each, low and high [m], shape (n, 6).
+        core_of: As there, counted from the first of `cores`.
+        cores: Their cores.
+    """
+
+    kinds: _INTS
+    values: Array
+    boxes: Array
+    core_of: _INTS
+    cores: CoreTables
+
+
+@lru_cache(maxsize=1024)
+def standing_obstacle(standing: Standing) -> ObstacleRows:
+    """The rows of an obstacle, made once."""
+    rows = standing_rows(standing)
+    return _obstacle_rows(standing.solids, rows.poses, rows.values)
+
+
+@lru_cache(maxsize=64)
+def resting_links(carried: Carried) -> ObstacleRows:
+    """The rows of what the arms carry that does not move, made once."""
+    rows, rests = carried_tables(carried).rows, np.flatnonzero(carried.groups == 0)
+    return _obstacle_rows([carried.solids[i] for i in rests], rows.poses[rests], rows.values[rests])
+
+
+def _obstacle_rows(solids: Sequence[Solid], poses: Array, bodies: Array) -> ObstacleRows:
+    """The rows of solids, by their world poses and their rows of the exact kernel's `body_values`."""
+    shapes = [solid.shape for solid in solids]
+    measures = np.array([_measures(shape) for shape in shapes]).reshape(-1, 6)
+    R, half = poses[:, :9].reshape(-1, 3, 3), bodies[:, 20:23]
+    centres = np.einsum("nij,nj->ni", R, bodies[:, 17:20]) + poses[:, 9:]
+    extents = np.einsum("nij,nj->ni", np.abs(R), half)
+    values = np.concatenate([poses[:, :9], centres, measures[:, 2:]], axis=1)
+    around = measures[:, 1] == 0
+    values[around, 12:15] = half[around]
+    boxes = np.concatenate([centres - extents, centres + extents], axis=1)
+    for i, shape in enumerate(shapes):
+        if isinstance(shape, HalfSpace):
+            normal = R[i] @ np.array(shape.normal)
+            values[i, 9:12] = 0.0
+            values[i, 12:] = *normal, shape.offset + float(normal @ poses[i, 9:])
+            boxes[i] = [-np.inf] * 3 + [np.inf] * 3
+    core_of, cores = _cores(shapes, poses)
+    kinds = read_only(measures[:, :2].astype(np.int64))
+    return ObstacleRows(kinds, read_only(values), read_only(boxes), read_only(core_of), cores.tables())
+
+
+def _cores(shapes: list[Shape], poses: Array) -> tuple[_INTS, Cores]:
+    core_of, cores = np.full(len(shapes), CLOSED_FORM, np.int64), Cores()
+    for i, shape in enumerate(shapes):
+        if isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
+            core_of[i] = cores.add(0, shape, matrix(poses[i]))
+        elif isinstance(shape, Mesh | PointCloud):
+            core_of[i] = LEFT_OUT
+    return core_of, cores
+
+
+def _measures(shape: Shape) -> tuple[float, ...]:
+    """Kind, whether that is the shape itself or a box around it, half sizes (of a shape itself) and radius."""
+    match shape:
+        case Sphere(radius):
+            return ROUNDED_BOX, 1, 0.0, 0.0, 0.0, radius
+        case Capsule(radius, length):
+            return ROUNDED_BOX, 1, 0.0, 0.0, 0.5 * length, radius
+        case Cylinder(radius, length):
+            return CYLINDER, 1, radius, radius, 0.5 * length, 0.0
+        case Box((x, y, z)):
+            return ROUNDED_BOX, 1, 0.5 * x, 0.5 * y, 0.5 * z, 0.0
+        case HalfSpace():
+            return HALF_SPACE, 1, 0.0, 0.0, 0.0, 0.0
+        case _:
+            return ROUNDED_BOX, 0, 0.0, 0.0, 0.0, 0.0
+
+
+# ---- several as one --------------------------------------------------------------------------------
+
+# What is not there is nowhere near.
+_NOWHERE = ObstacleRows(
+    np.zeros((WIDTH, 2), np.int64),
+    np.zeros((WIDTH, 16)),
+    np.array([[np.inf] * 3 + [-np.inf] * 3] * WIDTH),
+    np.full(WIDTH, CLOSED_FORM, np.int64),
+    Cores().tables(),
+)
+
+
+def joined_obstacles(bodies: CoreTables, parts: Sequence[ObstacleRows], chosen: _INTS) -> ObstacleRows:
+    """Rows as one, their cores after those of what moves.
+
+    Args:
+        bodies: Cores of what moves.
+        parts: The rows.
+        chosen: Which of them to take [index]; after the last come a few that are nowhere near anything.
+    """
+    parts = [*parts, _NOWHERE]
+    kinds, values, boxes = (
+        np.concatenate([getattr(p, n) for p in parts])[chosen] for n in ("kinds", "values", "boxes")
+    )
+    cores, (_, *before) = joined_cores([bodies, *(part.cores for part in parts)])
+    core_of = [np.where(p.core_of < 0, p.core_of, p.core_of + n) for p, n in zip(parts, before, strict=True)]
+    return ObstacleRows(kinds, values, boxes, np.concatenate(core_of)[chosen], cores)
