@@ -8,7 +8,8 @@ handed over with its shape. Here shapes and addresses are written down once.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -55,21 +56,29 @@ def pack(value: Any, kind: Any) -> NDArray[np.int64]:
     Returns:
         The record, shape (k,).
     """
+    words: list[int] = []
+    _append(words, value, kind)
     # An array keeps what it is a view of.
-    return np.asarray(_Owner(np.array(list(_words(value, kind)), np.int64), value))
+    return np.asarray(_Owner(np.array(words, np.int64), value))
 
 
-def _words(value: Any, kind: Any) -> Iterator[int]:
-    """The fields of a value as numba lays them out, all eight bytes wide."""
+def _append(words: list[int], value: Any, kind: Any) -> None:
+    """Add the fields of a value as numba lays them out, all eight bytes wide."""
     if isinstance(kind, types.BaseTuple):
         for part, its_kind in zip(value, kind, strict=True):
-            yield from _words(part, its_kind)
+            _append(words, part, its_kind)
     elif isinstance(kind, types.Array):
-        if value.dtype.name != kind.dtype.name or value.ndim != kind.ndim or not value.flags.c_contiguous:
+        if value.dtype != _dtype_of(kind) or value.ndim != kind.ndim or not value.flags.c_contiguous:
             raise TypeError(f"an array of {value.dtype} and shape {value.shape} is no {kind}")
-        # Nobody owns it, as far as kernels know.
-        yield from (0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides)
+        # Nobody owns it, as far as kernels know. Numpy's own `ctypes.data` takes five times as long.
+        address = value.__array_interface__["data"][0]
+        words += (0, 0, value.size, value.itemsize, address, *value.shape, *value.strides)
     elif isinstance(kind, types.Float):
-        yield struct.unpack("q", struct.pack("d", value))[0]
+        words.append(struct.unpack("q", struct.pack("d", value))[0])
     else:
-        yield int(value)
+        words.append(int(value))
+
+
+@cache
+def _dtype_of(kind: Any) -> np.dtype[Any]:
+    return np.dtype(kind.dtype.name)

@@ -64,6 +64,9 @@ class Cores:
         return CoreTables(*map(read_only, (rows, np.array(self._values).reshape(-1, 5), points, blocks)))
 
 
+NO_CORES = Cores().tables()
+
+
 def joined_cores(parts: Sequence[CoreTables]) -> tuple[CoreTables, list[int]]:
     """Tables as one, and how many cores come before those of each part."""
     before, points, blocks = [0], 0, 0

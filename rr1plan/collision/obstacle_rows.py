@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from rr1plan._kernels.cover import CLOSED_FORM, CYLINDER, HALF_SPACE, LEFT_OUT, ROUNDED_BOX
 from rr1plan._kernels.lanes import WIDTH
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.carried import Carried, Solid
+from rr1plan.collision.carried import Carried
 from rr1plan.collision.carried_cover import matrix
-from rr1plan.collision.cores import Cores, CoreTables, joined_cores
+from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, joined_cores
 from rr1plan.collision.standing import Standing
 from rr1plan.collision.tables import carried_tables, standing_rows
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
@@ -42,23 +42,31 @@ class ObstacleRows:
     cores: CoreTables
 
 
-@lru_cache(maxsize=1024)
-def standing_obstacle(standing: Standing) -> ObstacleRows:
-    """The rows of an obstacle, made once."""
-    rows = standing_rows(standing)
-    return _obstacle_rows(standing.solids, rows.poses, rows.values)
+def standing_obstacles(standing: Sequence[Standing]) -> list[ObstacleRows]:
+    """The rows of obstacles, each made once; those that are new together, which takes hardly longer than one."""
+    new = [thing for thing in standing if "obstacle" not in thing.kept]
+    if new:
+        rows = standing_rows(new)
+        poses, bodies = (np.concatenate(parts) for parts in zip(*((r.poses, r.values) for r in rows), strict=True))
+        kinds, values, boxes = _measured([solid.shape for thing in new for solid in thing.solids], poses, bodies)
+        end = 0
+        for thing, own in zip(new, rows, strict=True):
+            begin, end = end, end + len(thing.solids)
+            cores = _cores([solid.shape for solid in thing.solids], own.poses)
+            thing.kept["obstacle"] = ObstacleRows(kinds[begin:end], values[begin:end], boxes[begin:end], *cores)
+    return [thing.kept["obstacle"] for thing in standing]
 
 
 @lru_cache(maxsize=64)
 def resting_links(carried: Carried) -> ObstacleRows:
     """The rows of what the arms carry that does not move, made once."""
     rows, rests = carried_tables(carried).rows, np.flatnonzero(carried.groups == 0)
-    return _obstacle_rows([carried.solids[i] for i in rests], rows.poses[rests], rows.values[rests])
+    shapes, poses = [carried.solids[i].shape for i in rests], rows.poses[rests]
+    return ObstacleRows(*_measured(shapes, poses, rows.values[rests]), *_cores(shapes, poses))
 
 
-def _obstacle_rows(solids: Sequence[Solid], poses: Array, bodies: Array) -> ObstacleRows:
-    """The rows of solids, by their world poses and their rows of the exact kernel's `body_values`."""
-    shapes = [solid.shape for solid in solids]
+def _measured(shapes: list[Shape], poses: Array, bodies: Array) -> tuple[_INTS, Array, Array]:
+    """Kinds, values and boxes of solids, by their world poses and their rows of the exact kernel's `body_values`."""
     measures = np.array([_measures(shape) for shape in shapes]).reshape(-1, 6)
     R, half = poses[:, :9].reshape(-1, 3, 3), bodies[:, 20:23]
     centres = np.einsum("nij,nj->ni", R, bodies[:, 17:20]) + poses[:, 9:]
@@ -73,19 +81,18 @@ def _obstacle_rows(solids: Sequence[Solid], poses: Array, bodies: Array) -> Obst
             values[i, 9:12] = 0.0
             values[i, 12:] = *normal, shape.offset + float(normal @ poses[i, 9:])
             boxes[i] = [-np.inf] * 3 + [np.inf] * 3
-    core_of, cores = _cores(shapes, poses)
-    kinds = read_only(measures[:, :2].astype(np.int64))
-    return ObstacleRows(kinds, read_only(values), read_only(boxes), read_only(core_of), cores.tables())
+    return read_only(measures[:, :2].astype(np.int64)), read_only(values), read_only(boxes)
 
 
-def _cores(shapes: list[Shape], poses: Array) -> tuple[_INTS, Cores]:
+def _cores(shapes: list[Shape], poses: Array) -> tuple[_INTS, CoreTables]:
+    """`core_of` of solids, counted from their first core, and their cores."""
     core_of, cores = np.full(len(shapes), CLOSED_FORM, np.int64), Cores()
     for i, shape in enumerate(shapes):
         if isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
             core_of[i] = cores.add(0, shape, matrix(poses[i]))
         elif isinstance(shape, Mesh | PointCloud):
             core_of[i] = LEFT_OUT
-    return core_of, cores
+    return core_of, cores.tables() if core_of.max(initial=LEFT_OUT) >= 0 else NO_CORES
 
 
 def _measures(shape: Shape) -> tuple[float, ...]:
@@ -113,7 +120,7 @@ _NOWHERE = ObstacleRows(
     np.zeros((WIDTH, 16)),
     np.array([[np.inf] * 3 + [-np.inf] * 3] * WIDTH),
     np.full(WIDTH, CLOSED_FORM, np.int64),
-    Cores().tables(),
+    NO_CORES,
 )
 
 

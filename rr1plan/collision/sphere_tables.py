@@ -14,7 +14,7 @@ from rr1plan.checks import read_only
 from rr1plan.collision.carried_cover import carried_cover
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.neighbour_maps import neighbour_maps
-from rr1plan.collision.obstacle_rows import joined_obstacles, resting_links, standing_obstacle
+from rr1plan.collision.obstacle_rows import joined_obstacles, resting_links, standing_obstacles
 from rr1plan.collision.pairs import SolidPairs
 from rr1plan.collision.tables import Tables
 
@@ -34,7 +34,7 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
     layout = checker.layout
     carried, met = carried_cover(layout.carried), _meetings(layout.pairs)
     still = joined_obstacles(
-        carried.cores, [resting_links(layout.carried), *map(standing_obstacle, layout.standing)], met.obstacles
+        carried.cores, [resting_links(layout.carried), *standing_obstacles(layout.standing)], met.obstacles
     )
     scale = float(np.abs(still.values).max(initial=0.0)) + float(np.abs(carried.joint_values[:, 9:12]).sum())
     margins = np.array([2.0 * tolerance + 1e-9 + 1e-12 * scale, float(np.max(tables.padding, initial=0.0))])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 from rr1plan.checks import read_only
 from rr1plan.collision.carried import Solid, solids_of, surfaceless
@@ -19,10 +20,12 @@ class Standing:
     Args:
         solids: Its solids; their joint is the world.
         surfaceless: Which of them are half-spaces or point clouds.
+        kept: What others have made of them and may use again.
     """
 
     solids: tuple[Solid, ...]
     surfaceless: tuple[bool, ...]
+    kept: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ same place, and a scene's tables once for all paddings.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -137,7 +138,7 @@ def _bare_tables(checker: CollisionChecker) -> Tables:
 
 def _joined_tables(layout: Layout) -> Tables:
     carried = carried_tables(layout.carried)
-    rows = _joined([carried.rows, *map(standing_rows, layout.standing)], len(carried.chain))
+    rows = _joined([carried.rows, *standing_rows(layout.standing)], len(carried.chain))
     begins = np.concatenate([[0], np.cumsum(rows.degrees)]) + len(rows.corners) + 1
     return Tables(
         carried.joints,
@@ -169,10 +170,29 @@ def _joined(parts: list[Rows], links: int) -> Rows:
     return joined
 
 
-@lru_cache(maxsize=1024)
-def standing_rows(standing: Standing) -> Rows:
-    """The tables of an obstacle, made once."""
-    return _rows(standing.solids, _flat(np.eye(4))[None])
+def standing_rows(standing: Sequence[Standing]) -> list[Rows]:
+    """The tables of obstacles, each made once; those that are new together, which takes hardly longer than one."""
+    new = [thing for thing in standing if "rows" not in thing.kept]
+    if new:
+        made = _rows([solid for thing in new for solid in thing.solids], _flat(np.eye(4))[None])
+        bodies = corners = links = 0
+        for thing in new:
+            last = bodies + len(thing.solids)
+            rows = made.bodies[bodies:last] - np.array([0, 0, corners, corners, 0, 0])
+            corners_end = corners + int(rows[:, 3].max(initial=0))
+            degrees = made.degrees[corners:corners_end]
+            links_end = links + int(degrees.sum())
+            thing.kept["rows"] = Rows(
+                rows,
+                made.values[bodies:last],
+                made.corners[corners:corners_end],
+                degrees,
+                made.neighbours[links:links_end] - corners,
+                made.poses[bodies:last],
+                made.centres[bodies:last],
+            )
+            bodies, corners, links = last, corners_end, links_end
+    return [thing.kept["rows"] for thing in standing]
 
 
 # ---- what is carried -------------------------------------------------------------------------------
@@ -268,7 +288,7 @@ def _cross(a: Array, b: Array) -> Array:
 # ---- bodies ----------------------------------------------------------------------------------------
 
 
-def _rows(solids: tuple[Solid, ...], joint_poses: Array) -> Rows:
+def _rows(solids: Sequence[Solid], joint_poses: Array) -> Rows:
     """The tables of solids, their chains left empty."""
     cores = [_core(solid.shape) for solid in solids]
     around = [_neighbours(solid.shape) for solid in solids]

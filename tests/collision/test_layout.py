@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rr1plan.collision import CollisionChecker, MotionChecker, carried, carried_cover, pairs, standing, tables
-from rr1plan.collision.obstacle_rows import standing_obstacle
+from rr1plan.collision.obstacle_rows import standing_obstacles
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.contact_rules import rules_of
 from rr1plan.errors import InputError
@@ -146,8 +146,9 @@ def test_an_obstacle_that_moved_leaves_all_else_as_it_was(odd, monkeypatch):
     after = CollisionChecker(moved)
     same = [a is b for a, b in zip(first.layout.standing, after.layout.standing, strict=True)]
     assert same == [True, False, True, True]
-    for make in (tables.standing_rows, standing_obstacle):
-        assert [make(a) is make(b) for a, b in zip(first.layout.standing, after.layout.standing, strict=True)] == same
+    for make in (tables.standing_rows, standing_obstacles):
+        rows = zip(make(first.layout.standing), make(after.layout.standing), strict=True)
+        assert [a is b for a, b in rows] == same
     assert after.layout.carried is first.layout.carried
     assert after.layout.pairs is first.layout.pairs
     changed = [x.shape == y.shape and (x != y).any() for x, y in zip(before, arrays_of(moved, None), strict=True)]
