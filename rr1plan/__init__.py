@@ -26,9 +26,11 @@ if TYPE_CHECKING:
     from rr1plan.batch import plan_many as plan_many
     from rr1plan.collision import CollisionChecker as CollisionChecker
     from rr1plan.collision import Contact as Contact
+    from rr1plan.collision import ElementCover as ElementCover
     from rr1plan.collision import FirstContact as FirstContact
     from rr1plan.collision import MotionChecker as MotionChecker
     from rr1plan.collision import Nearest as Nearest
+    from rr1plan.collision import cover_with_spheres as cover_with_spheres
     from rr1plan.errors import BackendError as BackendError
     from rr1plan.errors import FormatError as FormatError
     from rr1plan.errors import InputError as InputError
@@ -96,7 +98,15 @@ __version__ = "0.1.0"
 # A name here and a line above; a test holds the two together.
 _EXPORTS = {
     "rr1plan.batch": ("PlanFailure", "plan_many"),
-    "rr1plan.collision": ("CollisionChecker", "Contact", "FirstContact", "MotionChecker", "Nearest"),
+    "rr1plan.collision": (
+        "CollisionChecker",
+        "Contact",
+        "ElementCover",
+        "FirstContact",
+        "MotionChecker",
+        "Nearest",
+        "cover_with_spheres",
+    ),
     "rr1plan.errors": (
         "BackendError",
         "FormatError",

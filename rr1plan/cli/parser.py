@@ -63,6 +63,7 @@ def _plan(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--output", metavar="FILE", help="save the motion as JSON")
     parser.add_argument("--csv", metavar="FILE", help="save the trajectory as CSV")
     parser.add_argument("--html", metavar="FILE", help="save a page that plays the motion offline")
+    parser.add_argument("--spheres", action="store_true", help="with --html: show the spheres that contain each link")
 
 
 def _query(parser: argparse.ArgumentParser) -> None:
@@ -95,6 +96,7 @@ def _view(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.add_argument("--html", metavar="FILE", help="write an offline page instead of serving one")
+    parser.add_argument("--spheres", action="store_true", help="show the spheres that contain each link")
 
 
 def _cspace(parser: argparse.ArgumentParser) -> None:

@@ -23,6 +23,8 @@ _BAD_QUESTION = (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
 
 def plan(options: Namespace, console: Console) -> int:
     """Plan a motion, prove it, and save what was asked for."""
+    if options.spheres and not options.html:
+        raise InputError("--spheres is drawn on a page and there is none; give --html FILE too")
     scene = load_scene(options.scene)
     problem = question(options, scene)
     if options.limits:
@@ -144,7 +146,7 @@ def _save(motion: MotionPlan, options: Namespace) -> Mapping[str, str]:
     if options.csv:
         files["csv"] = str(plan_files.save_csv(options.csv, motion.trajectory))
     if options.html:
-        files["page"] = str(motion.save_html(options.html))
+        files["page"] = str(motion.save_html(options.html, spheres=options.spheres))
     return files
 
 

@@ -70,11 +70,12 @@ def view(options: Namespace, console: Console) -> int:
     """A scene or a saved motion in the browser, or as one offline page."""
     scene, extra = _what(options.what)
     if options.html:
-        file = rp.save_html(options.html, scene, **extra)
+        file = rp.save_html(options.html, scene, spheres=options.spheres, **extra)
         console.say(f"page: {file}")
         console.result({"page": str(file)})
         return 0
-    with rp.show(scene, port=options.port, open_browser=not options.no_browser, **extra) as viewer:
+    wanted = {"port": options.port, "open_browser": not options.no_browser, "spheres": options.spheres}
+    with rp.show(scene, **wanted, **extra) as viewer:
         console.say(f"{viewer.url}  (Ctrl-C ends it)")
         console.result({"url": viewer.url})
         viewer.wait()

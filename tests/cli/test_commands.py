@@ -99,6 +99,7 @@ def test_questions_may_be_asked_in_many_ways(
         (["validate", "missing.json"], "no such file"),
         (["play", "missing.json"], "no such file"),
         (["view", "missing.json", "--no-browser"], "no such file"),
+        (["plan", "rr1_table", "--spheres"], "give --html FILE too"),
         (["robots", "rr2"], "Did you mean 'rr1'"),
         (["scenes", "rr1_shelve"], "Did you mean 'rr1_shelf'"),
         (["cspace", "planar2r_path", "--joints", "joint1", "joint9", "--resolution", "8"], "joint9"),
@@ -203,6 +204,16 @@ def test_view_writes_an_offline_page_of_a_scene_or_a_motion(motion: Path) -> Non
     assert run(["view", str(motion), "--html", "motion.html"]) == OK
     assert "http://" not in Path("scene.html").read_text()[:2000]
     assert Path("motion.html").stat().st_size > 100_000
+
+
+def test_spheres_are_put_on_pages_when_asked_for(motion: Path) -> None:
+    assert run(["view", "rr1_shelf", "--html", "scene.html", "--spheres"]) == OK
+    assert run(["view", str(motion), "--html", "motion.html", "--spheres"]) == OK
+    assert run(["plan", "rr1_table", "--html", "plan.html", "--spheres"]) == OK
+    assert run(["plan", "rr1_table", "--html", "plain.html"]) == OK
+    for name in ("scene", "motion", "plan"):
+        assert '"spheres":{"links"' in Path(f"{name}.html").read_text()
+    assert '"spheres":null' in Path("plain.html").read_text()
 
 
 def test_cspace_draws_and_proves(capsys: pytest.CaptureFixture[str]) -> None:

@@ -230,3 +230,56 @@ def test_arrays_are_packed_exactly() -> None:
     values = np.arange(6, dtype=np.float64).reshape(2, 3) / 7.0
     np.testing.assert_array_equal(unpacked(pack(values, "f8")), values)
     np.testing.assert_allclose(unpacked(pack(values)), values, rtol=1e-7)
+
+
+# ---- spheres -----------------------------------------------------------------------------
+
+
+def spheres_sent(document: dict) -> dict[str, list[np.ndarray]]:
+    """Levels, centres and radii by the names of links of the first robot and of held objects."""
+    (robot,) = document["robots"]
+    things = [(robot["links"], robot["spheres"])] + [([a["name"]], a["spheres"]) for a in document["attachments"]]
+    sent = {}
+    for names, packed in things:
+        links, levels, spheres = (unpacked(packed[key]) for key in ("links", "levels", "spheres"))
+        for i in np.unique(links):
+            sent[names[i]] = [levels[links == i], spheres[links == i, :3], spheres[links == i, 3]]
+    return sent
+
+
+def test_spheres_are_sent_when_asked_for_as_they_are_computed(rr1: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("a", rr1).with_arm("b", rr1, [1.0, 0.0, 0.0])
+    scene = scene.with_obstacle("rod", rp.Capsule(0.01, 0.2), [0.3, 0.0, 0.5]).attach("rod", "a")
+    sent = spheres_sent(view_document(scene, spheres=True))
+    covers = rp.cover_with_spheres(scene)
+    expected = {name.removeprefix("a/"): c for name, c in covers.items() if name[0] != "b" and len(c.radii)}
+    assert set(sent) == set(expected)
+    for name, (levels, centres, radii) in sent.items():
+        np.testing.assert_array_equal(levels, expected[name].levels)
+        np.testing.assert_array_equal(centres, expected[name].centres)
+        np.testing.assert_array_equal(radii, expected[name].radii)
+
+
+def test_spheres_are_left_out_unless_asked_for(rr1_table: rp.Scene) -> None:
+    (robot,) = view_document(rr1_table)["robots"]
+    assert robot["spheres"] is None
+
+
+@pytest.mark.parametrize("wish", ["yes", 1, None, [True]])
+def test_a_wish_for_spheres_that_is_neither_yes_nor_no_is_refused(rr1_table: rp.Scene, wish: object) -> None:
+    with pytest.raises(rp.InputError, match="spheres is of type"):
+        view_document(rr1_table, spheres=wish)
+
+
+def test_a_scene_without_arms_has_no_spheres_to_show(tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_obstacle("box", rp.Box((0.1, 0.1, 0.1)))
+    assert view_document(scene, spheres=True)["robots"] == []
+    assert save_html(tmp_path / "page.html", scene, spheres=True).exists()
+
+
+def test_a_held_mesh_without_volume_is_named_when_spheres_are_asked_for(rr1: rp.Robot) -> None:
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]])
+    sheet = rp.Mesh(corners, np.array([[0, 1, 2], [1, 3, 2]]))
+    scene = rp.Scene().with_arm("arm", rr1).with_obstacle("sheet", sheet).attach("sheet")
+    with pytest.raises(rp.InputError, match="around 'sheet'"):
+        view_document(scene, spheres=True)

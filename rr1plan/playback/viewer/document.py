@@ -49,6 +49,7 @@ def view_document(
     report: Report | None = None,
     replay: Replay | None = None,
     title: str | None = None,
+    spheres: bool = False,
 ) -> Document:
     """Everything the page shows, as plain values.
 
@@ -60,6 +61,7 @@ def view_document(
         report: The referee's verdict on the trajectory, shown as a badge.
         replay: What a simulation made of the trajectory, drawn as a shadow beside it.
         title: Headline of the page (default: the scene's name).
+        spheres: Also the spheres that contain each link and held object.
 
     Raises:
         UnknownNameError: a column that is no joint of the scene.
@@ -71,6 +73,7 @@ def view_document(
     of_kind("problem", problem, Problem, optional=True)
     of_kind("report", report, Report, optional=True)
     of_kind("replay", replay, Replay, optional=True)
+    of_kind("spheres", spheres, bool)
     shapes = ShapeTable(pack)
     robots: dict[int, int] = {}
     rows = [_arm_row(name, scene, robots) for name in scene.arms]
@@ -79,12 +82,13 @@ def view_document(
     return {
         "title": scene.name if title is None else str(title),
         "description": scene.description,
-        "robots": [_robot(unique[i], shapes) for i in sorted(unique)],
+        "robots": [_robot(unique[i], shapes, spheres) for i in sorted(unique)],
         "arms": rows,
         "columns": list(scene.joint_names()) if scene.arms else [],
         "obstacles": [_object(name, o.geometries, o.pose, shapes) for name, o in scene.obstacles.items()],
         "attachments": [
-            _object(name, a.geometries, a.pose, shapes) | {"arm": a.arm, "link": a.link}
+            _object(name, a.geometries, a.pose, shapes)
+            | {"arm": a.arm, "link": a.link, "spheres": _spheres({name: a.geometries}) if spheres else None}
             for name, a in scene.attachments.items()
         ],
         "shapes": shapes.rows,
@@ -115,7 +119,7 @@ def _arm_row(name: str, scene: Scene, robots: dict[int, int]) -> dict[str, Any]:
     return {"name": name, "robot": index, "base": _numbers(arm.base), "q": arm.q.tolist()}
 
 
-def _robot(robot: Robot, shapes: ShapeTable) -> dict[str, Any]:
+def _robot(robot: Robot, shapes: ShapeTable, spheres: bool) -> dict[str, Any]:
     index = {name: i for i, name in enumerate(robot.link_names)}
     bounds = zip(robot.limits.lower.tolist(), robot.limits.upper.tolist(), strict=True)
     return {
@@ -128,6 +132,7 @@ def _robot(robot: Robot, shapes: ShapeTable) -> dict[str, Any]:
         "limits": [[low if np.isfinite(low) else None, up if np.isfinite(up) else None] for low, up in bounds],
         "visuals": _link_parts(robot, index, shapes, "visuals"),
         "collisions": _link_parts(robot, index, shapes, "collisions"),
+        "spheres": _spheres({link.name: link.collisions for link in robot.links}) if spheres else None,
     }
 
 
@@ -164,6 +169,20 @@ def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind
         own = getattr(link, kind) or (link.collisions if kind == "visuals" else ())
         parts += [_part(g, shapes) | {"link": index[link.name]} for g in own]
     return parts
+
+
+def _spheres(links: Mapping[str, Iterable[Geometry]]) -> dict[str, Any]:
+    """Spheres around the shapes of links: of each its link, its level (see `collision.covers`), centre and radius."""
+    # Only here: what computes them loads Coal.
+    from rr1plan.collision.covers import cover_geometries
+
+    covers = [cover_geometries(name, geometries) for name, geometries in links.items()]
+    rows = [np.column_stack([c.centres, c.radii]) for c in covers]
+    return {
+        "links": pack(np.repeat(np.arange(len(covers)), [len(c.radii) for c in covers]), "u4"),
+        "levels": pack(np.concatenate([c.levels for c in covers]), "u4"),
+        "spheres": pack(np.concatenate(rows), "f8"),
+    }
 
 
 # ---- objects -----------------------------------------------------------------------------

@@ -81,6 +81,7 @@ class Viewer:
         report: Report | None = None,
         replay: Replay | None = None,
         title: str | None = None,
+        spheres: bool = False,
     ) -> None:
         """Show something else on the same page; the arguments are those of `show`.
 
@@ -89,7 +90,7 @@ class Viewer:
             InputError: the viewer is closed.
         """
         document = view_document(
-            scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title
+            scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
         )
         self._scene, self._document = scene, document
         self._server.set_document(document)
@@ -179,6 +180,7 @@ def show(
     report: Report | None = None,
     replay: Replay | None = None,
     title: str | None = None,
+    spheres: bool = False,
     panels: Sequence[Panel] = (),
     view: Any = None,
     port: int | None = None,
@@ -196,6 +198,7 @@ def show(
         report: The referee's verdict on the trajectory, shown as a badge.
         replay: What a simulation made of the trajectory.
         title: Headline of the page (default: the scene's name).
+        spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
         panels: Panels beside the 3-D view.
         view: Direction of the world from which it is looked at first, shape (3,); None chooses one.
         port: First port to try, the next free one is taken; None: 7000.
@@ -207,7 +210,9 @@ def show(
         BackendError: no free port.
         MissingPackageError: Meshcat is not installed.
     """
-    document = view_document(scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title)
+    document = view_document(
+        scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
+    )
     return open_viewer(Viewer(scene, document, panels, view, port), open_browser)
 
 

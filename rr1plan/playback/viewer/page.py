@@ -26,7 +26,10 @@ from rr1plan.checks import file_path, finite_array, of_kind
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.playback.viewer.document import Document
 
-_SCRIPTS = ("math.js", "shapes.js", "ways.js", "world.js", "stage.js", "player.js", "controls.js", "live.js", "main.js")
+_SCRIPTS = (
+    "math.js", "shapes.js", "ways.js", "spheres.js", "world.js", "stage.js", "player.js", "controls.js", "live.js",
+    "main.js",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ def save_html(
     report: Report | None = None,
     replay: Replay | None = None,
     title: str | None = None,
+    spheres: bool = False,
     panels: Sequence[Panel] = (),
     view: Any = None,
     play: bool = True,
@@ -42,6 +43,7 @@ def save_html(
         report: The referee's verdict on the trajectory, shown as a badge.
         replay: What a simulation made of the trajectory.
         title: Headline of the page (default: the scene's name).
+        spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
         panels: Panels beside the 3-D view.
         view: Direction of the world from which it is looked at first, shape (3,); None chooses one.
         play: The motion runs from the start.
@@ -54,5 +56,7 @@ def save_html(
         InputError: a file that cannot be written, data JSON cannot hold.
         MissingPackageError: Meshcat is not installed.
     """
-    document = view_document(scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title)
+    document = view_document(
+        scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
+    )
     return write_page(file, page_html(document, panels, view=view, play=play))

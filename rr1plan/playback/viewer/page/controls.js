@@ -126,6 +126,8 @@ class Controls {
     const margins = doc.report ? doc.report.margins : {};
     if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.duration)] : ["Path", "no times yet, shown at 1 rad/s"]);
     if (margins.clearance) rows.push(["Clearance", length(margins.clearance.value)]);
+    const around = this.viewer.world.spheres.summary();
+    if (around) rows.push(["Spheres", around]);
     if (doc.replay) {
       const { worst_error: worst, contacts, mode } = doc.replay.summary;
       rows.push(["MuJoCo", `${mode === "dynamic" ? `off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contacts` : "no contact"}`]);
@@ -179,6 +181,7 @@ class Controls {
     const names = {
       robots: "Robot", obstacles: "Obstacles", start: "Start", goal: "Goal", toolpath: "Tool path",
       path: "Waypoints", replay: "Simulated", collisions: "Collision shapes",
+      spheres: "Spheres", bodyspheres: "Body spheres", linkspheres: "Link spheres",
     };
     const chips = Object.entries(names).filter(([layer]) => viewer.hasLayer(layer)).map(([layer, label]) => {
       const chip = element("button", label, "chip");

@@ -52,7 +52,7 @@ class Workspace {
     viewer.add("ring", group);
     this.handle = flat(new THREE.RingGeometry(0.042 * this.outer, 0.054 * this.outer, 48), 0xe4500e, 0.85);
     this.handle.material.depthTest = false;
-    this.handle.renderOrder = 9;
+    this.handle.renderOrder = 10;
     viewer.add("handle", this.handle);
   }
 

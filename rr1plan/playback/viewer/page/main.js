@@ -9,7 +9,8 @@
 //   viewer.on("load", f)                          f(document) after a document was loaded
 //   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column after column
 //   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
-//   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, collisions
+//   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, collisions,
+//                                                 spheres, bodyspheres, linkspheres (those that contain each link, fine to coarse)
 //   viewer.look(direction, whole)                 frame the arms (or everything), seen from a direction of the world
 //   viewer.add(name, object3d)  viewer.redraw()   put something of three.js (viewer.THREE) into the world, z up
 //   viewer.unpack(packed)                         {values, shape} of an array sent with rr1plan's `pack`
@@ -19,7 +20,7 @@ class Viewer {
     this.THREE = THREE;
     this.unpack = unpack;
     this.listeners = { change: [], load: [] };
-    this.hidden = new Set(["collisions", "replay"]);
+    this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres"]);
     this.byArm = true;
     this.stage = new Stage(find("pane"));
     this.controls = new Controls(this);

@@ -100,8 +100,24 @@ function light(rgb) {
   return new THREE.Color(rgb[0], rgb[1], rgb[2]).convertSRGBToLinear();
 }
 
+/** Clear where it is looked at straight on, dense towards its outline: round things stay readable one behind another. */
+function rimMaterial(opacity) {
+  const material = new THREE.MeshPhongMaterial({
+    transparent: true, opacity, depthWrite: false, shininess: 50, specular: 0x1c1c1c, emissive: 0x222222,
+  });
+  material.onBeforeCompile = (shader) => {
+    shader.fragmentShader = shader.fragmentShader.replace("#include <dithering_fragment>", `
+      float facing = abs(dot(normalize(vNormal), normalize(vViewPosition)));
+      gl_FragColor.a *= mix(1.0, 0.45, smoothstep(0.0, 0.85, facing));
+      #include <dithering_fragment>`);
+  };
+  return material;
+}
+
 /**
  * Solids drawn together: one call for each different geometry.
+ * Clear ones hide what is drawn after them behind them; their order is: solids of the document, collision shapes,
+ * spheres from fine to coarse, ghosts.
  * items: {shape, pose (with its frame), frame (link number, or -1: the world), color, opacity, element, arm}.
  */
 class Bodies {
@@ -122,7 +138,7 @@ class Bodies {
 
   add(set, style) {
     const clear = set.opacity < 1;
-    const material = clear
+    const material = style.rim ? rimMaterial(set.opacity) : clear
       ? new THREE.MeshLambertMaterial({
         transparent: true, opacity: set.opacity, depthWrite: false, emissive: 0x555555, emissiveIntensity: 0.6,
         polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2,
@@ -132,7 +148,7 @@ class Bodies {
     drawn.frustumCulled = false;
     drawn.castShadow = !clear && style.shadow !== false;
     drawn.receiveShadow = !clear;
-    drawn.renderOrder = clear ? style.order || 3 : 0;
+    drawn.renderOrder = clear ? style.order || 2 : 0;
     this.group.add(drawn);
     if (clear) {
       // Depth first, colour second: only the nearest surface of a clear body is seen.

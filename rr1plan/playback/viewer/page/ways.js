@@ -126,7 +126,7 @@ function targetMarks(targets, radius) {
       const clear = new THREE.Mesh(box, new THREE.MeshBasicMaterial({ color: green, transparent: true, opacity: 0.14, depthWrite: false }));
       clear.add(new THREE.LineSegments(new THREE.EdgesGeometry(box), new THREE.LineBasicMaterial({ color: green })));
       clear.position.copy(low).addScaledVector(size, 0.5);
-      clear.renderOrder = 5;
+      clear.renderOrder = 9;
       group.add(clear);
       continue;
     }

@@ -31,9 +31,10 @@ class World {
     const count = kinematics.arms.length, sides = count > 24 ? 10 : count > 4 ? 18 : 36;
     this.robots = this.layer("robots", new Bodies(this.linkItems("visuals", LINK_GREY), { roughness: 0.5, sides }));
     this.held = this.layer("robots", new Bodies(this.heldItems(), {}));
-    this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.05, 0.72, 0.66]), { opacity: 0.4, order: 6, sides }));
-    this.collisions.recolor = false;
-    this.moving = [this.robots, this.held, this.collisions];
+    this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.05, 0.72, 0.66]), { opacity: 0.4, order: 3, sides }));
+    this.spheres = new Spheres(doc, kinematics, sides);
+    for (const [name, bodies] of this.spheres.layers) this.layer(name, bodies);
+    this.moving = [this.robots, this.held, this.collisions, ...this.spheres.layers.values()];
     this.obstacles = this.layer("obstacles", new Bodies(this.obstacleItems(), { roughness: 0.75 }));
     this.obstacles.update(this.poses);
     this.addEdges();
@@ -190,7 +191,7 @@ class World {
 
   ghost(kind, arms) {
     const items = this.linkItems("visuals", LINK_GREY, arms).map((item) => ({ ...item, color: GHOSTS[kind], opacity: 1 }));
-    return this.layer(kind, new Bodies(items, { opacity: 0.28, order: kind === "start" ? 3 : 4, sides: 18 }));
+    return this.layer(kind, new Bodies(items, { opacity: 0.28, order: kind === "start" ? 7 : 8, sides: 18 }));
   }
 
   // ---- motion ------------------------------------------------------------------------------
@@ -240,6 +241,7 @@ class World {
       near.expandByScalar(0.07 * size);
       const things = whole.clone().intersect(near.clone().expandByScalar(0.14 * size));
       if (!things.isEmpty()) near.union(things);
+      this.spheres.expand(near, samples);
     }
     return { near, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };
   }
