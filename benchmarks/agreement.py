@@ -1,0 +1,257 @@
+"""Do the compiled kernels answer as Coal does? Random configurations and edges of several robots, one by one.
+
+    python benchmarks/agreement.py --panda panda.urdf --ur5 ur5_robot.urdf
+
+Configurations: the kernel's answer against Coal's. Edges: what the kernel calls free is proven free by Coal alone
+(`coal_proof.py`); where it finds a contact, Coal has to find one at that configuration. An answer may differ where
+the least distance lies within `BAND` of the padding, which is proven and counted; any other difference is
+printed whole, and the exit code is 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from clutter import box_of, cluttered_scenes, find_ur5
+from coal_proof import CoalProof, PlainCoal
+from shared import Clock, console, heading, make_parser, number, pin_to_core, save, table, track
+
+import rr1plan as rp
+from rr1plan._kernels.motion import certify
+from rr1plan._kernels.swept import sweep_edge
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.swept import SweptEdges
+
+# Motions that pass nearer than this are refused by design [m].
+TOLERANCE = 1e-6
+# Answers may differ where the least distance is proven to be this near the padding [m].
+BAND = 2e-6
+_CHUNK = 2000
+_CHUNK_OF_EDGES = 200
+_EVERY_PLAIN = 500
+ROBOTS = ("planar2r", "rr1", "panda", "ur5")
+
+
+@numba.njit
+def sweep_all(begins, ends, record, status, where):
+    for i in range(len(begins)):
+        status[i], where[i], _ = sweep_edge(begins[i], ends[i], record)
+
+
+@numba.njit
+def certify_all(begins, ends, exact, status, where):
+    curve = np.empty((2, begins.shape[1]))
+    for i in range(len(begins)):
+        curve[0], curve[1] = begins[i], ends[i] - begins[i]
+        status[i], where[i], _, _, _ = certify(curve, 1.0, exact[0], *exact[1:])
+
+
+@dataclass
+class Tally:
+    """What came of the questions in one scene."""
+
+    robot: str
+    scene: str
+    configurations: Counter[str] = field(default_factory=Counter)
+    edges: Counter[str] = field(default_factory=Counter)
+    differences: list[dict[str, Any]] = field(default_factory=list)
+    clock: Clock = field(default_factory=Clock)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it, plainly."""
+        return {**vars(self), "clock": self.clock.cpu}
+
+
+class Comparison:
+    """One scene: the kernels, Coal, and what they said so far."""
+
+    def __init__(self, robot: str, name: str, scene: rp.Scene) -> None:
+        self.tally = Tally(robot, name)
+        self.checker = CollisionChecker(scene)
+        self.edges = SweptEdges(self.checker, TOLERANCE)
+        self.plain = PlainCoal(scene)
+        self.proof = CoalProof(self.checker)
+        self.low, self.high = box_of(self.checker.limits)
+
+    def configurations(self, rng: np.random.Generator, count: int) -> None:
+        """Ask about random configurations."""
+        tally, clock = self.tally.configurations, self.tally.clock
+        q = rng.uniform(self.low, self.high, (count, self.checker.nq))
+        with clock.stage("configurations, kernel"):
+            quick = self._sweep(q, q)[0] == 0
+        with clock.stage("configurations, Coal"):
+            sure = np.array([self.checker.is_free(one) for one in q])
+        tally.update(asked=count, free=int(sure.sum()))
+        for one in q[quick != sure]:
+            self._differ(tally, one, one, one, f"Coal: {'a contact' if one in q[quick] else 'free'}")
+        for one, free in zip(q[::_EVERY_PLAIN], sure[::_EVERY_PLAIN], strict=True):
+            tally["plain"] += 1
+            if self.plain.is_free(one) != free:
+                self._differ(tally, one, one, one, "Coal through numpy and through Pinocchio differ")
+
+    def random_edges(self, rng: np.random.Generator, count: int) -> None:
+        """Ask about random edges that begin at free configurations."""
+        begins, ends = self._draw(rng, count)
+        tally, clock = self.tally.edges, self.tally.clock
+        with clock.stage("edges, kernel"):
+            status, where = self._sweep(begins, ends)
+        with clock.stage("edges, exact kernel"):
+            exact, spots = self._ask(certify_all, begins, ends, self.edges.tables[2])
+        tally.update(asked=count, free=int((status == 0).sum()))
+        with clock.stage("edges, Coal"):
+            for i in range(count):
+                self._judge(begins[i], ends[i], int(status[i]), float(where[i]))
+        for i in np.flatnonzero((status == 0) != (exact == 0)):
+            spot = begins[i] + max(where[i], spots[i]) * (ends[i] - begins[i])
+            self._differ(tally, begins[i], ends[i], spot, f"swept {status[i]}, exact kernel {exact[i]}")
+
+    def _judge(self, q0: Array, q1: Array, status: int, where: float) -> None:
+        """What Coal makes of the kernel's answer about an edge."""
+        tally = self.tally.edges
+        if status != 0:
+            q = q0 + where * (q1 - q0)
+            if self.checker.is_free(q):
+                self._differ(tally, q0, q1, q, f"the kernel: {('contact', 'too near')[status - 1]}; Coal: free there")
+            else:
+                tally["contact confirmed"] += 1
+            return
+        verdict, where = self.proof.judge(q0, q1)
+        if verdict in ("free", "narrow"):
+            tally[verdict] += verdict == "narrow"
+            tally["proven"] += verdict == "free"
+            return
+        self._differ(tally, q0, q1, q0 + where * (q1 - q0), f"the kernel: free; Coal: {verdict}")
+
+    def _differ(self, tally: Counter[str], q0: Array, q1: Array, q: Array, what: str) -> None:
+        """Count an answer that differs: as grazing if that is proven, else as a difference."""
+        bracket = self.plain.bracket(q)
+        if -BAND <= bracket.lower and bracket.upper <= BAND:
+            tally["grazing"] += 1
+            return
+        tally["different"] += 1
+        told = {"robot": self.tally.robot, "scene": self.tally.scene, "what": what, "pair": bracket.pair}
+        told |= {"at least": bracket.lower, "at most": bracket.upper, "begin": q0.tolist(), "end": q1.tolist()}
+        self.tally.differences.append({**told, "q": q.tolist()})
+
+    def _draw(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
+        """Free begins, and ends 0.02 to 1.5 rad (or m) from them within the limits."""
+        free: list[Array] = []
+        while len(free) < count:
+            q = rng.uniform(self.low, self.high)
+            if self.checker.is_free(q):
+                free.append(q)
+        begins = np.array(free)
+        steps = rng.normal(size=begins.shape)
+        steps *= rng.uniform(0.02, 1.5, (count, 1)) / np.linalg.norm(steps, axis=1)[:, None]
+        limits = self.checker.limits
+        return begins, np.clip(begins + steps, limits.lower, limits.upper)
+
+    def _sweep(self, begins: Array, ends: Array) -> tuple[Array, Array]:
+        return self._ask(sweep_all, begins, ends, self.edges.record)
+
+    def _ask(self, kernel: Any, begins: Array, ends: Array, tables: Any) -> tuple[Array, Array]:
+        status, where = np.zeros(len(begins), np.int64), np.zeros(len(begins))
+        kernel(begins, ends, tables, status, where)
+        return status, where
+
+
+# ---- the command ---------------------------------------------------------------------------------
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    args = _arguments(argv)
+    pin_to_core(args.core)
+    tallies = [tally for name in args.robot for tally in _compare(name, args)]
+    facts = {"seed": args.seed, "tolerance": f"{TOLERANCE:g} m", "band": f"{BAND:g} m"}
+    differences = [d for tally in tallies for d in tally.differences]
+    text = "\n\n".join([heading("Compiled answers and Coal's", facts), *_tables(tallies), _told(differences)])
+    save(args.out, "agreement", {"settings": facts, "scenes": [t.to_dict() for t in tallies]}, text)
+    return 1 if differences else 0
+
+
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = make_parser("Compiled answers against Coal's", "agreement")
+    parser.add_argument("--robot", nargs="+", choices=ROBOTS, default=list(ROBOTS), help="robots to ask about")
+    parser.add_argument("--panda", type=Path, help="the Panda's URDF, its SRDF beside it")
+    parser.add_argument("--ur5", type=Path, help="the UR5's URDF (default: that of example-robot-data)")
+    parser.add_argument("--folder", type=Path, help="where pip may put example-robot-data if it is not installed")
+    parser.add_argument("--configurations", type=int, default=1_000_000, help="of each robot, over all its scenes")
+    parser.add_argument("--edges", type=int, default=100_000, help="of each robot, over all its scenes")
+    return parser.parse_args(argv)
+
+
+def _compare(name: str, args: argparse.Namespace) -> list[Tally]:
+    robot = _load(name, args)
+    if robot is None:
+        console.print(f"{name} is left out: no file; see --help", highlight=False)
+        return []
+    scenes = [*cluttered_scenes(robot, args.seed), *_shipped(name)]
+    parts = [Comparison(name, *scene) for scene in scenes]
+    work = [*_shares(parts, "configurations", args.configurations, _CHUNK)]
+    work += _shares(parts, "random_edges", args.edges, _CHUNK_OF_EDGES)
+    rng = np.random.default_rng([args.seed, ROBOTS.index(name)])
+    for part, question, count in track(work, name):
+        getattr(part, question)(rng, count)
+    return [part.tally for part in parts]
+
+
+def _shares(parts: list[Comparison], question: str, total: int, chunk: int) -> Iterator[tuple[Comparison, str, int]]:
+    """The questions to each scene, in chunks."""
+    for i, part in enumerate(parts):
+        left = total * (i + 1) // len(parts) - total * i // len(parts)
+        while left > 0:
+            yield part, question, min(chunk, left)
+            left -= chunk
+
+
+def _load(name: str, args: argparse.Namespace) -> rp.Robot | None:
+    if name == "panda":
+        return None if args.panda is None else rp.load_robot(args.panda, srdf=args.panda.with_suffix(".srdf"))
+    if name == "ur5":
+        file = args.ur5 or find_ur5(args.folder)
+        return None if file is None else rp.load_robot(file)
+    return rp.load_robot(name)
+
+
+def _shipped(name: str) -> Iterator[tuple[str, rp.Scene]]:
+    """Shipped scenes of a robot, but for the one with twelve arms."""
+    for scene in rp.scene_names():
+        if scene.startswith(f"{name}_") and scene != "rr1_twelve":
+            yield scene, rp.load_scene(scene)
+
+
+def _tables(tallies: Sequence[Tally]) -> list[str]:
+    header = ["configurations", "scenes", "asked", "free", "grazing", "different", "kernel [us]", "Coal [us]"]
+    edges = ["edges", "asked", "free", "proven by Coal", "narrow", "contact confirmed", "grazing", "different"]
+    rows, more = [], []
+    for robot in dict.fromkeys(t.robot for t in tallies):
+        own = [t for t in tallies if t.robot == robot]
+        c, e = sum((t.configurations for t in own), Counter()), sum((t.edges for t in own), Counter())
+        times = [sum(t.clock.cpu.get(f"configurations, {who}", 0.0) for t in own) for who in ("kernel", "Coal")]
+        per = [number(1e6 * t / max(1, c["asked"])) for t in times]
+        rows.append([robot, len(own), c["asked"], *_of(c, "free", "grazing", "different"), *per])
+        more.append([robot, e["asked"], *_of(e, "free", "proven", "narrow", "contact confirmed", "grazing", "different")])
+    return [table(header, rows), table(edges, more)]
+
+
+def _of(counts: Counter[str], *names: str) -> list[int]:
+    return [counts[name] for name in names]
+
+
+def _told(differences: list[dict[str, Any]]) -> str:
+    if not differences:
+        return "No answer differs."
+    return "\n".join(["Answers that differ:", "", *(f"- {d}" for d in differences)])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
