@@ -134,7 +134,7 @@ class Comparison:
     def _differ(self, tally: Counter[str], q0: Array, q1: Array, q: Array, what: str) -> None:
         """Count an answer that differs: as grazing if that is proven, else as a difference."""
         bracket = self.plain.bracket(q)
-        if -BAND <= bracket.lower and bracket.upper <= BAND:
+        if bracket.lower >= -BAND and bracket.upper <= BAND:
             tally["grazing"] += 1
             return
         tally["different"] += 1
@@ -239,7 +239,9 @@ def _tables(tallies: Sequence[Tally]) -> list[str]:
         times = [sum(t.clock.cpu.get(f"configurations, {who}", 0.0) for t in own) for who in ("kernel", "Coal")]
         per = [number(1e6 * t / max(1, c["asked"])) for t in times]
         rows.append([robot, len(own), c["asked"], *_of(c, "free", "grazing", "different"), *per])
-        more.append([robot, e["asked"], *_of(e, "free", "proven", "narrow", "contact confirmed", "grazing", "different")])
+        more.append(
+            [robot, e["asked"], *_of(e, "free", "proven", "narrow", "contact confirmed", "grazing", "different")]
+        )
     return [table(header, rows), table(edges, more)]
 
 

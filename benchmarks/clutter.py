@@ -101,7 +101,9 @@ def _places(scene: rp.Scene, rng: np.random.Generator) -> Array:
     names = [f"arm/{link.name}" for link in robot.links if link.collisions]
     low, high = box_of(scene.limits())
     draws = [scene.link_poses({"arm": q}) for q in rng.uniform(low, high, (60, robot.nq))]
-    return np.array([poses[name][:3, 3] for poses in draws for name in (*names[len(names) // 2 :], f"arm/{robot.tool}")])
+    return np.array(
+        [poses[name][:3, 3] for poses in draws for name in (*names[len(names) // 2 :], f"arm/{robot.tool}")]
+    )
 
 
 def box_of(limits: rp.Limits) -> tuple[Array, Array]:

@@ -1,0 +1,331 @@
+"""What the kernels claim of a whole interval, on random robots, against dense samples of plain kinematics and Coal.
+
+Nothing is ever proven at a padding that a sample undercuts: so each claim is asked at the edge of being wrong.
+"""
+
+from __future__ import annotations
+
+import coal
+import numba
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from rr1plan._kernels.cover import CLOSED_FORM, RECORD, tables_of
+from rr1plan._kernels.directions import separate
+from rr1plan._kernels.jit import F64, FLOATS1, I64
+from rr1plan._kernels.lanes import WIDTH, fill
+from rr1plan._kernels.motion import bound_travel, place_body, place_joints
+from rr1plan._kernels.placing import bound_motion, place_frames, place_spheres
+from rr1plan._kernels.spheres import meet_body, meet_obstacle
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.solids import coal_geometry
+from rr1plan.collision.spheres import cover
+from rr1plan.collision.swept import SweptEdges
+from rr1plan.formats.convex import convex_hull
+from rr1plan.limits import Limits
+from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere
+from rr1plan.transforms import pose
+
+ALL = (1 << WIDTH) - 1
+# A sample nearer than the padding by this much is no rounding [m].
+CLEARLY = 2e-6
+ROUNDING = 1e-9
+
+
+# ---- random robots -------------------------------------------------------------------------
+
+
+def turned(rng, size):
+    return pose(rng.uniform(-size, size, 3), quaternion=rng.normal(size=4))
+
+
+def solid(rng):
+    a, b, c = rng.uniform(0.01, 0.2, 3)
+    hull = convex_hull(rng.normal(size=(int(rng.integers(5, 30)), 3)) * [a / 2, b / 2, c / 2])
+    return (Box((a, b, c)), Sphere(a / 2), Cylinder(a / 2, b), Capsule(a / 2, b), hull)[int(rng.integers(5))]
+
+
+def ball(rng):
+    return Sphere(rng.uniform(0.01, 0.1))
+
+
+def random_robot(rng, shape):
+    """Joints that turn or slide about any axis, in a chain or a tree; at times the last follows the first."""
+    n = int(rng.integers(2, 6))
+    links, joints = [Link("link0")], []
+    for i in range(n):
+        parent = i if rng.uniform() < 0.7 else int(rng.integers(i + 1))
+        kind = "prismatic" if rng.uniform() < 0.3 else "revolute"
+        axis = rng.normal(size=3) if rng.uniform() < 0.7 else np.eye(3)[rng.integers(3)]
+        follows = Mimic("joint0", rng.uniform(-2.0, 2.0), 0.1) if i == n - 1 and rng.uniform() < 0.3 else None
+        links.append(Link(f"link{i + 1}", collisions=(Geometry("shape", shape(rng), turned(rng, 0.15)),)))
+        ends = f"link{parent}", f"link{i + 1}", turned(rng, 0.3), axis / np.linalg.norm(axis)
+        joints.append(Joint(f"joint{i}", kind, *ends, -10.0, 10.0, mimic=follows))
+    names = tuple(joint.name for joint in joints if joint.mimic is None)
+    wide = np.full(len(names), 10.0)
+    limits = Limits(-wide, *(wide,) * 5)
+    return Robot(
+        *("random", tuple(links), tuple(joints), names, limits, {"home": 0.0 * wide}, {}),
+        frozenset(frozenset({joint.parent, joint.child}) for joint in joints),
+        f"link{n}",
+    )
+
+
+class World:
+    """A random robot among obstacles, a random stretch of an edge, and where all is at samples of it."""
+
+    def __init__(self, seed, shape, samples=33):
+        rng = self.rng = np.random.default_rng(seed)
+        normal = rng.normal(size=3)
+        scene = Scene().with_arm("arm", random_robot(rng, shape))
+        things = [Box(tuple(rng.uniform(0.01, 0.3, 3))), Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.02, 0.4)]
+        things += [HalfSpace(tuple(normal / np.linalg.norm(normal)), -0.5)]
+        things += [] if shape is ball else [convex_hull(rng.normal(size=(12, 3)) * 0.1)]
+        for i, thing in enumerate(things):
+            scene = scene.with_obstacle(f"thing{i}", thing, turned(rng, 0.6))
+        self.checker = CollisionChecker(scene)
+        self.edges = SweptEdges(self.checker, 1e-6)
+        self.cover, self.work = self.edges.tables[:2]
+        self.pairs = self.checker.solid_pairs.tolist()
+        step = rng.normal(size=self.checker.nq) * 10.0 ** rng.uniform(-2.0, 0.3)
+        self.begin = rng.uniform(-2.0, 2.0, self.checker.nq)
+        self.end = self.begin + step
+        self.middle = rng.uniform(0.2, 0.8)
+        self.half = rng.uniform(0.02, min(self.middle, 1.0 - self.middle))
+        self.times = self.middle + self.half * np.linspace(-1.0, 1.0, samples)
+        self.places = [self.place(self.begin + t * (self.end - self.begin)) for t in self.times]
+
+    def place(self, q):
+        """World pose of every solid, by numpy."""
+        scene, out = self.checker.scene, []
+        poses = scene.link_poses({"arm": q})
+        for one in self.checker.solids:
+            if one.element in scene.obstacles:
+                out.append(scene.obstacles[one.element].pose)
+            else:
+                (geometry,) = scene.arms["arm"].robot.link(one.element.split("/")[1]).collisions
+                out.append(poses[one.element] @ geometry.pose)
+        return out
+
+    def distance(self, a, b, places):
+        shapes = [self.checker.solids[i].shape for i in (a, b)]
+        request = coal.DistanceRequest()
+        request.gjk_tolerance, request.enable_signed_distance = 1e-10, True
+        things = [
+            x
+            for i, shape in zip((a, b), shapes, strict=True)
+            for x in (coal_geometry(shape), coal.Transform3s(places[i][:3, :3].copy(), places[i][:3, 3].copy()))
+        ]
+        return coal.distance(*things, request, coal.DistanceResult())
+
+    def distances(self, pair):
+        """Coal's distance of a pair of solids at all samples."""
+        return np.array([self.distance(*self.pairs[pair], places) for places in self.places])
+
+    def take_interval(self):
+        """Place everything in the kernel's memory at the middle of the interval."""
+        place_all(self.begin, self.end, self.middle, self.half, self.edges.record)
+
+
+WORLDS = settings(deadline=None, max_examples=40)
+SEEDS = st.integers(0, 2**32)
+
+
+@numba.njit(numba.void(FLOATS1, FLOATS1, F64, F64, RECORD))
+def place_all(begin, end, middle, half, record):
+    known, work, _, _ = tables_of(record)
+    work.counts[3] += 1
+    h = fill(half)
+    work.placed[:] = 7
+    bound_motion(begin, end, known, work)
+    place_frames(begin, fill(middle), known, work)
+    for k in range(known.bodies.shape[0]):
+        place_spheres(k, 7, known.bodies[k, 1], known.bodies[k, 2], h, known, work)
+
+
+@numba.njit(numba.types.UniTuple(I64, 2)(*(I64,) * 5, numba.types.UniTuple(I64, 3), F64, F64, F64, RECORD))
+def ask_directions(a, b, o, base, asked, near, padding, push, half, record):
+    left, _, touching = separate(a, b, o, base, near, padding, push, asked, fill(half), record)
+    return left, touching
+
+
+@numba.njit(numba.types.UniTuple(I64, 2)(I64, I64, I64, I64, I64, F64, RECORD))
+def ask_spheres(a, b, shared, pair, asked, half, record):
+    """Of a body and another; of a body and an obstacle if `shared` is below zero."""
+    known, work, _, _ = tables_of(record)
+    if shared < 0:
+        left, touching, _, _ = meet_obstacle(a, b, pair, asked, 7, fill(half), known, work)
+    else:
+        left, touching, _, _ = meet_body(a, b, shared, pair, asked, 7, fill(half), known, work)
+    return left, touching
+
+
+# ---- how spheres move ----------------------------------------------------------------------
+
+
+def centres_of(world, body, places):
+    """Centres of a body's spheres, the ball around all first, by numpy."""
+    made, T = cover(world.checker.solids[body].shape), places[body]
+    return np.vstack([made.ball[None, :3], made.centres]) @ T[:3, :3].T + T[:3, 3]
+
+
+def moving(world):
+    """Index in the kernel, index of the solid, first and last sphere of all that moves."""
+    carried = [i for i, one in enumerate(world.checker.solids) if one.element not in world.checker.scene.obstacles]
+    return [(k, i, *world.cover.bodies[k, 1:3].tolist()) for k, i in enumerate(carried)]
+
+
+@WORLDS
+@given(SEEDS)
+def test_no_sphere_gets_farther_along_any_direction_than_its_bound(seed):
+    world = World(seed, solid)
+    world.take_interval()
+    h = world.half
+    kept = world.work.centres.reshape(-1, 7, WIDTH)[:, :, 0]
+    directions = world.rng.normal(size=(12, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    for k, i, first, last in moving(world):
+        now = kept[first:last]
+        lost = 0.5 * h * h * world.work.pushes[k, 0]
+        along = np.abs(now[:, 3:6] @ directions.T) * h + lost
+        for places in world.places:
+            moved = centres_of(world, i, places) - now[:, :3]
+            assert (np.abs(moved @ directions.T) <= along + ROUNDING).all()
+            size = np.linalg.norm(moved, axis=1)
+            assert (size <= now[:, 6] + ROUNDING).all()
+            assert (size <= h * world.work.speeds[k, 0] + ROUNDING).all()
+
+
+@WORLDS
+@given(SEEDS)
+def test_no_two_spheres_come_nearer_than_their_bound(seed):
+    world = World(seed, solid)
+    world.take_interval()
+    h, work = world.half, world.work
+    kept = work.centres.reshape(-1, 7, WIDTH)[:, :, 0]
+    known = {k: (i, first) for k, i, first, _ in moving(world)}
+    for a, b, shared, *_ in world.cover.meetings.tolist():
+        (one, at), (other, to) = known[a], known[b]
+        apart = kept[at, :3] - kept[to, :3]
+        gap = np.linalg.norm(apart)
+        speed = abs(apart @ (kept[at, 3:6] - kept[to, 3:6])) / max(gap, 1e-12)
+        lost = 0.5 * h * h * (work.pushes[a, shared] + work.pushes[b, shared])
+        far = h * (work.speeds[a, shared] + work.speeds[b, shared])
+        for places in world.places:
+            there = np.linalg.norm(centres_of(world, one, places)[0] - centres_of(world, other, places)[0])
+            assert there >= gap - min(speed * h + lost, far) - ROUNDING
+
+
+# ---- what is proven of an interval ---------------------------------------------------------
+
+
+def claims(world):
+    """Each pair as the kernel asks about it: bodies, obstacle, shared joints, index of the pair."""
+    known = world.cover
+    for b, o in np.argwhere(known.pair_of >= 0).tolist():
+        yield b, int(known.core_of[o]), o, -1, int(known.pair_of[b, o])
+    for a, b, shared, pair, *_ in known.meetings.tolist():
+        yield a, b, -1, shared, pair
+
+
+def by_directions(world, claim, padding):
+    """Whether a direction proves an interval at a padding."""
+    a, b, o, shared, pair = claim
+    known, work = world.cover, world.work
+    ball_a = int(known.bodies[a, 1])
+    near, base, push = (pair, ball_a, ball_a), 0, work.pushes[a, 0]
+    if shared >= 0:
+        near = (pair, ball_a, int(known.bodies[b, 1]))
+        base = int(known.chain[known.bodies[a, 3] + shared - 1]) if shared else 0
+        push = work.pushes[a, shared] + work.pushes[b, shared]
+    work.begun[:] = 0
+    at = o if b == CLOSED_FORM else -1
+    return ask_directions(a, b, at, base, ALL, near, padding, push, world.half, world.edges.record) == (0, 0)
+
+
+def by_spheres(world, claim, padding):
+    """Whether spheres prove an interval at a padding."""
+    a, b, o, shared, pair = claim
+    world.cover.padding[pair] = padding
+    other = o if shared < 0 else b
+    return ask_spheres(a, other, shared, pair, ALL, world.half, world.edges.record) == (0, 0)
+
+
+@WORLDS
+@given(SEEDS, st.sampled_from([by_directions, by_spheres]), st.sampled_from([solid, ball]))
+def test_no_interval_is_proven_at_a_padding_that_a_sample_undercuts(seed, prove, shape):
+    world = World(seed, shape)
+    world.take_interval()
+    for claim in claims(world):
+        least = float(world.distances(claim[-1]).min())
+        assert not prove(world, claim, max(least, 0.0) + CLEARLY)
+
+
+@pytest.mark.parametrize(("prove", "shape"), [(by_directions, solid), (by_directions, ball), (by_spheres, ball)])
+def test_a_short_interval_is_proven_up_to_little_less_than_its_least_distance(prove, shape):
+    """So the claims above are near to what is true, and a bound that is a little too bold is seen."""
+    asked = proven = 0
+    for seed in range(15):
+        world = World(seed, shape)
+        world.half = 1e-5
+        world.take_interval()
+        for claim in claims(world):
+            places = world.place(world.begin + world.middle * (world.end - world.begin))
+            distance = world.distance(*world.pairs[claim[-1]], places)
+            if distance > 1e-3:
+                asked += 1
+                proven += prove(world, claim, 0.9 * distance - 1e-3 * np.abs(world.end - world.begin).sum())
+    assert proven > 0.97 * asked > 100
+
+
+# ---- the exact kernel ----------------------------------------------------------------------
+
+
+@WORLDS
+@given(SEEDS)
+def test_no_distance_changes_more_than_the_travel_of_both_bodies(seed):
+    world = World(seed, solid)
+    tables = world.edges.tables[2][1:]
+    joints, joint_values, bodies, values, _, _, chain, reaches, pairs, _, joint_poses, poses, centres, _ = tables
+    q = world.begin + world.middle * (world.end - world.begin)
+    reach = world.half * np.abs(world.end - world.begin)
+    place_joints(joints, joint_values, q, joint_poses, np.empty(12))
+    travel = np.zeros((len(bodies), len(joints) + 1))
+    for b in range(len(bodies)):
+        if bodies[b, 5] > bodies[b, 4]:
+            place_body(b, bodies, values, joint_poses, poses, centres)
+            bound_travel(b, bodies, values, chain, reaches, joints, joint_values, joint_poses, reach, centres, travel)
+    middle = world.place(q)
+    for pair, (a, b, shared) in enumerate(pairs.tolist()):
+        now, found = world.distance(*world.pairs[pair], middle), world.distances(pair)
+        moved = sum(travel[body, shared] for body in (a, b) if bodies[body, 5] > bodies[body, 4])
+        # Depths are no distances: Coal's may jump.
+        assert now <= 0.0 or (found >= min(now - moved, 0.0) - 1e-6).all()
+        assert now <= moved or (found >= now - moved - 1e-6).all()
+
+
+# ---- whole edges ---------------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=25)
+@given(SEEDS)
+def test_padding_turns_an_edge_from_free_to_refused_at_its_least_distance(seed):
+    world = World(seed, solid, samples=2)
+    scene, steps = world.checker.scene, 150
+    places = [world.place(world.begin + t * (world.end - world.begin)) for t in np.linspace(0.0, 1.0, steps)]
+    found = np.array([[world.distance(a, b, at) for a, b in world.pairs] for at in places])
+    least = float(found.min(initial=np.inf))
+    assume(np.isfinite(least))
+    if least <= 0.0:
+        assert not world.edges.edge_is_free(world.begin, world.end)
+        return
+    beyond = CollisionChecker(scene.with_padding(least + CLEARLY))
+    assert not SweptEdges(beyond, 1e-6).edge_is_free(world.begin, world.end)
+    # From a sample to the middle between two, distances change by about half of this at most.
+    step = float(np.abs(np.diff(found, axis=0)).max())
+    below = CollisionChecker(scene.with_padding(max(0.0, least - step - CLEARLY)))
+    assert SweptEdges(below, 1e-6).edge_is_free(world.begin, world.end) or least <= step + 3e-6
