@@ -1,0 +1,206 @@
+"""How far bodies can get beside their steady motion, against dense samples of plain kinematics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.checks import Array
+from rr1plan.robot import Geometry, Joint, Link, Mimic
+from rr1plan.transforms import inverse, pose
+from rr1plan.validation.apart import CHAIN, DEPTH, ORIGIN
+from rr1plan.validation.solids import support
+from rr1plan.validation.sweeping import (
+    add_speeds,
+    expand,
+    move_links,
+    place,
+    reckon_sweeps,
+    steady_reach,
+    unsteadiness,
+)
+from rr1plan.validation.tables import setting_of
+
+Make = Callable[..., Any]
+ROUNDING = 1e-9
+SAMPLES = 17
+
+
+class Stretch:
+    """A polynomial motion of one arm within `half` of a time, in the tables of the search."""
+
+    def __init__(self, robot: rp.Robot, coefficients: Array, at: float, half: float) -> None:
+        # Something to keep away from: what nothing is checked against is no body.
+        self.scene = rp.Scene().with_arm("arm", robot).with_obstacle("far", rp.Sphere(0.1), [99.0, 0.0, 0.0])
+        self.coefficients, self.at, self.half = coefficients, at, half
+        s = self.setting = setting_of(self.scene, self.scene.joint_names())
+        self.columns, self.state = np.zeros((coefficients.shape[1], 4)), np.zeros((len(s.joints) + 1, 18))
+        self.placed, self.sweeps = np.zeros((len(s.kinds), 15)), np.zeros((len(s.kinds), 2, len(s.joints) + 1))
+        self.links = s.links.copy()
+        degree = len(coefficients) - 1
+        expand(coefficients[None], 0, at, half, degree, self.columns, np.zeros(degree + 1))
+        move_links(s.steps, s.frames, self.columns, s.joints, self.links, self.state)
+        add_speeds(s.joints, self.state)
+        for b in s.movers:
+            place(s.kinds, s.sizes, self.links, b, self.placed)
+            reckon_sweeps(s.kinds, s.sizes, s.chains, s.joints, self.state, b, self.placed, self.sweeps)
+
+    def chain(self, b: int) -> Array:
+        """Numbers of the joints that carry a body."""
+        first, depth = self.setting.kinds[b, CHAIN], self.setting.kinds[b, DEPTH]
+        return np.asarray(self.setting.chains[first : first + depth])
+
+    def bound(self, b: int, shared: int) -> float:
+        """What the search adds for what is not steady."""
+        s = self.setting
+        return float(unsteadiness(s.kinds, s.chains, s.joints, self.state, self.sweeps, b, shared))
+
+    def reach(self, b: int, shared: int, time: float, d: Array) -> float:
+        """How far a body gets along d at its steady velocity, as the search has it."""
+        s, chain = self.setting, self.chain(b)
+        before = int(chain[shared - 1]) if shared else -1
+        known = (s.kinds, s.sizes, s.corners, self.placed, self.state)
+        return float(d @ self.placed[b, ORIGIN : ORIGIN + 3]) + float(
+            steady_reach(*known, b, int(chain[-1]), before, time, *d)
+        )
+
+    def true_reach(self, b: int, shared: int, time: float, d: Array) -> float:
+        """How far it gets, by numpy, seen from what the first `shared` joints carry."""
+        T = self._pose(b, time)
+        if shared:
+            frame = self._frame(b, shared)
+            T = self._link(frame, 0.0) @ inverse(self._link(frame, time)) @ T
+        body = self.setting.bodies.solids[b]
+        return float(d @ T[:3, 3]) + float(support(body, (T[:3, :3].T @ d)[None])[0])
+
+    def _frame(self, b: int, shared: int) -> str:
+        """The link that the last of the first `shared` joints moves."""
+        number = int(self.chain(b)[shared - 1])
+        (step,) = [step for step in self.setting.motion.steps if step.number == number]
+        return str(step.joint.child)
+
+    def _pose(self, b: int, time: float) -> Array:
+        link, geometry = self._geometries()[b]
+        return np.asarray(self._link(link, time) @ geometry.pose)
+
+    def _geometries(self) -> list[tuple[str, Geometry]]:
+        return [(link.name, g) for link in self.scene.arms["arm"].robot.links for g in link.collisions]
+
+    def _link(self, name: str, time: float) -> Array:
+        q = np.power(self.at + time, np.arange(len(self.coefficients))) @ self.coefficients
+        return np.asarray(self.scene.link_poses({"arm": q})[f"arm/{name}"])
+
+
+def error(stretch: Stretch, b: int, shared: int, directions: Array) -> float:
+    """The most that a body gets farther along a direction, or less far, than it would at its steady velocity [m]."""
+    times = np.linspace(-stretch.half, stretch.half, SAMPLES)
+    return max(
+        abs(stretch.true_reach(b, shared, t, d) - stretch.reach(b, shared, t, d)) for t in times for d in directions
+    )
+
+
+def units(rng: np.random.Generator, count: int) -> Array:
+    vectors = rng.normal(size=(count, 3))
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_no_body_strays_farther_from_its_steady_motion_than_the_bound(seed: int, chain: Make) -> None:
+    rng = np.random.default_rng(seed)
+    robot = chain(rng, int(rng.integers(1, 5)))
+    if seed % 3 == 0 and robot.nq > 1:
+        last = replace(robot.joints[-1], mimic=Mimic(robot.joint_names[0], -1.5, 0.1))
+        n = robot.nq - 1
+        limits = rp.Limits(*(np.full(n, v) for v in (-10.0, 10.0, 1.0, 1.0, 1.0, 1.0)))
+        changes = {"joint_names": robot.joint_names[:n], "limits": limits, "configurations": {"home": np.zeros(n)}}
+        robot = replace(robot, joints=(*robot.joints[:-1], last), **changes)
+    coefficients = rng.normal(size=(int(rng.integers(2, 6)), robot.nq))
+    stretch = Stretch(robot, coefficients, rng.uniform(-0.5, 0.5), 10.0 ** rng.uniform(-2.0, 0.0))
+    for b in stretch.setting.movers.tolist():
+        for shared in range(len(stretch.chain(b))):
+            assert error(stretch, b, shared, units(rng, 6)) <= stretch.bound(b, shared) + ROUNDING
+
+
+# ---- where the bound is all but reached ----------------------------------------------------
+
+
+def arm_of(*joints: tuple[str, Array, Array]) -> rp.Robot:
+    """A chain of joints (kind, origin, axis) with a point at the origin of the last link."""
+    n = len(joints)
+    links = [Link(f"link{i}") for i in range(n)] + [Link(f"link{n}", collisions=(Geometry("p", rp.Sphere(1e-9)),))]
+    made = [
+        Joint(f"joint{i}", kind, f"link{i}", f"link{i + 1}", pose(origin), axis, -10.0, 10.0)
+        for i, (kind, origin, axis) in enumerate(joints)
+    ]
+    wide = np.full(n, 10.0)
+    return rp.Robot(
+        name="point",
+        links=tuple(links),
+        joints=tuple(made),
+        joint_names=tuple(joint.name for joint in made),
+        limits=rp.Limits(-wide, wide, wide, wide, wide, wide),
+        configurations={"home": np.zeros(n)},
+        held={},
+        never_collide=frozenset(),
+        tool=f"link{n}",
+    )
+
+
+X, Y, Z = np.eye(3)
+# What each needs of the bound: joints, speeds, and the direction in which all that strays adds up.
+TIGHT = {
+    "one turn": ([("revolute", 0.0 * X, Z), ("revolute", X, Z)], [1.0, 0.0], X),
+    "two turns about one axis": (
+        [("revolute", 0.0 * X, Z), ("revolute", 0.0 * X, Z), ("revolute", X, Z)],
+        [1.0, 1.0, 0.0],
+        X,
+    ),
+    "two turns of a stretched arm": (
+        [("revolute", 0.0 * X, Z), ("revolute", X, Z), ("revolute", X, Z)],
+        [0.7, 1.0, 0.0],
+        X,
+    ),
+    "three turns of a stretched arm": (
+        [("revolute", 0.0 * X, Z), ("revolute", X, Z), ("revolute", X, Z), ("revolute", X, Z)],
+        [0.5, 1.0, 0.8, 0.0],
+        X,
+    ),
+    "a slide that is turned": ([("revolute", 0.0 * X, Z), ("prismatic", 0.0 * X, X)], [1.0, 2.0], Y),
+    "a slide that two joints turn": (
+        [("revolute", 0.0 * X, Z), ("revolute", 0.0 * X, Z), ("prismatic", 0.0 * X, X)],
+        [1.0, 0.5, 2.0],
+        Y,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TIGHT)
+def test_no_term_of_the_bound_can_be_spared(name: str) -> None:
+    """A point that strays as far as the bound allows, to second order: with any part less, it would stray farther."""
+    joints, speeds, d = TIGHT[name]
+    stretch = Stretch(arm_of(*joints), np.array([np.zeros(len(speeds)), speeds]), 0.0, 1e-3)
+    (b,) = stretch.setting.movers.tolist()
+    strays, bound = error(stretch, b, 0, d[None]), stretch.bound(b, 0)
+    assert strays <= bound + ROUNDING
+    assert strays > 0.995 * bound - ROUNDING
+
+
+def test_what_the_joints_do_beside_a_steady_speed_counts(slider: Make) -> None:
+    stretch = Stretch(slider(rp.Sphere(0.1)), np.array([[0.2], [1.0], [3.0], [-2.0]]), 0.0, 0.1)
+    (b,) = stretch.setting.movers.tolist()
+    # The third power pulls the same way as the second before the middle: 3 * 0.1^2 + 2 * 0.1^3.
+    assert error(stretch, b, 0, X[None]) == pytest.approx(stretch.bound(b, 0), abs=1e-12) == pytest.approx(0.032)
+
+
+def test_joints_that_two_bodies_share_move_neither_against_the_other() -> None:
+    joints = [("revolute", 0.0 * X, Z), ("revolute", X, Z), ("revolute", X, Z)]
+    stretch = Stretch(arm_of(*joints), np.array([np.zeros(3), [1.0, 0.0, 0.0]]), 0.0, 0.3)
+    (b,) = stretch.setting.movers.tolist()
+    assert stretch.bound(b, 0) > 0.05
+    assert stretch.bound(b, 1) == 0.0
+    assert error(stretch, b, 1, np.eye(3)) <= ROUNDING
