@@ -1,6 +1,6 @@
 """Do the compiled kernels answer as Coal does? Random configurations and edges of several robots, one by one.
 
-    python benchmarks/agreement.py --panda panda.urdf --ur5 ur5_robot.urdf
+    python benchmarks/agreement.py --panda panda.urdf --folder ROBOTS
 
 Configurations: the kernel's answer against Coal's. Edges: what the kernel calls free is proven free by Coal alone
 (`coal_proof.py`); where it finds a contact, Coal has to find one at that configuration. An answer may differ where
@@ -18,17 +18,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
-from clutter import box_of, cluttered_scenes, find_ur5
+from clutter import box_of, cluttered_scenes, find_urdf
 from coal_proof import CoalProof, PlainCoal
-from shared import Clock, console, heading, make_parser, number, pin_to_core, save, table, track
+from shared import Clock, console, heading, make_parser, pin_to_core, save, table, track
 
 import rr1plan as rp
-from rr1plan._kernels.motion import certify
-from rr1plan._kernels.swept import sweep_edge
 from rr1plan.checks import Array
-from rr1plan.collision import CollisionChecker
+from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.collision.swept import SweptEdges
 
 # Motions that pass nearer than this are refused by design [m].
@@ -39,20 +36,8 @@ _CHUNK = 2000
 _CHUNK_OF_EDGES = 200
 _EVERY_PLAIN = 500
 ROBOTS = ("planar2r", "rr1", "panda", "ur5")
-
-
-@numba.njit
-def sweep_all(begins, ends, record, status, where):
-    for i in range(len(begins)):
-        status[i], where[i], _ = sweep_edge(begins[i], ends[i], record)
-
-
-@numba.njit
-def certify_all(begins, ends, exact, status, where):
-    curve = np.empty((2, begins.shape[1]))
-    for i in range(len(begins)):
-        curve[0], curve[1] = begins[i], ends[i] - begins[i]
-        status[i], where[i], _, _, _ = certify(curve, 1.0, exact[0], *exact[1:])
+# Those that do not ship, and their files in the package example-robot-data.
+FOREIGN = {"panda": "panda.urdf", "ur5": "ur5_robot.urdf"}
 
 
 @dataclass
@@ -78,6 +63,7 @@ class Comparison:
         self.tally = Tally(robot, name)
         self.checker = CollisionChecker(scene)
         self.edges = SweptEdges(self.checker, TOLERANCE)
+        self.exact = MotionChecker(self.checker, tolerance=TOLERANCE)
         self.plain = PlainCoal(scene)
         self.proof = CoalProof(self.checker)
         self.low, self.high = box_of(self.checker.limits)
@@ -105,14 +91,17 @@ class Comparison:
         with clock.stage("edges, kernel"):
             status, where = self._sweep(begins, ends)
         with clock.stage("edges, exact kernel"):
-            exact, spots = self._ask(certify_all, begins, ends, self.edges.tables[2])
+            exact = np.array([self.exact.edge_is_free(*ends_of) for ends_of in zip(begins, ends, strict=True)])
         tally.update(asked=count, free=int((status == 0).sum()))
         with clock.stage("edges, Coal"):
             for i in range(count):
                 self._judge(begins[i], ends[i], int(status[i]), float(where[i]))
-        for i in np.flatnonzero((status == 0) != (exact == 0)):
-            spot = begins[i] + max(where[i], spots[i]) * (ends[i] - begins[i])
-            self._differ(tally, begins[i], ends[i], spot, f"swept {status[i]}, exact kernel {exact[i]}")
+        for i in np.flatnonzero((status == 0) != exact):
+            contact = self.exact.first_contact(begins[i], ends[i])
+            spot = begins[i] + where[i] * (ends[i] - begins[i]) if contact is None else contact.q
+            self._differ(
+                tally, begins[i], ends[i], spot, f"the exact kernel alone: {'free' if exact[i] else 'not free'}"
+            )
 
     def _judge(self, q0: Array, q1: Array, status: int, where: float) -> None:
         """What Coal makes of the kernel's answer about an edge."""
@@ -156,12 +145,9 @@ class Comparison:
         return begins, np.clip(begins + steps, limits.lower, limits.upper)
 
     def _sweep(self, begins: Array, ends: Array) -> tuple[Array, Array]:
-        return self._ask(sweep_all, begins, ends, self.edges.record)
-
-    def _ask(self, kernel: Any, begins: Array, ends: Array, tables: Any) -> tuple[Array, Array]:
-        status, where = np.zeros(len(begins), np.int64), np.zeros(len(begins))
-        kernel(begins, ends, tables, status, where)
-        return status, where
+        """The kernel's status of each edge (0: free, 1: a contact, 2: too near to tell), and where."""
+        answers = [self.edges.look_along(q0, q1) for q0, q1 in zip(begins, ends, strict=True)]
+        return np.array([a[0] for a in answers]), np.array([a[1] for a in answers])
 
 
 # ---- the command ---------------------------------------------------------------------------------
@@ -181,8 +167,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = make_parser("Compiled answers against Coal's", "agreement")
     parser.add_argument("--robot", nargs="+", choices=ROBOTS, default=list(ROBOTS), help="robots to ask about")
-    parser.add_argument("--panda", type=Path, help="the Panda's URDF, its SRDF beside it")
-    parser.add_argument("--ur5", type=Path, help="the UR5's URDF (default: that of example-robot-data)")
+    for name in FOREIGN:
+        parser.add_argument(
+            f"--{name}", type=Path, help="its URDF, an SRDF beside it (default: that of example-robot-data)"
+        )
     parser.add_argument("--folder", type=Path, help="where pip may put example-robot-data if it is not installed")
     parser.add_argument("--configurations", type=int, default=1_000_000, help="of each robot, over all its scenes")
     parser.add_argument("--edges", type=int, default=100_000, help="of each robot, over all its scenes")
@@ -214,12 +202,13 @@ def _shares(parts: list[Comparison], question: str, total: int, chunk: int) -> I
 
 
 def _load(name: str, args: argparse.Namespace) -> rp.Robot | None:
-    if name == "panda":
-        return None if args.panda is None else rp.load_robot(args.panda, srdf=args.panda.with_suffix(".srdf"))
-    if name == "ur5":
-        file = args.ur5 or find_ur5(args.folder)
-        return None if file is None else rp.load_robot(file)
-    return rp.load_robot(name)
+    if name not in FOREIGN:
+        return rp.load_robot(name)
+    file = getattr(args, name) or find_urdf(FOREIGN[name], args.folder)
+    if file is None:
+        return None
+    srdf = file.with_suffix(".srdf")
+    return rp.load_robot(file, srdf=srdf if srdf.is_file() else None)
 
 
 def _shipped(name: str) -> Iterator[tuple[str, rp.Scene]]:
@@ -230,15 +219,13 @@ def _shipped(name: str) -> Iterator[tuple[str, rp.Scene]]:
 
 
 def _tables(tallies: Sequence[Tally]) -> list[str]:
-    header = ["configurations", "scenes", "asked", "free", "grazing", "different", "kernel [us]", "Coal [us]"]
+    header = ["configurations", "scenes", "asked", "free", "grazing", "different"]
     edges = ["edges", "asked", "free", "proven by Coal", "narrow", "contact confirmed", "grazing", "different"]
     rows, more = [], []
     for robot in dict.fromkeys(t.robot for t in tallies):
         own = [t for t in tallies if t.robot == robot]
         c, e = sum((t.configurations for t in own), Counter()), sum((t.edges for t in own), Counter())
-        times = [sum(t.clock.cpu.get(f"configurations, {who}", 0.0) for t in own) for who in ("kernel", "Coal")]
-        per = [number(1e6 * t / max(1, c["asked"])) for t in times]
-        rows.append([robot, len(own), c["asked"], *_of(c, "free", "grazing", "different"), *per])
+        rows.append([robot, len(own), c["asked"], *_of(c, "free", "grazing", "different")])
         more.append(
             [robot, e["asked"], *_of(e, "free", "proven", "narrow", "contact confirmed", "grazing", "different")]
         )

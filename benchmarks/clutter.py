@@ -1,4 +1,4 @@
-"""Robots by name, and random scenes full of things for them: thick, thin, round, flat, hollow, endless and held."""
+"""Robots of others, and random scenes full of things for them: thick, thin, round, flat, hollow, endless and held."""
 
 from __future__ import annotations
 
@@ -20,27 +20,26 @@ from rr1plan.transforms import pose
 
 Draw = Callable[[np.random.Generator, float], Any]
 _FOREIGN = "example-robot-data"
-_UR5 = "ur5_robot.urdf"
 _TRIES = 200
 
 
 # ---- robots --------------------------------------------------------------------------------------
 
 
-def find_ur5(folder: Path | None) -> Path | None:
-    """The UR5's URDF in the package example-robot-data: installed here, or put into a folder by pip."""
+def find_urdf(name: str, folder: Path | None) -> Path | None:
+    """A URDF of the package example-robot-data: installed here, or put into a folder by pip."""
     try:
         files = importlib.metadata.files(_FOREIGN) or []
     except importlib.metadata.PackageNotFoundError:
         files = []
-    installed = [Path(str(file.locate())) for file in files if file.name == _UR5]
+    installed = [Path(str(file.locate())) for file in files if file.name == name]
     if installed or folder is None:
         return installed[0] if installed else None
-    if not any(folder.rglob(_UR5)):
+    if not any(folder.rglob(name)):
         console.print(f"pip puts {_FOREIGN} into {folder}", highlight=False)
         pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(folder), _FOREIGN]
         subprocess.run(pip, check=True)
-    return next(folder.rglob(_UR5), None)
+    return next(folder.rglob(name), None)
 
 
 # ---- shapes --------------------------------------------------------------------------------------

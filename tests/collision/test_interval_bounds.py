@@ -131,7 +131,7 @@ class World:
         place_all(self.begin, self.end, self.middle, self.half, self.edges.record)
 
 
-WORLDS = settings(deadline=None, max_examples=40)
+WORLDS = settings(deadline=None, max_examples=25)
 SEEDS = st.integers(0, 2**32)
 
 
@@ -311,7 +311,7 @@ def test_no_distance_changes_more_than_the_travel_of_both_bodies(seed):
 # ---- whole edges ---------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=15)
 @given(SEEDS)
 def test_padding_turns_an_edge_from_free_to_refused_at_its_least_distance(seed):
     world = World(seed, solid, samples=2)
