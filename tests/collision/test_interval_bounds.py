@@ -12,8 +12,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from rr1plan._kernels.cover import CLOSED_FORM, RECORD, tables_of
-from rr1plan._kernels.directions import separate
+from rr1plan._kernels.cover import RECORD, tables_of
+from rr1plan._kernels.intervals import _separate
 from rr1plan._kernels.jit import F64, FLOATS1, I64
 from rr1plan._kernels.lanes import WIDTH, fill
 from rr1plan._kernels.motion import bound_travel, place_body, place_joints
@@ -147,9 +147,10 @@ def place_all(begin, end, middle, half, record):
         place_spheres(k, 7, known.bodies[k, 1], known.bodies[k, 2], h, known, work)
 
 
-@numba.njit(numba.types.UniTuple(I64, 2)(*(I64,) * 5, numba.types.UniTuple(I64, 3), F64, F64, F64, RECORD))
-def ask_directions(a, b, o, base, asked, near, padding, push, half, record):
-    left, _, touching = separate(a, b, o, base, near, padding, push, asked, fill(half), record)
+@numba.njit(numba.types.UniTuple(I64, 2)(F64, RECORD))
+def ask_directions(half, record):
+    """Of the first of the kernel's items."""
+    left, _, touching = _separate(0, fill(half), record)
     return left, touching
 
 
@@ -224,35 +225,31 @@ def test_no_two_spheres_come_nearer_than_their_bound(seed):
 
 
 def claims(world):
-    """Each pair as the kernel asks about it: bodies, obstacle, shared joints, index of the pair."""
+    """Each pair as the kernel asks about it: body, obstacle or other body, row of `meetings` or -1, pair."""
     known = world.cover
     for b, o in np.argwhere(known.pair_of >= 0).tolist():
-        yield b, int(known.core_of[o]), o, -1, int(known.pair_of[b, o])
-    for a, b, shared, pair, *_ in known.meetings.tolist():
-        yield a, b, -1, shared, pair
+        yield b, o, -1, int(known.pair_of[b, o])
+    for m, (a, b, _, pair, *_) in enumerate(known.meetings.tolist()):
+        yield a, b, m, pair
 
 
 def by_directions(world, claim, padding):
     """Whether a direction proves an interval at a padding."""
-    a, b, o, shared, pair = claim
+    a, b, m, pair = claim
     known, work = world.cover, world.work
     ball_a = int(known.bodies[a, 1])
-    near, base, push = (pair, ball_a, ball_a), 0, work.pushes[a, 0]
-    if shared >= 0:
-        near = (pair, ball_a, int(known.bodies[b, 1]))
-        base = int(known.chain[known.bodies[a, 3] + shared - 1]) if shared else 0
-        push = work.pushes[a, shared] + work.pushes[b, shared]
+    known.padding[pair] = padding
+    work.items[0] = a, b, m, pair, ALL, ball_a, ball_a if m < 0 else int(known.bodies[b, 1])
     work.begun[:] = 0
-    at = o if b == CLOSED_FORM else -1
-    return ask_directions(a, b, at, base, ALL, near, padding, push, world.half, world.edges.record) == (0, 0)
+    return ask_directions(world.half, world.edges.record) == (0, 0)
 
 
 def by_spheres(world, claim, padding):
     """Whether spheres prove an interval at a padding."""
-    a, b, o, shared, pair = claim
+    a, b, m, pair = claim
     world.cover.padding[pair] = padding
-    other = o if shared < 0 else b
-    return ask_spheres(a, other, shared, pair, ALL, world.half, world.edges.record) == (0, 0)
+    shared = -1 if m < 0 else int(world.cover.meetings[m, 2])
+    return ask_spheres(a, b, shared, pair, ALL, world.half, world.edges.record) == (0, 0)
 
 
 @WORLDS
