@@ -26,9 +26,9 @@ from rr1plan.transforms import inverse
 # Coal may overstate a distance of round bodies by this much [m].
 COAL_ERROR = 2e-5
 # Intervals on which nothing moves farther than this are not halved [m].
-FINEST = 1e-6
+FINEST = 5e-6
 _WIDEST = 0.2
-_MOST = 200_000
+_MOST = 400_000
 
 
 # ---- configurations ------------------------------------------------------------------------------
