@@ -80,8 +80,8 @@ class Comparison:
         with clock.stage("configurations, Coal"):
             sure = np.array([self.checker.is_free(one) for one in q])
         tally.update(asked=count, free=int(sure.sum()))
-        for one in q[quick != sure]:
-            self._differ(tally, one, one, one, f"Coal: {'a contact' if one in q[quick] else 'free'}")
+        for i in np.flatnonzero(quick != sure):
+            self._differ(tally, q[i], q[i], q[i], f"Coal: {'free' if sure[i] else 'a contact'}")
         for one, free in zip(q[::_EVERY_PLAIN], sure[::_EVERY_PLAIN], strict=True):
             tally["plain"] += 1
             if self.plain.is_free(one) != free:
