@@ -23,6 +23,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.collision.spheres import cover
 from rr1plan.collision.swept import SweptEdges
+from rr1plan.collision.tables import build_tables
 from rr1plan.formats.convex import convex_hull
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot
@@ -88,7 +89,9 @@ class World:
         for i, thing in enumerate(things):
             scene = scene.with_obstacle(f"thing{i}", thing, turned(rng, 0.6))
         self.checker = CollisionChecker(scene)
-        self.edges = SweptEdges(self.checker, 1e-6)
+        tables = build_tables(self.checker)
+        # Of its own, so that any padding can be asked about.
+        self.edges = SweptEdges(self.checker, 1e-6, tables._replace(padding=tables.padding.copy()))
         self.cover, self.work = self.edges.tables[:2]
         self.pairs = self.checker.solid_pairs.tolist()
         step = rng.normal(size=self.checker.nq) * 10.0 ** rng.uniform(-2.0, 0.3)
