@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -178,6 +179,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--folder", type=Path, help="where pip may put example-robot-data if it is not installed")
     parser.add_argument("--configurations", type=int, default=1_000_000, help="of each robot, over all its scenes")
     parser.add_argument("--edges", type=int, default=100_000, help="of each robot, over all its scenes")
+    parser.add_argument("--seconds", type=float, default=np.inf, help="ask about each robot for no longer than this")
     return parser.parse_args(argv)
 
 
@@ -190,9 +192,13 @@ def _compare(name: str, args: argparse.Namespace) -> list[Tally]:
     parts = [Comparison(name, *scene) for scene in scenes]
     work = [*_shares(parts, "configurations", args.configurations, _CHUNK)]
     work += _shares(parts, "random_edges", args.edges, _CHUNK_OF_EDGES)
-    rng = np.random.default_rng([args.seed, ROBOTS.index(name)])
-    for part, question, count in track(work, name):
+    rng, begun = np.random.default_rng([args.seed, ROBOTS.index(name)]), time.monotonic()
+    # In any order, so that what is asked before the time is over is spread over all scenes.
+    for k in track(rng.permutation(len(work)).tolist(), name):
+        part, question, count = work[k]
         getattr(part, question)(rng, count)
+        if time.monotonic() - begun > args.seconds:
+            break
     return [part.tally for part in parts]
 
 
