@@ -20,9 +20,10 @@ POINTS, ROUND = range(2)
 
 # Factor for what is added up in floating point.
 SLACK = 1.0 + 1e-9
-# Numbers kept of each frame (rotation row by row, origin, angular and linear velocity) and of each sphere.
+# Numbers kept of each frame (rotation row by row, origin, angular and linear velocity) and of each sphere (centre and
+# travel).
 FRAME = 18 * WIDTH
-SPHERE = 7 * WIDTH
+SPHERE = 4 * WIDTH
 # Bits of all lanes.
 ALL = (1 << WIDTH) - 1
 # Corners of a core come in blocks of so many neighbours.
@@ -37,11 +38,13 @@ class Cover(NamedTuple):
     Args:
         joints: Parent (0: the world), 1 for prismatic, column; row 0 is the world, shape (j, 3).
         joint_values: T_parent_joint with z along the axis (12) and gain, shape (j, 13).
-        bodies: Joint, first and last sphere (the first is the ball around all), first and last entry of
-            its chain; shape (b, 5).
-        spheres: Centre in the joint's frame, radius, radius of the ball inside [m], shape (s, 5).
-        chain: Joints above each body, root first.
-        chain_reach: For each, how far any sphere's centre can be from its axis, prismatic joints at zero [m].
+        bodies: Joint, first and last sphere (the first is the ball around all), group; shape (b, 4).
+        groups: Of bodies that one joint carries: joint, ball around all, first and last body, first and last entry of
+            the chain; shape (g, 6).
+        spheres: Centre in the joint's frame, radius, radius of the ball inside, distance of the centre from that of
+            the body's ball [m]; those of bodies, then the balls around groups; shape (s, 6).
+        chain: Joints above each group, root first.
+        chain_reach: For each, how far any of its points can be from the joint's axis, prismatic joints at zero [m].
         obstacles: Kind, and 1 if its gap is exact, not only a bound from below; shape (o, 2).
         obstacle_values: Rotation row by row, centre, half sizes (a cylinder's radius and half length; a
             half-space's normal), radius around it (a half-space's offset); shape (o, 16).
@@ -49,6 +52,8 @@ class Cover(NamedTuple):
         pair_of: Index of the pair of a body and an obstacle, -1 for none, shape (b, o).
         meetings: Body, body, joints that move both, index of the pair, and if it has a map where that begins in
             `maps` (else -1), the number of its columns of cells, and its two columns of q; shape (m, 8).
+        families: Groups of which bodies meet: group, group, joints that move both, first and last of `meetings`;
+            shape (f, 5).
         maps: For each map how many cells before a corner are not free; see `neighbours.py`.
         map_ranges: Low end and cells per rad or m, of both columns of q; shape (m, 4).
         padding: Distance to keep of each pair [m].
@@ -66,6 +71,7 @@ class Cover(NamedTuple):
     joints: np.ndarray
     joint_values: np.ndarray
     bodies: np.ndarray
+    groups: np.ndarray
     spheres: np.ndarray
     chain: np.ndarray
     chain_reach: np.ndarray
@@ -74,6 +80,7 @@ class Cover(NamedTuple):
     boxes: np.ndarray
     pair_of: np.ndarray
     meetings: np.ndarray
+    families: np.ndarray
     maps: np.ndarray
     map_ranges: np.ndarray
     padding: np.ndarray
@@ -90,9 +97,10 @@ class Work(NamedTuple):
 
     Args:
         frames: Of every joint, `WIDTH` configurations side by side.
-        centres: Of every sphere: place, velocity, travel.
-        placed: The batch each body was placed for last.
-        speeds: Greatest speed of a body's spheres, by the joints that count; shape (b, longest chain + 1).
+        centres: Of every sphere: place, travel.
+        placed: The batch each body was placed for last, less than zero if only the ball around it was.
+        masks: Bits of obstacles whose boxes are near a group, for each `WIDTH` of them.
+        speeds: Greatest speed of a group's points, by the joints that count; shape (g, longest chain + 1).
         pushes: Greatest acceleration, the same.
         near: Spheres of a body that are near another's ball, and in which lanes; shape (n, 2).
         turns: Of each joint: rate and greatest value on the edge, shape (j, 2).
@@ -114,6 +122,7 @@ class Work(NamedTuple):
     frames: np.ndarray
     centres: np.ndarray
     placed: np.ndarray
+    masks: np.ndarray
     speeds: np.ndarray
     pushes: np.ndarray
     near: np.ndarray
@@ -133,13 +142,14 @@ class Work(NamedTuple):
 
 COVER = types.NamedTuple(
     [
-        *(INT2, OUT2, INT2, OUT2, INT1, OUT1, INT2, OUT2, OUT2, INT2, INT2, INT1, OUT2, OUT1),
+        *(INT2, OUT2, INT2, INT2, OUT2, INT1, OUT1, INT2, OUT2, OUT2, INT2, INT2, INT2, INT1, OUT2, OUT1),
         *(INT2, OUT2, OUT2, OUT2, INT1, OUT1),
     ],
     Cover,
 )
 WORK = types.NamedTuple(
-    [OUT1, OUT1, INT1, OUT2, OUT2, INT2, OUT2, INT2, OUT2, INT1, OUT1, OUT2, INT1, OUT2, INT1, OUT1, INT1, OUT2], Work
+    [OUT1, OUT1, INT1, INT1, OUT2, OUT2, INT2, OUT2, INT2, OUT2, INT1, OUT1, OUT2, INT1, OUT2, INT1, OUT1, INT1, OUT2],
+    Work,
 )
 # Tolerance [m], then the tables of `motion.certify` in its order.
 EXACT = types.Tuple(

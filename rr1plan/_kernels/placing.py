@@ -51,16 +51,16 @@ def sine_cosine(angle):
 
 @jit(types.void(FLOATS1, FLOATS1, COVER, WORK), inline=True, allocates=False)
 def bound_motion(q0, q1, cover, work):
-    """Greatest speeds and accelerations on an edge, by body and by the joints that count."""
+    """Greatest speeds and accelerations on an edge, by group and by the joints that count."""
     for j in range(1, cover.joints.shape[0]):
         column, gain = cover.joints[j, 2], cover.joint_values[j, 12]
         work.turns[j, 0] = gain * (q1[column] - q0[column])
         work.turns[j, 1] = abs(gain) * max(abs(q0[column]), abs(q1[column]))
-    for b in range(cover.bodies.shape[0]):
-        first, last = cover.bodies[b, 3], cover.bodies[b, 4]
+    for g in range(cover.groups.shape[0]):
+        first, last = cover.groups[g, 4], cover.groups[g, 5]
         speed, push, beyond = 0.0, 0.0, 0.0
-        work.speeds[b, last - first] = 0.0
-        work.pushes[b, last - first] = 0.0
+        work.speeds[g, last - first] = 0.0
+        work.pushes[g, last - first] = 0.0
         for k in range(last - 1, first - 1, -1):
             j = cover.chain[k]
             rate = abs(work.turns[j, 0]) * SLACK
@@ -72,8 +72,8 @@ def bound_motion(q0, q1, cover, work):
                 swing = rate * (cover.chain_reach[k] + beyond)
                 push += rate * (swing + 2.0 * speed)
                 speed += swing
-            work.speeds[b, k - first] = speed
-            work.pushes[b, k - first] = push
+            work.speeds[g, k - first] = speed
+            work.pushes[g, k - first] = push
 
 
 @jit(types.void(FLOATS1, LANES, COVER, WORK), inline=True, allocates=False)
@@ -123,26 +123,52 @@ def place_frames(q0, t, cover, work):
         store(frames, at + 17 * WIDTH, w)
 
 
-@jit(types.void(I64, I64, I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
-def place_spheres(b, batch, first, last, h, cover, work):
-    """Places, velocities and travels of some spheres of a body."""
-    frames, spheres = work.frames, cover.spheres
-    j = cover.bodies[b, 0] * FRAME
-    push = h * h * (0.5 * work.pushes[b, 0])
-    far = h * work.speeds[b, 0]
-    wx, wy, wz = load(frames, j + 12 * WIDTH), load(frames, j + 13 * WIDTH), load(frames, j + 14 * WIDTH)
-    vx, vy, vz = load(frames, j + 15 * WIDTH), load(frames, j + 16 * WIDTH), load(frames, j + 17 * WIDTH)
+@jit(types.UniTuple(LANES, 3)(I64, I64, WORK), inline=True, allocates=False)
+def velocity_of(j, i, work):
+    """Velocity of the centre of a sphere that joint j carries."""
+    frames, centres, at, to = work.frames, work.centres, j * FRAME, i * SPHERE
+    wx, wy, wz = load(frames, at + 12 * WIDTH), load(frames, at + 13 * WIDTH), load(frames, at + 14 * WIDTH)
+    dx = load(centres, to) - load(frames, at + 9 * WIDTH)
+    dy = load(centres, to + WIDTH) - load(frames, at + 10 * WIDTH)
+    dz = load(centres, to + 2 * WIDTH) - load(frames, at + 11 * WIDTH)
+    return (
+        load(frames, at + 15 * WIDTH) + wy * dz - wz * dy,
+        load(frames, at + 16 * WIDTH) + wz * dx - wx * dz,
+        load(frames, at + 17 * WIDTH) + wx * dy - wy * dx,
+    )
+
+
+@jit(types.void(I64, I64, I64, COVER, WORK), inline=True, allocates=False)
+def _place_centres(j, first, last, cover, work):
+    """Places of the centres of spheres that joint j carries."""
+    frames, spheres, at = work.frames, cover.spheres, j * FRAME
     for i in range(first, last):
         x, y, z = spheres[i, 0], spheres[i, 1], spheres[i, 2]
-        dx = load(frames, j) * x + load(frames, j + WIDTH) * y + load(frames, j + 2 * WIDTH) * z
-        dy = load(frames, j + 3 * WIDTH) * x + load(frames, j + 4 * WIDTH) * y + load(frames, j + 5 * WIDTH) * z
-        dz = load(frames, j + 6 * WIDTH) * x + load(frames, j + 7 * WIDTH) * y + load(frames, j + 8 * WIDTH) * z
-        u, v, w = vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx
-        at = i * SPHERE
-        store(work.centres, at, load(frames, j + 9 * WIDTH) + dx)
-        store(work.centres, at + WIDTH, load(frames, j + 10 * WIDTH) + dy)
-        store(work.centres, at + 2 * WIDTH, load(frames, j + 11 * WIDTH) + dz)
-        store(work.centres, at + 3 * WIDTH, u)
-        store(work.centres, at + 4 * WIDTH, v)
-        store(work.centres, at + 5 * WIDTH, w)
-        store(work.centres, at + 6 * WIDTH, lesser(root(u * u + v * v + w * w) * h * SLACK + push, far))
+        for r in range(3):
+            row = at + 3 * r * WIDTH
+            part = load(frames, row) * x + load(frames, row + WIDTH) * y + load(frames, row + 2 * WIDTH) * z
+            store(work.centres, i * SPHERE + r * WIDTH, load(frames, at + (9 + r) * WIDTH) + part)
+
+
+@jit(types.void(I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
+def place_ball(g, i, h, cover, work):
+    """Place and travel of the ball around a group or a body of it."""
+    j = cover.groups[g, 0]
+    _place_centres(j, i, i + 1, cover, work)
+    u, v, w = velocity_of(j, i, work)
+    travel = root(u * u + v * v + w * w) * h * SLACK + h * h * (0.5 * work.pushes[g, 0])
+    store(work.centres, i * SPHERE + 3 * WIDTH, lesser(travel, h * work.speeds[g, 0]))
+
+
+@jit(types.void(I64, LANES, COVER, WORK), inline=True, allocates=False)
+def place_spheres(b, h, cover, work):
+    """Places and travels of the spheres of a body whose ball is placed."""
+    centres, at, ball = work.centres, cover.bodies[b, 0] * FRAME, cover.bodies[b, 1]
+    _place_centres(cover.bodies[b, 0], ball + 1, cover.bodies[b, 2], cover, work)
+    frames = work.frames
+    wx, wy, wz = load(frames, at + 12 * WIDTH), load(frames, at + 13 * WIDTH), load(frames, at + 14 * WIDTH)
+    # None moves faster than the ball's centre and the turn about that.
+    turn = root(wx * wx + wy * wy + wz * wz) * h * SLACK
+    travel, far = load(centres, ball * SPHERE + 3 * WIDTH), h * work.speeds[cover.bodies[b, 3], 0]
+    for i in range(ball + 1, cover.bodies[b, 2]):
+        store(centres, i * SPHERE + 3 * WIDTH, lesser(travel + turn * cover.spheres[i, 5], far))

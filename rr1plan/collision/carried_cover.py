@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.carried import Carried
 from rr1plan.collision.cores import Cores, CoreTables, extremes
+from rr1plan.collision.groups import ball_around, group_rows
 from rr1plan.collision.spheres import SphereCover, cover
 from rr1plan.collision.tables import CarriedTables, carried_tables, joint_motion
 from rr1plan.transforms import rotation_about
@@ -25,7 +26,7 @@ class CarriedCover:
     """Tables of the solids that move; columns as in `rr1plan._kernels.cover.Cover`.
 
     Args:
-        joints, joint_values, bodies, spheres, chain, chain_reach: As there.
+        joints, joint_values, bodies, groups, spheres, chain, chain_reach: As there.
         cores: The cores of the bodies, in their order.
         body: Index in `bodies` of each carried solid, -1 where it rests, shape (n,).
     """
@@ -33,6 +34,7 @@ class CarriedCover:
     joints: _INTS
     joint_values: Array
     bodies: _INTS
+    groups: _INTS
     spheres: Array
     chain: _INTS
     chain_reach: Array
@@ -60,9 +62,9 @@ def carried_cover(carried: Carried) -> CarriedCover:
     joints = _driven_joints(carried_tables(carried))
     body = np.where(carried.groups > 0, np.cumsum(carried.groups > 0) - 1, -1)
     moving = [solid for solid, group in zip(carried.solids, carried.groups, strict=True) if group > 0]
-    bodies, spheres = np.zeros((len(moving), 5), np.int64), [np.zeros((0, 5))]
-    chain: list[int] = []
-    reach: list[float] = []
+    bodies, spheres = np.zeros((len(moving), 4), np.int64), [np.zeros((0, 6))]
+    chains: list[list[int]] = []
+    reaches: list[list[float]] = []
     cores = Cores()
     first = 0
     for i, solid in enumerate(moving):
@@ -73,22 +75,40 @@ def carried_cover(carried: Carried) -> CarriedCover:
         while joint:
             above.append(joint)
             joint = int(joints.rows[joint, 0])
-        bodies[i] = above[0], first, first + len(rows), len(chain), len(chain) + len(above)
+        bodies[i] = above[0], first, first + len(rows), 0
         spheres.append(rows)
-        chain += above[::-1]
+        chains.append(above[::-1])
         cores.add(above[0], solid.shape, T)
-        reach += _reaches(joints, above, np.concatenate([rows[:, :3], extremes(solid.shape) @ T[:3, :3].T + T[:3, 3]]))
+        points = np.concatenate([rows[:, :3], extremes(solid.shape) @ T[:3, :3].T + T[:3, 3]])
+        reaches.append(_reaches(joints, above, points))
         first += len(rows)
+    bodies, groups, all_spheres, chain, reach = _group(bodies, np.concatenate(spheres), chains, reaches)
     return CarriedCover(
         read_only(joints.rows),
         read_only(joints.values),
         read_only(bodies),
-        read_only(np.concatenate(spheres)),
-        read_only(np.array(chain, np.int64)),
-        read_only(np.array(reach)),
+        read_only(groups),
+        read_only(all_spheres),
+        read_only(chain),
+        read_only(reach),
         cores.tables(),
         read_only(body),
     )
+
+
+def _group(
+    bodies: _INTS, spheres: Array, chains: list[list[int]], reaches: list[list[float]]
+) -> tuple[_INTS, _INTS, Array, _INTS, Array]:
+    """Bodies with their groups, these, spheres with the balls around them, and the chains; see the kernel's `Cover`."""
+    groups, chain, reach = group_rows(bodies[:, 0].tolist(), chains, reaches)
+    rows = [spheres]
+    for g, (_, _, first, last, _, _) in enumerate(groups.tolist()):
+        bodies[first:last, 3] = g
+        balls = bodies[first:last, 1]
+        within = np.setdiff1d(np.arange(balls[0], bodies[last - 1, 2]), balls)
+        rows.append(np.array([[*ball_around(spheres[within, :4], spheres[balls, :4]), _NOTHING, 0.0]]))
+        groups[g, 1] = len(spheres) + g
+    return bodies, groups, np.concatenate(rows), chain, reach
 
 
 def matrix(flat: Array) -> Array:
@@ -134,7 +154,8 @@ def _sphere_rows(made: SphereCover, T: Array) -> Array:
     centres = np.concatenate([made.ball[None, :3], made.centres])
     radii = np.array([made.ball[3], *made.radii])
     inner = np.array([_NOTHING, *np.maximum(made.inner, _NOTHING)])
-    return np.column_stack([centres @ T[:3, :3].T + T[:3, 3], radii, inner])
+    apart = np.linalg.norm(centres - centres[0], axis=1) * (1.0 + 1e-9) + 1e-12
+    return np.column_stack([centres @ T[:3, :3].T + T[:3, 3], radii, inner, apart])
 
 
 def _reaches(joints: _Joints, above: list[int], points: Array) -> list[float]:

@@ -13,6 +13,7 @@ from rr1plan._kernels.lanes import WIDTH
 from rr1plan.checks import read_only
 from rr1plan.collision.carried_cover import carried_cover
 from rr1plan.collision.exact import CollisionChecker
+from rr1plan.collision.groups import families_of
 from rr1plan.collision.neighbour_maps import neighbour_maps
 from rr1plan.collision.obstacle_rows import joined_obstacles, resting_links, standing_obstacles
 from rr1plan.collision.pairs import SolidPairs
@@ -42,25 +43,27 @@ def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> 
     margin = max(10.0 * tolerance, float(margins[0]))
     maps = neighbour_maps(layout.carried, met.pairs, tables.padding[met.rows[:, 3]] + margin)
     made = Cover(
-        carried.joints, carried.joint_values, carried.bodies, carried.spheres, carried.chain, carried.chain_reach,
+        carried.joints, carried.joint_values, carried.bodies, carried.groups, carried.spheres,
+        carried.chain, carried.chain_reach,
         still.kinds, still.values, np.ascontiguousarray(still.boxes.T), met.pair_of,
-        np.column_stack([met.rows, maps.places]), maps.counts, maps.ranges,
+        np.column_stack([met.rows, maps.places]), met.families, maps.counts, maps.ranges,
         tables.padding, *still.cores, still.core_of, margins,
     )  # fmt: skip
     return made, _work(made, checker.nq)
 
 
 def _work(made: Cover, columns: int) -> Work:
-    longest = int((made.bodies[:, 4] - made.bodies[:, 3]).max(initial=0))
+    longest = int((made.groups[:, 5] - made.groups[:, 4]).max(initial=0))
     items = len(made.padding)
     frames = np.zeros((len(made.joints), 18, WIDTH))
     frames[0, [0, 4, 8]] = 1.0
     return Work(
         frames.ravel(),
-        np.zeros(len(made.spheres) * 7 * WIDTH),
+        np.zeros(len(made.spheres) * 4 * WIDTH),
         np.zeros(len(made.bodies), np.int64),
-        np.zeros((len(made.bodies), longest + 1)),
-        np.zeros((len(made.bodies), longest + 1)),
+        np.zeros(made.boxes.shape[1] // WIDTH, np.int64),
+        np.zeros((len(made.groups), longest + 1)),
+        np.zeros((len(made.groups), longest + 1)),
         np.zeros((len(made.spheres), 2), np.int64),
         np.zeros((len(made.joints), 2)),
         np.zeros((items + 1, 7), np.int64),
@@ -86,12 +89,14 @@ class _Meetings:
 
     Args:
         rows: The first columns of `meetings`.
+        families: As there.
         pairs: Those pairs of carried solids [index], shape (m, 2).
         pair_of: As there.
         obstacles: Which of the resting links, then of the obstacles it counts [index], and some beyond the last.
     """
 
     rows: _INTS
+    families: _INTS
     pairs: _INTS
     pair_of: _INTS
     obstacles: _INTS
@@ -99,12 +104,14 @@ class _Meetings:
 
 @lru_cache(maxsize=128)
 def _meetings(pairs: SolidPairs) -> _Meetings:
-    bodies = carried_cover(pairs.carried).body
+    carried = carried_cover(pairs.carried)
+    bodies = carried.body
     body = np.concatenate([bodies, np.full(len(pairs.surfaceless) - len(bodies), -1, np.int64)])
     one, two = pairs.moving.T
     number = np.arange(len(one))
     meets = (body[one] >= 0) & (body[two] >= 0)
     rows = np.column_stack([body[one], body[two], pairs.moving_rows[:, 2], number])[meets]
+    rows, families = families_of(rows, carried.bodies[:, 3])
     one, two, number = one[~meets], two[~meets], number[~meets]
     moving, still = np.where(body[one] >= 0, one, two), np.where(body[one] >= 0, two, one)
     resting = np.flatnonzero(body < 0)
@@ -113,4 +120,4 @@ def _meetings(pairs: SolidPairs) -> _Meetings:
     pair_of = np.full((int(np.count_nonzero(bodies >= 0)), len(chosen) + more), -1, np.int64)
     pair_of[body[moving], place] = number
     chosen = np.concatenate([chosen, len(resting) + np.arange(more)])
-    return _Meetings(*map(read_only, (rows, pairs.moving[meets], pair_of, chosen)))
+    return _Meetings(*map(read_only, (rows, families, pairs.moving[rows[:, 3]], pair_of, chosen)))

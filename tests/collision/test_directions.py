@@ -10,8 +10,7 @@ from rr1plan._kernels.cover import RECORD, tables_of
 from rr1plan._kernels.directions import separate
 from rr1plan._kernels.jit import F64, FLOATS1, I64
 from rr1plan._kernels.lanes import WIDTH, fill
-from rr1plan._kernels.placing import bound_motion, place_frames
-from rr1plan._kernels.spheres import place_spheres
+from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.library import load_scene
@@ -33,7 +32,8 @@ def ask(begin, end, a, b, o, near, padding, push, half, record):
     bound_motion(begin, end, cover, work)
     place_frames(begin, fill(0.5), cover, work)
     for k in range(cover.bodies.shape[0]):
-        place_spheres(k, 1, cover.bodies[k, 1], cover.bodies[k, 2], h, cover, work)
+        place_ball(cover.bodies[k, 3], cover.bodies[k, 1], h, cover, work)
+        place_spheres(k, h, cover, work)
     return separate(a, b, o, 0, near, padding, push, (1 << 8) - 1, h, record)
 
 
@@ -95,7 +95,7 @@ def test_an_interval_that_is_told_apart_is_apart_everywhere(odd):
             if b >= 0 and o < 0:
                 continue
             ask(q0, q1, a, b, o, (pair, one, two), 0.0, 0.0, 0.0, edges.record)
-            push = float(edges.tables[1].pushes[a, 0])
+            push = float(edges.tables[1].pushes[edges.tables[0].bodies[a, 3], 0])
             left, _, touching = ask(q0, q1, a, b, o, (pair, one, two), 0.0, push, 0.5, edges.record)
             if left or touching:
                 continue

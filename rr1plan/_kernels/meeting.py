@@ -1,0 +1,189 @@
+# mypy: disable-error-code="no-untyped-def,no-untyped-call"
+"""What may meet on an edge, from coarse to fine: groups of bodies, bodies, maps of neighbours, spheres.
+
+What is left open is a list of items: a body and an obstacle or another body, and in which lanes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import types
+
+from rr1plan._kernels.cover import ALL, CELLS, COVER, RECORD, SPHERE, WORK, tables_of
+from rr1plan._kernels.jit import F64, FLOATS1, I64, jit
+from rr1plan._kernels.lanes import LANES, WIDTH, below, least, load, most
+from rr1plan._kernels.placing import place_ball
+from rr1plan._kernels.spheres import approaching, meet_body, meet_obstacle
+
+# Items from this one on share a bit.
+LAST_BIT = 62
+
+
+@jit(I64(I64, FLOATS1, FLOATS1, F64, F64, COVER), inline=True, allocates=False)
+def _mapped(m, q0, q1, t0, t1, cover):
+    """1 if the map of a meeting proves it free between two times of an edge."""
+    begin, width = cover.meetings[m, 4], cover.meetings[m, 5]
+    x0, x1, y0, y1 = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
+    for side in range(2):
+        c = cover.meetings[m, 6 + side]
+        a, b = q0[c] + t0 * (q1[c] - q0[c]), q0[c] + t1 * (q1[c] - q0[c])
+        first = np.floor((min(a, b) - cover.map_ranges[m, 2 * side]) * cover.map_ranges[m, 2 * side + 1])
+        last = np.floor((max(a, b) - cover.map_ranges[m, 2 * side]) * cover.map_ranges[m, 2 * side + 1])
+        cells = CELLS if side == 0 or width > 1 else 1
+        if side == 1 and width == 1:
+            first, last = 0.0, 0.0
+        if not (first >= 0.0 and last < cells):
+            return 0
+        if side == 0:
+            x0, x1 = np.int64(first), np.int64(last) + 1
+        else:
+            y0, y1 = np.int64(first), np.int64(last) + 1
+    row = width + 1
+    a, b = begin + x0 * row, begin + x1 * row
+    inside = cover.maps[b + y1] - cover.maps[b + y0] - cover.maps[a + y1] + cover.maps[a + y0]
+    return 1 if inside == 0 else 0
+
+
+@jit(I64(I64, I64, FLOATS1, FLOATS1, COVER, WORK), inline=True, allocates=False)
+def _unmapped(m, asked, q0, q1, cover, work):
+    """The lanes of those asked for in which no map proves a meeting free."""
+    if cover.meetings[m, 4] < 0:
+        return asked
+    left = asked
+    for i in range(WIDTH):
+        if asked >> i & 1:
+            t, h = work.lanes[i], work.lanes[WIDTH + i]
+            if _mapped(m, q0, q1, t - h, t + h, cover):
+                left &= ~(1 << i)
+    return left
+
+
+@jit(types.UniTuple(F64, 6)(I64, COVER, WORK), inline=True, allocates=False)
+def _box_around(i, cover, work):
+    """The box around a ball on the whole edge: low and high."""
+    at, reach = i * SPHERE, cover.spheres[i, 3] + cover.margins[0] + cover.margins[1]
+    x, y, z = load(work.centres, at), load(work.centres, at + WIDTH), load(work.centres, at + 2 * WIDTH)
+    travel = load(work.centres, at + 3 * WIDTH) + reach
+    low = least(x - travel), least(y - travel), least(z - travel)
+    return low[0], low[1], low[2], most(x + travel), most(y + travel), most(z + travel)
+
+
+@jit(I64(types.UniTuple(F64, 6), I64, COVER), inline=True, allocates=False)
+def _boxes_near(box, o, cover):
+    """Bits of the `WIDTH` obstacles from one on whose boxes meet a box."""
+    boxes = cover.boxes
+    near = below(load(boxes[0], o), box[3]) & below(load(boxes[1], o), box[4]) & below(load(boxes[2], o), box[5])
+    near &= below(-load(boxes[3], o), -box[0]) & below(-load(boxes[4], o), -box[1])
+    return near & below(-load(boxes[5], o), -box[2])
+
+
+@jit(types.void(I64, I64, WORK), inline=True, allocates=False)
+def touch(pair, lanes, work):
+    """Remember a contact, in the first of the lanes."""
+    lane = 0
+    while not lanes >> lane & 1:
+        lane += 1
+    work.counts[2] = pair
+    work.open_spans[0, 0] = work.lanes[lane]
+
+
+@jit(I64(I64, I64, FLOATS1, FLOATS1, LANES, RECORD), allocates=False)
+def _meet(k, batch, q0, q1, h, record):
+    """An item in the lanes in which it is open, which become fewer; bits of those with a contact."""
+    cover, work, _, _ = tables_of(record)
+    items = work.items
+    asked, pair, m = items[k, 4], items[k, 3], items[k, 2]
+    if m >= 0:
+        asked = _unmapped(m, asked, q0, q1, cover, work)
+        if asked == 0:
+            items[k, 4] = 0
+            return 0
+        shared = cover.meetings[m, 2]
+        found = meet_body(items[k, 0], items[k, 1], shared, pair, asked, batch, h, cover, work)
+    else:
+        found = meet_obstacle(items[k, 0], items[k, 1], pair, asked, batch, h, cover, work)
+    if found[1]:
+        touch(pair, found[1], work)
+    items[k, 4], items[k, 5], items[k, 6] = found[0], found[2], found[3]
+    return found[1]
+
+
+@jit(I64(I64, I64, I64, FLOATS1, FLOATS1, LANES, I64, RECORD), inline=True, allocates=False)
+def _meet_boxes(count, b, o, q0, q1, h, near, record):
+    """Add to so many items those obstacles near a body that spheres do not clear; -1 for a contact."""
+    cover, work, _, _ = tables_of(record)
+    items = work.items
+    while near:
+        if near & 1 and cover.pair_of[b, o] >= 0:
+            items[count, 0], items[count, 1], items[count, 2] = b, o, -1
+            items[count, 3], items[count, 4] = cover.pair_of[b, o], ALL
+            if _meet(count, 1, q0, q1, h, record):
+                return -1
+            count += 1 if items[count, 4] else 0
+        near >>= 1
+        o += 1
+    return count
+
+
+@jit(I64(FLOATS1, FLOATS1, LANES, RECORD), inline=True, allocates=False)
+def meet_obstacles(q0, q1, h, record):
+    """List the obstacles that spheres do not clear on the whole edge, the bodies farthest from the base first.
+
+    The number of items, or -1 for a contact.
+    """
+    cover, work, _, _ = tables_of(record)
+    count, obstacles = 0, cover.boxes.shape[1]
+    for g in range(cover.groups.shape[0] - 1, -1, -1):
+        place_ball(g, cover.groups[g, 1], h, cover, work)
+        box, found = _box_around(cover.groups[g, 1], cover, work), np.int64(0)
+        for o in range(0, obstacles, WIDTH):
+            work.masks[o // WIDTH] = _boxes_near(box, o, cover)
+            found |= work.masks[o // WIDTH]
+        first, last = cover.groups[g, 2], cover.groups[g, 3]
+        for b in range(first, last if found else first):
+            if last - first > 1:
+                place_ball(g, cover.bodies[b, 1], h, cover, work)
+                work.placed[b] = -1
+                box = _box_around(cover.bodies[b, 1], cover, work)
+            for o in range(0, obstacles, WIDTH):
+                near = work.masks[o // WIDTH]
+                if near and last - first > 1:
+                    near &= _boxes_near(box, o, cover)
+                count = _meet_boxes(count, b, o, q0, q1, h, near, record)
+                if count < 0:
+                    return -1
+    return count
+
+
+@jit(I64(I64, FLOATS1, FLOATS1, LANES, RECORD), inline=True, allocates=False)
+def meet_families(count, q0, q1, h, record):
+    """Add to so many items the bodies that neither maps nor spheres tell apart on the whole edge; -1 for a contact."""
+    cover, work, _, _ = tables_of(record)
+    items, families, groups = work.items, cover.families, cover.groups
+    for f in range(families.shape[0]):
+        g, other, shared = families[f, 0], families[f, 1], families[f, 2]
+        ball, its_ball = groups[g, 1], groups[other, 1]
+        near = approaching(g, ball, other, its_ball, shared, ALL, cover.margins[1], h, cover, work)
+        for m in range(families[f, 3], families[f, 4] if near else 0):
+            if cover.meetings[m, 4] >= 0 and _mapped(m, q0, q1, 0.0, 1.0, cover):
+                continue
+            items[count, 0], items[count, 1], items[count, 2] = cover.meetings[m, 0], cover.meetings[m, 1], m
+            items[count, 3], items[count, 4] = cover.meetings[m, 3], near
+            if _meet(count, 1, q0, q1, h, record):
+                return -1
+            count += 1 if items[count, 4] else 0
+    return count
+
+
+@jit(I64(I64, I64, I64, I64, FLOATS1, FLOATS1, LANES, RECORD), inline=True, allocates=False)
+def meet_again(count, head, taken, batch, q0, q1, h, record):
+    """The items in the lanes of a later batch in which they are open; their number, or -1 for a contact."""
+    _, work, _, _ = tables_of(record)
+    for k in range(count):
+        asked = 0
+        for i in range(taken):
+            asked |= (work.span_items[head + i] >> min(k, LAST_BIT) & 1) << i
+        work.items[k, 4] = asked
+        if asked and _meet(k, batch, q0, q1, h, record):
+            return -1
+    return count

@@ -1,0 +1,76 @@
+"""Bodies that one joint carries, together: what a whole group clears, none of its bodies has to be asked about."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+
+_INTS = NDArray[np.int64]
+_SAFETY = 1.0 + 1e-9
+
+
+def group_rows(frames: list[int], chains: list[list[int]], reaches: list[list[float]]) -> tuple[_INTS, _INTS, Array]:
+    """Neighbouring bodies of one joint put into groups.
+
+    Args:
+        frames: The joint that carries each body.
+        chains: Joints above each, root first.
+        reaches: For each of those, how far points of the body can be from its axis [m].
+
+    Returns:
+        The kernel's `groups` without balls, its `chain` and its `chain_reach`.
+    """
+    begins = [b for b in range(len(frames)) if b == 0 or frames[b] != frames[b - 1]]
+    rows = []
+    chain: list[int] = []
+    reach: list[float] = []
+    for first, last in zip(begins, [*begins[1:], len(frames)], strict=True):
+        rows.append((frames[first], -1, first, last, len(chain), len(chain) + len(chains[first])))
+        chain += chains[first]
+        reach += np.max(reaches[first:last], axis=0).tolist()
+    return np.array(rows, np.int64).reshape(-1, 6), np.array(chain, np.int64), np.array(reach, np.float64)
+
+
+def ball_around(spheres: Array, balls: Array) -> Array:
+    """A ball around bodies, not much larger than the least.
+
+    Args:
+        spheres: Centre and radius of all their spheres [m], shape (n, 4).
+        balls: The same of the ball around each body, shape (m, 4).
+
+    Returns:
+        Centre and radius [m], shape (4,).
+    """
+    if len(balls) == 1:
+        return np.array(balls[0])
+    # Its centre stays among theirs, so it is no farther from any axis than one of them (Badoiu and Clarkson 2003).
+    centre = spheres[:, :3].mean(axis=0)
+    for step in range(2, 60):
+        centre = centre + (spheres[_reach(spheres, centre).argmax(), :3] - centre) / step
+    radius = min(_reach(spheres, centre).max(), _reach(balls, centre).max())
+    return np.array([*centre, radius * _SAFETY])
+
+
+def _reach(balls: Array, centre: Array) -> Array:
+    return np.array(np.linalg.norm(balls[:, :3] - centre, axis=1) + balls[:, 3])
+
+
+def families_of(meetings: _INTS, group: _INTS) -> tuple[_INTS, _INTS]:
+    """Pairs of bodies sorted by the pair of groups they belong to.
+
+    Args:
+        meetings: Body, body, joints that move both, and more; shape (m, k).
+        group: The group of each body.
+
+    Returns:
+        The same rows in another order, and the kernel's `families`, shape (f, 5).
+    """
+    if not len(meetings):
+        return meetings, np.zeros((0, 5), np.int64)
+    keys = np.column_stack([group[meetings[:, 0]], group[meetings[:, 1]], meetings[:, 2]])
+    families, number = np.unique(keys, axis=0, return_inverse=True)
+    order = np.argsort(number.ravel(), kind="stable")
+    ends = np.cumsum(np.bincount(number.ravel(), minlength=len(families)))
+    return meetings[order], np.column_stack([families, np.concatenate([[0], ends[:-1]]), ends])
