@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
@@ -164,19 +165,21 @@ def plan_motion(
             result = plan(problem, planner, budget, generator, progress)
     if result.path is None:
         return MotionPlan(problem, result, seconds, margin)
-    path = result.path
-    trajectory, report = None, None
+    path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")
-    if shorten and planner != "cartesian":
-        with _timed(seconds, "shorten"), borrowed_checker(roomy.scene, problem.arms) as motions:
-            path = shorten_path(path, motions, rng=generator)
-    for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
-        with _timed(seconds, "retime"), borrowed_checker(roomy.scene, problem.arms) as motions:
-            trajectory = retime(path, roomy.scene, method, checker=motions, torque_limits=torque_limits)
-        with _timed(seconds, "validate"):
-            report = validate(trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits)
-        if report.valid:
-            break
+    with borrowed_checker(roomy.scene, problem.arms) as motions:
+        if shorten and planner != "cartesian":
+            with _timed(seconds, "shorten"):
+                path = shorten_path(path, motions, rng=generator)
+        for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
+            with _timed(seconds, "retime"):
+                trajectory = retime(path, roomy.scene, method, checker=motions, torque_limits=torque_limits)
+            with _timed(seconds, "validate"):
+                report = validate(
+                    trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits
+                )
+            if report.valid:
+                break
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
 
 
@@ -203,7 +206,10 @@ def with_margin(problem: Problem, margin: float) -> Problem:
     roomy = scene.kept.get(("with margin", margin))
     if roomy is None:
         roomy = scene.kept["with margin", margin] = scene.with_margin(margin)
-    return Problem(roomy, problem.start, dict(problem.goal), problem.arms)
+    # What was checked in one of the scenes is right in the other: they differ in padding alone.
+    other = copy(problem)
+    object.__setattr__(other, "scene", roomy)
+    return other
 
 
 @contextmanager
