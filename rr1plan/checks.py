@@ -36,7 +36,7 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
         if np.asarray(value).dtype.kind in "US":
             raise TypeError("text is no number, though numpy reads it as one")
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} is not an array of numbers: {value!r}") from error
     if array.ndim != len(shape) or any(
         want is not None and got != want for got, want in zip(array.shape, shape, strict=True)
@@ -127,7 +127,7 @@ def known_name(kind: str, name: str, known: Iterable[str]) -> str:
         UnknownNameError: it is not; the message lists the near ones.
     """
     names = tuple(known)
-    if name not in names:
+    if not isinstance(name, str) or name not in names:
         raise UnknownNameError(kind, name, names)
     return name
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,8 @@ def check_joint_names(joint_names: Any) -> tuple[str, ...]:
     Raises:
         InputError: not strings, or one of them twice.
     """
+    if isinstance(joint_names, str | bytes) or not isinstance(joint_names, Iterable):
+        raise InputError(f"joint_names is {joint_names!r}, expected a sequence of names")
     names = tuple(joint_names)
     if not all(isinstance(name, str) and name for name in names):
         raise InputError(f"joint_names is {names!r}, expected names")
