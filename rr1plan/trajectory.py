@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, finite_array, known_name, read_only
+from rr1plan.checks import Array, Value, finite_array, finite_number, known_name, of_kind, positive_number, read_only
 from rr1plan.errors import InputError
 from rr1plan.path import MOST_SAMPLES, check_joint_names
 
@@ -76,10 +76,16 @@ class Trajectory(Value):
 
     @staticmethod
     def rest(joint_names: tuple[str, ...], q: Any, start: float = 0.0, duration: float = 0.0) -> Trajectory:
-        """Standing still at q (nq,) for `duration` [s]."""
-        q = finite_array("q", q, (len(joint_names),))
+        """Standing still at q (nq,) for `duration` [s].
+
+        Raises:
+            InputError: shapes that do not fit, not finite, a duration below zero.
+        """
+        names = check_joint_names(joint_names)
+        q = finite_array("q", q, (len(names),))
+        start, duration = finite_number("start", start), finite_number("duration", duration)
         breaks = [start] if duration == 0.0 else [start, start + duration]
-        return Trajectory(joint_names, np.array(breaks), q[None, None, :])
+        return Trajectory(names, np.array(breaks), q[None, None, :])
 
     @staticmethod
     def merge(*parts: Trajectory) -> Trajectory:
@@ -90,6 +96,8 @@ class Trajectory(Value):
         """
         if not parts:
             raise InputError("merge got no trajectories")
+        for part in parts:
+            of_kind("a part to merge", part, Trajectory)
         names = check_joint_names([name for part in parts for name in part.joint_names])
         breaks = np.unique(np.concatenate([part.breaks for part in parts]))
         degree = max(part.coefficients.shape[1] for part in parts)
@@ -107,8 +115,7 @@ class Trajectory(Value):
 
     def stretched(self, factor: float) -> Trajectory:
         """The same motion, `factor` times as long (rates fall by factor, factor², factor³)."""
-        if not factor > 0.0:
-            raise InputError(f"factor is {factor}, expected a number above zero")
+        factor = positive_number("factor", factor)
         powers = factor ** -np.arange(self.coefficients.shape[1])
         start = self.breaks[0]
         return Trajectory(
@@ -117,7 +124,7 @@ class Trajectory(Value):
 
     def shifted(self, seconds: float) -> Trajectory:
         """The same motion, `seconds` later."""
-        return Trajectory(self.joint_names, self.breaks + seconds, self.coefficients)
+        return Trajectory(self.joint_names, self.breaks + finite_number("seconds", seconds), self.coefficients)
 
     # ---- reading -----------------------------------------------------------------------
 
@@ -152,9 +159,12 @@ class Trajectory(Value):
         Returns:
             Shape (*t.shape, nq) [rad/s^derivative].
         """
-        if derivative not in (0, 1, 2, 3):
+        if not isinstance(derivative, int | np.integer) or derivative not in (0, 1, 2, 3):
             raise InputError(f"derivative is {derivative!r}, expected 0, 1, 2 or 3")
-        times = np.asarray(t, dtype=np.float64)
+        try:
+            times = np.asarray(t, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"t is {t!r}, expected a time or an array of times") from error
         flat = times.ravel()
         if not np.isfinite(flat).all():
             raise InputError("t is not finite")
@@ -166,7 +176,7 @@ class Trajectory(Value):
             value = value * local[:, None] + coefficients[:, k]
         if derivative > 0:
             value[(flat < self.breaks[0]) | (flat > self.breaks[-1])] = 0.0
-        return value.reshape(*times.shape, -1)
+        return value.reshape(*times.shape, len(self.joint_names))
 
     def derivative_coefficients(self, derivative: int) -> Array:
         """Local coefficients of a derivative, lowest power first, shape (m, degree + 1 - derivative or 1, nq)."""
@@ -177,8 +187,7 @@ class Trajectory(Value):
 
     def sample_times(self, dt: float) -> Array:
         """Times start, start + dt, ..., and the end [s]."""
-        if not dt > 0.0:
-            raise InputError(f"dt is {dt}, expected a number above zero")
+        dt = positive_number("dt", dt)
         if self.duration > MOST_SAMPLES * dt:
             raise InputError(f"dt of {dt} s makes more than {MOST_SAMPLES} samples, take a longer one")
         count = int(np.floor(self.duration / dt + 1e-9))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -173,3 +174,37 @@ def test_a_trusted_trajectory_is_what_the_constructor_makes() -> None:
     with pytest.raises(ValueError, match="read-only"):
         trusted.coefficients[0, 0, 0] = 1.0
     assert pickle.loads(pickle.dumps(trusted)).allclose(trusted, atol=0.0)
+
+
+def test_a_factor_may_be_a_whole_number() -> None:
+    moving = Trajectory(("a/x",), [0.0, 1.0], [[[0.0], [1.0]]])
+    assert moving.stretched(2).allclose(moving.stretched(2.0), atol=0.0)
+
+
+@pytest.mark.parametrize("wrong", [None, "long", [1.0, 2.0], {}, float("nan")])
+def test_numbers_that_are_none_are_named(wrong: Any) -> None:
+    moving = Trajectory(("a/x",), [0.0, 1.0], [[[0.0], [1.0]]])
+    for name, call in (
+        ("factor", moving.stretched),
+        ("seconds", moving.shifted),
+        ("dt", moving.sample),
+        ("derivative", lambda value: moving(0.5, value)),
+        ("q", lambda value: Trajectory.rest(("a/x",), value)),
+        ("duration", lambda value: Trajectory.rest(("a/x",), [0.0], 0.0, value)),
+        ("joint_names", lambda value: Trajectory(value, [0.0, 1.0], [[[0.0], [1.0]]])),
+    ):
+        if name == "joint_names" and isinstance(wrong, list | dict):
+            continue
+        with pytest.raises(InputError, match=name):
+            call(wrong)
+
+
+def test_times_and_parts_of_the_wrong_kind_are_named() -> None:
+    moving = Trajectory(("a/x",), [0.0, 1.0], [[[0.0], [1.0]]])
+    for wrong in ("soon", {}, [[0.0], [1.0, 2.0]]):
+        with pytest.raises(InputError, match="t is "):
+            moving(wrong)
+    assert moving([]).shape == (0, 1)
+    for part in (None, 3, [moving]):
+        with pytest.raises(InputError, match="part to merge"):
+            Trajectory.merge(moving, part)

@@ -96,8 +96,10 @@ def save_motion(
     if trajectory is not None:
         content["trajectory"] = _trajectory_entries(trajectory, scene)
     if report is not None:
+        of_kind("report", report, Report)
         content["report"] = to_plain(report)
     if problem is not None:
+        of_kind("problem", problem, Problem)
         content["problem"] = {n: to_plain(getattr(problem, n)) for n in ("start", "goal", "arms")}
     return _write(file, "motion", content)
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_number, known_name, positive_number
+from rr1plan.checks import Array, finite_number, known_name, of_kind, positive_number
 from rr1plan.errors import InputError, RetimingError
 from rr1plan.kinematics import Kinematics
 from rr1plan.limits import Limits
@@ -81,7 +81,11 @@ def retime(
         RetimingError: a moving joint without a limit, gravity above an effort limit, or a
             solver that fails; names the joint or the place.
     """
+    of_kind("path", path, Path)
+    of_kind("scene", scene, Scene)
     known_name("retiming method", method, _METHODS)
+    if checker is not None and not callable(getattr(checker, "polynomial_is_free", None)):
+        raise InputError(f"checker is of type {type(checker).__name__}, expected a MotionChecker")
     arms = _arms(path, scene)
     scales = [_share("velocity_scale", velocity_scale), _share("acceleration_scale", acceleration_scale)]
     if not finite_number("max_blend", max_blend) >= 0.0:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import ruckig
 
-from rr1plan.checks import Array, finite_array
+from rr1plan.checks import Array, finite_array, of_kind
 from rr1plan.errors import InputError, RetimingError
 from rr1plan.limits import Limits
 from rr1plan.path import check_joint_names
@@ -78,6 +78,7 @@ def point_to_point(joint_names: tuple[str, ...], start: Any, end: Any, limits: L
         RetimingError: a joint that moves has an infinite limit (named), or Ruckig fails.
     """
     names = check_joint_names(joint_names)
+    of_kind("limits", limits, Limits)
     q0, q1 = (finite_array(name, q, (len(names),)) for name, q in (("start", start), ("end", end)))
     if len(limits) != len(names):
         raise InputError(f"limits are of {len(limits)} joints, expected {len(names)}")

@@ -352,3 +352,18 @@ def test_only_our_own_values_have_a_form() -> None:
         "a": frozenset({"x"}),
         "b": (np.inf, None, 3),
     }
+
+
+def test_a_number_too_large_for_a_float_is_refused(tmp_path: FilePath, scene: Scene, path: Path) -> None:
+    file = plan_files.save_path(tmp_path / "path.json", path, scene)
+    huge = resealed(file, lambda content: content["path"]["waypoints"][0].__setitem__(0, 10**400))
+    with pytest.raises(FormatError, match="waypoints"):
+        plan_files.load_path(huge)
+
+
+@pytest.mark.parametrize("wrong", [3, "report", [], {}])
+def test_what_is_saved_has_to_be_what_it_is_saved_as(tmp_path: FilePath, scene: Scene, wrong: Any) -> None:
+    for name in ("path", "trajectory", "report", "problem"):
+        with pytest.raises(InputError, match=f"{name} is of type"):
+            plan_files.save_motion(tmp_path / "motion.json", scene, **{name: wrong})
+    assert not list(tmp_path.iterdir())

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan.retiming import retime, retiming_names
+from rr1plan.retiming import point_to_point, retime, retiming_names
 
 METHODS = ("blend", "stop", "ruckig", "ruckig_direct")
 JERKY = ("blend", "stop")
@@ -212,3 +212,24 @@ def test_without_a_checker_the_scene_itself_certifies(rr1):
     points = np.array([home, home + 0.1, home + 0.1 * np.array([1, -1, 1, -1, 1, -1])])
     trajectory = retime(rp.Path(scene.joint_names(), points), scene)
     assert trajectory.duration < retime(rp.Path(scene.joint_names(), points), scene, "stop").duration
+
+
+@pytest.mark.parametrize("wrong", [None, 3, "path", [[0.0, 0.0], [1.0, 0.0]], {}])
+def test_what_is_no_path_no_scene_or_no_checker_is_named(tools, wrong):
+    scene = tools.shapeless_scene(tools.limits_of(2))
+    path = rp.Path(scene.joint_names(), np.array([[0.0, 0.0], [1.0, 0.0]]))
+    with pytest.raises(rp.InputError, match="path is of type"):
+        retime(wrong, scene)
+    with pytest.raises(rp.InputError, match="scene is of type"):
+        retime(path, wrong)
+    with pytest.raises(rp.UnknownNameError, match="retiming method"):
+        retime(path, scene, wrong)
+    if wrong is not None:
+        with pytest.raises(rp.InputError, match="checker is of type"):
+            retime(path, scene, checker=wrong)
+
+
+@pytest.mark.parametrize("wrong", [None, 3, [1, 2]])
+def test_a_motion_from_point_to_point_names_limits_that_are_none(wrong):
+    with pytest.raises(rp.InputError, match="limits is of type"):
+        point_to_point(("a/x", "a/y"), [0.0, 0.0], [1.0, 1.0], wrong)
