@@ -27,7 +27,7 @@ from rr1plan.path import Path
 from rr1plan.problem import Problem
 from rr1plan.report import Report
 from rr1plan.robot import Robot
-from rr1plan.scene import Scene
+from rr1plan.scene import Arm, Attachment, Obstacle, Scene
 from rr1plan.trajectory import Trajectory
 
 _FORMAT = "rr1plan"
@@ -147,11 +147,10 @@ def load_motion(file: _File, scene: Scene | None = None) -> SavedMotion:
     content = _read(file, ("motion",))
     _check_scene(content, scene)
     with content.blame():
-        robots = [from_plain(data) for data in content.required("robots")]
-        held = from_plain(content.required("scene"), robots)
+        held = _read_scene(content)
         report = from_plain(content.raw("report"))
-        if not isinstance(held, Scene) or not isinstance(report, Report | None):
-            raise content.error("holds something else in the place of a scene or a report")
+        if not isinstance(report, Report | None):
+            raise content.error("holds something else in the place of a report")
         problem = content.table("problem") if "problem" in content else None
         question = {n: from_plain(problem.required(n)) for n in ("start", "goal", "arms")} if problem else None
         return SavedMotion(
@@ -254,6 +253,8 @@ def _read(file: _File, kinds: tuple[str, ...]) -> Table:
         top = Table(json.loads(read_text(file)), file)
     except json.JSONDecodeError as error:
         raise FormatError(f"is not JSON, or was cut off: {error}", file, error.lineno) from error
+    except ValueError as error:
+        raise FormatError(f"holds a number that is too long: {error}", file) from error
     except RecursionError as error:
         raise FormatError("is nested too deeply", file) from error
     if top.raw("format") != _FORMAT:
@@ -317,6 +318,25 @@ def _units(joint_names: tuple[str, ...], scene: Scene) -> list[str]:
         kinds = {name: placed.robot.joint(name).kind for name in placed.robot.joint_names}
         units |= {f"{arm}/{name}": "m" if kind == "prismatic" else "rad" for name, kind in kinds.items()}
     return [units[known_name("joint", name, units)] for name in joint_names]
+
+
+def _read_scene(content: Table) -> Scene:
+    """The scene of a motion file."""
+    listed = content.required("robots")
+    if not isinstance(listed, list):
+        raise content.error(f"holds {type(listed).__name__} in the place of a list of robots")
+    try:
+        scene = from_plain(content.required("scene"), [from_plain(data) for data in listed])
+    except (AttributeError, TypeError) as error:
+        # Parts that are values of their own, but not those a scene is made of.
+        raise content.error(f"holds something that makes no scene: {error}") from error
+    if not isinstance(scene, Scene):
+        raise content.error("holds something else in the place of a scene")
+    for parts, kind in ((scene.arms, Arm), (scene.obstacles, Obstacle), (scene.attachments, Attachment)):
+        for name, part in parts.items():
+            if not isinstance(part, kind):
+                raise content.error(f"holds {type(part).__name__} in the place of the {kind.__name__} {name!r}")
+    return scene
 
 
 def _read_path(entry: Table) -> Path:

@@ -166,7 +166,9 @@ def test_a_wrong_head_is_refused(
     assert caught.value.file == str(file)
 
 
-@pytest.mark.parametrize("text", ["", "null", "[]", "{}", "1e999", "NaN", '{"format": "rr1plan"', "[" * 50_000])
+@pytest.mark.parametrize(
+    "text", ["", "null", "[]", "{}", "1e999", "NaN", "1" * 5000, '{"format": "rr1plan"', "[" * 50_000]
+)
 def test_files_that_are_something_else_are_refused(tmp_path: FilePath, text: str) -> None:
     (tmp_path / "x.json").write_text(text)
     for load in (plan_files.load_path, plan_files.load_trajectory, plan_files.load_motion):
@@ -194,6 +196,8 @@ def test_a_nan_is_refused(tmp_path: FilePath, scene: Scene, path: Path) -> None:
         lambda c: c["scene"]["fields"].__setitem__("padding", -1.0),
         lambda c: c["scene"]["fields"].__setitem__("surprise", 1),
         lambda c: c["robots"].clear(),
+        lambda c: c.__setitem__("robots", 3),
+        lambda c: c["scene"]["fields"]["arms"]["map"][0].__setitem__(1, "x"),
         lambda c: c["robots"][0]["fields"].__setitem__("tool", "no such link"),
         lambda c: c.__setitem__("report", {"map": []}),
         lambda c: c.__setitem__("problem", {"start": [0.0], "goal": "home", "arms": ["arm"]}),

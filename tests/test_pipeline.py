@@ -1,0 +1,52 @@
+"""From a question to a proven motion: what the whole line adds to its stages."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.pipeline import affordable_margin, with_margin
+
+
+@pytest.fixture(scope="module")
+def problem() -> rp.Problem:
+    return next(iter(rp.load_problems("rr1_table").values()))
+
+
+def test_a_motion_is_certified_and_every_stage_has_its_time(problem: rp.Problem) -> None:
+    found = rp.plan_motion(problem, rng=0)
+    assert found.solved
+    assert found.report.certified
+    assert list(found.seconds) == ["plan", "shorten", "retime", "validate"]
+    assert all(seconds > 0.0 for seconds in found.seconds.values())
+    np.testing.assert_array_equal(found.trajectory(0.0), problem.start)
+
+
+@pytest.mark.parametrize("retiming", rp.retiming.retiming_names())
+def test_every_retiming_can_end_the_line_and_is_held_to_what_it_claims(problem: rp.Problem, retiming: str) -> None:
+    report = rp.plan_motion(problem, retiming=retiming, rng=0).report
+    assert report.certified
+    assert ("jerk" in report.checked) is retiming.startswith("ruckig")
+
+
+def test_the_same_question_with_a_margin_differs_in_the_scene_alone(problem: rp.Problem) -> None:
+    roomy = with_margin(problem, 0.01)
+    assert roomy.scene.padding == pytest.approx(problem.scene.padding + 0.01)
+    assert roomy.arms == problem.arms
+    assert roomy.goal == problem.goal
+    np.testing.assert_array_equal(roomy.start, problem.start)
+    assert with_margin(problem, 0.01).scene is roomy.scene
+    assert with_margin(problem, 0.0) is problem
+    assert problem.scene.padding == roomy.scene.padding - 0.01
+
+
+def test_a_margin_is_halved_until_the_start_has_twice_as_much() -> None:
+    scene = rp.load_scene("rr1_table")
+    problem = rp.Problem(scene, None, "home")
+    clearance = rp.CollisionChecker(scene).clearance(problem.start, 1.0)
+    margin = affordable_margin(problem, clearance)
+    assert margin == pytest.approx(0.5 * clearance)
+    assert affordable_margin(problem, 0.0) == 0.0
+    with pytest.raises(rp.InputError, match="margin"):
+        affordable_margin(problem, -0.1)
