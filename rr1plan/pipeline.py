@@ -133,7 +133,8 @@ def plan_motion(
     Args:
         problem: The question.
         planner: A name of `planner_names()`.
-        retiming: A name of `retiming_names()`.
+        retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
+            waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; the Cartesian planner's is left as it is.
         margin: Distance to keep beyond the scene's padding [m]: a proof of zero clearance is little use to an
             arm that tracks to a fraction of a millimetre. It is halved until the start has twice

@@ -175,3 +175,20 @@ def test_torques_are_held_to_their_limits_on_request_and_said_to_be_sampled(rr1:
     assert "sampled every" in report.not_checked["torque between samples"]
     free = rr1.with_limits(replace(rr1.limits, effort=np.full(rr1.nq, np.inf)))
     assert "no joint" in validate(move, scene.with_robot("rr1", free), torque_limits=True).not_checked["torque"]
+
+
+def test_scenes_with_other_limits_postures_or_places_are_not_taken_for_each_other(
+    slider: Make, trajectory: Make
+) -> None:
+    slow, fast = (slider(rp.Sphere(0.1), velocity=v) for v in (0.9, 1.1))
+    ramp = trajectory(["arm/slide"], [0.0, 1.0, 2.0], [[0.0, 0.0, 0.5], [0.5, 1.0, -0.5]])
+    wall = rp.Box((0.2, 1.0, 1.0))
+    for _ in range(2):
+        assert only(validate(ramp, scene_of(slow))).kind == "velocity"
+        assert validate(ramp, scene_of(fast)).valid
+        for base, meets in (([0.0, 0.0, 0.0], True), ([0.0, 3.0, 0.0], False)):
+            scene = rp.Scene().with_arm("arm", fast, base).with_obstacle("wall", wall, [0.5, 0.0, 0.0])
+            assert validate(ramp, scene).valid is not meets
+        for rest, meets in ((0.5, True), (3.0, False)):
+            scene = scene_of(fast).with_arm("other", fast, [0.0, 0.05, 0.0], [rest])
+            assert validate(ramp, scene).valid is not meets
