@@ -24,6 +24,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rr1plan._kernels.jit import build_all
+from rr1plan._kernels.rrt_connect import grow
 from rr1plan.checks import Seed, as_generator, known_name
 from rr1plan.errors import BackendError, InputError
 from rr1plan.pipeline import MotionPlan, plan_motion
@@ -93,7 +95,8 @@ def plan_many(
     """Answer many problems at once, each as `plan_motion` (or `plan`) does alone.
 
     Without an executor the processes are spawned here, so a script has to guard its main part with
-    `if __name__ == "__main__":`. Ctrl-C stops them within about a tenth of a second of planning.
+    `if __name__ == "__main__":`. Kernels that were never compiled are compiled first, not in each process. Ctrl-C
+    stops the processes within about a tenth of a second of planning.
 
     Args:
         problems: The questions. Those about one scene should share one `Scene` value and follow each other.
@@ -247,6 +250,9 @@ def _take(future: Future[list[Any]], chunk: list[_Task], chunks: deque[list[_Tas
 
 def _work_in_processes(chunks: list[list[_Task]], settings: _Settings, board: _Board, workers: int) -> None:
     """Work off all chunks in processes of our own; those lost with a process are asked again, each alone."""
+    if grow.is_kept() is False:
+        # Else each process would compile the same.
+        build_all()
     left = deque(chunks)
     while left and not board.cancelled:
         with _pool(workers) as pool:

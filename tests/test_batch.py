@@ -9,7 +9,9 @@ import subprocess
 import sys
 import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
 from multiprocessing import get_context
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -77,6 +79,22 @@ def test_spawned_processes_give_the_same_answers_whatever_their_number(problems)
     spawned = rp.plan_many(problems, workers=2, rng=7, full=False, budget=BUDGET)
     for one, two in zip(paths(here), paths(spawned), strict=True):
         np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize(("kept", "built"), [(True, 0), (False, 1), (None, 0)])
+def test_what_was_never_compiled_is_compiled_before_processes_start(problems, monkeypatch, kept, built):
+    order = []
+    monkeypatch.setattr(batch, "grow", SimpleNamespace(is_kept=lambda: kept))
+    monkeypatch.setattr(batch, "build_all", lambda: order.append("built"))
+
+    @contextmanager
+    def pool(workers):
+        order.append("started")
+        yield InLine()
+
+    monkeypatch.setattr(batch, "_pool", pool)
+    assert all(answer.solved for answer in batch.plan_many(problems[:2], workers=1, rng=0, full=False))
+    assert order == ["built"] * built + ["started"]
 
 
 def test_a_problem_that_kills_its_process_is_the_only_one_lost(problems):

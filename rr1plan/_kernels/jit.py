@@ -68,10 +68,15 @@ class Kernel:
         """Run it."""
         return (self._built or self.build())(*arguments)
 
+    def is_kept(self) -> bool | None:
+        """Whether its code is on disk, so that to build it is only to load it; None if it cannot be kept anywhere."""
+        folder = self._folder()
+        return None if folder is None else any(folder.glob(f"*/*.{self._function.__qualname__}-*.nbi"))
+
     def build(self) -> Any:
         """What numba makes of it: loaded where it is kept, else compiled; made once."""
         if self._built is None:
-            folder = code_folder(self._file, self._stamp) if self._stamp else None
+            folder = self._folder()
             with _undisturbed():
                 try:
                     self._built = self._compile(folder)
@@ -80,8 +85,12 @@ class Kernel:
                     self._built = self._compile(None)
         return self._built
 
+    def _folder(self) -> Path | None:
+        """Where its code is kept, if it can be."""
+        return code_folder(self._file, self._stamp) if self._stamp else None
+
     def _compile(self, folder: Path | None) -> Any:
-        if folder is None or not any(folder.glob(f"*/*.{self._function.__qualname__}-*.nbi")):
+        if folder is None or not self.is_kept():
             _tell(folder)
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
         try:
@@ -137,9 +146,9 @@ def _tell(folder: Path | None) -> None:
         return
     _told.append(str(folder))
     if folder is None:
-        logger.warning("compiling the kernels: this takes up to a minute, in every process (no folder to keep code in)")
+        logger.warning("compiling the kernels takes a minute or two, in every process (no folder to keep code in)")
     else:
-        logger.warning("compiling the kernels: this takes up to a minute, once (kept in %s)", folder.parent)
+        logger.warning("compiling the kernels takes a minute or two, once (kept in %s)", folder.parent)
 
 
 @contextmanager

@@ -97,11 +97,13 @@ def test_a_kernel_takes_no_other_types_than_its_signature_says(load):
 
 def test_code_that_is_kept_is_loaded_in_silence_and_its_callees_are_not(load, caplog):
     _, add = load()
+    assert add.is_kept() is False
     assert add(np.ones(3), 3) == 6.0
     assert add.build().stats.cache_misses
     caplog.clear()
     jit_module._told.clear()
     twice, add = load()
+    assert add.is_kept() is True
     assert add(np.ones(3), 3) == 6.0
     assert add.build().stats.cache_hits
     assert twice._built is None
