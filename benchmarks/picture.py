@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -89,3 +89,44 @@ def _draw_touches(axes: Any, runs: Sequence[Run], colors: dict[str, str]) -> Non
     axes.set(xlim=(0, 1.4 * most), ylim=(len(runs) - 0.5, -0.5), xlabel="share of the results [%]")
     axes.set_xticks([tick for tick in axes.get_xticks() if tick <= 100])
     axes.set_title("In collision at a millimetre", loc="left", fontweight="bold")
+
+
+def draw_race(file: Path, race: Mapping[str, Sequence[Mapping[str, float]]], budgets: Sequence[float]) -> None:
+    """Write a picture (PNG) of the length of paths after each budget [ms], and of the share solved by then.
+
+    The first planner is drawn as the baseline, the second as ours.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    style = {"font.size": 11, "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": _FAINT}
+    with plt.rc_context({**style, "text.color": _INK, "axes.labelcolor": _INK}):
+        figure, (left, right) = plt.subplots(1, 2, figsize=(13, 5.6), layout="constrained")
+        figure.suptitle("The length of a path after a while", fontsize=16, fontweight="bold", x=0.008, ha="left")
+        baseline, *others = race
+        colors = {baseline: _INK, **dict(zip(others, _COLORS, strict=False))}
+        for i, (name, columns) in enumerate(race.items()):
+            line = {"color": colors.get(name, _INK), "linewidth": 3.2 if i == 1 else 1.8, "zorder": 20 - i}
+            line |= {"marker": "o", "linestyle": "--" if i == 0 else "-", "label": name}
+            left.plot(
+                budgets, [100 * (c["median"] - 1.0) if np.isfinite(c["median"]) else np.nan for c in columns], **line
+            )
+            right.plot(budgets, [100 * c["solved"] for c in columns], **line)
+        left.set_title("Median length above the shortest known", loc="left", fontweight="bold")
+        left.set(xscale="log", xlabel="budget [ms]", ylabel="longer by [%]")
+        left.set_yscale("symlog", linthresh=1.0)
+        left.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        left.set_ylim(0.0, 1.3 * left.get_ylim()[1])
+        right.set_title("Problems solved", loc="left", fontweight="bold")
+        right.set(xscale="log", xlabel="budget [ms]", ylabel="solved [%]", ylim=(0, 103))
+        for axes in (left, right):
+            axes.set_xticks(budgets, [f"{b:g}" for b in budgets])
+            axes.minorticks_off()
+            axes.grid(axis="y", which="major", color="#e6e6e6")
+            axes.set_axisbelow(True)
+        figure.legend(*left.get_legend_handles_labels(), loc="outside right center", frameon=False)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(file, dpi=150)
+        plt.close(figure)

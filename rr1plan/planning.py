@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Seed
+from rr1plan.checks import Array, Seed, of_kind
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.problem import Problem
@@ -131,6 +131,24 @@ class PlannerInfo:
     name: str
     description: str
     optimizing: bool = False
+
+
+def check_question(problem: Any, budget: Any, progress: Any) -> None:
+    """Refuse what is no question to a planner.
+
+    Args:
+        problem: Expected to be a `Problem`.
+        budget: A `Budget` or None.
+        progress: A `ProgressCallback` or None.
+
+    Raises:
+        InputError: one of them is something else.
+    """
+    of_kind("problem", problem, Problem)
+    if budget is not None and not isinstance(budget, Budget):
+        raise InputError(f"budget is {budget!r}, expected a Budget, e.g. Budget(seconds=5)")
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress is {progress!r}, expected a function that takes a Progress")
 
 
 class Planner(Protocol):

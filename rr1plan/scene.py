@@ -186,10 +186,12 @@ class Scene(Value):
 
         Raises:
             UnknownNameError: there is no such arm.
-            InputError: none, or one of them twice.
+            InputError: no sequence of names, none, or one of them twice.
         """
         if arms is None:
             return tuple(self.arms)
+        if isinstance(arms, str) or not isinstance(arms, Sequence):
+            raise InputError(f"arms is {arms!r}, expected a sequence of names")
         for name in arms:
             self.arm(name)
         if not arms or len(set(arms)) != len(arms):

@@ -35,6 +35,15 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "goal_beyond_reason": (lambda s: rp.Problem(s, "home", [1e300, 0]), rp.InputError, "joint joint1"),
     "no_scene": (lambda s: rp.Problem("rr1_table", "home", "home"), rp.InputError, "expected a Scene"),
     "arms_number": (lambda s: rp.Problem(s, "home", "home", arms=3), rp.InputError, "sequence of names"),
+    "arms_of_model": (lambda s: rp.CollisionChecker(s, 3), rp.InputError, "sequence of names"),
+    "roadmap_arms": (lambda s: rp.Roadmap(s, 3), rp.InputError, "sequence of names"),
+    "flat_obstacle": (
+        lambda s: rp.CollisionChecker(
+            s.with_obstacle("sheet", rp.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+        ),
+        rp.InputError,
+        "shape of 'sheet'.*flat",
+    ),
     "no_problem": (lambda s: rp.plan_motion(None), rp.InputError, "expected a Problem"),
     "budget_text": (lambda s: rp.Budget("5"), rp.InputError, "'5' seconds"),
     "budget_fraction": (lambda s: rp.Budget(1, 1.5), rp.InputError, "1.5 iterations"),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.solids import solid_pieces
+from rr1plan.errors import InputError
 from rr1plan.model import ElementGeometry, SceneModel, Skeleton
 from rr1plan.shapes import HalfSpace, PointCloud, Shape
 
@@ -94,9 +95,15 @@ def solids_of(geometries: Iterable[ElementGeometry]) -> list[Solid]:
     Raises:
         InputError: a shape that cannot be made solid.
     """
-    return [
-        Solid(g.element, piece, g.joint, g.placement) for g in geometries for piece in solid_pieces(g.geometry.shape)
-    ]
+    return [Solid(g.element, piece, g.joint, g.placement) for g in geometries for piece in _pieces(g)]
+
+
+def _pieces(geometry: ElementGeometry) -> tuple[Shape, ...]:
+    """Convex pieces of a shape; what is wrong with it is told with the name of its element."""
+    try:
+        return solid_pieces(geometry.geometry.shape)
+    except InputError as error:
+        raise InputError(f"shape of {geometry.element!r}: {error}") from error
 
 
 def surfaceless(solids: Iterable[Solid]) -> tuple[bool, ...]:

@@ -15,7 +15,7 @@ from rr1plan.planners.cartesian import CartesianPlanner
 from rr1plan.planners.ompl import KINDS, OmplPlanner
 from rr1plan.planners.roadmap import Roadmap, RoadmapPlanner
 from rr1plan.planners.rrt_connect import RrtConnect
-from rr1plan.planning import Budget, Planner, PlannerInfo, PlanResult, ProgressCallback
+from rr1plan.planning import Budget, Planner, PlannerInfo, PlanResult, ProgressCallback, check_question
 from rr1plan.problem import Problem
 
 __all__ = [
@@ -90,7 +90,8 @@ def plan(
     """Find a path that answers a problem, every edge of it certified free.
 
     Args:
-        problem: The question.
+        problem: The question. What aims at configurations (all planners but "cartesian") looks for eight of each
+            pose or region goal; where many reach it, the nearest of all may not be among them.
         planner: A name of `planner_names()`, or a planner with settings of its own.
         budget: When to stop (default: 10 s). Under a budget of iterations alone the same seed gives the
             same path to the byte.
@@ -106,10 +107,9 @@ def plan(
         InputError: a problem this planner does not take.
         KeyboardInterrupt: Ctrl-C, after cleaning up.
     """
-    if not isinstance(problem, Problem):
-        raise InputError(f"problem is {type(problem).__name__}, expected a Problem")
-    if budget is not None and not isinstance(budget, Budget):
-        raise InputError(f"budget is {budget!r}, expected a Budget, e.g. Budget(seconds=5)")
+    check_question(problem, budget, progress)
     if not hasattr(planner, "plan"):
         planner = make_planner(planner)
+    elif isinstance(planner, type):
+        raise InputError(f"planner is the class {planner.__name__}, expected one of its instances, or a name")
     return planner.plan(problem, budget, rng, progress)

@@ -21,7 +21,7 @@ import numpy as np
 from rr1plan._kernels import bounded_trees
 from rr1plan._kernels.generator import draw
 from rr1plan._kernels.rrt_connect import trace
-from rr1plan.checks import Array, Seed, finite_number, of_kind
+from rr1plan.checks import Array, Seed, finite_number
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
@@ -29,7 +29,7 @@ from rr1plan.planners.bounded_search import BoundedSearch
 from rr1plan.planners.query import NO_LIMIT, Query, prepare
 from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.shortcut import shorten
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, check_question
 from rr1plan.problem import Problem
 
 # The kernel is not typed.
@@ -74,7 +74,7 @@ class AnytimePlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        of_kind("problem", problem, Problem)
+        check_question(problem, budget, progress)
         prepare(bounded_trees.grow_bounded, trace)
         began = time.perf_counter()
         with borrowed_checker(problem.scene, problem.arms) as motion:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator, of_kind, positive_number
+from rr1plan.checks import Array, Seed, as_generator, positive_number
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
@@ -22,7 +22,7 @@ from rr1plan.kinematics.inverse import describe_excess, target_of
 from rr1plan.kinematics.lines import EdgeBound, Line
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, describe_contacts, goal_configurations
-from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback
+from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
 from rr1plan.problem import PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
 
@@ -82,7 +82,7 @@ class CartesianPlanner:
         Raises:
             InputError: several arms move, or a goal that is no `PoseGoal`.
         """
-        of_kind("problem", problem, Problem)
+        check_question(problem, budget, progress)
         goals = _pose_goals(problem)
         generator = as_generator(rng)
         motion = MotionChecker(CollisionChecker(problem.scene, problem.arms))

@@ -26,6 +26,7 @@ _learn: Callable[..., None] = kernel.learn
 _find_way: Callable[..., tuple[int, int]] = kernel.find_way
 _neighbours_of: Callable[[int, int], int] = kernel.neighbours_of
 
+KERNELS = (kernel.sample, kernel.attach, kernel.detach, kernel.learn, kernel.find_way)
 _T = TypeVar("_T", bound=np.generic)
 
 _CAPACITY = 256  # vertices to begin with

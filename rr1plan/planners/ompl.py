@@ -9,14 +9,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator, known_name, of_kind
+from rr1plan.checks import Array, Seed, as_generator, finite_number, known_name
 from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, goal_configurations
 from rr1plan.planners.query import prepare
 from rr1plan.planners.space import Space, with_copies
-from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree
+from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 
 
@@ -65,6 +65,7 @@ class OmplPlanner:
 
     Raises:
         UnknownNameError: no such planner or setting; the message lists them.
+        InputError: a setting that is no finite number.
     """
 
     def __init__(self, name: str = "ompl_rrt_connect", *, tree: bool = False, **settings: float) -> None:
@@ -73,9 +74,10 @@ class OmplPlanner:
         if settings:
             from rr1plan.planners._ompl import setting_names
 
-            known = setting_names(KINDS[name].ompl)
-            for setting in settings:
+            known = ("tree", *setting_names(KINDS[name].ompl))
+            for setting, value in settings.items():
                 known_name(f"setting of planner {name!r}", setting, known)
+                finite_number(setting, value)
         self.settings: Mapping[str, float] = MappingProxyType(dict(settings))
 
     def __repr__(self) -> str:
@@ -95,7 +97,7 @@ class OmplPlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        of_kind("problem", problem, Problem)
+        check_question(problem, budget, progress)
         prepare()
         began = time.perf_counter()
         with borrowed_checker(problem.scene, problem.arms) as motion:

@@ -22,7 +22,7 @@ from rr1plan.planners.goals import check_start, goal_configurations
 from rr1plan.planners.query import prepare
 from rr1plan.planners.seeds import as_seed, generator_state
 from rr1plan.planners.space import Space, with_copies
-from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree
+from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 
 # The kernel is not typed.
@@ -73,6 +73,7 @@ class RrtConnect:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
+        check_question(problem, budget, progress)
         prepare(kernel.nearest_direct, kernel.grow, kernel.trace)
         began = time.perf_counter()
         with borrowed_checker(problem.scene, problem.arms) as motion:

@@ -116,6 +116,18 @@ def test_planners_are_timed_to_their_first_path(script, tmp_path):
     assert all(r["solved"] and 0.0 < r["first"] <= 1.0 for r in runs if r["planner"] == "rrt_connect")
 
 
+def test_paths_get_shorter_while_planners_have_time(script, tmp_path):
+    arguments = ["--scenes", "planar2r_path", "--every", "2", "--milliseconds", "10", "40", "--out", str(tmp_path)]
+    assert script("anytime").main([*arguments, "--planners", "anytime", "bit_star"]) == 0
+    results = json.loads((tmp_path / "anytime.json").read_text())
+    assert set(results["race"]) == {"rrt_connect + shorten", "anytime", "bit_star"}
+    early, late = results["race"]["anytime"]
+    assert late["solved"] == 1.0
+    assert 1.0 <= late["median"] <= early["median"]
+    assert "40 ms: solved" in (tmp_path / "anytime.md").read_text()
+    assert (tmp_path / "anytime.png").stat().st_size > 0
+
+
 def test_cells_of_the_picture_are_those_of_coal(script, tmp_path):
     assert script("cspace_cells").main(["--resolution", "24", "--out", str(tmp_path)]) == 0
     scenes = json.loads((tmp_path / "cspace_cells.json").read_text())["scenes"]

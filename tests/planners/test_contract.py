@@ -8,7 +8,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.errors import InputError, NoPlanError, UnknownNameError
 from rr1plan.library import load_problems
-from rr1plan.planners import OmplPlanner, make_planner, plan, planner_names, planner_table
+from rr1plan.planners import OmplPlanner, RrtConnect, make_planner, plan, planner_names, planner_table
 from rr1plan.planners.space import Space
 from rr1plan.planning import Budget, PlanStatus
 
@@ -177,3 +177,30 @@ def test_rr1_goes_into_the_cage_and_out(is_certified):
         result = plan(problem, rng=1)
         assert result.solved, f"{name}: {result.reason}"
         assert is_certified(problem.scene, result.path.waypoints)
+
+
+@pytest.mark.parametrize("name", planner_names())
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"problem": "over the seam"}, "problem is of type str"),
+        ({"budget": 5.0}, "budget is 5.0, expected a Budget"),
+        ({"progress": "bar"}, "progress is 'bar'"),
+    ],
+)
+def test_what_is_no_question_is_refused_by_every_planner_itself(name, wrong, said, seam):
+    with pytest.raises(InputError, match=said):
+        make_planner(name).plan(**{"problem": seam, **wrong})
+
+
+@pytest.mark.parametrize("wrong", [RrtConnect, 3, None])
+def test_what_is_no_planner_is_refused_by_name(wrong, seam):
+    with pytest.raises((InputError, UnknownNameError), match="planner"):
+        plan(seam, wrong)
+
+
+def test_an_unknown_setting_is_told_with_all_there_are():
+    with pytest.raises(UnknownNameError, match=r"Known: tree, goal_bias, intermediate_states, range"):
+        make_planner("rrt", rang=0.5)
+    with pytest.raises(InputError, match="range"):
+        make_planner("rrt", range="far")

@@ -1,0 +1,176 @@
+"""How short a path is that a planner has after 10, 100 and 1000 ms: ours, and OMPL's optimising ones.
+
+    python benchmarks/anytime.py [PROBLEMS.json.gz --robot panda.urdf]
+
+All have our certified edges, so what differs is the search. Beside them RRT-Connect with one round of shortcuts, which
+ends when it ends. Budgets are CPU time: planners look at a clock that stands still while others use the core. A
+length is told as a multiple of the shortest that anyone found for that problem; where a
+planner has no path its length is endless, also in the median. Problems whose straight line is free are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from picture import draw_race
+from shared import heading, make_parser, number, pin_to_core, save, table, track
+
+import rr1plan as rp
+from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.formats.motion_bench import read_problem_set
+from rr1plan.planners import planner_table
+
+_BASELINE = "rrt_connect + shorten"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One planner on one problem with one seed and budget."""
+
+    planner: str
+    problem: str
+    seed: int
+    budget: float  # [s]
+    length: float  # inf: no path in time
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    args = _arguments(argv)
+    pin_to_core(args.core)
+    problems = _problems(args)
+    budgets = sorted(ms / 1e3 for ms in args.milliseconds)
+    names = [_BASELINE, *args.planners]
+    for name in names:
+        _solve(name, next(iter(problems.values())), 0, budgets[0])  # compiles what is compiled once
+    work = [(name, problem, args.seed + s) for problem in problems for s in range(args.repeats) for name in names]
+    runs: list[Run] = []
+    for name, problem, seed in track(work, "anytime"):
+        with _cpu_clock():
+            runs += _run(name, problem, problems[problem], seed, budgets)
+    facts = {"problems": len(problems), "seeds": args.repeats, "first seed": args.seed}
+    race = {name: summarise([r for r in runs if r.planner == name], _shortest(runs), budgets) for name in names}
+    text = "\n\n".join([heading("The length of a path after a while", facts), describe(race, budgets)])
+    save(args.out, "anytime", {"settings": facts, "race": race, "runs": [vars(r) for r in runs]}, text)
+    draw_race(args.out / "anytime.png", race, [1e3 * b for b in budgets])
+    return 0
+
+
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = make_parser("How short a path is after a while", "anytime")
+    parser.add_argument("file", type=Path, nargs="?", help="MotionBenchMaker problems (.json or .json.gz)")
+    parser.add_argument("--robot", type=Path, help="their robot's URDF")
+    parser.add_argument("--srdf", type=Path, help="their robot's SRDF (default: beside the URDF)")
+    names = [row.name for row in planner_table() if row.optimizing]
+    parser.add_argument("--planners", nargs="+", default=names, help="names of planners")
+    parser.add_argument("--scenes", nargs="*", default=_scenes(), help="shipped scenes whose queries are asked")
+    parser.add_argument("--milliseconds", type=float, nargs="+", default=[10.0, 100.0, 1000.0], help="budgets")
+    parser.add_argument("--repeats", type=int, default=1, help="seeds for each problem")
+    parser.add_argument("--every", type=int, default=1, help="take every n-th query of the scenes")
+    parser.add_argument("--every-problem", type=int, default=1, help="take every n-th problem of the file")
+    return parser.parse_args(argv)
+
+
+def _scenes() -> list[str]:
+    """All that ship with a path for one arm, or two."""
+    return [name for name in rp.scene_names() if name not in ("planar2r_no_path", "rr1_twelve")]
+
+
+def _problems(args: argparse.Namespace) -> dict[str, rp.Problem]:
+    """By name; those whose straight line is free are none."""
+    found = {f"{scene}/{name}": p for scene in args.scenes for name, p in rp.load_problems(scene).items()}
+    found = dict(list(found.items())[:: args.every])
+    if args.file is not None:
+        if args.robot is None:
+            raise rp.InputError("a file of problems needs --robot, the URDF of their robot")
+        srdf = args.srdf or args.robot.with_suffix(".srdf")
+        file = read_problem_set(args.file, rp.load_robot(args.robot, srdf=srdf))
+        found |= dict(list(file.items())[:: args.every_problem])
+    return {name: p for name, p in found.items() if not _is_straight(p)}
+
+
+def _is_straight(problem: rp.Problem) -> bool:
+    result = rp.plan(problem, rng=0)
+    return result.path is not None and len(result.path) <= 2
+
+
+@contextmanager
+def _cpu_clock() -> Iterator[None]:
+    """Planners that look at the clock see the CPU time of this process."""
+    clock = time.perf_counter
+    time.perf_counter = time.process_time
+    try:
+        yield
+    finally:
+        time.perf_counter = clock
+
+
+def _run(name: str, problem: str, question: rp.Problem, seed: int, budgets: Sequence[float]) -> list[Run]:
+    """A call for each budget; the baseline is asked once, and has its path when it is done."""
+    if name != _BASELINE:
+        return [Run(name, problem, seed, b, _solve(name, question, seed, b)) for b in budgets]
+    began = time.perf_counter()
+    length = _solve(name, question, seed, budgets[-1])
+    took = time.perf_counter() - began
+    return [Run(name, problem, seed, b, length if took <= b else np.inf) for b in budgets]
+
+
+def _solve(name: str, problem: rp.Problem, seed: int, seconds: float) -> float:
+    """Length of the path [rad]."""
+    if name != _BASELINE:
+        result = rp.plan(problem, name, rp.Budget(seconds=seconds), seed)
+        return np.inf if result.path is None else result.path.length
+    result = rp.plan(problem, "rrt_connect", rp.Budget(seconds=seconds), seed)
+    if result.path is None:
+        return np.inf
+    with borrowed_checker(problem.scene, problem.arms) as motion:
+        return rp.shorten(result.path, motion, rng=seed).length
+
+
+def _shortest(runs: Sequence[Run]) -> dict[str, float]:
+    """The shortest length anyone found, by problem."""
+    best: dict[str, float] = {}
+    for r in runs:
+        best[r.problem] = min(best.get(r.problem, np.inf), r.length)
+    return best
+
+
+def summarise(runs: Sequence[Run], best: Mapping[str, float], budgets: Sequence[float]) -> list[dict[str, float]]:
+    """For each budget: the share solved, and median and 90th percentile of the length, as multiples of the shortest."""
+    rows = []
+    for budget in budgets:
+        lengths = np.sort(
+            [r.length / best[r.problem] for r in runs if r.budget == budget and np.isfinite(best[r.problem])]
+        )
+        median, most = (float(lengths[int(share * (len(lengths) - 1))]) for share in (0.5, 0.9))
+        rows.append({"solved": float(np.isfinite(lengths).mean()), "median": median, "p90": most})
+    return rows
+
+
+def describe(race: Mapping[str, Sequence[Mapping[str, float]]], budgets: Sequence[float]) -> str:
+    """A row for each planner."""
+    header = ["planner"]
+    for budget in budgets:
+        header += [f"{1e3 * budget:g} ms: solved", "median", "p90"]
+    rows = []
+    for name, columns in race.items():
+        cells: list[Any] = [name]
+        for column in columns:
+            cells += [f"{100 * column['solved']:.0f} %", _times(column["median"]), _times(column["p90"])]
+        rows.append(cells)
+    return table(header, rows)
+
+
+def _times(value: float) -> str:
+    return f"{value:.3f}" if value < 10.0 else number(value)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
