@@ -39,7 +39,7 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "roadmap_arms": (lambda s: rp.Roadmap(s, 3), rp.InputError, "sequence of names"),
     "flat_obstacle": (
         lambda s: rp.CollisionChecker(
-            s.with_obstacle("sheet", rp.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+            s.with_obstacle("sheet", rp.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2]]))
         ),
         rp.InputError,
         "shape of 'sheet'.*flat",
