@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from rr1plan._kernels.cover import RECORD, tables_of
 from rr1plan._kernels.intervals import _separate
-from rr1plan._kernels.jit import F64, FLOATS1, I64
-from rr1plan._kernels.lanes import WIDTH, fill
+from rr1plan._kernels.jit import F64, FLOATS1, I64, OUT1
+from rr1plan._kernels.lanes import WIDTH, fill, store
 from rr1plan._kernels.motion import bound_travel, place_body, place_joints
-from rr1plan._kernels.placing import bound_motion, place_frames, place_spheres
+from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres, velocity_of
 from rr1plan._kernels.spheres import meet_body, meet_obstacle
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.solids import coal_geometry
@@ -130,16 +130,23 @@ class World:
         return np.array([self.distance(*self.pairs[pair], places) for places in self.places])
 
     def take_interval(self):
-        """Place everything in the kernel's memory at the middle of the interval."""
-        place_all(self.begin, self.end, self.middle, self.half, self.edges.record)
+        """Place everything in the kernel's memory at the middle of the interval; place, travel and speed of spheres."""
+        speeds = np.zeros(len(self.cover.spheres) * 3 * WIDTH)
+        place_all(self.begin, self.end, self.middle, self.half, self.edges.record, speeds)
+        places = self.work.centres.reshape(-1, 4, WIDTH)[:, :, 0]
+        return places[:, :3], places[:, 3], speeds.reshape(-1, 3, WIDTH)[:, :, 0]
+
+    def group(self, body):
+        """The group of a body."""
+        return int(self.cover.bodies[body, 3])
 
 
 WORLDS = settings(deadline=None, max_examples=25)
 SEEDS = st.integers(0, 2**32)
 
 
-@numba.njit(numba.void(FLOATS1, FLOATS1, F64, F64, RECORD))
-def place_all(begin, end, middle, half, record):
+@numba.njit(numba.void(FLOATS1, FLOATS1, F64, F64, RECORD, OUT1))
+def place_all(begin, end, middle, half, record, speeds):
     known, work, _, _ = tables_of(record)
     work.counts[3] += 1
     h = fill(half)
@@ -147,7 +154,13 @@ def place_all(begin, end, middle, half, record):
     bound_motion(begin, end, known, work)
     place_frames(begin, fill(middle), known, work)
     for k in range(known.bodies.shape[0]):
-        place_spheres(k, 7, known.bodies[k, 1], known.bodies[k, 2], h, known, work)
+        place_ball(known.bodies[k, 3], known.bodies[k, 1], h, known, work)
+        place_spheres(k, h, known, work)
+        for i in range(known.bodies[k, 1], known.bodies[k, 2]):
+            u, v, w = velocity_of(known.bodies[k, 0], i, work)
+            store(speeds, 3 * i * WIDTH, u)
+            store(speeds, (3 * i + 1) * WIDTH, v)
+            store(speeds, (3 * i + 2) * WIDTH, w)
 
 
 @numba.njit(numba.types.UniTuple(I64, 2)(F64, RECORD))
@@ -187,38 +200,36 @@ def moving(world):
 @given(SEEDS)
 def test_no_sphere_gets_farther_along_any_direction_than_its_bound(seed):
     world = World(seed, solid)
-    world.take_interval()
+    centres, travels, speeds = world.take_interval()
     h = world.half
-    kept = world.work.centres.reshape(-1, 7, WIDTH)[:, :, 0]
     directions = world.rng.normal(size=(12, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     for k, i, first, last in moving(world):
-        now = kept[first:last]
-        lost = 0.5 * h * h * world.work.pushes[k, 0]
-        along = np.abs(now[:, 3:6] @ directions.T) * h + lost
+        g, its = world.group(k), slice(first, last)
+        lost = 0.5 * h * h * world.work.pushes[g, 0]
+        along = np.abs(speeds[its] @ directions.T) * h + lost
         for places in world.places:
-            moved = centres_of(world, i, places) - now[:, :3]
+            moved = centres_of(world, i, places) - centres[its]
             assert (np.abs(moved @ directions.T) <= along + ROUNDING).all()
             size = np.linalg.norm(moved, axis=1)
-            assert (size <= now[:, 6] + ROUNDING).all()
-            assert (size <= h * world.work.speeds[k, 0] + ROUNDING).all()
+            assert (size <= travels[its] + ROUNDING).all()
+            assert (size <= h * world.work.speeds[g, 0] + ROUNDING).all()
 
 
 @WORLDS
 @given(SEEDS)
 def test_no_two_spheres_come_nearer_than_their_bound(seed):
     world = World(seed, solid)
-    world.take_interval()
+    centres, _, speeds = world.take_interval()
     h, work = world.half, world.work
-    kept = work.centres.reshape(-1, 7, WIDTH)[:, :, 0]
     known = {k: (i, first) for k, i, first, _ in moving(world)}
     for a, b, shared, *_ in world.cover.meetings.tolist():
         (one, at), (other, to) = known[a], known[b]
-        apart = kept[at, :3] - kept[to, :3]
+        apart, g, other_g = centres[at] - centres[to], world.group(a), world.group(b)
         gap = np.linalg.norm(apart)
-        speed = abs(apart @ (kept[at, 3:6] - kept[to, 3:6])) / max(gap, 1e-12)
-        lost = 0.5 * h * h * (work.pushes[a, shared] + work.pushes[b, shared])
-        far = h * (work.speeds[a, shared] + work.speeds[b, shared])
+        speed = abs(apart @ (speeds[at] - speeds[to])) / max(gap, 1e-12)
+        lost = 0.5 * h * h * (work.pushes[g, shared] + work.pushes[other_g, shared])
+        far = h * (work.speeds[g, shared] + work.speeds[other_g, shared])
         for places in world.places:
             there = np.linalg.norm(centres_of(world, one, places)[0] - centres_of(world, other, places)[0])
             assert there >= gap - min(speed * h + lost, far) - ROUNDING
