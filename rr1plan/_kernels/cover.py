@@ -39,8 +39,8 @@ class Cover(NamedTuple):
         joints: Parent (0: the world), 1 for prismatic, column; row 0 is the world, shape (j, 3).
         joint_values: T_parent_joint with z along the axis (12) and gain, shape (j, 13).
         bodies: Joint, first and last sphere (the first is the ball around all), group; shape (b, 4).
-        groups: Of bodies that one joint carries: joint, ball around all, first and last body, first and last entry of
-            the chain; shape (g, 6).
+        groups: Of bodies that one joint carries: joint, ball around all (of one, its own), first and last body, first
+            and last entry of the chain; shape (g, 6).
         spheres: Centre in the joint's frame, radius, radius of the ball inside, distance of the centre from that of
             the body's ball [m]; those of bodies, then the balls around groups; shape (s, 6).
         chain: Joints above each group, root first.

@@ -140,6 +140,8 @@ def meet_obstacles(q0, q1, h, record):
             work.masks[o // WIDTH] = _boxes_near(box, o, cover)
             found |= work.masks[o // WIDTH]
         first, last = cover.groups[g, 2], cover.groups[g, 3]
+        if last - first == 1:
+            work.placed[first] = -1
         for b in range(first, last if found else first):
             if last - first > 1:
                 place_ball(g, cover.bodies[b, 1], h, cover, work)
@@ -162,8 +164,10 @@ def meet_families(count, q0, q1, h, record):
     items, families, groups = work.items, cover.families, cover.groups
     for f in range(families.shape[0]):
         g, other, shared = families[f, 0], families[f, 1], families[f, 2]
-        ball, its_ball = groups[g, 1], groups[other, 1]
-        near = approaching(g, ball, other, its_ball, shared, ALL, cover.margins[1], h, cover, work)
+        near = ALL
+        if families[f, 4] - families[f, 3] > 1:
+            one, two = groups[g, 1], groups[other, 1]
+            near = approaching(g, one, other, two, shared, ALL, cover.margins[1], h, cover, work)
         for m in range(families[f, 3], families[f, 4] if near else 0):
             if cover.meetings[m, 4] >= 0 and _mapped(m, q0, q1, 0.0, 1.0, cover):
                 continue

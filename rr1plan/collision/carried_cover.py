@@ -105,9 +105,12 @@ def _group(
     for g, (_, _, first, last, _, _) in enumerate(groups.tolist()):
         bodies[first:last, 3] = g
         balls = bodies[first:last, 1]
+        if last - first == 1:
+            groups[g, 1] = balls[0]
+            continue
         within = np.setdiff1d(np.arange(balls[0], bodies[last - 1, 2]), balls)
+        groups[g, 1] = len(spheres) + len(rows) - 1
         rows.append(np.array([[*ball_around(spheres[within, :4], spheres[balls, :4]), _NOTHING, 0.0]]))
-        groups[g, 1] = len(spheres) + g
     return bodies, groups, np.concatenate(rows), chain, reach
 
 

@@ -43,8 +43,6 @@ def ball_around(spheres: Array, balls: Array) -> Array:
     Returns:
         Centre and radius [m], shape (4,).
     """
-    if len(balls) == 1:
-        return np.array(balls[0])
     # Its centre stays among theirs, so it is no farther from any axis than one of them (Badoiu and Clarkson 2003).
     centre = spheres[:, :3].mean(axis=0)
     for step in range(2, 60):
