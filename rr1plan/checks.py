@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -70,6 +71,9 @@ def finite_number(name: str, value: Any) -> float:
     Raises:
         InputError: not a number, NaN or infinite.
     """
+    # Nearly every number is this, and an array of one takes longer than all else that is done with it.
+    if type(value) is float and math.isfinite(value):
+        return value
     return float(finite_array(name, value, ()))
 
 

@@ -1,11 +1,24 @@
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
-"""RRT-Connect as one compiled loop.
+"""RRT-Connect as one compiled loop, for any path or for one shorter than a bound.
 
 Two trees, one rooted in the start, one in all goals. The smaller one takes a step towards a random
 configuration; the other one then walks towards what was added, step by step, until it gets there or is
 blocked (Kuffner and LaValle, RRT-Connect: an efficient approach to single-query path planning, 2000). A
 vertex that has met an obstacle takes only samples near to it: others would lead into the same obstacle again
 (Yershova et al., Dynamic-domain RRTs, 2005).
+
+Each vertex knows the length of its way from its root. Under a bound a sample is a configuration that some path
+shorter than it may pass (Gammell, Srinivasa, Barfoot, Informed RRT*, 2014) and a length at which it is to be reached.
+It is joined to the nearest of the vertices that reach it within that length; so sampling is done in the space of
+configurations and costs (Hauser and Zhou, Asymptotically optimal planning by feasible kinodynamic planning in a
+state-cost space, 2016; Wilson et al., AORRTC, 2025).
+
+Why it finds a path shorter than the bound, with a probability that goes to one, where there is one with some
+clearance d around it: put balls along that path, smaller and nearer to each other than d. Let a vertex be in
+the k-th ball, reached within the path's length up to there and a little. Each sample has the same probability
+above zero of falling into the next ball with a length a little above that. The nearest vertex that reaches it in
+time is no farther than the one we know of, which is nearer than d; so the edge is free, and the new vertex is
+reached in time.
 
 Every decision but the edges' own is made with sums, products and square roots, which IEEE 754 rounds the same
 way everywhere. Edges use sines, whose last bit may differ between machines: that could decide otherwise only
@@ -21,35 +34,40 @@ import numpy as np
 from numba import boolean, float64, int64, types
 
 from rr1plan._kernels.edges import CONTEXT, edge_code
-from rr1plan._kernels.generator import STATE, draw_between
+from rr1plan._kernels.generator import STATE, draw, draw_below, draw_between
 from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, OUT1, jit
 
 GOING, SOLVED, FULL = range(3)
 
-# Entries of `counts`.
-SIZE_START, SIZE_GOAL, SAMPLES, EDGES, JOIN_START, JOIN_GOAL, PASSED = range(7)
+# Entries of `counts`. The roots are a tree's first vertices.
+SIZE_START, SIZE_GOAL, SAMPLES, EDGES, JOIN_START, JOIN_GOAL, PASSED, ROOTS_START, ROOTS_GOAL = range(9)
 
 _BLOCK = 64
 # So many samples in a row may be passed over: in spaces of many joints hardly any is near to anything.
 _MOST_PASSED = 64
+# A sample that no shorter path can pass is drawn again, so often.
+_TRIES = 16
 _TREE = float64[:, ::1]
 _TREES = float64[:, :, ::1]
 _PARENTS = int64[:, ::1]
 _MARKS = boolean[:, ::1]
 _COUNTS = int64[::1]
+_LENGTHS = float64[:, ::1]
 
 
-@jit(types.Tuple((I64, F64))(_TREE, I64, FLOATS1, OUT1), allocates=False)
-def nearest(tree, count, q, squares):
-    """The vertex nearest to q, the first of equals, and its distance.
+@jit(types.Tuple((I64, F64))(_TREE, FLOATS1, I64, FLOATS1, F64, OUT1), allocates=False)
+def nearest_within(tree, lengths, count, q, most, squares):
+    """The nearest vertex from which q is reached within a length, the first of equals (-1: none), and its distance.
 
     Args:
         tree: Vertices, one a column, shape (nq, capacity).
-        count: How many there are.
+        lengths: Of the ways to them, shape (capacity,).
+        count: How many vertices there are.
         q: Configuration, shape (nq,).
+        most: The length (inf: any).
         squares: Scratch memory, shape (64,).
     """
-    best, index = np.inf, 0
+    best, index = np.inf, -1
     for first in range(0, count, _BLOCK):
         size = min(_BLOCK, count - first)
         for i in range(size):
@@ -61,17 +79,20 @@ def nearest(tree, count, q, squares):
                 squares[i] += difference * difference
         for i in range(size):
             if squares[i] < best:
-                best, index = squares[i], first + i
+                left = most - lengths[first + i]
+                if left >= 0.0 and squares[i] <= left * left:
+                    best, index = squares[i], first + i
     return index, np.sqrt(best)
 
 
-@jit(types.void(_TREES, _PARENTS, _COUNTS, I64, FLOATS1, I64), allocates=False)
-def _add(trees, parents, counts, side, q, parent):
+@jit(types.void(_TREES, _PARENTS, _LENGTHS, _COUNTS, I64, FLOATS1, I64, F64), allocates=False)
+def _add(trees, parents, lengths, counts, side, q, parent, length):
     """One more vertex of a tree."""
     i = counts[side]
     for j in range(len(q)):
         trees[side, j, i] = q[j]
     parents[side, i] = parent
+    lengths[side, i] = length
     counts[side] = i + 1
 
 
@@ -82,8 +103,74 @@ def _is_free(side, near, new, counts, context):
     return edge_code(near, new, context) == 0 if side == 0 else edge_code(new, near, context) == 0
 
 
-@jit(boolean(_TREES, _PARENTS, _COUNTS, I64, I64, F64, FLOATS1, F64, OUT1, OUT1, CONTEXT), allocates=False)
-def _connect(trees, parents, counts, side, index, distance, target, step, a, b, context):
+@jit(boolean(_TREES, I64, F64, STATE, FLOATS1, FLOATS1, OUT1), allocates=False)
+def _draw_between_foci(trees, goal, bound, state, lower, extent, q):
+    """A point of the ellipsoid whose points lie on a way from the start to a goal no longer than the bound.
+
+    Not of the uniform distribution, but of one that leaves no part of it out. False: it is out of the box.
+    """
+    nq = len(q)
+    radius, square, apart = 0.0, 0.0, 0.0
+    for j in range(nq):
+        q[j] = 0.0
+        if extent[j] > 0.0:
+            # The sum of four is nearly normal, the largest of n is how far out the points of a ball are.
+            q[j] = draw(state) + draw(state) + draw(state) + draw(state) - 2.0
+            radius = max(radius, draw(state))
+            square += q[j] * q[j]
+        difference = trees[1, j, goal] - trees[0, j, 0]
+        apart += difference * difference
+    if square == 0.0 or apart == 0.0 or apart >= bound * bound:
+        return False
+    across, apart = 0.5 * np.sqrt(bound * bound - apart), np.sqrt(apart)
+    part, along = radius / np.sqrt(square), 0.0
+    for j in range(nq):
+        q[j] *= part
+        along += q[j] * (trees[1, j, goal] - trees[0, j, 0]) / apart
+    stretch = along * (0.5 * bound - across) / apart
+    inside = True
+    for j in range(nq):
+        begin, end = trees[0, j, 0], trees[1, j, goal]
+        q[j] = lower[j] if extent[j] == 0.0 else 0.5 * (begin + end) + across * q[j] + stretch * (end - begin)
+        inside = inside and lower[j] <= q[j] <= lower[j] + extent[j]
+    return inside
+
+
+@jit(types.Tuple((F64, F64))(_TREES, _LENGTHS, _COUNTS, F64, STATE, FLOATS1, FLOATS1, OUT1, OUT1), allocates=False)
+def _draw_sample(trees, lengths, counts, bound, state, lower, extent, q, squares):
+    """A configuration that a path shorter than the bound may pass, and its distances from the roots of both trees.
+
+    The first is infinite when none was found; without a bound both are 0.
+    """
+    if bound == np.inf:
+        draw_between(state, lower, extent, q)
+        return 0.0, 0.0
+    for attempt in range(_TRIES):
+        if attempt % 2 == 0:
+            draw_between(state, lower, extent, q)
+        else:
+            goal = draw_below(state, counts[ROOTS_GOAL])
+            if not _draw_between_foci(trees, goal, bound, state, lower, extent, q):
+                continue
+        _, behind = nearest_within(trees[0], lengths[0], counts[ROOTS_START], q, np.inf, squares)
+        _, ahead = nearest_within(trees[1], lengths[1], counts[ROOTS_GOAL], q, np.inf, squares)
+        if behind + ahead < bound:
+            return behind, ahead
+    return np.inf, np.inf
+
+
+@jit(boolean(_COUNTS, types.Array(boolean, 1, "C"), I64, F64, F64), allocates=False)
+def _passes_over(counts, blocked, index, distance, domain):
+    """Whether a sample is too far from a nearest vertex that has met an obstacle."""
+    if blocked[index] and distance > domain and counts[PASSED] < _MOST_PASSED:
+        counts[PASSED] += 1
+        return True
+    counts[PASSED] = 0
+    return False
+
+
+@jit(boolean(_TREES, _PARENTS, _LENGTHS, _COUNTS, I64, I64, F64, FLOATS1, F64, OUT1, OUT1, CONTEXT), allocates=False)
+def _connect(trees, parents, lengths, counts, side, index, distance, target, step, a, b, context):
     """Walk from a vertex towards a target in steps of equal length; whether it got there.
 
     What is reached becomes vertices; the target itself does not, so the last vertex joins the trees.
@@ -102,40 +189,52 @@ def _connect(trees, parents, counts, side, index, distance, target, step, a, b, 
             b[j] = target[j] if k == steps else origin + (target[j] - origin) * (k / steps)
         if not _is_free(side, a, b, counts, context):
             return False
+        before = index if k == 1 else counts[side] - 1
         if k == steps:
-            counts[JOIN_START + side] = index if k == 1 else counts[side] - 1
+            counts[JOIN_START + side] = before
             return True
-        _add(trees, parents, counts, side, b, index if k == 1 else counts[side] - 1)
+        length = lengths[side, index] + distance * (k / steps)
+        _add(trees, parents, lengths, counts, side, b, before, length)
         for j in range(nq):
             a[j] = b[j]
     return False
 
 
-@jit(boolean(_COUNTS, types.Array(boolean, 1, "C"), I64, F64, F64), allocates=False)
-def _passes_over(counts, blocked, index, distance, domain):
-    """Whether a sample is too far from a nearest vertex that has met an obstacle."""
-    if blocked[index] and distance > domain and counts[PASSED] < _MOST_PASSED:
-        counts[PASSED] += 1
-        return True
-    counts[PASSED] = 0
-    return False
+@jit(types.void(_TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, FLOATS1, FLOATS2), allocates=False)
+def plant(trees, parents, lengths, blocked, counts, start, goals):
+    """Two trees that are nothing but their roots; see `grow`."""
+    for i in range(len(counts)):
+        counts[i] = 0
+    for i in range(blocked.shape[1]):
+        blocked[0, i] = blocked[1, i] = False
+    counts[SIZE_START] = counts[ROOTS_START] = 1
+    counts[SIZE_GOAL] = counts[ROOTS_GOAL] = len(goals)
+    for i in range(len(goals)):
+        parents[0, i] = parents[1, i] = -1
+        lengths[0, i] = lengths[1, i] = 0.0
+        for j in range(len(start)):
+            trees[0, j, i] = start[j]
+            trees[1, j, i] = goals[i, j]
 
 
-@jit(I64(_TREES, _PARENTS, _MARKS, _COUNTS, STATE, FLOATS1, FLOATS1, F64, F64, I64, CONTEXT))
-def grow(trees, parents, blocked, counts, state, lower, extent, step, domain, samples, context):
-    """Grow both trees by so many samples, or until they meet.
+@jit(I64(_TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, STATE, FLOATS1, FLOATS1, F64, F64, F64, I64, CONTEXT))
+def grow(
+    trees, parents, lengths, blocked, counts, state, lower, extent, step, domain, bound, samples, context
+):  # fmt: skip
+    """Grow both trees by so many samples, or until they meet in a path no longer than a bound.
 
     Args:
         trees: Vertices of the start's tree and of the goals', shape (2, nq, capacity).
         parents: Index of each vertex's parent, -1 for a root, shape (2, capacity).
+        lengths: Of the way to each vertex from its root, shape (2, capacity).
         blocked: Whether a step from a vertex towards a sample was blocked, shape (2, capacity).
-        counts: Sizes of both trees, samples and edges so far, the two vertices that meet, samples passed
-            over in a row; shape (7,).
+        counts: See the constants of this file, shape (9,).
         state: Of the generator, shape (1,).
         lower: Corner of the box to sample, shape (nq,).
         extent: Its sides, shape (nq,).
         step: Longest edge of a tree.
         domain: How near a sample has to be to a vertex that has met an obstacle.
+        bound: Longest path (inf: any).
         samples: `counts[SAMPLES]` to stop at.
         context: See `edge_code`.
 
@@ -152,10 +251,15 @@ def grow(trees, parents, blocked, counts, state, lower, extent, step, domain, sa
             return FULL
         side = 0 if counts[SIZE_START] <= counts[SIZE_GOAL] else 1
         other = 1 - side
-        draw_between(state, lower, extent, q)
         counts[SAMPLES] += 1
-        index, distance = nearest(trees[side], counts[side], q, squares)
-        if distance == 0.0 or _passes_over(counts, blocked[side], index, distance, domain):
+        from_start, from_goal = _draw_sample(trees, lengths, counts, bound, state, lower, extent, q, squares)
+        if from_start == np.inf:
+            continue
+        most = np.inf
+        if bound < np.inf:
+            most = (from_start if side == 0 else from_goal) + draw(state) * (bound - from_start - from_goal)
+        index, distance = nearest_within(trees[side], lengths[side], counts[side], q, most, squares)
+        if index < 0 or distance == 0.0 or _passes_over(counts, blocked[side], index, distance, domain):
             continue
         part = min(1.0, step / distance)
         for j in range(nq):
@@ -165,9 +269,12 @@ def grow(trees, parents, blocked, counts, state, lower, extent, step, domain, sa
         if not _is_free(side, a, q, counts, context):
             blocked[side, index] = True
             continue
-        _add(trees, parents, counts, side, q, index)
-        index, distance = nearest(trees[other], counts[other], q, squares)
-        if _connect(trees, parents, counts, other, index, distance, q, step, a, b, context):
+        length = lengths[side, index] + part * distance
+        _add(trees, parents, lengths, counts, side, q, index, length)
+        index, distance = nearest_within(trees[other], lengths[other], counts[other], q, bound - length, squares)
+        if index < 0:
+            continue
+        if _connect(trees, parents, lengths, counts, other, index, distance, q, step, a, b, context):
             counts[JOIN_START + side] = counts[side] - 1
             return SOLVED
     return GOING
@@ -198,12 +305,3 @@ def trace(trees, parents, counts):
             path[k, j] = trees[1, j, i]
         i = parents[1, i]
     return path
-
-
-@jit(I64(FLOATS1, FLOATS2, I64, CONTEXT), allocates=False)
-def nearest_direct(start, goals, most, context):
-    """The first of the goals that a straight edge from the start reaches, of the first `most`; -1: none."""
-    for k in range(min(most, len(goals))):
-        if edge_code(start, goals[k], context) == 0:
-            return k
-    return -1

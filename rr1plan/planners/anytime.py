@@ -2,7 +2,7 @@
 
 The first path is that of RRT-Connect, shortened. Then round follows round, each with fresh trees, a bound of its own
 for the length of its path and a number of samples after which it is given up
-(`rr1plan._kernels.bounded_trees`). What a round finds is shortened, and kept when it is the shortest so far.
+(`rr1plan._kernels.rrt_connect`). What a round finds is shortened, and kept when it is the shortest so far.
 
 The length goes to that of the shortest path (of those that leave some clearance) with probability one: bounds
 are drawn, so that infinitely many rounds have one between the shortest length and any longer one, and
@@ -18,17 +18,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rr1plan._kernels import bounded_trees
 from rr1plan._kernels.generator import draw
-from rr1plan._kernels.rrt_connect import trace
 from rr1plan.checks import Array, Seed, finite_number
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
-from rr1plan.planners.bounded_search import BoundedSearch
 from rr1plan.planners.query import NO_LIMIT, Query, prepare
 from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.shortcut import shorten
+from rr1plan.planners.tree_search import KERNELS, TreeSearch
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, check_question
 from rr1plan.problem import Problem
 
@@ -75,7 +73,7 @@ class AnytimePlanner:
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         check_question(problem, budget, progress)
-        prepare(bounded_trees.grow_bounded, trace)
+        prepare(*KERNELS)
         began = time.perf_counter()
         with borrowed_checker(problem.scene, problem.arms) as motion:
             query = Query(self.name, problem, motion, budget, as_seed(rng), progress, began)
@@ -87,7 +85,7 @@ class _Rounds:
 
     def __init__(self, query: Query, step: float) -> None:
         self.query = query
-        self.search = BoundedSearch(query, step)
+        self.search = TreeSearch(query, step)
         self.best: Array | None = None
         self.length = math.inf
         # No path is shorter than the straight line to the nearest goal.
@@ -96,11 +94,9 @@ class _Rounds:
     def run(self) -> PlanResult:
         """The best path when the budget ends."""
         query = self.query
-        if not self.search.space.movable.any():
-            return query.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
-        query.edges += 1
-        if query.motion.edge_is_free(query.problem.start, query.goals[0]):
-            return query.result(PlanStatus.SOLVED, np.array([query.problem.start, query.goals[0]]))
+        goal = query.straight_goal(1)
+        if goal is not None:
+            return query.result(PlanStatus.SOLVED, np.array([query.problem.start, goal]))
         number = 0
         while not (query.over or query.cancelled() or self.length <= self.straight * _STRAIGHT):
             number += 1
@@ -121,7 +117,7 @@ class _Rounds:
         """Shorten a path, and keep it when it is the best."""
         query, motion = self.query, self.query.motion
         checked = motion.edges_checked
-        path = Path(query.problem.joint_names, waypoints)
+        path = Path.trusted(motion.checker.joint_names, waypoints)
         seed = int(_draw(self.search.state) * 2**53)
         path = shorten(path, motion, rng=seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
         query.edges += motion.edges_checked - checked

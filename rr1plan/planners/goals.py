@@ -96,6 +96,17 @@ def goal_configurations(
     return _combine(problem, motion, choices, max_composites)
 
 
+def only_configuration(problem: Problem) -> Array | None:
+    """The one configuration that every arm has to get to, shape (nq,); None where there are choices."""
+    found = []
+    for arm in problem.arms:
+        goals = problem.goal[arm]
+        if len(goals) != 1 or not isinstance(goals[0], JointGoal):
+            return None
+        found.append(goals[0].q)
+    return np.asarray(found[0]) if len(found) == 1 else np.concatenate(found)
+
+
 def describe_contacts(contacts: Sequence[Contact]) -> str:
     """Which elements touch which and how deep, in words, deepest first."""
     deepest = sorted(contacts, key=lambda c: -c.depth)

@@ -167,29 +167,29 @@ class _Query:
         """The answer of OMPL, certified once more."""
         from rr1plan.planners import _ompl
 
-        space = Space.around(self.problem, self.goals)
-        if not space.movable.any():
+        start, space = self.problem.start, Space.around(self.problem, self.goals)
+        if not space.can_move:
             return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
         # A configuration that is no certified edge has none either, so Coal need not be asked about it.
         is_free = self.motion.edge_is_free
         query = _ompl.Query(
             space.lower[space.movable],
             space.upper[space.movable],
-            space.reduce(self.problem.start),
+            space.reduce(start),
             space.reduce(self.goals),
-            lambda q: is_free(space.whole(q), space.whole(q)),
-            lambda a, b: is_free(space.whole(a), space.whole(b)),
+            lambda q: is_free(space.whole(q, start), space.whole(q, start)),
+            lambda a, b: is_free(space.whole(a, start), space.whole(b, start)),
         )
         kind = KINDS[self.planner.name].ompl
         seed = int(self.rng.integers(1, 2**32))
         settings = {**self.defaults(space), **self.planner.settings}
         answer = _ompl.solve(kind, query, self.watch, seed, settings, tree=self.planner.tree)
-        tree = None if answer.tree is None else replace(answer.tree, vertices=space.whole(answer.tree.vertices))
+        tree = None if answer.tree is None else replace(answer.tree, vertices=space.whole(answer.tree.vertices, start))
         if self.watch.cancelled:
             return self.result(PlanStatus.CANCELLED, reason="the progress callback returned False", tree=tree)
         if answer.waypoints is None:
             return self.result(PlanStatus.TIMEOUT, reason=self.why(answer.difference), tree=tree)
-        waypoints = space.whole(answer.waypoints)
+        waypoints = space.whole(answer.waypoints, start)
         if not self.motion.path_is_free(waypoints):
             reason = "a path was found, but an edge of it passes too near to something to be certified again"
             return self.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)

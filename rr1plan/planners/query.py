@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
+from rr1plan._kernels.edges import first_edge
 from rr1plan._kernels.jit import Kernel
-from rr1plan._kernels.swept import sweep_edge
 from rr1plan.checks import Array
 from rr1plan.collision import MotionChecker
 from rr1plan.path import Path
-from rr1plan.planners.goals import check_start, goal_configurations
-from rr1plan.planners.space import with_copies
+from rr1plan.planners.goals import check_start, goal_configurations, only_configuration
+from rr1plan.planners.space import Space, joint_space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree
 from rr1plan.problem import Problem
 
+# The kernel is not typed.
+_first_edge: Callable[..., int] = first_edge
+
+_NO_WISHES = Budget()
 _REPORTS = 0.1  # time between two reports of progress [s]
 _LEAST, _MOST = 0.002, 0.01  # time between two looks at the clock [s]
-_CHUNK = 16  # steps before the first look at the clock
+_CHUNK = 128  # steps before the first look at the clock
 # As many iterations as there are numbers.
 NO_LIMIT = int(np.iinfo(np.int64).max)
 
@@ -29,7 +34,7 @@ def prepare(*kernels: Kernel) -> None:
     Args:
         kernels: What a planner calls, besides the edge's.
     """
-    for needed in (sweep_edge, *kernels):
+    for needed in (first_edge, *kernels):
         needed.build()
 
 
@@ -82,27 +87,62 @@ class Query:
         began: float,
     ) -> None:
         self.planner, self.problem, self.motion = planner, problem, motion
-        self.budget, self.seed, self.progress, self.began = budget or Budget(), seed, progress, began
+        self.budget, self.seed, self.progress, self.began = budget or _NO_WISHES, seed, progress, began
         self.most = NO_LIMIT if self.budget.iterations is None else int(self.budget.iterations)
         self.goals = self.plain_goals = np.empty((0, problem.nq))
         self.iterations, self.edges = 0, 0
+        self._space: Space | None = None
         self.history: list[tuple[float, float]] = []
         self._reported = began - _REPORTS
         self._cancelled = False
 
     def refusal(self) -> PlanResult | None:
         """The answer to a problem without a usable start or goal, or whose start is a goal."""
-        blocked = check_start(self.problem, self.motion)
-        if blocked:
-            return self.result(PlanStatus.INVALID_START, reason=blocked)
-        found = goal_configurations(self.problem, self.motion, self.seed)
-        if found.status is not None:
-            return self.result(found.status, reason=found.reason)
-        self.plain_goals = found.configurations
-        self.goals = np.ascontiguousarray(with_copies(self.problem, found.configurations))
-        if np.array_equal(self.goals[0], self.problem.start):
-            return self.result(PlanStatus.SOLVED, self.goals[:1])
+        if not self._has_plain_ends():
+            blocked = check_start(self.problem, self.motion)
+            if blocked:
+                return self.result(PlanStatus.INVALID_START, reason=blocked)
+            found = goal_configurations(self.problem, self.motion, self.seed)
+            if found.status is not None:
+                return self.result(found.status, reason=found.reason)
+            self.plain_goals = found.configurations
+            self.goals = np.ascontiguousarray(with_copies(self.problem, found.configurations))
+        if (self.goals[0] == self.problem.start).all():
+            return self.result(PlanStatus.SOLVED, self.goals[:1].copy())
+        if not self.space.can_move:
+            return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
         return None
+
+    def _has_plain_ends(self) -> bool:
+        """Whether one configuration is the goal and both ends can be had; else it takes a closer look, and words."""
+        space, goal = joint_space(self.problem), only_configuration(self.problem)
+        if goal is None or not space.is_bounded or not self.motion.checker.resting_is_free:
+            return False
+        ends = np.array([self.problem.start, goal])
+        if not space.holds(ends) or _first_edge(ends, ends, False, self.motion.context) >= 0:
+            return False
+        self.goals = self.plain_goals = ends[1:]
+        self._space = space
+        return True
+
+    @property
+    def space(self) -> Space:
+        """Where to search.
+
+        Raises:
+            InputError: a joint without limits that is not continuous.
+        """
+        if self._space is None:
+            self._space = Space.around(self.problem, self.goals)
+        return self._space
+
+    def straight_goal(self, most: int) -> Array | None:
+        """The first of so many nearest goals to which the straight line from the start is free, shape (nq,)."""
+        goals = self.goals[:most]
+        begins = np.broadcast_to(self.problem.start, goals.shape).copy()
+        first = _first_edge(begins, goals, True, self.motion.context)
+        self.edges += len(goals) if first < 0 else first + 1
+        return None if first < 0 else goals[first]
 
     @property
     def seconds(self) -> float:
@@ -131,18 +171,18 @@ class Query:
         self._cancelled = self.progress(Progress(self.planner, seconds, used, cost)) is False
         return self._cancelled
 
-    def unsolved(self, found: str) -> PlanResult:
+    def unsolved(self, found: str, tree: SearchTree | None = None) -> PlanResult:
         """The answer without a path: cancelled, or out of budget, with what was found instead in words."""
         if self._cancelled:
-            return self.result(PlanStatus.CANCELLED, reason="the progress callback returned False")
+            return self.result(PlanStatus.CANCELLED, reason="the progress callback returned False", tree=tree)
         reason = f"no path found: budget used up after {self.seconds:.3g} s and {self.iterations} iterations; {found}"
-        return self.result(PlanStatus.TIMEOUT, reason=reason)
+        return self.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
 
     def result(
         self, status: PlanStatus, waypoints: Array | None = None, *, reason: str = "", tree: SearchTree | None = None
     ) -> PlanResult:
-        """The answer with the counts so far."""
-        path = None if waypoints is None else Path(self.problem.joint_names, waypoints)
+        """The answer with the counts so far; waypoints are new ones that nobody else writes."""
+        path = None if waypoints is None else Path.trusted(self.motion.checker.joint_names, waypoints)
         seconds = self.seconds
         if path is not None and not self.history:
             self.history.append((seconds, path.length))

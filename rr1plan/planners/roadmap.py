@@ -6,7 +6,6 @@ the roadmap does not connect is answered by trees that grow towards each other, 
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Sequence
@@ -19,11 +18,11 @@ from rr1plan.checks import Seed, of_kind
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
-from rr1plan.planners.bounded_search import BoundedSearch
 from rr1plan.planners.graph import KERNELS, Graph
 from rr1plan.planners.query import Query, prepare
 from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.shortcut import shorten
+from rr1plan.planners.tree_search import TreeSearch
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 from rr1plan.scene import Scene
@@ -210,12 +209,10 @@ def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
     query.edges += graph.asked - before
     if way is not None:
         return query.result(PlanStatus.SOLVED, way)
-    search = BoundedSearch(query)
-    if not search.space.movable.any():
-        return query.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
-    if not search.meets(math.inf):
+    search = TreeSearch(query)
+    if not search.meets():
         return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
-    path = Path(problem.joint_names, search.trees.path())
+    path = Path.trusted(motion.checker.joint_names, search.trees.path())
     checked = motion.edges_checked
     path = shorten(path, motion, rng=query.seed, seconds=max(query.seconds_left, 1e-6))
     query.edges += motion.edges_checked - checked

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
+from rr1plan.limits import Limits
 from rr1plan.problem import Problem
 
 _WINDOW = 2.5 * np.pi  # how far from its start a continuous joint is searched [rad]
@@ -30,13 +31,11 @@ class Space:
     Args:
         lower, upper: Where to search [rad or m], shape (nq,).
         continuous: Which columns wrap around, shape (nq,).
-        still: The start, whose columns that cannot move keep their value, shape (nq,).
     """
 
     lower: Array
     upper: Array
     continuous: NDArray[np.bool_]
-    still: Array
 
     @staticmethod
     def around(problem: Problem, goals: Array) -> Space:
@@ -45,65 +44,87 @@ class Space:
         Raises:
             InputError: a joint without limits that is not continuous.
         """
-        start = problem.start
-        lower, upper, continuous = _limits(problem)
-        if continuous.any():
-            lower = np.where(continuous, start - _WINDOW, lower)
-            upper = np.where(continuous, start + _WINDOW, upper)
-        if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
-            j = int(np.flatnonzero(~np.isfinite(lower) | ~np.isfinite(upper))[0])
-            raise InputError(f"joint {problem.joint_names[j]!r} has no position limits, expected finite ones")
+        start, space = problem.start, joint_space(problem)
+        lower, upper = space.lower, space.upper
+        if space.wraps:
+            lower = np.where(space.continuous, start - _WINDOW, lower)
+            upper = np.where(space.continuous, start + _WINDOW, upper)
+        endless = ~np.isfinite(upper - lower)
+        if endless.any():
+            name = problem.joint_names[int(np.argmax(endless))]
+            raise InputError(f"joint {name!r} has no position limits, expected finite ones")
         # The start and goals are within limits up to rounding; a search has no such mercy.
         lower = np.minimum(lower, np.minimum(start, goals.min(axis=0)))
         upper = np.maximum(upper, np.maximum(start, goals.max(axis=0)))
-        return Space(lower, upper, continuous, start)
+        return Space(lower, upper, space.continuous)
+
+    @cached_property
+    def extent(self) -> Array:
+        """How much there is of each column [rad or m], shape (nq,)."""
+        return self.upper - self.lower
 
     @cached_property
     def movable(self) -> NDArray[np.bool_]:
         """Which columns can move, shape (nq,)."""
         return self.lower < self.upper
 
-    @property
+    @cached_property
+    def can_move(self) -> bool:
+        """Some column can."""
+        return bool(self.movable.any())
+
+    @cached_property
+    def is_bounded(self) -> bool:
+        """No column wraps around, and all have limits: nothing depends on the start."""
+        return bool(np.isfinite(self.extent).all()) and not self.wraps
+
+    @cached_property
+    def wraps(self) -> bool:
+        """Some column wraps around."""
+        return bool(self.continuous.any())
+
+    @cached_property
     def diagonal(self) -> float:
         """Length of the space's diagonal [rad], a continuous joint counted as one turn."""
-        extents = np.where(self.continuous, 2.0 * np.pi, self.upper - self.lower)
+        extents = np.where(self.continuous, 2.0 * np.pi, self.extent)
         return float(np.sqrt(extents.dot(extents)))
+
+    def holds(self, q: Array) -> bool:
+        """All of some configurations are within the bounds, shape (..., nq)."""
+        return bool(((q >= self.lower) & (q <= self.upper)).all())
 
     def reduce(self, q: Array) -> Array:
         """The movable columns."""
         return np.asarray(q[..., self.movable])
 
-    def whole(self, q: Array) -> Array:
-        """All columns from the movable ones."""
-        if len(self.still) == q.shape[-1]:
+    def whole(self, q: Array, still: Array) -> Array:
+        """All columns from the movable ones; the others as in `still`, shape (nq,)."""
+        if len(still) == q.shape[-1]:
             return q
-        full = np.broadcast_to(self.still, (*q.shape[:-1], len(self.still))).copy()
+        full = np.broadcast_to(still, (*q.shape[:-1], len(still))).copy()
         full[..., self.movable] = q
         return full
 
 
-def _limits(problem: Problem) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Lower and upper limits of a problem's columns, and which of them wrap around."""
-    robots = [problem.scene.arms[name].robot for name in problem.arms]
-    if len(robots) == 1:
-        return robots[0].limits.lower, robots[0].limits.upper, robots[0].continuous > 0.0
-    return (
-        np.concatenate([r.limits.lower for r in robots]),
-        np.concatenate([r.limits.upper for r in robots]),
-        np.concatenate([r.continuous for r in robots]) > 0.0,
-    )
-
-
-def continuous_joints(problem: Problem) -> NDArray[np.bool_]:
-    """Which columns of a problem wrap around, shape (nq,) of bool."""
-    return _limits(problem)[2]
+def joint_space(problem: Problem) -> Space:
+    """The limits of a problem's columns as they are, kept with its scene."""
+    kept, key = problem.scene.kept_for_any_padding, ("joint space", problem.arms)
+    space = kept.get(key)
+    if space is None:
+        robots = [problem.scene.arms[name].robot for name in problem.arms]
+        limits = Limits.stack([robot.limits for robot in robots])
+        continuous = np.concatenate([robot.continuous for robot in robots]) > 0.0
+        space = kept[key] = Space(limits.lower, limits.upper, continuous)
+    assert isinstance(space, Space)
+    return space
 
 
 def with_copies(problem: Problem, goals: Array) -> Array:
     """Goals and their copies one turn away where a joint is continuous, nearest to the start first, shape (k, nq)."""
-    joints = np.flatnonzero(continuous_joints(problem)).astype(np.int64)
-    if len(goals) == 1 and len(joints) == 0:
+    space = joint_space(problem)
+    if len(goals) == 1 and not space.wraps:
         return goals
+    joints = np.flatnonzero(space.continuous).astype(np.int64)
     copies = np.array(list(itertools.islice(_copies(goals, problem.start, joints), 16 * _MOST_GOALS)))
     far = np.linalg.norm(copies - problem.start, axis=1)
     return copies[np.argsort(far, kind="stable")[:_MOST_GOALS]]

@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan._kernels import bounded_trees as kernel
+from rr1plan._kernels import rrt_connect as kernel
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
 from rr1plan.planners import AnytimePlanner, RrtConnect
 from rr1plan.planners.anytime import luby
-from rr1plan.planners.bounded_search import Trees
 from rr1plan.planners.seeds import generator_state
+from rr1plan.planners.tree_search import Trees
 from rr1plan.planning import Budget, PlanStatus
 
 COUNTED = Budget(seconds=float("inf"), iterations=3000)
@@ -100,7 +100,7 @@ def test_trees_under_a_bound_meet_within_it(shelf):
     box = limits.lower, limits.upper - limits.lower
     met = 0
     for seed in range(20):
-        trees.reset()
+        trees.plant()
         code = trees.grow(generator_state(seed), *box, 0.6, 2.0, bound, 800, motion.context)
         if code != kernel.SOLVED:
             continue
@@ -115,7 +115,7 @@ def test_each_vertex_knows_the_length_of_its_way(shelf):
     trees = Trees(shelf.start, np.array([shelf.goal[shelf.arms[0]][0].q]))
     limits = shelf.scene.limits(shelf.arms)
     context = MotionChecker(shelf.scene, shelf.arms).context
-    trees.reset()
+    trees.plant()
     trees.grow(generator_state(1), limits.lower, limits.upper - limits.lower, 0.5, 2.0, 7.0, 600, context)
     for side, size in enumerate(trees.counts[:2]):
         assert size > 2
@@ -130,7 +130,7 @@ def test_neither_chunks_nor_room_change_the_path(shelf, monkeypatch):
     first = AnytimePlanner().plan(shelf, COUNTED, rng=4)
     monkeypatch.setattr("rr1plan.planners.query._CHUNK", 1)
     monkeypatch.setattr("rr1plan.planners.query._LEAST", 0.0)
-    monkeypatch.setattr("rr1plan.planners.bounded_search._CAPACITY", 2)
+    monkeypatch.setattr("rr1plan.planners.tree_search._CAPACITY", 2)
     again = AnytimePlanner().plan(shelf, COUNTED, rng=4)
     assert first.path.waypoints.tobytes() == again.path.waypoints.tobytes()
     assert (first.iterations, first.edges_checked) == (again.iterations, again.edges_checked)

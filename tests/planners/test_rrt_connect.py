@@ -8,17 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan._kernels import rrt_connect as kernel
 from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
 from rr1plan.planners import RrtConnect
-from rr1plan.planners import rrt_connect as module
 from rr1plan.planning import Budget, PlanStatus
 
 COUNTED = Budget(seconds=float("inf"), iterations=100_000)
@@ -32,22 +28,11 @@ def cage():
     return rp.Problem(problem.scene, problem.start, end)
 
 
-@settings(deadline=None, max_examples=60)
-@given(st.integers(0, 2**32), st.integers(1, 300), st.integers(1, 9))
-def test_the_nearest_vertex_is_that_of_all_distances(seed, count, nq):
-    rng = np.random.default_rng(seed)
-    tree, q = rng.normal(size=(nq, count + 5)), rng.normal(size=nq)
-    index, distance = kernel.nearest(tree, count, q, np.empty(64))
-    all_distances = np.linalg.norm(tree[:, :count] - q[:, None], axis=0)
-    assert index == np.argmin(all_distances)
-    assert distance == pytest.approx(all_distances.min(), rel=1e-12)
-
-
 def test_neither_chunks_nor_room_change_the_path(cage, monkeypatch):
     first = RrtConnect().plan(cage, COUNTED, rng=4)
-    monkeypatch.setattr(module, "_CHUNK", 1)
-    monkeypatch.setattr(module, "_LEAST", 0.0)
-    monkeypatch.setattr(module, "_CAPACITY", 2)
+    monkeypatch.setattr("rr1plan.planners.query._CHUNK", 1)
+    monkeypatch.setattr("rr1plan.planners.query._LEAST", 0.0)
+    monkeypatch.setattr("rr1plan.planners.tree_search._CAPACITY", 2)
     again = RrtConnect().plan(cage, COUNTED, rng=4)
     assert len(first.path) > 2
     assert first.path.waypoints.tobytes() == again.path.waypoints.tobytes()

@@ -1,32 +1,36 @@
-"""Two trees that meet in a path no longer than a bound: `rr1plan._kernels.bounded_trees` under a budget."""
+"""Two trees that grow until they meet: `rr1plan._kernels.rrt_connect` under the budget of a query."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels import bounded_trees as kernel
-from rr1plan._kernels.rrt_connect import trace
+from rr1plan._kernels import rrt_connect as kernel
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.planners.query import NO_LIMIT, Pace, Query
 from rr1plan.planners.seeds import generator_state
-from rr1plan.planners.space import Space
+from rr1plan.planning import SearchTree
 
 # The kernels are not typed.
-_grow: Callable[..., int] = kernel.grow_bounded
-_trace: Callable[..., Array] = trace
+_plant: Callable[..., None] = kernel.plant
+_grow: Callable[..., int] = kernel.grow
+_trace: Callable[..., Array] = kernel.trace
+
+# What a search calls.
+KERNELS = (kernel.plant, kernel.grow, kernel.trace)
 
 _STEP = 0.08  # longest edge of a tree, as a part of the space's diagonal
 _SHORTEST = 1e-4  # the least that may be set, the same way
 _DOMAIN = 0.2  # how near to a vertex that has met an obstacle samples have to be, the same way
-_CAPACITY = 1024  # vertices of each tree to begin with
+_CAPACITY = 256  # vertices of each tree to begin with
 
 
-class BoundedSearch:
-    """Searches for one query, each with fresh trees; without a bound each is an RRT-Connect.
+class TreeSearch:
+    """Searches for one query, each with fresh trees.
 
     Args:
         query: Whose ends they have, whose budget they use.
@@ -42,8 +46,7 @@ class BoundedSearch:
 
     def __init__(self, query: Query, step: float = 0.0) -> None:
         self.query = query
-        self.space = Space.around(query.problem, query.goals)
-        diagonal = self.space.diagonal
+        diagonal = query.space.diagonal
         self._step, self._domain = step or _STEP * diagonal, _DOMAIN * diagonal
         if self._step < _SHORTEST * diagonal:
             raise InputError(f"range is {step:g}, expected at least {_SHORTEST * diagonal:.3g} for these joints")
@@ -51,26 +54,26 @@ class BoundedSearch:
         self.trees = Trees(query.problem.start, query.goals)
         self._pace = Pace()
 
-    def meets(self, bound: float, samples: int = NO_LIMIT) -> bool:
+    def meets(self, bound: float = math.inf, samples: int = NO_LIMIT) -> bool:
         """Whether trees meet within a bound, so many samples, and the budget of the query.
 
         Args:
             bound: Longest path [rad] (inf: any).
             samples: How many at most.
         """
-        query, counts = self.query, self.trees.counts
-        self.trees.reset()
-        settings = (self.space.lower, self.space.upper - self.space.lower, self._step, self._domain, bound)
+        query, trees, counts = self.query, self.trees, self.trees.counts
+        trees.plant()
+        settings = (query.space.lower, query.space.extent, self._step, self._domain, bound)
         begin = query.iterations
         last = begin + min(samples, query.most - begin)
         code = kernel.GOING
         while code != kernel.SOLVED and query.iterations < last and not query.over and not query.cancelled():
             stop = min(self._pace.steps, last - query.iterations) + query.iterations - begin
             with self._pace:
-                code = self.trees.grow(self.state, *settings, stop, query.motion.context)
+                code = trees.grow(self.state, *settings, stop, query.motion.context)
             query.iterations = begin + int(counts[kernel.SAMPLES])
             if code == kernel.FULL:
-                self.trees.enlarge()
+                trees.enlarge()
         query.edges += int(counts[kernel.EDGES])
         return bool(code == kernel.SOLVED)
 
@@ -84,26 +87,17 @@ class Trees:
     """The arrays that the kernel grows."""
 
     def __init__(self, start: Array, goals: Array) -> None:
-        nq, capacity = len(start), max(_CAPACITY, 2 * len(goals))
-        self.goals = len(goals)
-        self.vertices = np.empty((2, nq, capacity))
+        capacity = max(_CAPACITY, 2 * len(goals))
+        self._roots = (start, goals)
+        self.vertices = np.empty((2, len(start), capacity))
         self.parents = np.empty((2, capacity), np.int64)
         self.lengths = np.empty((2, capacity))
-        self.blocked = np.zeros((2, capacity), np.bool_)
+        self.blocked = np.empty((2, capacity), np.bool_)
         self.counts = np.zeros(kernel.ROOTS_GOAL + 1, np.int64)
-        self.vertices[0, :, 0] = start
-        self.vertices[1, :, : len(goals)] = goals.T
-        self.parents[:, : len(goals)] = -1
-        self.lengths[:, : len(goals)] = 0.0
 
-    def reset(self) -> None:
-        """Back to the roots."""
-        self.counts[:] = 0
-        self.counts[[kernel.SIZE_START, kernel.ROOTS_START]] = 1
-        self.counts[[kernel.SIZE_GOAL, kernel.ROOTS_GOAL]] = self.goals
-        self.parents[:, : self.goals] = -1
-        self.lengths[:, : self.goals] = 0.0
-        self.blocked[:] = False
+    def plant(self) -> None:
+        """Nothing but the roots."""
+        _plant(self.vertices, self.parents, self.lengths, self.blocked, self.counts, *self._roots)
 
     def grow(self, state: NDArray[np.uint64], *settings: object) -> int:
         """Let the kernel grow them; it says what the settings are."""
@@ -119,3 +113,17 @@ class Trees:
     def path(self) -> Array:
         """The way from the start to a goal, shape (n, nq)."""
         return _trace(self.vertices, self.parents, self.counts)
+
+    def explored(self, *, joined: bool) -> SearchTree:
+        """Both trees, and the edge between them when they have met."""
+        sizes = self.counts[:2].tolist()
+        vertices = np.concatenate([self.vertices[side, :, :size].T for side, size in enumerate(sizes)])
+        edges = []
+        for side, first in enumerate((0, sizes[0])):
+            parents = self.parents[side, : sizes[side]]
+            children = np.flatnonzero(parents >= 0)
+            edges.append(np.stack([parents[children], children], axis=1) + first)
+        if joined:
+            join = self.counts[[kernel.JOIN_START, kernel.JOIN_GOAL]] + np.array([0, sizes[0]])
+            edges.append(join[None])
+        return SearchTree(vertices, np.concatenate(edges).astype(np.int64))
