@@ -6,10 +6,8 @@ They know an edge function and a context they pass on unread, nothing else of th
 
 from __future__ import annotations
 
-from numba import boolean
-
 from rr1plan._kernels.cover import RECORD
-from rr1plan._kernels.jit import FLOATS1, FLOATS2, I64, jit
+from rr1plan._kernels.jit import FLOATS1, I64, jit
 from rr1plan._kernels.swept import sweep_edge
 
 # Arguments of `sweep_edge` after the ends of the edge.
@@ -27,19 +25,3 @@ def edge_code(begin, end, context):
     """
     status, _, _ = sweep_edge(begin, end, context)
     return status
-
-
-@jit(I64(FLOATS2, FLOATS2, boolean, CONTEXT), allocates=False)
-def first_edge(begins, ends, free, context):
-    """The first of some straight edges that is free, or that is not; -1: there is none.
-
-    Args:
-        begins: Configurations, shape (k, nq).
-        ends: As many.
-        free: Which of them is looked for.
-        context: See `sweep_edge`.
-    """
-    for k in range(len(begins)):
-        if (edge_code(begins[k], ends[k], context) == 0) == free:
-            return k
-    return -1

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 import numpy as np
 
-from rr1plan._kernels.edges import first_edge
 from rr1plan._kernels.jit import Kernel
+from rr1plan._kernels.swept import sweep_edge
 from rr1plan.checks import Array
 from rr1plan.collision import MotionChecker
 from rr1plan.path import Path
@@ -16,9 +15,6 @@ from rr1plan.planners.goals import check_start, goal_configurations, only_config
 from rr1plan.planners.space import Space, joint_space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree
 from rr1plan.problem import Problem
-
-# The kernel is not typed.
-_first_edge: Callable[..., int] = first_edge
 
 _NO_WISHES = Budget()
 _REPORTS = 0.1  # time between two reports of progress [s]
@@ -34,7 +30,7 @@ def prepare(*kernels: Kernel) -> None:
     Args:
         kernels: What a planner calls, besides the edge's.
     """
-    for needed in (first_edge, *kernels):
+    for needed in (sweep_edge, *kernels):
         needed.build()
 
 
@@ -116,10 +112,10 @@ class Query:
     def _has_plain_ends(self) -> bool:
         """Whether one configuration is the goal and both ends can be had; else it takes a closer look, and words."""
         space, goal = joint_space(self.problem), only_configuration(self.problem)
-        if goal is None or not space.is_bounded or not self.motion.checker.resting_is_free:
+        if goal is None or not space.is_bounded:
             return False
         ends = np.array([self.problem.start, goal])
-        if not space.holds(ends) or _first_edge(ends, ends, False, self.motion.context) >= 0:
+        if not space.holds(ends) or not all(self.motion.edge_is_free(q, q) for q in ends):
             return False
         self.goals = self.plain_goals = ends[1:]
         self._space = space
@@ -138,11 +134,12 @@ class Query:
 
     def straight_goal(self, most: int) -> Array | None:
         """The first of so many nearest goals to which the straight line from the start is free, shape (nq,)."""
-        goals = self.goals[:most]
-        begins = np.broadcast_to(self.problem.start, goals.shape).copy()
-        first = _first_edge(begins, goals, True, self.motion.context)
-        self.edges += len(goals) if first < 0 else first + 1
-        return None if first < 0 else goals[first]
+        for k in range(min(most, len(self.goals))):
+            goal: Array = self.goals[k]
+            self.edges += 1
+            if self.motion.edge_is_free(self.problem.start, goal):
+                return goal
+        return None
 
     @property
     def seconds(self) -> float:

@@ -140,7 +140,7 @@ def test_the_path_gets_shorter_while_the_budget_lasts(shelf):
     costs = [AnytimePlanner().plan(shelf, Budget(float("inf"), n), rng=2).path.length for n in (300, 3000)]
     result = AnytimePlanner().plan(shelf, Budget(float("inf"), 10000), rng=2)
     history = np.array(result.cost_history)
-    assert costs[0] > costs[1] > result.path.length == history[-1, 1]
+    assert costs[0] > costs[1] >= result.path.length == history[-1, 1]
     assert result.iterations == 10000
     assert (np.diff(history, axis=0) * [1.0, -1.0] > 0.0).all()
 
