@@ -12,17 +12,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rr1plan._kernels.bounded_trees import grow_bounded
-from rr1plan._kernels.rrt_connect import trace
 from rr1plan.checks import Seed, of_kind
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
+from rr1plan.planners import tree_search
 from rr1plan.planners.graph import KERNELS, Graph
 from rr1plan.planners.query import Query, prepare
 from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.shortcut import shorten
-from rr1plan.planners.tree_search import TreeSearch
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 from rr1plan.scene import Scene
@@ -196,7 +194,7 @@ def checked_samples(samples: int) -> int:
 
 def _prepare() -> None:
     """Compile what is not compiled yet, those of the trees too, though hardly any question needs them."""
-    prepare(*KERNELS, grow_bounded, trace)
+    prepare(*KERNELS, *tree_search.KERNELS)
 
 
 def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
@@ -209,7 +207,7 @@ def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
     query.edges += graph.asked - before
     if way is not None:
         return query.result(PlanStatus.SOLVED, way)
-    search = TreeSearch(query)
+    search = tree_search.TreeSearch(query)
     if not search.meets():
         return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
     path = Path.trusted(motion.checker.joint_names, search.trees.path())
