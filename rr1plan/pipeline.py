@@ -104,6 +104,8 @@ class MotionPlan:
 
 
 _T = TypeVar("_T")
+# Tried to shorten a path that is going to be driven: seconds of motion are worth milliseconds of thought.
+_SHORTCUTS = 100
 
 
 def _present(value: _T | None, result: PlanResult) -> _T:
@@ -171,7 +173,7 @@ def plan_motion(
     with borrowed_checker(roomy.scene, problem.arms) as motions:
         if shorten and planner != "cartesian":
             with _timed(seconds, "shorten"):
-                path = shorten_path(path, motions, rng=generator)
+                path = shorten_path(path, motions, rng=generator, iterations=_SHORTCUTS)
         for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
             with _timed(seconds, "retime"):
                 trajectory = retime(path, roomy.scene, method, checker=motions, torque_limits=torque_limits)

@@ -1,9 +1,12 @@
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
-"""Certified shortcuts as compiled loops; the moves are those of `rr1plan.planners.shortcut`.
+"""Certified shortcuts as a compiled loop; the moves are those of `rr1plan.planners.shortcut`.
 
-A path is the first `counts[SIZE]` rows of an array that has room for two more with every shortcut. Each loop
+A path is the first `counts[SIZE]` rows of an array that has room for two more with every shortcut. The loop
 does so many steps and goes on where it stopped: all it knows is in its arrays. Random numbers and
 decisions are the same on every machine, as in `rrt_connect.py`.
+
+To certify a shortcut takes a hundred times as long as to draw one, so that of several drawn the one that would
+gain most is tried.
 """
 
 from __future__ import annotations
@@ -15,8 +18,13 @@ from rr1plan._kernels.edges import CONTEXT, edge_code
 from rr1plan._kernels.generator import STATE, draw, draw_below
 from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, OUT1, OUT2, jit
 
-# Entries of `counts`: rows in use, the vertex to go on from, shortcuts in a row that gained nothing, edges so far.
-SIZE, PLACE, IDLE, EDGES = range(4)
+# Entries of `counts`: rows in use, the stage, the vertex to go on from, shortcuts tried, those in a row that gained
+# nothing, edges so far.
+SIZE, STAGE, PLACE, TRIED, IDLE, EDGES = range(6)
+_FRESH, _SKIPPING, _CUTTING, _SKIPPING_AGAIN, _DONE = range(5)
+
+# So many shortcuts are drawn for each that is tried.
+_DRAWN = 8
 
 # A shortcut that gains less than this part of the length is not worth its check.
 _WORTH = 1e-3
@@ -45,7 +53,7 @@ def _equal(points, i, j):
 
 
 @jit(types.void(OUT2, _COUNTS))
-def drop_repeats(points, counts):
+def _drop_repeats(points, counts):
     """Keep one of several equal rows that follow each other."""
     kept = 1
     for i in range(1, counts[SIZE]):
@@ -55,31 +63,21 @@ def drop_repeats(points, counts):
     counts[SIZE] = kept
 
 
-@jit(types.void(OUT2, _COUNTS, I64, CONTEXT))
-def skip_vertices(points, counts, vertices, context):
-    """From each of so many vertices go straight as far ahead as it takes; the jumps tried are all, a half...
-
-    Args:
-        points: The path, shape (capacity, nq).
-        counts: See the constants of this file; it begins at `counts[PLACE]`.
-        vertices: How many to do.
-        context: See `edge_code`.
-    """
-    for _ in range(vertices):
-        i, size = counts[PLACE], counts[SIZE]
-        if i >= size - 2:
-            return
-        jump = size - 1 - i
-        while jump > 1:
-            counts[EDGES] += 1
-            if edge_code(points[i], points[i + jump], context) == 0:
-                break
-            jump //= 2
-        if jump > 1:
-            for k in range(i + jump, size):
-                points[k - jump + 1] = points[k]
-            counts[SIZE] = size - jump + 1
-        counts[PLACE] = i + 1
+@jit(types.void(OUT2, _COUNTS, CONTEXT))
+def _skip_vertices(points, counts, context):
+    """From vertex `counts[PLACE]` go straight as far ahead as it takes; the jumps tried are all, a half..."""
+    i, size = counts[PLACE], counts[SIZE]
+    jump = size - 1 - i
+    while jump > 1:
+        counts[EDGES] += 1
+        if edge_code(points[i], points[i + jump], context) == 0:
+            break
+        jump //= 2
+    if jump > 1:
+        for k in range(i + jump, size):
+            points[k - jump + 1] = points[k]
+        counts[SIZE] = size - jump + 1
+    counts[PLACE] = i + 1
 
 
 @jit(F64(F64, FLOATS1, I64), allocates=False)
@@ -141,16 +139,21 @@ def _replace(points, counts, i, j, piece, rows):
     for k in range(rows):
         points[i + 1 + k] = piece[k]
     counts[SIZE] = size + shift
-    drop_repeats(points, counts)
+    _drop_repeats(points, counts)
 
 
-@jit(boolean(OUT2, _COUNTS, STATE, OUT1, OUT2, CONTEXT))
-def _try_shortcut(points, counts, state, along, piece, context):
-    """Replace one random piece of the path by a shorter free one; whether that was possible."""
-    size, nq = counts[SIZE], points.shape[1]
+@jit(F64(FLOATS2, I64, OUT1), allocates=False)
+def _measure(points, size, along):
+    """Lengths along the path up to each vertex; that of all."""
     along[0] = 0.0
     for k in range(1, size):
         along[k] = along[k - 1] + _distance(points, k - 1, k)
+    return along[size - 1]
+
+
+@jit(types.Tuple((I64, I64, F64, F64, I64))(OUT1, I64, I64, STATE), allocates=False)
+def _draw_shortcut(along, size, nq, state):
+    """Two random edges of a path, a place on each, and the joint to straighten (< 0: all)."""
     whole = along[size - 1]
     one, two = draw(state) * whole, draw(state) * whole
     joint = draw_below(state, nq + 2) - 2
@@ -160,35 +163,67 @@ def _try_shortcut(points, counts, state, along, piece, context):
         i += 1
     while j > 0 and along[j] >= end:
         j -= 1
+    return i, j, begin, end, joint
+
+
+@jit(boolean(OUT2, _COUNTS, STATE, OUT1, OUT2, CONTEXT))
+def _try_shortcut(points, counts, state, along, piece, context):
+    """Replace a piece of the path by a shorter free one, the best of some random ones; whether that was possible."""
+    size, nq = counts[SIZE], points.shape[1]
+    most = _WORTH * _measure(points, size, along)
+    best = (0, 0, 0.0, 0.0, 0)
+    for _ in range(_DRAWN):
+        drawn = _draw_shortcut(along, size, nq, state)
+        i, j, begin, end, joint = drawn
+        if i < j:
+            rows = _make_piece(points, along, i, j, begin, end, joint, piece)
+            gain = end - begin
+            for k in range(rows - 1):
+                gain -= _distance(piece, k, k + 1)
+            if gain >= most:
+                most, best = gain, drawn
+    i, j, begin, end, joint = best
     if i >= j:
         return False
     rows = _make_piece(points, along, i, j, begin, end, joint, piece)
-    length = 0.0
-    for k in range(rows - 1):
-        length += _distance(piece, k, k + 1)
-    if length > end - begin - _WORTH * whole or not _is_free(piece, rows, counts, context):
+    if not _is_free(piece, rows, counts, context):
         return False
     _replace(points, counts, i, j, piece, rows)
     return True
 
 
-@jit(types.void(OUT2, _COUNTS, STATE, I64, I64, CONTEXT))
-def take_shortcuts(points, counts, state, shortcuts, patience, context):
-    """Try so many random shortcuts, fewer when `patience` of them in a row gain nothing.
+@jit(boolean(OUT2, _COUNTS, STATE, I64, I64, I64, CONTEXT))
+def shorten(points, counts, state, steps, shortcuts, patience, context):
+    """Skip vertices, try random shortcuts, skip vertices again: so many steps of that, or what is left.
 
     Args:
-        points: The path, shape (capacity, nq), capacity >= counts[SIZE] + 2 * shortcuts.
-        counts: See the constants of this file.
+        points: The path, shape (capacity, nq), capacity >= rows + 2 * shortcuts.
+        counts: See the constants of this file; of a path that is to be shortened the rows and zeros.
         state: Of the generator, shape (1,).
-        shortcuts: How many to try.
-        patience: How many may gain nothing.
+        steps: How many vertices and shortcuts to do.
+        shortcuts: How many to try in all.
+        patience: How many of them in a row may gain nothing.
         context: See `edge_code`.
+
+    Returns:
+        Whether nothing is left to be done.
     """
     along, piece = np.empty(len(points)), np.empty(points.shape)
-    for _ in range(shortcuts):
-        if counts[SIZE] < 3 or counts[IDLE] >= patience:
-            return
-        if _try_shortcut(points, counts, state, along, piece, context):
-            counts[IDLE] = 0
+    if counts[STAGE] == _FRESH:
+        _drop_repeats(points, counts)
+        counts[STAGE] = _SKIPPING
+    for _ in range(steps):
+        if counts[STAGE] == _CUTTING:
+            if counts[SIZE] < 3 or counts[TRIED] == shortcuts or counts[IDLE] >= patience:
+                counts[STAGE], counts[PLACE] = _SKIPPING_AGAIN, 0
+            else:
+                counts[TRIED] += 1
+                counts[IDLE] = 0 if _try_shortcut(points, counts, state, along, piece, context) else counts[IDLE] + 1
+        elif counts[PLACE] < counts[SIZE] - 2:
+            _skip_vertices(points, counts, context)
+        elif counts[STAGE] == _SKIPPING:
+            counts[STAGE] = _CUTTING
         else:
-            counts[IDLE] += 1
+            counts[STAGE] = _DONE
+            break
+    return counts[STAGE] == _DONE

@@ -34,7 +34,7 @@ from rr1plan.problem import Problem
 _draw: Callable[..., float] = draw
 
 _ROUND = 256  # samples of the shortest round
-_SHORTCUTS = 300  # tried on each path
+_SHORTCUTS = 100  # tried on each path
 _STRAIGHT = 1.0 + 1e-9  # a path this near to the straight line cannot be improved
 # The bound lies between these shares of the best path's detour. Above one: what shortcuts gain is not known before.
 _LEAST_SHARE, _MOST_SHARE = 0.75, 2.5

@@ -26,6 +26,7 @@ from rr1plan.problem import Problem
 from rr1plan.scene import Scene
 
 _SAMPLES = 600
+_SHORTCUTS = 100  # tried on a path that is learned
 _NAME = "roadmap"
 
 
@@ -212,7 +213,7 @@ def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
         return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
     path = Path.trusted(motion.checker.joint_names, search.trees.path())
     checked = motion.edges_checked
-    path = shorten(path, motion, rng=query.seed, seconds=max(query.seconds_left, 1e-6))
+    path = shorten(path, motion, rng=query.seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
     query.edges += motion.edges_checked - checked
     if learns:
         graph.learn(path.waypoints)

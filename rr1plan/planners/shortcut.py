@@ -3,20 +3,19 @@
 A planner's path wanders. Three moves make it shorter, and each new edge is certified before it is
 taken: skip vertices; join two random points by a straight line; straighten a single joint between
 two random points and leave the others as they are (Geraerts and Overmars, Creating high-quality paths
-for motion planning, 2007). `smooth` then cuts corners (Chaikin, An algorithm for high-speed curve
-generation, 1974). No move is taken that makes the path longer. All but the last run compiled
-(`rr1plan._kernels.shortcut`).
+for motion planning, 2007). Of eight random moves the one that would gain most is tried. `smooth` then
+cuts corners (Chaikin, An algorithm for high-speed curve generation, 1974). No move is taken that makes
+the path longer. All but the last run compiled (`rr1plan._kernels.shortcut`).
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rr1plan._kernels import shortcut as kernel
 from rr1plan.checks import Array, Seed, of_kind, positive_number
@@ -26,9 +25,7 @@ from rr1plan.path import Path
 from rr1plan.planners.seeds import as_seed, generator_state
 
 # The kernel is not typed.
-_drop_repeats: Callable[..., None] = kernel.drop_repeats
-_skip_vertices: Callable[..., None] = kernel.skip_vertices
-_take_shortcuts: Callable[..., None] = kernel.take_shortcuts
+_shorten: Callable[..., bool] = kernel.shorten
 
 # After so many shortcuts in a row that gained nothing, more are unlikely to.
 _PATIENCE = 30
@@ -43,7 +40,7 @@ def shorten(
     checker: MotionChecker,
     *,
     rng: Seed = None,
-    iterations: int = 300,
+    iterations: int = 24,
     seconds: float = math.inf,
     smooth: int = 0,
 ) -> Path:
@@ -55,7 +52,8 @@ def shorten(
         path: Any number of waypoints; repeated ones are dropped.
         checker: Certifies edges; of the same joints as the path.
         rng: Generator or seed; with a seed and no time limit the result is reproducible.
-        iterations: Random shortcuts to try at most, >= 0.
+        iterations: Random shortcuts to try at most, >= 0; four times as many take three times as long, and make
+            paths around many obstacles shorter by a twentieth or more.
         seconds: Wall time to stop after [s].
         smooth: How often to cut the corners (each time nearly doubles the waypoints), >= 0.
 
@@ -78,7 +76,7 @@ def shorten(
     points = shortener.waypoints()
     for _ in range(smooth):
         points = shortener.cut_corners(points)
-    result = Path(path.joint_names, points)
+    result = Path.trusted(path.joint_names, points)
     return result if result.length <= path.length else path
 
 
@@ -94,37 +92,22 @@ class _Shortener:
         self._counts = np.zeros(kernel.EDGES + 1, np.int64)
         self._counts[kernel.SIZE] = rows
         self._state = generator_state(seed)
-        _drop_repeats(self._points, self._counts)
 
     def run(self, iterations: int) -> None:
         """Skip vertices, try shortcuts, skip vertices again."""
         # Where two resting elements collide no edge is free, and the kernel does not look at those.
         if not self._checker.checker.resting_is_free:
-            return
-        context = self._checker.context
-        self._skip_vertices(context)
-        for count in self._chunks(iterations):
-            _take_shortcuts(self._points, self._counts, self._state, count, _PATIENCE, context)
-            if self._counts[kernel.SIZE] < 3 or self._counts[kernel.IDLE] >= _PATIENCE:
-                break
-        self._skip_vertices(context)
+            self._deadline = -math.inf
+        settings = (iterations, _PATIENCE, self._checker.context)
+        over = done = False
+        while not (over or done):
+            over = self._expired()
+            done = _shorten(self._points, self._counts, self._state, 0 if over else _CHUNK, *settings)
         self._checker.edges_checked += int(self._counts[kernel.EDGES])
 
     def waypoints(self) -> Array:
         """The path as it is now, shape (n, nq)."""
         return self._points[: self._counts[kernel.SIZE]].copy()
-
-    def _skip_vertices(self, context: NDArray[np.int64]) -> None:
-        self._counts[kernel.PLACE] = 0
-        for count in self._chunks(int(self._counts[kernel.SIZE])):
-            _skip_vertices(self._points, self._counts, count, context)
-
-    def _chunks(self, count: int) -> Iterator[int]:
-        """Parts of a count, so small that the clock and Ctrl-C are heard in between."""
-        while count > 0 and not self._expired():
-            part = min(count, _CHUNK)
-            yield part
-            count -= part
 
     def _expired(self) -> bool:
         return time.perf_counter() >= self._deadline

@@ -44,7 +44,7 @@ DETOUR = [[-1, 0], [-1, 1.5], [0.5, 1.5], [1.5, 1.0], [1, 0]]
 
 
 def test_a_detour_becomes_nearly_the_shortest_way_round(gantry, is_certified):
-    result = shorten(gantry_path(DETOUR), gantry, rng=1)
+    result = shorten(gantry_path(DETOUR), gantry, rng=1, iterations=200)
     # Round the corners of the block, grown by the ball: at best two tangents and a straight piece.
     best = 2 * np.hypot(0.7, 0.35) + 0.6
     assert best * 0.97 < result.length < best * 1.06
@@ -121,3 +121,11 @@ def test_another_set_of_joints_is_refused(gantry):
 def test_a_senseless_budget_is_refused(gantry, wrong):
     with pytest.raises(InputError):
         shorten(gantry_path(DETOUR), gantry, **wrong)
+
+
+def test_more_shortcuts_make_a_path_shorter(gantry):
+    lengths = [
+        np.median([shorten(gantry_path(DETOUR), gantry, rng=seed, iterations=n).length for seed in range(15)])
+        for n in (0, 6, 60)
+    ]
+    assert lengths[0] > lengths[1] > lengths[2]
