@@ -15,7 +15,7 @@ import tempfile
 import threading
 import venv
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -156,15 +156,30 @@ def ask(peer: Peer, python: Path, problems: Sequence[Mapping[str, Any]], seconds
 def _answers(
     peer: Peer, python: Path, problems: Sequence[Mapping[str, Any]], seconds: float, limit: float
 ) -> Iterator[dict[str, Any]]:
+    told = track(problems, peer.name)
+    first = True
+    problem = next(told, None)
+    while problem is not None:
+        with running(peer, python, seconds) as worker:
+            if first:
+                worker.ask(problem, limit)  # not counted: what is loaded once is loaded now
+                first = False
+            while problem is not None and worker.alive:
+                yield worker.ask(problem, limit)
+                problem = next(told, None)
+
+
+@contextmanager
+def running(peer: Peer, python: Path, seconds: float) -> Iterator[Worker]:
+    """A worker of a peer, ended on the way out.
+
+    Raises:
+        PeerMissing: it does not start.
+    """
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
         worker = Worker(python, peer, seconds, errors)
         try:
-            worker.ask(problems[0], limit)  # not counted: what is loaded once is loaded now
-            for problem in track(problems, peer.name):
-                if not worker.alive:
-                    worker.end()
-                    worker = Worker(python, peer, seconds, errors)
-                yield worker.ask(problem, limit)
+            yield worker
         finally:
             worker.end()
 

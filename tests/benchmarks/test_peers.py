@@ -69,7 +69,7 @@ def test_a_worker_that_dies_is_started_afresh(peers, canned):
 
 
 def test_a_worker_that_does_not_answer_in_time_is_ended(peers, canned):
-    with peers.Worker(Path(sys.executable), canned, 1.0) as worker:
+    with peers.running(canned, Path(sys.executable), 1.0) as worker:
         answer = worker.ask(_problem("endless"), 0.2)
         assert answer["failure"] == "no answer within 0.2 s"
         assert not worker.alive
@@ -77,7 +77,7 @@ def test_a_worker_that_does_not_answer_in_time_is_ended(peers, canned):
 
 
 def test_an_interrupt_ends_the_worker(peers, canned):
-    with pytest.raises(KeyboardInterrupt), peers.Worker(Path(sys.executable), canned, 1.0) as worker:
+    with pytest.raises(KeyboardInterrupt), peers.running(canned, Path(sys.executable), 1.0) as worker:
         raise KeyboardInterrupt
     assert worker.ended
 
