@@ -70,6 +70,7 @@ def solve_ik(
     attempts: int = 100,
     accept: Callable[[Array], bool] | None = None,
     max_solutions: int | None = None,
+    patience: int | None = None,
     separation: float | None = None,
 ) -> IkResult:
     """Every distinct configuration found that brings a frame of one arm to its goal.
@@ -85,6 +86,8 @@ def solve_ik(
         attempts: Starts in all, seeds included.
         accept: Asked for each distinct solution, e.g. whether it is free of collision; gets (nq,).
         max_solutions: Stop after so many accepted ones (default: all that are found).
+        patience: Stop after so many starts in a row that led to no other accepted one, once there is one (default:
+            never).
         separation: Solutions count as distinct from this difference in some joint on [rad or m]. Default: 0.001,
             and 0.2 where the arm has more joints than the goal needs and solutions form a continuum.
 
@@ -97,14 +100,16 @@ def solve_ik(
     robot = own.scene.arms[own.arms[0]].robot
     search = _Search(own, robot, goal, accept, separation)
     starts = _seeds(own, robot, seeds)
-    for name, number in (("attempts", attempts), ("max_solutions", max_solutions)):
+    for name, number in (("attempts", attempts), ("max_solutions", max_solutions), ("patience", patience)):
         if number is not None and (not isinstance(number, int | np.integer) or number < 1):
             raise InputError(f"{name} is {number!r}, expected at least one")
     generator = as_generator(rng)
-    tried = 0
+    tried = idle = 0
     for start, aim in search.starts(starts, attempts, generator):
         tried += 1
-        search.run(start, aim, starts[0])
+        idle = 0 if search.run(start, aim, starts[0]) else idle + 1
+        if patience is not None and search.accepted and idle >= patience:
+            break
         if max_solutions is not None and len(search.accepted) >= max_solutions:
             break
     solutions = np.array(search.accepted).reshape(-1, robot.nq)
@@ -169,8 +174,8 @@ class _Search:
             point = rng.uniform(box.lower, box.upper)
             yield rng.uniform(lower, upper), Target(box.index, point, point, box.rotation)
 
-    def run(self, start: Array, aim: Target, reference: Array) -> None:
-        """One descent, and what is to be done with its end."""
+    def run(self, start: Array, aim: Target, reference: Array) -> bool:
+        """One descent, and what is to be done with its end; whether that is a new solution, and accepted."""
         limits = self.robot.limits
         q, cost = self.descend(start, aim, limits.lower, limits.upper)
         if (self.target.lower != self.target.upper).any() and not self.reached(q):
@@ -178,18 +183,20 @@ class _Search:
         if cost < self.least:
             self.least, self.nearest = cost, q
         if not self.reached(q):
-            return
+            return False
         q = nearest_copy(self.robot, q, reference)
         apart = np.abs(difference(self.robot, q, np.array(self.found).reshape(-1, self.robot.nq))).max(
             axis=1, initial=0.0
         )
         if (apart <= self.separation).any():
-            return
+            return False
         self.found.append(q)
         if self.accept is None or self.accept(q.copy()):
             self.accepted.append(q)
         else:
             self.rejected += 1
+            return False
+        return True
 
     def descend(self, q: Array, aim: Target, lower: Array, upper: Array) -> tuple[Array, float]:
         """The end of a descent and its squared error."""

@@ -25,6 +25,8 @@ from rr1plan.scene import Scene
 
 # Composites of several arms that are tried before giving up.
 _MOST_COMPOSITES = 2000
+# Starts of inverse kinematics in a row without another free configuration, after which those found will do.
+_PATIENCE = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,14 +138,14 @@ class _Finder:
         self.found: list[Array] = []
         self.reasons: list[str] = []
         self.statuses: list[PlanStatus] = []
-        self.least: list[Contact] = []
+        self.rejected: list[Array] = []
 
     def add(self, goal: Goal, rng: np.random.Generator | None, most: int, attempts: int) -> None:
         """Find the configurations of one goal, or note why there is none."""
         if isinstance(goal, JointGoal):
             self._add_configuration(goal.q)
             return
-        self.least = []
+        self.rejected = []
         seeds = np.array([self.start, self.robot.home])
         result = solve_ik(
             Kinematics(Scene({self.arm: self.problem.scene.arms[self.arm]})),
@@ -153,13 +155,16 @@ class _Finder:
             attempts=attempts,
             accept=self._accept,
             max_solutions=most,
+            patience=_PATIENCE,
         )
         self.found += list(result.solutions)
         if result.rejected and not result.solved:
+            # Coal is asked what touches only when somebody has to be told.
+            least = min((self._own_contacts(q) for q in self.rejected), key=_depth)
             self._refuse(
                 PlanStatus.INVALID_GOAL,
                 f"all {result.rejected} configurations found that reach the goal of {self.arm!r} are in collision; "
-                f"the best of them: {describe_contacts(self.least)}",
+                f"the best of them: {describe_contacts(least)}",
             )
         elif not result.solved:
             self._refuse(PlanStatus.INFEASIBLE, result.reason)
@@ -180,15 +185,20 @@ class _Finder:
         self.found.append(q)
 
     def _accept(self, q: Array) -> bool:
-        contacts = self._own_contacts(q)
-        if contacts and (not self.least or _depth(contacts) < _depth(self.least)):
-            self.least = contacts
-        return not contacts
+        if self.motion.is_free(self._composite(q)) or (self.others and not self._own_contacts(q)):
+            return True
+        self.rejected.append(q)
+        return False
+
+    def _composite(self, q: Array) -> Array:
+        """All arms at their starts but for this one."""
+        composite: Array = self.problem.start.copy()
+        composite[self.columns] = q
+        return composite
 
     def _own_contacts(self, q: Array) -> list[Contact]:
         """What touches at q that no other moving arm has a part in."""
-        composite = self.problem.start.copy()
-        composite[self.columns] = q
+        composite = self._composite(q)
         if self.motion.is_free(composite):
             return []
         owner = self.problem.scene.owner

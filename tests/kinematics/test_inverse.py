@@ -94,6 +94,19 @@ def test_an_arm_with_a_spherical_wrist_has_eight_solutions(wrist_arm):
             assert_solves(wrist_arm, solution, T)
 
 
+def test_patience_ends_the_search_when_nothing_new_is_found(wrist_arm):
+    kinematics = Kinematics(wrist_arm)
+    goal = PoseGoal("tool", kinematics.pose([0.5, 0.6, 0.9, 0.4, 0.8, -0.3]))
+    whole = solve_ik(kinematics, goal, rng=3)
+    hasty = solve_ik(kinematics, goal, rng=3, patience=4)
+    assert 0 < hasty.attempts < whole.attempts
+    # It is the beginning of the same search.
+    assert {q.tobytes() for q in hasty.solutions} <= {q.tobytes() for q in whole.solutions}
+    # Before there is a solution, there is no end of patience.
+    out_of_reach = PoseGoal("tool", [9.0, 0.0, 0.0])
+    assert solve_ik(kinematics, out_of_reach, rng=3, patience=4).attempts == whole.attempts
+
+
 def test_solutions_of_a_redundant_arm_are_apart(redundant_arm):
     kinematics = Kinematics(redundant_arm)
     T = kinematics.pose([0.3, 0.6, 0.2, 0.9, -0.4, 0.5, 0.1])
@@ -229,6 +242,8 @@ def test_wrong_calls_are_told(rr1):
         solve_ik(kinematics, goal, attempts=0)
     with pytest.raises(InputError, match="max_solutions is 0"):
         solve_ik(kinematics, goal, max_solutions=0)
+    with pytest.raises(InputError, match="patience is 0"):
+        solve_ik(kinematics, goal, patience=0)
     with pytest.raises(InputError, match="separation"):
         solve_ik(kinematics, goal, separation=0.0)
     with pytest.raises(UnknownNameError, match="unknown arm"):
