@@ -43,11 +43,11 @@ def by_both(begins, ends, record, answers):
 
 
 @numba.njit
-def exactly(begins, ends, exact, answers):
+def exactly(begins, ends, tolerance, record, answers):
     curve = np.empty((2, begins.shape[1]))
     for i in range(len(begins)):
         curve[0], curve[1] = begins[i], ends[i] - begins[i]
-        answers[i] = certify(curve, 1.0, exact[0], *exact[1:])[0]
+        answers[i] = certify(curve, 1.0, tolerance, record)[0]
 
 
 def main() -> int:
@@ -69,7 +69,7 @@ def main() -> int:
         swept, both, exact = (np.zeros(args.edges, np.int64) for _ in range(3))
         quick, batches = _clock(by_spheres, begins, ends, edges.record, edges.tables[1].counts, swept)
         slow, _ = _clock(by_both, begins, ends, edges.record, both)
-        slowest, _ = _clock(exactly, begins, ends, edges.tables[2], exact)
+        slowest, _ = _clock(exactly, begins, ends, *edges.tables[2], exact)
         agree &= bool(((both == 0) == (exact == 0)).all())
         per = [1e6 * quick / (8 * batches), *(1e6 * t / args.edges for t in (quick, slow, slowest))]
         times = " | ".join(f"{t:.3g}" for t in per)

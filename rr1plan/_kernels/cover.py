@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, INT1, INT2, INTS1, INTS2, OUT1, OUT2
+from rr1plan._kernels.jit import F64, INT1, INT2, OUT1, OUT2
 from rr1plan._kernels.lanes import WIDTH
 from rr1plan._kernels.record import reader
 
@@ -151,11 +151,8 @@ WORK = types.NamedTuple(
     [OUT1, OUT1, INT1, INT1, OUT2, OUT2, INT2, OUT2, INT2, OUT2, INT1, OUT1, OUT2, INT1, OUT2, INT1, OUT1, INT1, OUT2],
     Work,
 )
-# Tolerance [m], then the tables of `motion.certify` in its order.
-EXACT = types.Tuple(
-    (F64, INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1, OUT2, OUT2, OUT2, OUT2)
-)
-# All of it, with counters of what has been done; kernels hand on a record of it.
-TABLES = types.Tuple((COVER, WORK, EXACT, INT1))
 RECORD = INT1
+# All of it, with tolerance [m] and record of the exact kernel, and counters of what has been done; kernels hand on a
+# record of it.
+TABLES = types.Tuple((COVER, WORK, types.Tuple((F64, RECORD)), INT1))
 tables_of = reader(TABLES)

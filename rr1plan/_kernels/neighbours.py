@@ -11,8 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, INTS1, INTS2, OUT2, jit
-from rr1plan._kernels.motion import bound_travel, fine_gap, place_body, place_joints
+from rr1plan._kernels.exact import RECORD, exact_of
+from rr1plan._kernels.gaps import fine_gap
+from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, INTS1, jit
+from rr1plan._kernels.poses import bound_travel, place_body, place_joints
 
 # Bodies move on: a proof needs this much more than the travel [m].
 _ROUNDING = 1e-9
@@ -21,33 +23,25 @@ _RELATIVE = 1.0 + 1e-9
 _ROUNDING_OF_CELLS = 1e-7
 
 
-@jit(
-    types.void(
-        *(INTS1, FLOATS2, F64, types.float32[:, ::1]),
-        *(INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1),
-        *(OUT2, OUT2, OUT2, OUT2),
-    )
-)
-def map_gaps(
-    columns,
-    ranges,
-    most,
-    gaps,
-    joints,
-    joint_values,
-    bodies,
-    body_values,
-    corners,
-    links,
-    chain,
-    chain_reach,
-    pairs,
-    padding,
-    joint_poses,
-    poses,
-    centres,
-    directions,
-):
+@jit(F64(FLOATS1, FLOATS1, F64, RECORD), allocates=False)
+def _bound_gap(q, reach, most, record):
+    """A bound from below of the gap of the first pair within some reach of a configuration [m]; it stops at `most`."""
+    t = exact_of(record)
+    a, b, shared = t.pairs[0, 0], t.pairs[0, 1], t.pairs[0, 2]
+    place_joints(q, record)
+    moved = 0.0
+    for body in (a, b):
+        if t.bodies[body, 5] > t.bodies[body, 4]:
+            place_body(body, record)
+            bound_travel(body, reach, record)
+            moved += t.travel[body, shared]
+    moved = moved * _RELATIVE + _ROUNDING
+    lower, _ = fine_gap(a, b, most + moved, most + moved, t.directions[0], record)
+    return lower - moved
+
+
+@jit(types.void(INTS1, FLOATS2, F64, types.float32[:, ::1], RECORD))
+def map_gaps(columns, ranges, most, gaps, record):
     """Bound the gap of the first pair from below, cell by cell.
 
     Args:
@@ -55,28 +49,14 @@ def map_gaps(
         ranges: Low and high of each [rad or m], shape (2, 2).
         most: Gaps beyond this are not told from it [m].
         gaps: Out: the bound, `most` at most [m], shape (n, n) or (n, 1), n a power of two.
-        joints: From here on see `rr1plan._kernels.motion.certify`.
-        joint_values: The same.
-        bodies: The same.
-        body_values: The same.
-        corners: The same.
-        links: The same.
-        chain: The same.
-        chain_reach: The same.
-        pairs: The same.
-        padding: The same.
-        joint_poses: The same.
-        poses: The same.
-        centres: The same.
-        directions: The same.
+        record: Of `exact.EXACT`.
     """
+    t = exact_of(record)
     nq = 0
-    for j in range(joints.shape[0]):
-        nq = max(nq, joints[j, 2] + 1)
+    for j in range(t.joints.shape[0]):
+        nq = max(nq, t.joints[j, 2] + 1)
     q, reach = np.zeros(nq), np.zeros(nq)
-    small, scratch, n = np.empty(12), np.empty((4, 3)), np.zeros(3)
-    travel = np.zeros((bodies.shape[0], joints.shape[0] + 1))
-    a, b, shared = pairs[0, 0], pairs[0, 1], pairs[0, 2]
+    t.directions[:, :] = 0.0
     rows, width = gaps.shape
     widths = np.empty(2)
     widths[0] = (ranges[0, 1] - ranges[0, 0]) / rows
@@ -95,22 +75,8 @@ def map_gaps(
             reach[columns[1]] = 0.5 * tall * widths[1] * _RELATIVE + 1e-12
         q[columns[0]] = ranges[0, 0] + (x + 0.5 * size) * widths[0]
         reach[columns[0]] = 0.5 * size * widths[0] * _RELATIVE + 1e-12
-        place_joints(joints, joint_values, q, joint_poses, small)
-        moved = 0.0
-        for body in (a, b):
-            if bodies[body, 5] > bodies[body, 4]:
-                place_body(body, bodies, body_values, joint_poses, poses, centres)
-                bound_travel(
-                    body, bodies, body_values, chain, chain_reach, joints, joint_values, joint_poses, reach, centres,
-                    travel,
-                )  # fmt: skip
-                moved += travel[body, shared]
-        moved = moved * _RELATIVE + _ROUNDING
-        lower, _ = fine_gap(
-            a, b, bodies, body_values, corners, links, poses, centres, most + moved, most + moved, n, scratch, small
-        )
         # What was proven of the whole is true of its parts.
-        bound = max(bound, lower - moved)
+        bound = max(bound, _bound_gap(q, reach, most, record))
         if bound >= most or size == 1:
             gaps[x : x + size, y : y + tall] = min(bound, most) - _ROUNDING_OF_CELLS
             continue

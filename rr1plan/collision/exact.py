@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan._kernels.clearance import least_clearance as _least_clearance_untyped
+from rr1plan._kernels.exact import EXACT
+from rr1plan._kernels.record import pack
 from rr1plan.checks import Array, finite_array, read_only
 from rr1plan.collision.carried import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
 from rr1plan.collision.layout import layout_of
-from rr1plan.collision.tables import Tables, build_resting_tables, build_tables
+from rr1plan.collision.tables import build_resting_tables, build_tables
 from rr1plan.limits import Limits
 from rr1plan.model import SceneModel
 from rr1plan.scene import Scene
@@ -246,7 +248,7 @@ class CollisionChecker:
             InputError: wrong shape or not finite, or elements that cannot be measured against each other.
         """
         q = self.checked(q)
-        return _least_clearance(q, self._resting_clearance(most), *self._tables)
+        return _least_clearance(q, self._resting_clearance(most), self._record)
 
     # ---- for the motion checker -----------------------------------------------------------
 
@@ -271,8 +273,9 @@ class CollisionChecker:
     # ---- inside ---------------------------------------------------------------------------
 
     @cached_property
-    def _tables(self) -> Tables:
-        return build_tables(self)
+    def _record(self) -> NDArray[np.int64]:
+        """What the kernel knows of the pairs that move."""
+        return pack(build_tables(self), EXACT)
 
     @cached_property
     def _moving(self) -> CoalPairs:
@@ -292,7 +295,7 @@ class CollisionChecker:
         if tables is None:
             beyond = self._resting.distances - self.scene.checked_padding
             return min(most, float(beyond.min()))
-        return _least_clearance(np.zeros(self.nq), most, *tables)
+        return _least_clearance(np.zeros(self.nq), most, pack(tables, EXACT))
 
     @cached_property
     def _resting(self) -> _Resting:

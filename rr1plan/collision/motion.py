@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rr1plan._kernels.exact import EXACT
 from rr1plan._kernels.motion import FREE
 from rr1plan._kernels.motion import certify as _certify_untyped
+from rr1plan._kernels.record import pack
 from rr1plan.checks import Array, finite_array, finite_number, of_kind, positive_number, read_only
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.swept import SweptEdges
@@ -77,6 +79,7 @@ class MotionChecker:
         self.checker = checker
         self.tolerance = positive_number("tolerance", tolerance)
         self._tables = build_tables(checker)
+        self._exact = pack(self._tables, EXACT)
         self._swept: SweptEdges | None = None
         self._edge = np.zeros((2, checker.nq))
         self.edges_checked = 0
@@ -214,7 +217,7 @@ class MotionChecker:
         self.edges_checked += 1
         if not self.checker.resting_is_free:
             return FREE + 1, 0.0, -1
-        status, where, pair, seen, fine = _certify(curve, duration, self.tolerance, *self._tables)
+        status, where, pair, seen, fine = _certify(curve, duration, self.tolerance, self._exact)
         self._configurations_checked += seen
         self._gaps_checked += fine
         return status, where, pair

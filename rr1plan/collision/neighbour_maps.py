@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan._kernels.cover import CELLS
+from rr1plan._kernels.exact import EXACT, ExactTables
 from rr1plan._kernels.neighbours import count_near as _count_near_untyped
 from rr1plan._kernels.neighbours import map_gaps as _map_gaps_untyped
+from rr1plan._kernels.record import pack
 from rr1plan.checks import Array
 from rr1plan.collision.carried import Carried
-from rr1plan.collision.tables import CarriedTables, carried_tables, chain_reach, joint_motion
+from rr1plan.collision.tables import CarriedTables, carried_tables, chain_reach, joint_motion, scratch_memory
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 
 _INTS = NDArray[np.int64]
@@ -64,13 +65,13 @@ class _Between:
     Args:
         columns: The columns of q that move them against each other, all of them.
         ends: Low and high of the first and the last of those [rad or m], shape (2, 2).
-        tables: Arguments of the kernel after the map.
+        tables: What the exact kernel knows of them.
         key: Name of its map: the hash of all it depends on.
     """
 
     columns: tuple[int, ...]
     ends: Array
-    tables: tuple[Any, ...]
+    tables: ExactTables
     key: str
 
 
@@ -132,7 +133,7 @@ def _gaps(named: _Named) -> NDArray[np.float32]:
             return np.ascontiguousarray(found)
     gaps = np.empty((CELLS, width), np.float32)
     columns = np.array([0, width > 1], dtype=np.int64)
-    _map_gaps(columns, named.between.ends, named.most, gaps, *named.between.tables)
+    _map_gaps(columns, named.between.ends, named.most, gaps, pack(named.between.tables, EXACT))
     store_cached(key, {"gaps": gaps})
     return gaps
 
@@ -170,8 +171,8 @@ def _range(low: float, high: float) -> tuple[float, float]:
 
 def _two_bodies(
     tables: CarriedTables, solids: tuple[int, int], chains: list[tuple[int, ...]], columns: tuple[int, ...]
-) -> tuple[Any, ...]:
-    """Tables of two solids alone; see `rr1plan._kernels.motion.certify`. Their world is the last joint above both."""
+) -> ExactTables:
+    """Tables of two solids alone. Their world is the last joint above both."""
     joints, values, poses = _joints_between(tables, [int(tables.rows.bodies[s, 1]) for s in solids], columns)
     rows = tables.rows
     bodies, body_values = rows.bodies[list(solids)], np.ascontiguousarray(rows.values[list(solids)])
@@ -195,7 +196,7 @@ def _two_bodies(
         reach += chain_reach(joints.rows, values, poses, chain, centres[i])
         first, link = first + end - begin, link + len(chain)
     begins = np.concatenate([[0], np.cumsum(np.concatenate(degrees))]) + first + 1
-    return (
+    return ExactTables(
         joints.rows,
         values,
         bodies,
@@ -210,6 +211,7 @@ def _two_bodies(
         body_poses,
         centres,
         np.zeros((1, 3)),
+        **scratch_memory(2, len(joints.rows)),
     )
 
 

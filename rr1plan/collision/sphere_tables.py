@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan._kernels.cover import Cover, Work
+from rr1plan._kernels.exact import ExactTables
 from rr1plan._kernels.lanes import WIDTH
 from rr1plan.checks import read_only
 from rr1plan.collision.carried_cover import carried_cover
@@ -17,14 +18,13 @@ from rr1plan.collision.groups import families_of
 from rr1plan.collision.neighbour_maps import neighbour_maps
 from rr1plan.collision.obstacle_rows import joined_obstacles, resting_links, standing_obstacles
 from rr1plan.collision.pairs import SolidPairs
-from rr1plan.collision.tables import Tables
 
 _INTS = NDArray[np.int64]
 # Intervals of one edge, and what is left of them, that are kept before the whole edge goes to the exact kernel.
 _SPANS = 512
 
 
-def build_cover(checker: CollisionChecker, tables: Tables, tolerance: float) -> tuple[Cover, Work]:
+def build_cover(checker: CollisionChecker, tables: ExactTables, tolerance: float) -> tuple[Cover, Work]:
     """What the sphere kernel reads and writes, for the pairs of a checker and its motion tables.
 
     Args:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan._kernels.cover import TABLES
+from rr1plan._kernels.exact import EXACT, ExactTables
 from rr1plan._kernels.motion import FREE
 from rr1plan._kernels.record import pack
 from rr1plan._kernels.swept import CONFIGURATIONS, EDGES, EXACT_EDGES, GAPS
@@ -15,7 +16,7 @@ from rr1plan._kernels.swept import sweep_edge as _sweep_edge_untyped
 from rr1plan.checks import Array
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.sphere_tables import build_cover
-from rr1plan.collision.tables import Tables, build_tables
+from rr1plan.collision.tables import build_tables
 
 _sweep_edge: Callable[..., tuple[int, float, int]] = _sweep_edge_untyped
 
@@ -38,11 +39,11 @@ class SweptEdges:
         InputError: a scene that cannot be checked.
     """
 
-    def __init__(self, checker: CollisionChecker, tolerance: float, tables: Tables | None = None) -> None:
+    def __init__(self, checker: CollisionChecker, tolerance: float, tables: ExactTables | None = None) -> None:
         self._checker = checker
         tables = build_tables(checker) if tables is None else tables
         self._done = np.zeros(4, np.int64)
-        self.tables = (*build_cover(checker, tables, tolerance), (tolerance, *tables), self._done)
+        self.tables = (*build_cover(checker, tables, tolerance), (tolerance, pack(tables, EXACT)), self._done)
         self.record = pack(self.tables, TABLES)
 
     @property

@@ -1,4 +1,4 @@
-"""The plain arrays that the motion kernel reads: those of what the arms carry, then those of the obstacles.
+"""The plain arrays that the exact kernel reads: those of what the arms carry, then those of the obstacles.
 
 The former are made once for all scenes with the same arms, those of an obstacle once for all scenes that have it at the
 same place, and a scene's tables once for all paddings.
@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from rr1plan._kernels.exact import ExactTables
 from rr1plan._kernels.separation import BOX, CELLS, CORNERS, CYLINDER, HALF_SPACE, POINT, SEGMENT
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.carried import Carried, Solid
@@ -33,25 +34,6 @@ _FAR = 1e12
 _INTS = NDArray[np.int64]
 
 
-class Tables(NamedTuple):
-    """Arguments of `rr1plan._kernels.motion.certify` after the curve and the tolerance, in its order."""
-
-    joints: _INTS
-    joint_values: Array
-    bodies: _INTS
-    body_values: Array
-    corners: Array
-    links: _INTS
-    chain: _INTS
-    chain_reach: Array
-    pairs: _INTS
-    padding: Array
-    joint_poses: Array
-    poses: Array
-    centres: Array
-    directions: Array
-
-
 @dataclass(frozen=True, eq=False)
 class _Core:
     """A shape as a core and a radius around it; `points` in the shape's frame.
@@ -67,7 +49,7 @@ class _Core:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The tables of some bodies by themselves; columns as in `rr1plan._kernels.motion.certify`.
+    """The tables of some bodies by themselves; columns as in `rr1plan._kernels.exact.ExactTables`.
 
     Args:
         bodies, values, corners: As there, corners and chains counted from these bodies' first.
@@ -86,7 +68,7 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class CarriedTables:
-    """The tables of what the arms carry; columns as in `rr1plan._kernels.motion.certify`."""
+    """The tables of what the arms carry; columns as in `rr1plan._kernels.exact.ExactTables`."""
 
     joints: _INTS
     joint_values: Array
@@ -96,7 +78,7 @@ class CarriedTables:
     chain_reach: Array
 
 
-def build_tables(checker: CollisionChecker) -> Tables:
+def build_tables(checker: CollisionChecker) -> ExactTables:
     """Tables of the moving pairs of a checker, in the order of its `solid_pairs`, with scratch memory of their own.
 
     Raises:
@@ -107,7 +89,7 @@ def build_tables(checker: CollisionChecker) -> Tables:
     return _with_pairs(_bare_tables(checker), pairs.moving_rows, checker.solid_padding)
 
 
-def build_resting_tables(checker: CollisionChecker) -> Tables | None:
+def build_resting_tables(checker: CollisionChecker) -> ExactTables | None:
     """The same of the pairs that do not move against each other; None if some cannot be measured by the kernel."""
     pairs = checker.layout.pairs
     if pairs.surfaceless[pairs.resting].all(axis=1).any():
@@ -116,7 +98,7 @@ def build_resting_tables(checker: CollisionChecker) -> Tables | None:
     return _with_pairs(_bare_tables(checker), pairs.resting_rows, padding)
 
 
-def _with_pairs(bare: Tables, pairs: _INTS, padding: Array) -> Tables:
+def _with_pairs(bare: ExactTables, pairs: _INTS, padding: Array) -> ExactTables:
     return bare._replace(
         pairs=pairs,
         padding=padding,
@@ -124,23 +106,29 @@ def _with_pairs(bare: Tables, pairs: _INTS, padding: Array) -> Tables:
         poses=bare.poses.copy(),
         centres=bare.centres.copy(),
         directions=np.zeros((len(pairs), 3)),
+        **scratch_memory(len(bare.bodies), len(bare.joints)),
     )
 
 
-def _bare_tables(checker: CollisionChecker) -> Tables:
+def scratch_memory(bodies: int, joints: int) -> dict[str, Array]:
+    """Memory of the kernel that holds nothing from call to call."""
+    return {"travel": np.zeros((bodies, joints + 1)), "frame": np.zeros(12), "simplex": np.zeros((4, 3))}
+
+
+def _bare_tables(checker: CollisionChecker) -> ExactTables:
     """Tables without pairs and padding; their arrays are shared, so the kernel's scratch memory has to be copied."""
     kept = checker.scene.kept_for_any_padding
     found = kept.get(("tables", checker.arms))
-    if not isinstance(found, Tables):
+    if not isinstance(found, ExactTables):
         found = kept["tables", checker.arms] = _joined_tables(checker.layout)
     return found
 
 
-def _joined_tables(layout: Layout) -> Tables:
+def _joined_tables(layout: Layout) -> ExactTables:
     carried = carried_tables(layout.carried)
     rows = _joined([carried.rows, *standing_rows(layout.standing)], len(carried.chain))
     begins = np.concatenate([[0], np.cumsum(rows.degrees)]) + len(rows.corners) + 1
-    return Tables(
+    return ExactTables(
         carried.joints,
         carried.joint_values,
         read_only(rows.bodies),
@@ -155,6 +143,7 @@ def _joined_tables(layout: Layout) -> Tables:
         read_only(rows.poses),
         read_only(rows.centres),
         np.zeros((0, 3)),
+        **scratch_memory(0, 0),
     )
 
 
@@ -220,7 +209,7 @@ def carried_tables(carried: Carried) -> CarriedTables:
 
 
 def _joint_tables(skeleton: Skeleton) -> tuple[_INTS, Array, Array]:
-    """Joints, their values, and their world poses at q = 0; see the kernel's `place_joints`."""
+    """Joints, their values, and their world poses at q = 0; see `rr1plan._kernels.exact.ExactTables`."""
     model = skeleton.model
     data = model.createData()
     # At q = 0.

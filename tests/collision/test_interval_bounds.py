@@ -13,11 +13,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from rr1plan._kernels.cover import RECORD, tables_of
+from rr1plan._kernels.exact import EXACT
 from rr1plan._kernels.intervals import _separate
 from rr1plan._kernels.jit import F64, FLOATS1, I64, OUT1
 from rr1plan._kernels.lanes import WIDTH, fill, store
-from rr1plan._kernels.motion import bound_travel, place_body, place_joints
 from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres, velocity_of
+from rr1plan._kernels.poses import bound_travel, place_body, place_joints
+from rr1plan._kernels.record import pack
 from rr1plan._kernels.spheres import meet_body, meet_obstacle
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.solids import coal_geometry
@@ -91,7 +93,8 @@ class World:
         self.checker = CollisionChecker(scene)
         tables = build_tables(self.checker)
         # Of its own, so that any padding can be asked about.
-        self.edges = SweptEdges(self.checker, 1e-6, tables._replace(padding=tables.padding.copy()))
+        self.exact = tables._replace(padding=tables.padding.copy())
+        self.edges = SweptEdges(self.checker, 1e-6, self.exact)
         self.cover, self.work = self.edges.tables[:2]
         self.pairs = self.checker.solid_pairs.tolist()
         step = rng.normal(size=self.checker.nq) * 10.0 ** rng.uniform(-2.0, 0.3)
@@ -300,18 +303,17 @@ def test_a_short_interval_is_proven_up_to_little_less_than_its_least_distance(pr
 @given(SEEDS)
 def test_no_distance_changes_more_than_the_travel_of_both_bodies(seed):
     world = World(seed, solid)
-    tables = world.edges.tables[2][1:]
-    joints, joint_values, bodies, values, _, _, chain, reaches, pairs, _, joint_poses, poses, centres, _ = tables
+    bodies, travel = world.exact.bodies, world.exact.travel
+    record = pack(world.exact, EXACT)
     q = world.begin + world.middle * (world.end - world.begin)
     reach = world.half * np.abs(world.end - world.begin)
-    place_joints(joints, joint_values, q, joint_poses, np.empty(12))
-    travel = np.zeros((len(bodies), len(joints) + 1))
+    place_joints(q, record)
     for b in range(len(bodies)):
         if bodies[b, 5] > bodies[b, 4]:
-            place_body(b, bodies, values, joint_poses, poses, centres)
-            bound_travel(b, bodies, values, chain, reaches, joints, joint_values, joint_poses, reach, centres, travel)
+            place_body(b, record)
+            bound_travel(b, reach, record)
     middle = world.place(q)
-    for pair, (a, b, shared) in enumerate(pairs.tolist()):
+    for pair, (a, b, shared) in enumerate(world.exact.pairs.tolist()):
         now, found = world.distance(*world.pairs[pair], middle), world.distances(pair)
         moved = sum(travel[body, shared] for body in (a, b) if bodies[body, 5] > bodies[body, 4])
         # Coal's depths may jump; its distances may be too large by some 1e-5 m.

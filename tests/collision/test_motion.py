@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan._kernels.motion import bound_travel, place_body, place_joints, take_interval
+from rr1plan._kernels.motion import take_interval
+from rr1plan._kernels.poses import bound_travel, place_body, place_joints
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.library import load_scene
@@ -158,18 +159,14 @@ def test_no_point_travels_farther_than_its_bound(odd, six, seed, which, size):
     rng = np.random.default_rng(seed)
     q0 = rng.uniform(-2, 2, checker.nq)
     reach = size * rng.uniform(0, 1, checker.nq)
-    place_joints(tables.joints, tables.joint_values, q0, tables.joint_poses, np.empty(12))
-    travel = np.zeros((len(tables.bodies), len(tables.joints) + 1))
+    place_joints(q0, motion._exact)
     before, points = {}, {}
     for b, solid in enumerate(checker.solids):
         first, last = tables.bodies[b, 4:6]
         if first == last:
             continue
-        place_body(b, tables.bodies, tables.body_values, tables.joint_poses, tables.poses, tables.centres)
-        bound_travel(
-            *(b, tables.bodies, tables.body_values, tables.chain, tables.chain_reach, tables.joints),
-            *(tables.joint_values, tables.joint_poses, reach, tables.centres, travel),
-        )
+        place_body(b, motion._exact)
+        bound_travel(b, reach, motion._exact)
         points[b] = surface_points(solid.shape, rng)
         before[b] = world_points(scene, q0, solid, points[b], checker)
     for _ in range(8):
@@ -177,7 +174,7 @@ def test_no_point_travels_farther_than_its_bound(odd, six, seed, which, size):
         for b, solid in enumerate(checker.solids):
             if b in before:
                 moved = np.linalg.norm(world_points(scene, q1, solid, points[b], checker) - before[b], axis=1)
-                assert moved.max() <= travel[b, 0] + 1e-9
+                assert moved.max() <= tables.travel[b, 0] + 1e-9
 
 
 def surface_points(shape, rng):
