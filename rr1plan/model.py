@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from itertools import chain
 from types import MappingProxyType
 from typing import Any
 
@@ -158,13 +157,6 @@ class SceneModel:
         link = self._bodies[f"{held.arm}/{held.link}"]
         return Body(link.joint, read_only(link.placement @ held.pose))
 
-    @cached_property
-    def element_geometries(self) -> tuple[ElementGeometry, ...]:
-        """Every collision shape of the scene with the joint that carries it, in the order of `element_names`."""
-        obstacles = (self.geometries_of(name, thing.geometries) for name, thing in self.scene.obstacles.items())
-        held = (self.geometries_of(name, held.geometries) for name, held in self.scene.attachments.items())
-        return (*self.skeleton.link_geometries, *chain.from_iterable(obstacles), *chain.from_iterable(held))
-
     def geometries_of(self, element: str, geometries: Iterable[Geometry]) -> tuple[ElementGeometry, ...]:
         """Shapes in an element's frame, hung in the model.
 
@@ -172,18 +164,6 @@ class SceneModel:
             UnknownNameError: there is nothing of that name.
         """
         return _hung(element, self.body(element), geometries)
-
-    @cached_property
-    def moved_by(self) -> NDArray[np.bool_]:
-        """Which columns of q move each joint's frame, shape (model.njoints, nq); row 0 is the world."""
-        moved = np.zeros((self.model.njoints, self.nq), dtype=np.bool_)
-        for joint in range(1, self.model.njoints):
-            moved[joint] = moved[self.model.parents[joint]]
-            column = self.columns[joint - 1]
-            if column >= 0 and self.gains[joint - 1] != 0.0:
-                moved[joint, column] = True
-        moved.setflags(write=False)
-        return moved
 
 
 def _hung(element: str, body: Body, geometries: Iterable[Geometry]) -> tuple[ElementGeometry, ...]:

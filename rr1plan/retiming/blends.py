@@ -60,11 +60,6 @@ class Curve:
     coefficients: Array
     corners: tuple[int, int]
 
-    @property
-    def is_line(self) -> bool:
-        """One straight line."""
-        return len(self.lengths) == 1
-
 
 def clean(waypoints: Array) -> Array:
     """The same polyline without duplicates and without waypoints on a straight line, shape (m, nq).
