@@ -13,16 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator, positive_number
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.checks import Array, Seed, positive_number
+from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
 from rr1plan.kinematics.descent import descend
 from rr1plan.kinematics.inverse import describe_excess, target_of
 from rr1plan.kinematics.lines import EdgeBound, Line
-from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, describe_contacts, goal_configurations
-from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
+from rr1plan.planners.query import Query, prepare
+from rr1plan.planners.seeds import as_seed
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, check_question
 from rr1plan.problem import PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
 
@@ -37,9 +38,8 @@ _NO_LENGTH = 1e-9  # a line this short is no motion [m + rad]
 
 @dataclass(frozen=True, eq=False)
 class _Stop:
-    """Where a line ended too early: the part of it that was done, and why."""
+    """Why a line ended too early."""
 
-    part: float
     status: PlanStatus
     reason: str
 
@@ -77,42 +77,17 @@ class CartesianPlanner:
             problem: One moving arm, whose goal is a `PoseGoal` (or several, any of which will do).
             budget: When to stop (default: 10 s); an iteration is one step tried.
             rng: Only for finding the reason where there is no line; the line itself is not random.
-            progress: Told how far along the line it is; it may return False to cancel.
+            progress: Called about ten times a second; it may return False to cancel.
 
         Raises:
             InputError: several arms move, or a goal that is no `PoseGoal`.
         """
         check_question(problem, budget, progress)
         goals = _pose_goals(problem)
-        generator = as_generator(rng)
-        motion = MotionChecker(CollisionChecker(problem.scene, problem.arms))
-        walk = _Walk(self, problem, motion, budget or Budget(), progress)
-        try:
-            return self._answer(problem, goals, walk, generator)
-        except _CancelledError:
-            return walk.result(PlanStatus.CANCELLED, None, "the progress callback said so")
-
-    def _answer(
-        self, problem: Problem, goals: tuple[PoseGoal, ...], walk: _Walk, rng: np.random.Generator
-    ) -> PlanResult:
-        blocked = check_start(problem, walk.motion)
-        if blocked:
-            return walk.result(PlanStatus.INVALID_START, None, blocked)
-        stops = []
-        for goal in goals:
-            ended = walk.along(goal)
-            if isinstance(ended, Path):
-                return walk.result(PlanStatus.SOLVED, ended, "")
-            stops.append(ended)
-            if ended.status is PlanStatus.TIMEOUT:
-                break
-        reason = "; ".join(stop.reason for stop in stops)
-        if stops[-1].status is PlanStatus.TIMEOUT:
-            return walk.result(PlanStatus.TIMEOUT, None, reason)
-        ends = goal_configurations(problem, walk.motion, rng, max_per_goal=1)
-        if ends.status is not None:
-            return walk.result(ends.status, None, f"{reason}; and {ends.reason}")
-        return walk.result(PlanStatus.INFEASIBLE, None, f"{reason}; the goal itself has a free configuration")
+        prepare()
+        began = time.perf_counter()
+        with borrowed_checker(problem.scene, problem.arms) as motion:
+            return _Walk(self, Query(self.name, problem, motion, budget, as_seed(rng), progress, began)).to_any(goals)
 
 
 def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
@@ -127,44 +102,53 @@ def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
     return tuple(goals)
 
 
-class _CancelledError(Exception):
-    """The progress callback returned False."""
-
-
 class _Walk:
-    """One query: the tools it needs, its clock and its counts."""
+    """One query, and the tools it needs."""
 
-    def __init__(
-        self,
-        planner: CartesianPlanner,
-        problem: Problem,
-        motion: MotionChecker,
-        budget: Budget,
-        progress: ProgressCallback | None,
-    ) -> None:
-        self.planner, self.problem, self.motion, self.budget, self.progress = planner, problem, motion, budget, progress
-        self.checker: CollisionChecker = motion.checker
-        self.kinematics = Kinematics(problem.scene, problem.arms).for_arm()
-        self.robot = problem.scene.arms[problem.arms[0]].robot
-        self.began = time.perf_counter()
-        self.iterations = 0
+    def __init__(self, planner: CartesianPlanner, query: Query) -> None:
+        self.planner, self.query = planner, query
+        self.problem, self.motion, self.checker = query.problem, query.motion, query.motion.checker
+        self.kinematics = Kinematics(self.problem.scene, self.problem.arms).for_arm()
+        self.robot = self.problem.scene.arms[self.problem.arms[0]].robot
+
+    def to_any(self, goals: tuple[PoseGoal, ...]) -> PlanResult:
+        """The line to the first goal that has one, or why there is none."""
+        query, stops = self.query, []
+        blocked = check_start(self.problem, self.motion)
+        if blocked:
+            return query.result(PlanStatus.INVALID_START, reason=blocked)
+        for goal in goals:
+            ended = self.along(goal)
+            if not isinstance(ended, _Stop):
+                return query.result(PlanStatus.SOLVED, ended)
+            stops.append(ended)
+            if ended.status is not PlanStatus.INFEASIBLE:
+                break
+        reason = "; ".join(stop.reason for stop in stops)
+        if stops[-1].status is not PlanStatus.INFEASIBLE:
+            return query.result(stops[-1].status, reason=reason)
+        ends = goal_configurations(self.problem, self.motion, query.seed, max_per_goal=1)
+        if ends.status is not None:
+            return query.result(ends.status, reason=f"{reason}; and {ends.reason}")
+        return query.result(PlanStatus.INFEASIBLE, reason=f"{reason}; the goal itself has a free configuration")
 
     # ---- the line ----------------------------------------------------------------------------
 
-    def along(self, goal: PoseGoal) -> Path | _Stop:
-        """Follow the line to one goal."""
+    def along(self, goal: PoseGoal) -> Array | _Stop:
+        """Follow the line to one goal: waypoints, shape (n, nq)."""
         index = target_of(self.kinematics, goal).index
         start = self.problem.start
         line = Line.between(self.kinematics, start, index, goal.position, goal.rotation)
         bound = EdgeBound(self.kinematics, index)
         waypoints, part, step = [start], 0.0 if line.length > _NO_LENGTH else 1.0, _FIRST_STEP
         while part < 1.0:
-            if self.out_of_budget(part):
-                return _Stop(part, PlanStatus.TIMEOUT, f"out of budget after {100 * part:.1f} % of the line")
+            stop = self.take_step(part)
+            if stop is not None:
+                return stop
             following = 1.0 if part + step > 1.0 - _SMALLEST_STEP else part + step
             q = self.correct(line, following, waypoints[-1], goal)
             fits = q is not None and self.is_straight(line, bound, waypoints[-1], q)
-            if q is not None and fits and self.motion.edge_is_free(waypoints[-1], q):
+            if q is not None and fits and self.is_free(waypoints[-1], q):
                 waypoints.append(q)
                 part, step = following, min(2.0 * step, _LARGEST_STEP)
                 continue
@@ -173,8 +157,8 @@ class _Walk:
                 why = self.why(line, following, waypoints[-1], q, fits)
                 metres = part * float(np.linalg.norm(line.p1 - line.p0))
                 where = f"the line to the goal ends after {100 * part:.1f} %"
-                return _Stop(part, PlanStatus.INFEASIBLE, f"{where} ({metres:.4g} m): {why}")
-        return Path(self.problem.joint_names, np.array(waypoints))
+                return _Stop(PlanStatus.INFEASIBLE, f"{where} ({metres:.4g} m): {why}")
+        return np.array(waypoints)
 
     def correct(self, line: Line, part: float, q: Array, goal: PoseGoal) -> Array | None:
         """The configuration on the line next to q, or None where there is none within the limits."""
@@ -204,28 +188,19 @@ class _Walk:
             and float(np.abs(b - a).sum()) <= _LARGEST_EDGE
         )
 
-    def out_of_budget(self, part: float) -> bool:
-        """Count one step, report progress, and say whether the budget is used up."""
-        seconds = time.perf_counter() - self.began
-        used = seconds / self.budget.seconds
-        if self.budget.iterations is not None:
-            used = max(used, self.iterations / self.budget.iterations)
-        if self.progress is not None and self.progress(Progress("cartesian", seconds, min(used, 1.0))) is False:
-            raise _CancelledError
-        self.iterations += 1
-        return used >= 1.0
+    def is_free(self, a: Array, b: Array) -> bool:
+        """The edge touches nothing."""
+        self.query.edges += 1
+        return self.motion.edge_is_free(a, b)
 
-    def result(self, status: PlanStatus, path: Path | None, reason: str) -> PlanResult:
-        """The answer with the counts so far."""
-        return PlanResult(
-            status,
-            path,
-            reason,
-            planner=CartesianPlanner.name,
-            seconds=time.perf_counter() - self.began,
-            iterations=self.iterations,
-            edges_checked=self.motion.edges_checked,
-        )
+    def take_step(self, part: float) -> _Stop | None:
+        """Count one step, or say why there is none after that part of the line."""
+        if self.query.cancelled():
+            return _Stop(PlanStatus.CANCELLED, "the progress callback returned False")
+        if self.query.over:
+            return _Stop(PlanStatus.TIMEOUT, f"out of budget after {100 * part:.1f} % of the line")
+        self.query.iterations += 1
+        return None
 
     # ---- why it ended ------------------------------------------------------------------------
 

