@@ -1,6 +1,6 @@
 """What the exact kernel knows of a scene, and the memory it writes.
 
-Bodies and their bounding volumes: see `separation.py`. The tables are made by `rr1plan.collision.tables`.
+Bodies and their bounding volumes: see `separation.py`. The tables are made by `rr1plan.collision.exact_tables`.
 """
 
 from __future__ import annotations

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.carried import Carried
 from rr1plan.collision.cores import Cores, CoreTables, extremes
+from rr1plan.collision.exact_tables import CarriedTables, carried_tables, joint_motion
 from rr1plan.collision.groups import ball_around, group_rows
 from rr1plan.collision.spheres import SphereCover, cover
-from rr1plan.collision.tables import CarriedTables, carried_tables, joint_motion
 from rr1plan.transforms import rotation_about
 
 _INTS = NDArray[np.int64]

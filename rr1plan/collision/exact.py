@@ -21,8 +21,8 @@ from rr1plan._kernels.record import pack
 from rr1plan.checks import Array, finite_array, read_only
 from rr1plan.collision.carried import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
+from rr1plan.collision.exact_tables import build_resting_tables, build_tables
 from rr1plan.collision.layout import layout_of
-from rr1plan.collision.tables import build_resting_tables, build_tables
 from rr1plan.limits import Limits
 from rr1plan.model import SceneModel
 from rr1plan.scene import Scene

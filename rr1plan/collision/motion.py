@@ -21,8 +21,8 @@ from rr1plan._kernels.motion import certify as _certify_untyped
 from rr1plan._kernels.record import pack
 from rr1plan.checks import Array, finite_array, finite_number, of_kind, positive_number, read_only
 from rr1plan.collision.exact import CollisionChecker
+from rr1plan.collision.exact_tables import build_tables
 from rr1plan.collision.swept import SweptEdges
-from rr1plan.collision.tables import build_tables
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
 

@@ -20,7 +20,7 @@ from rr1plan._kernels.neighbours import map_gaps as _map_gaps_untyped
 from rr1plan._kernels.record import pack
 from rr1plan.checks import Array
 from rr1plan.collision.carried import Carried
-from rr1plan.collision.tables import CarriedTables, carried_tables, chain_reach, joint_motion, scratch_memory
+from rr1plan.collision.exact_tables import CarriedTables, carried_tables, chain_reach, joint_motion, scratch_memory
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 
 _INTS = NDArray[np.int64]

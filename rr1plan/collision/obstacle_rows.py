@@ -15,8 +15,8 @@ from rr1plan.checks import Array, read_only
 from rr1plan.collision.carried import Carried
 from rr1plan.collision.carried_cover import matrix
 from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, joined_cores
+from rr1plan.collision.exact_tables import carried_tables, standing_rows
 from rr1plan.collision.standing import Standing
-from rr1plan.collision.tables import carried_tables, standing_rows
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 _INTS = NDArray[np.int64]

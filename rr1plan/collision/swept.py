@@ -15,8 +15,8 @@ from rr1plan._kernels.swept import CONFIGURATIONS, EDGES, EXACT_EDGES, GAPS
 from rr1plan._kernels.swept import sweep_edge as _sweep_edge_untyped
 from rr1plan.checks import Array
 from rr1plan.collision.exact import CollisionChecker
+from rr1plan.collision.exact_tables import build_tables
 from rr1plan.collision.sphere_tables import build_cover
-from rr1plan.collision.tables import build_tables
 
 _sweep_edge: Callable[..., tuple[int, float, int]] = _sweep_edge_untyped
 

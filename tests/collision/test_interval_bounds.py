@@ -22,10 +22,10 @@ from rr1plan._kernels.poses import bound_travel, place_body, place_joints
 from rr1plan._kernels.record import pack
 from rr1plan._kernels.spheres import meet_body, meet_obstacle
 from rr1plan.collision import CollisionChecker
+from rr1plan.collision.exact_tables import build_tables
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.collision.spheres import cover
 from rr1plan.collision.swept import SweptEdges
-from rr1plan.collision.tables import build_tables
 from rr1plan.formats.convex import convex_hull
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot

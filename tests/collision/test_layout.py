@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rr1plan.collision import CollisionChecker, MotionChecker, carried, carried_cover, pairs, standing, tables
+from rr1plan.collision import CollisionChecker, MotionChecker, carried, carried_cover, exact_tables, pairs, standing
 from rr1plan.collision.obstacle_rows import standing_obstacles
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.contact_rules import rules_of
@@ -34,7 +34,7 @@ def copied(scene: Scene) -> Scene:
 def arrays_of(scene: Scene, arms: list[str] | None) -> list[np.ndarray]:
     checker = CollisionChecker(scene, arms)
     # Before the scratch memory in them is used.
-    exact, resting = tables.build_tables(checker), tables.build_resting_tables(checker) or ()
+    exact, resting = exact_tables.build_tables(checker), exact_tables.build_resting_tables(checker) or ()
     cover = SweptEdges(checker, 1e-6).tables[0]
     own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding)
     return [np.asarray(a) for a in (*own, *cover, *exact, *resting)]
@@ -141,12 +141,12 @@ def test_an_obstacle_that_moved_leaves_all_else_as_it_was(odd, monkeypatch):
         raise AssertionError("tables of the arm were made again")
 
     monkeypatch.setattr(carried_cover, "cover", made_again)
-    monkeypatch.setattr(tables, "_joint_tables", made_again)
+    monkeypatch.setattr(exact_tables, "_joint_tables", made_again)
     moved = scene.with_obstacle("two", Sphere(0.1), [-0.7, 0.35, 0.4])
     after = CollisionChecker(moved)
     same = [a is b for a, b in zip(first.layout.standing, after.layout.standing, strict=True)]
     assert same == [True, False, True, True]
-    for make in (tables.standing_rows, standing_obstacles):
+    for make in (exact_tables.standing_rows, standing_obstacles):
         rows = zip(make(first.layout.standing), make(after.layout.standing), strict=True)
         assert [a is b for a, b in rows] == same
     assert after.layout.carried is first.layout.carried
@@ -173,7 +173,7 @@ def test_scenes_whose_obstacles_have_other_rules_have_other_pairs(odd):
 
 def test_scratch_memory_is_nobody_elses(odd):
     scene = furnished(Scene().with_arm("a", odd))
-    one, two = (tables.build_tables(CollisionChecker(s)) for s in (scene, scene.with_margin(0.1)))
+    one, two = (exact_tables.build_tables(CollisionChecker(s)) for s in (scene, scene.with_margin(0.1)))
     written = ("joint_poses", "poses", "centres", "directions", "travel", "frame", "simplex")
     for mine, other in ((getattr(one, name), getattr(two, name)) for name in written):
         assert mine.flags.writeable

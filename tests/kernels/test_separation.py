@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from rr1plan._kernels.separation import separation
+from rr1plan.collision.body_rows import _core, _neighbours
 from rr1plan.collision.solids import coal_geometry
-from rr1plan.collision.tables import _core, _neighbours
 from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, Sphere
 from rr1plan.transforms import pose

@@ -16,54 +16,18 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from rr1plan._kernels.exact import ExactTables
-from rr1plan._kernels.separation import BOX, CELLS, CORNERS, CYLINDER, HALF_SPACE, POINT, SEGMENT
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.carried import Carried, Solid
+from rr1plan.collision.body_rows import FAR, BodyRows, flat, rows_of
+from rr1plan.collision.carried import Carried
 from rr1plan.collision.layout import Layout
-from rr1plan.collision.solids import occupied_cells
 from rr1plan.collision.standing import Standing
 from rr1plan.model import Skeleton
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.transforms import rotation_about
 
 if TYPE_CHECKING:
     from rr1plan.collision.exact import CollisionChecker
 
-# Stands for infinity where infinity times zero would be NaN.
-_FAR = 1e12
 _INTS = NDArray[np.int64]
-
-
-@dataclass(frozen=True, eq=False)
-class _Core:
-    """A shape as a core and a radius around it; `points` in the shape's frame.
-
-    `values` are its ball's radius, the radius around the core, its box, its size and its offset, shape (12,).
-    """
-
-    kind: int
-    ball: Array
-    values: Array
-    points: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """The tables of some bodies by themselves; columns as in `rr1plan._kernels.exact.ExactTables`.
-
-    Args:
-        bodies, values, corners: As there, corners and chains counted from these bodies' first.
-        degrees, neighbours: How many edges leave each corner, and where they lead, corner after corner.
-        poses, centres: Where the bodies and the centres of their balls are at q = 0.
-    """
-
-    bodies: _INTS
-    values: Array
-    corners: Array
-    degrees: _INTS
-    neighbours: _INTS
-    poses: Array
-    centres: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +37,7 @@ class CarriedTables:
     joints: _INTS
     joint_values: Array
     joint_poses: Array
-    rows: Rows
+    rows: BodyRows
     chain: _INTS
     chain_reach: Array
 
@@ -147,10 +111,10 @@ def _joined_tables(layout: Layout) -> ExactTables:
     )
 
 
-def _joined(parts: list[Rows], links: int) -> Rows:
-    """Rows as one; only the first of them have chains, of so many links."""
+def _joined(parts: list[BodyRows], links: int) -> BodyRows:
+    """BodyRows as one; only the first of them have chains, of so many links."""
     names = ("bodies", "values", "corners", "degrees", "neighbours", "poses", "centres")
-    joined = Rows(*(np.concatenate([getattr(rows, name) for rows in parts]) for name in names))
+    joined = BodyRows(*(np.concatenate([getattr(rows, name) for rows in parts]) for name in names))
     before = np.cumsum([len(rows.corners) for rows in parts])[:-1]
     joined.bodies[:, 2:4] += np.repeat([0, *before], [len(rows.bodies) for rows in parts])[:, None]
     joined.bodies[len(parts[0].bodies) :, 4:] = links
@@ -159,11 +123,11 @@ def _joined(parts: list[Rows], links: int) -> Rows:
     return joined
 
 
-def standing_rows(standing: Sequence[Standing]) -> list[Rows]:
+def standing_rows(standing: Sequence[Standing]) -> list[BodyRows]:
     """The tables of obstacles, each made once; those that are new together, which takes hardly longer than one."""
     new = [thing for thing in standing if "rows" not in thing.kept]
     if new:
-        made = _rows([solid for thing in new for solid in thing.solids], _flat(np.eye(4))[None])
+        made = rows_of([solid for thing in new for solid in thing.solids], flat(np.eye(4))[None])
         bodies = corners = links = 0
         for thing in new:
             last = bodies + len(thing.solids)
@@ -171,7 +135,7 @@ def standing_rows(standing: Sequence[Standing]) -> list[Rows]:
             corners_end = corners + int(rows[:, 3].max(initial=0))
             degrees = made.degrees[corners:corners_end]
             links_end = links + int(degrees.sum())
-            thing.kept["rows"] = Rows(
+            thing.kept["rows"] = BodyRows(
                 rows,
                 made.values[bodies:last],
                 made.corners[corners:corners_end],
@@ -191,7 +155,7 @@ def standing_rows(standing: Sequence[Standing]) -> list[Rows]:
 def carried_tables(carried: Carried) -> CarriedTables:
     """The tables of what the arms carry, made once."""
     joints, values, poses = _joint_tables(carried.skeleton)
-    rows = _rows(carried.solids, poses)
+    rows = rows_of(carried.solids, poses)
     chains = [carried.chains[group] for group in carried.groups]
     ends = np.cumsum([len(chain) for chain in chains], dtype=np.int64)
     rows.bodies[:, 4:] = np.column_stack([np.concatenate([[0], ends])[:-1], ends])
@@ -216,7 +180,7 @@ def _joint_tables(skeleton: Skeleton) -> tuple[_INTS, Array, Array]:
     pin.forwardKinematics(model, data, np.array(skeleton.offsets))
     count = model.njoints
     joints, values, poses = np.zeros((count, 4), np.int64), np.zeros((count, 17)), np.zeros((count, 12))
-    poses[0] = _flat(np.eye(4))
+    poses[0] = flat(np.eye(4))
     for j in range(1, count):
         twist = _twist(model.joints[j])
         prismatic = float(np.abs(twist[:3]).max()) > 0.5
@@ -224,10 +188,10 @@ def _joint_tables(skeleton: Skeleton) -> tuple[_INTS, Array, Array]:
         column = int(skeleton.columns[j - 1]) if gain != 0.0 else -1
         parent = int(model.parents[j])
         joints[j] = parent, prismatic, column, column >= 0 or joints[parent, 3]
-        values[j, :12] = _flat(model.jointPlacements[j].homogeneous)
+        values[j, :12] = flat(model.jointPlacements[j].homogeneous)
         values[j, 12:15] = twist[:3] if prismatic else twist[3:]
         values[j, 15:] = gain, skeleton.offsets[j - 1]
-        poses[j] = _flat(data.oMi[j].homogeneous)
+        poses[j] = flat(data.oMi[j].homogeneous)
     return joints, values, poses
 
 
@@ -236,11 +200,6 @@ def _twist(joint: Any) -> Array:
     state = joint.createData()
     joint.calc(state, np.zeros(1))
     return np.asarray(state.S).ravel()
-
-
-def _flat(T: Array) -> Array:
-    """A transform as its rotation row by row and its translation, shape (12,)."""
-    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
 
 
 def chain_reach(joints: _INTS, values: Array, poses: Array, chain: tuple[int, ...], centre: Array) -> list[float]:
@@ -252,7 +211,7 @@ def chain_reach(joints: _INTS, values: Array, poses: Array, chain: tuple[int, ..
         arm = point - poses[joint, 9:]
         reach.append(float(np.linalg.norm(_cross(axis, arm)) + beyond))
         # A prismatic joint carries what hangs on it to any distance.
-        beyond += _FAR if joints[joint, 1] else float(np.linalg.norm(arm))
+        beyond += FAR if joints[joint, 1] else float(np.linalg.norm(arm))
         point = poses[joint, 9:]
     return reach[::-1]
 
@@ -272,105 +231,3 @@ def joint_motion(prismatic: bool, row: Array) -> Array:
 def _cross(a: Array, b: Array) -> Array:
     """The cross product of two vectors; numpy's takes twenty times as long for one."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-# ---- bodies ----------------------------------------------------------------------------------------
-
-
-def _rows(solids: Sequence[Solid], joint_poses: Array) -> Rows:
-    """The tables of solids, their chains left empty."""
-    cores = [_core(solid.shape) for solid in solids]
-    around = [_neighbours(solid.shape) for solid in solids]
-    joints = np.array([solid.joint for solid in solids], dtype=np.int64)
-    T = np.array([solid.placement for solid in solids]).reshape(-1, 4, 4)
-    balls = np.array([core.ball for core in cores]).reshape(-1, 3)
-    ends = np.cumsum([len(core.points) for core in cores], dtype=np.int64)
-    begins = np.concatenate([[0], ends])[:-1]
-    bodies, values = np.zeros((len(solids), 6), np.int64), np.empty((len(solids), 27))
-    bodies[:, 0], bodies[:, 1] = [core.kind for core in cores], joints
-    bodies[:, 2], bodies[:, 3] = begins, ends
-    values[:, :9], values[:, 9:12] = T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]
-    values[:, 12:15] = np.einsum("nij,nj->ni", T[:, :3, :3], balls) + T[:, :3, 3]
-    values[:, 15:] = np.array([core.values for core in cores]).reshape(-1, 12)
-    R, t = joint_poses[joints, :9].reshape(-1, 3, 3), joint_poses[joints, 9:]
-    poses = np.empty((len(solids), 12))
-    poses[:, :9] = (R @ T[:, :3, :3]).reshape(-1, 9)
-    poses[:, 9:] = np.einsum("nij,nj->ni", R, T[:, :3, 3]) + t
-    centres = np.einsum("nij,nj->ni", R, values[:, 12:15]) + t
-    return Rows(
-        bodies,
-        values,
-        np.concatenate([np.zeros((0, 3)), *(core.points for core in cores)]),
-        np.concatenate([np.zeros(0, np.int64), *(degrees for degrees, _ in around)]),
-        np.concatenate([np.zeros(0, np.int64), *(to + begin for (_, to), begin in zip(around, begins, strict=True))]),
-        poses,
-        centres,
-    )
-
-
-@lru_cache(maxsize=256)
-def _neighbours(shape: Shape) -> tuple[_INTS, _INTS]:
-    """How many edges leave each point of a shape's core, and where they lead, point after point."""
-    count = len(_core(shape).points)
-    if not isinstance(shape, Mesh):
-        return np.zeros(count, np.int64), np.zeros(0, np.int64)
-    edges = np.concatenate([shape.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2])])
-    edges = np.unique(edges, axis=0).astype(np.int64)
-    return np.bincount(edges[:, 0], minlength=count), edges[:, 1].copy()
-
-
-@lru_cache(maxsize=512)
-def _core(shape: Shape) -> _Core:
-    zero, none = np.zeros(3), np.zeros((0, 3))
-    match shape:
-        case Sphere(radius):
-            return _made(POINT, zero, radius, (zero, radius), (zero, np.full(3, radius)), none)
-        case Box(size):
-            half = 0.5 * np.array(size)
-            return _made(BOX, half, 0.0, (zero, float(np.linalg.norm(half))), (zero, half), none)
-        case Cylinder(radius, length):
-            half = np.array([radius, radius, 0.5 * length])
-            return _made(CYLINDER, half, 0.0, (zero, float(np.hypot(radius, 0.5 * length))), (zero, half), none)
-        case Capsule(radius, length):
-            core, half = np.array([0, 0, 0.5 * length]), np.array([radius, radius, 0.5 * length + radius])
-            return _made(SEGMENT, core, radius, (zero, 0.5 * length + radius), (zero, half), none)
-        case HalfSpace(normal, offset):
-            return _made(HALF_SPACE, np.array(normal), 0.0, (zero, _FAR), (zero, np.full(3, _FAR)), none, offset)
-        case PointCloud():
-            return _cells(shape)
-        case _:
-            return _corners(shape)
-
-
-def _made(
-    kind: int,
-    size: Array,
-    radius: float,
-    ball: tuple[Array, float],
-    box: tuple[Array, Array],
-    points: Array,
-    offset: float = 0.0,
-) -> _Core:
-    return _Core(kind, ball[0], np.array([ball[1], radius, *box[0], *box[1], *size, offset]), points)
-
-
-def _cells(cloud: PointCloud) -> _Core:
-    cells, half = occupied_cells(cloud), 0.5 * cloud.resolution
-    low, high = cells.min(axis=0) - half, cells.max(axis=0) + half
-    ball = (0.5 * (low + high), float(np.linalg.norm(0.5 * (high - low))))
-    return _made(CELLS, np.full(3, half), 0.0, ball, (0.5 * (low + high), 0.5 * (high - low)), cells)
-
-
-def _corners(mesh: Mesh) -> _Core:
-    points = np.array(mesh.vertices)
-    low, high = points.min(axis=0), points.max(axis=0)
-    return _made(CORNERS, np.zeros(3), 0.0, _ball(points), (0.5 * (low + high), 0.5 * (high - low)), points)
-
-
-def _ball(points: Array) -> tuple[Array, float]:
-    """A ball around points, a little larger than the least (Badoiu and Clarkson 2003)."""
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    for step in range(2, 100):
-        farthest = points[np.argmax(np.linalg.norm(points - centre, axis=1))]
-        centre = centre + (farthest - centre) / step
-    return centre, float(np.linalg.norm(points - centre, axis=1).max()) * (1.0 + 1e-12)
