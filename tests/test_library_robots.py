@@ -99,7 +99,12 @@ def test_what_urdf_does_not_know_is_taken_carefully(arm: Path, caplog: pytest.Lo
     assert "no velocity limit for a" in caplog.text
 
 
-STATE = '<robot name="arm"><group name="g"><joint name="a"/></group><group_state name="up" group="g"><joint name="a" value="0.5"/></group_state></robot>'  # noqa: E501
+STATE = """
+<robot name="arm">
+  <group name="g"><joint name="a"/></group>
+  <group_state name="up" group="g"><joint name="a" value="0.5"/></group_state>
+</robot>
+"""
 
 
 @pytest.mark.parametrize("place", ["urdf/arm.srdf", "srdf/arm.srdf"])
