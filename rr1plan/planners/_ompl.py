@@ -6,19 +6,15 @@ search to stop, and it is raised again outside. Budgets are counted in the termi
 makes a search repeatable; the clock is looked at there and in every check of an edge.
 
 PRM's own search runs a second thread, which dies with the process on any exception and makes its roadmap
-differ from run to run. Here OMPL only grows the roadmap, in this thread, and the query is answered by
+differ from run to run. Here OMPL only grows the roadmap, in this thread, and the question is answered by
 Dijkstra's algorithm on it.
 """
 
 from __future__ import annotations
 
 import re
-import signal
-import threading
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,9 +25,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from rr1plan.checks import Array, finite_array, finite_number, known_name
+from rr1plan.checks import Array, finite_number, known_name
 from rr1plan.errors import BackendError, InputError
-from rr1plan.planning import Budget, SearchTree
+from rr1plan.planners._ompl_question import Answer, Question, Watch, interrupts_kept
+from rr1plan.planning import SearchTree
 
 # A path this near to the straight line's length counts as optimal. Without it informed samplers
 # search an ellipsoid of no volume for ever.
@@ -39,130 +36,6 @@ _OPTIMAL = 1e-3
 _FIRST_ROADMAP, _ROADMAP_GROWTH = 100, 1.3  # termination checks between two queries of a roadmap
 _EXPANSION = 4  # one check spent on narrow places for so many spent everywhere
 _NOT_SETTINGS = {"setProblemDefinition", "setName", "setProjectionEvaluator", "setDefaultConnectionStrategy"}
-
-
-@dataclass(frozen=True, eq=False)
-class Query:
-    """A question in plain arrays.
-
-    Args:
-        lower: Bounds of the search space [rad or m], shape (n,).
-        upper: Its other bounds, above the first, shape (n,).
-        start: Where to start, shape (n,).
-        goals: Where to end, any of them, shape (k, n).
-        state_valid: Whether a configuration (n,) is free; the array is reused after the call.
-        edge_valid: Whether the straight line between two configurations is free; likewise.
-    """
-
-    lower: Array
-    upper: Array
-    start: Array
-    goals: Array
-    state_valid: Callable[[Array], bool]
-    edge_valid: Callable[[Array, Array], bool]
-
-    def checked(self) -> Query:
-        """The same query, its numbers checked and copied.
-
-        Raises:
-            InputError: wrong shapes, not finite, bounds the wrong way round, or a state outside them.
-        """
-        n = len(self.lower)
-        lower, upper = (finite_array(name, getattr(self, name), (n,)) for name in ("lower", "upper"))
-        start, goals = finite_array("start", self.start, (n,)), finite_array("goals", self.goals, (None, n))
-        if n == 0 or len(goals) == 0:
-            raise InputError(f"a query of {n} joints and {len(goals)} goals, expected at least one of each")
-        if not (lower < upper).all():
-            raise InputError(f"lower bounds {lower.tolist()} are not all below the upper ones {upper.tolist()}")
-        states = np.vstack([start, goals])
-        if (states < lower).any() or (states > upper).any():
-            raise InputError("the start or a goal is outside the bounds")
-        return Query(lower, upper, start, goals, self.state_valid, self.edge_valid)
-
-
-@dataclass(eq=False)
-class Watch:
-    """Counts and clock of one search, and what stopped it.
-
-    Args:
-        budget: When to stop.
-        began: When the clock started (`time.perf_counter`) [s].
-        report: Told (seconds, part of the budget used, best cost) at each check; False cancels.
-    """
-
-    budget: Budget
-    began: float
-    report: Callable[[float, float, float | None], bool] | None = None
-    checks: int = 0
-    over: bool = False
-    cancelled: bool = False
-    error: BaseException | None = None
-    best_cost: Callable[[], float] | None = None
-    cost: float | None = None
-    history: list[tuple[float, float]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.deadline = self.began + self.budget.seconds
-        self.most = np.inf if self.budget.iterations is None else self.budget.iterations
-
-    def look(self) -> None:
-        """One termination check: count, clock, cost, report."""
-        self.checks += 1
-        now = time.perf_counter()
-        if self.best_cost is not None:
-            self.note(self.best_cost())
-        if self.checks >= self.most or now >= self.deadline:
-            self.over = True
-        if self.report is not None:
-            used = max((now - self.began) / self.budget.seconds, self.checks / self.most)
-            if not self.report(now - self.began, min(used, 1.0), self.cost):
-                self.over = self.cancelled = True
-
-    def note(self, cost: float) -> None:
-        """Remember a better cost."""
-        if np.isfinite(cost) and (self.cost is None or cost < self.cost):
-            self.cost = float(cost)
-            self.history.append((time.perf_counter() - self.began, self.cost))
-
-    def guarded(self, answer: Callable[..., bool], failed: bool) -> Callable[..., bool]:
-        """A callback that never raises: what it raised is kept and ends the search."""
-
-        def call(*arguments: Any) -> bool:
-            if self.over:
-                return failed
-            try:
-                return bool(answer(*arguments))
-            except BaseException as error:
-                self.error, self.over = error, True
-                return failed
-
-        return call
-
-    def is_over(self) -> bool:
-        """Whether to stop; the termination condition."""
-        self.look()
-        return self.over
-
-    def in_time(self) -> bool:
-        """Whether an edge or state may still be checked: a search that looks rarely still ends in time."""
-        if time.perf_counter() >= self.deadline:
-            self.over = True
-        return not self.over
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """What a search found.
-
-    Args:
-        waypoints: The path from the start to a goal, shape (m, n), or None.
-        difference: How near to a goal it came otherwise [rad], if known.
-        tree: What was explored, when asked for.
-    """
-
-    waypoints: Array | None
-    difference: float | None = None
-    tree: SearchTree | None = None
 
 
 def setting_names(planner: str) -> tuple[str, ...]:
@@ -173,34 +46,34 @@ def setting_names(planner: str) -> tuple[str, ...]:
 
 
 def solve(
-    planner: str, query: Query, watch: Watch, seed: int, settings: Mapping[str, Any], *, tree: bool = False
+    planner: str, question: Question, watch: Watch, seed: int, settings: Mapping[str, Any], *, tree: bool = False
 ) -> Answer:
     """Search.
 
     Args:
         planner: OMPL's name of the planner.
-        query: The question.
+        question: The question.
         watch: Budget and counts; has the counts afterwards.
         seed: Seed of OMPL's generators, 1 .. 2^32 - 1.
         settings: Values by OMPL's names; `range` 0 leaves the length of an edge to OMPL.
         tree: Whether to copy what was explored.
 
     Raises:
-        InputError, UnknownNameError: a query or setting OMPL would misread.
+        InputError, UnknownNameError: a question or setting OMPL would misread.
         KeyboardInterrupt: Ctrl-C, after everything is cleaned up.
         BackendError: OMPL failed.
     """
     if not 1 <= seed < 2**32:
         raise InputError(f"seed is {seed}, expected 1 .. 2^32 - 1")
-    query = query.checked()
-    with _interrupts(watch):
+    question = question.checked()
+    with interrupts_kept(watch):
         try:
-            answer = _search(planner, query, watch, seed, settings, tree)
+            answer = _search(planner, question, watch, seed, settings, tree)
             before = 0
             while planner == "BFMT" and answer.waypoints is None and not watch.over and watch.checks > before:
                 before = watch.checks
                 settings = {**settings, "num_samples": 2 * settings.get("num_samples", 1000)}
-                answer = _search(planner, query, watch, seed, settings, tree)
+                answer = _search(planner, question, watch, seed, settings, tree)
         except (RuntimeError, TypeError) as error:
             if watch.error is None:
                 raise BackendError(f"OMPL's {planner} failed: {error}") from error
@@ -214,14 +87,16 @@ def solve(
     return answer
 
 
-def _search(planner: str, query: Query, watch: Watch, seed: int, settings: Mapping[str, Any], tree: bool) -> Answer:
+def _search(
+    planner: str, question: Question, watch: Watch, seed: int, settings: Mapping[str, Any], tree: bool
+) -> Answer:
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
-    space = _space(query)
+    space = _space(question)
     # Asked for its tree, OMPL's BIT* never lets go of its states, so its certified edges are written down.
     edges: list[tuple[tuple[float, ...], ...]] | None = [] if tree and planner == "BITstar" else None
-    information = _information(space, query, watch, edges)
-    definition = _definition(information, query)
+    information = _information(space, question, watch, edges)
+    definition = _definition(information, question)
     search = getattr(og, planner)(information)
     search.setProblemDefinition(definition)
     for name, value in settings.items():
@@ -230,7 +105,7 @@ def _search(planner: str, query: Query, watch: Watch, seed: int, settings: Mappi
         search.setExtendedFMT(False)  # it dies when its samples do not suffice; `solve` begins again with more
     search.setup()
     if isinstance(search, og.PRM):
-        answer = _search_roadmap(search, information, query, watch)
+        answer = _search_roadmap(search, information, question, watch)
     else:
         if hasattr(search, "bestCost"):
             watch.best_cost = lambda: float(search.bestCost().value())
@@ -238,21 +113,21 @@ def _search(planner: str, query: Query, watch: Watch, seed: int, settings: Mappi
             search.solve(ob.PlannerTerminationCondition(watch.guarded(watch.is_over, failed=True)))
         finally:
             watch.best_cost = None  # holds the planner, and the watch outlives it
-        answer = _solution(definition, len(query.lower))
+        answer = _solution(definition, len(question.lower))
     if not tree:
         return answer
-    return replace(answer, tree=_tree_of(edges) if edges is not None else _explored(search, information, query)[0])
+    return replace(answer, tree=_tree_of(edges) if edges is not None else _explored(search, information, question)[0])
 
 
 # ---- building ---------------------------------------------------------------------------------
 
 
-def _space(query: Query) -> Any:
-    n = len(query.lower)
+def _space(question: Question) -> Any:
+    n = len(question.lower)
     bounds = ob.RealVectorBounds(n)
     for i in range(n):
-        bounds.setLow(i, float(query.lower[i]))
-        bounds.setHigh(i, float(query.upper[i]))
+        bounds.setLow(i, float(question.lower[i]))
+        bounds.setHigh(i, float(question.upper[i]))
     space = ob.RealVectorStateSpace(n)
     space.setBounds(bounds)
     return space
@@ -274,17 +149,17 @@ class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]  # the stubs of 
 
 
 def _information(
-    space: Any, query: Query, watch: Watch, edges: list[tuple[tuple[float, ...], ...]] | None = None
+    space: Any, question: Question, watch: Watch, edges: list[tuple[tuple[float, ...], ...]] | None = None
 ) -> Any:
-    n = len(query.lower)
+    n = len(question.lower)
     q = np.zeros(n)
 
     def state_valid(state: Any) -> bool:
         q[:] = state[0:n]
-        return watch.in_time() and query.state_valid(q)
+        return watch.in_time() and question.state_valid(q)
 
     def edge_valid(a: Array, b: Array) -> bool:
-        if not (watch.in_time() and query.edge_valid(a, b)):
+        if not (watch.in_time() and question.edge_valid(a, b)):
             return False
         if edges is not None:
             edges.append((tuple(a.tolist()), tuple(b.tolist())))
@@ -297,18 +172,18 @@ def _information(
     return information
 
 
-def _definition(information: Any, query: Query) -> Any:
+def _definition(information: Any, question: Question) -> Any:
     definition = ob.ProblemDefinition(information)
     goals = ob.GoalStates(information)
     state = information.allocState()  # Python frees it; OMPL's freeState would be a second time
-    state[0 : len(query.start)] = query.start.tolist()
+    state[0 : len(question.start)] = question.start.tolist()
     definition.addStartState(state)
-    for goal in query.goals:
+    for goal in question.goals:
         state[0 : len(goal)] = goal.tolist()
         goals.addState(state)
     definition.setGoal(goals)
     objective = ob.PathLengthOptimizationObjective(information)
-    nearest = float(np.linalg.norm(query.goals - query.start, axis=1).min())
+    nearest = float(np.linalg.norm(question.goals - question.start, axis=1).min())
     objective.setCostThreshold(ob.Cost((1.0 + _OPTIMAL) * nearest))
     definition.setOptimizationObjective(objective)
     return definition
@@ -349,9 +224,9 @@ def _tree_of(edges: list[tuple[tuple[float, ...], ...]]) -> SearchTree:
     return SearchTree(np.array(list(index)), np.array(pairs, dtype=np.int64).reshape(-1, 2))
 
 
-def _explored(search: Any, information: Any, query: Query) -> tuple[SearchTree, NDArray[np.int64]]:
+def _explored(search: Any, information: Any, question: Question) -> tuple[SearchTree, NDArray[np.int64]]:
     """What a planner explored, copied, and the indices of the goals in it."""
-    n = len(query.lower)
+    n = len(question.lower)
     data = ob.PlannerData(information)
     search.getPlannerData(data)
     count = data.numVertices()
@@ -365,18 +240,18 @@ def _explored(search: Any, information: Any, query: Query) -> tuple[SearchTree, 
 # ---- roadmaps ---------------------------------------------------------------------------------
 
 
-def _search_roadmap(search: Any, information: Any, query: Query, watch: Watch) -> Answer:
+def _search_roadmap(search: Any, information: Any, question: Question, watch: Watch) -> Answer:
     """Grow a roadmap in turns and ask it for a path after each; PRM* goes on until the budget ends."""
     goes_on = isinstance(search, og.PRMstar)
-    for _ in query.goals:
+    for _ in question.goals:
         search.solve(ob.plannerAlwaysTerminatingCondition())  # takes in the start and one more goal, no more
     turn, answer = float(_FIRST_ROADMAP), Answer(None)
-    nearest = float(np.linalg.norm(query.goals - query.start, axis=1).min())
+    nearest = float(np.linalg.norm(question.goals - question.start, axis=1).min())
     while not watch.over:
         search.growRoadmapPtc(_turn(watch, int(turn)))
         search.expandRoadmapPtc(_turn(watch, int(turn) // _EXPANSION))
         turn *= _ROADMAP_GROWTH
-        answer = _ask_roadmap(search, information, query)
+        answer = _ask_roadmap(search, information, question)
         if answer.waypoints is None:
             continue
         length = float(np.linalg.norm(np.diff(answer.waypoints, axis=0), axis=1).sum())
@@ -396,11 +271,11 @@ def _turn(watch: Watch, checks: int) -> Any:
     return ob.PlannerTerminationCondition(watch.guarded(is_over, failed=True))
 
 
-def _ask_roadmap(search: Any, information: Any, query: Query) -> Answer:
+def _ask_roadmap(search: Any, information: Any, question: Question) -> Answer:
     """The shortest path on the roadmap (Dijkstra 1959), or how near to a goal the start's part of it comes."""
-    tree, ends = _explored(search, information, query)
+    tree, ends = _explored(search, information, question)
     vertices = tree.vertices
-    found = np.flatnonzero((vertices == query.start).all(axis=1))
+    found = np.flatnonzero((vertices == question.start).all(axis=1))
     if len(found) == 0:  # OMPL found the start invalid
         return Answer(None)
     start = int(found[0])
@@ -411,30 +286,9 @@ def _ask_roadmap(search: Any, information: Any, query: Query) -> Answer:
     far, before = table[0], links[0]
     if len(ends) == 0 or not np.isfinite(far[ends]).any():
         reached = vertices[np.isfinite(far)]
-        gaps = [np.linalg.norm(reached - goal, axis=1).min() for goal in query.goals]
+        gaps = [np.linalg.norm(reached - goal, axis=1).min() for goal in question.goals]
         return Answer(None, float(min(gaps)))
     chain = [int(ends[np.argmin(far[ends])])]
     while chain[-1] != start:
         chain.append(int(before[chain[-1]]))
     return Answer(vertices[chain[::-1]])
-
-
-# ---- Ctrl-C -----------------------------------------------------------------------------------
-
-
-@contextmanager
-def _interrupts(watch: Watch) -> Iterator[None]:
-    """Let Ctrl-C end the search at its next callback instead of raising inside of OMPL."""
-    ours = threading.current_thread() is threading.main_thread()
-    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-
-    def note(number: int, frame: Any) -> None:
-        watch.error, watch.over = KeyboardInterrupt(), True
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)

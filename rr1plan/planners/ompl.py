@@ -9,14 +9,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator, finite_number, known_name
-from rr1plan.collision import MotionChecker
+from rr1plan.checks import Seed, as_generator, finite_number, known_name
 from rr1plan.collision.shelf import borrowed_checker
-from rr1plan.path import Path
-from rr1plan.planners.goals import check_start, goal_configurations
-from rr1plan.planners.query import prepare
-from rr1plan.planners.space import Space, with_copies
-from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
+from rr1plan.planners._ompl_question import Answer, Question, Watch
+from rr1plan.planners.query import Query, prepare
+from rr1plan.planners.seeds import as_seed
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 
 
@@ -52,7 +50,6 @@ KINDS: Mapping[str, OmplKind] = MappingProxyType(
 
 _DIRECT = 8  # goals to which the straight line is tried first
 _RANGE = 0.06  # longest edge of a tree, as a part of the space's diagonal
-_REPORTS = 0.1  # time between two reports of progress [s]
 
 
 class OmplPlanner:
@@ -101,143 +98,81 @@ class OmplPlanner:
         prepare()
         began = time.perf_counter()
         with borrowed_checker(problem.scene, problem.arms) as motion:
-            query = _Query(self, problem, motion, began, budget or Budget(), rng, progress)
-            return query.refusal() or query.direct() or query.search()
+            query = Query(self.name, problem, motion, budget, as_seed(rng), progress, began)
+            return query.refusal() or _Search(self, query).run()
 
 
-class _Query:
-    """One call of `plan`: its tools, its clock, its answer so far."""
+class _Search:
+    """What is done for one query whose ends are free."""
 
-    def __init__(
-        self,
-        planner: OmplPlanner,
-        problem: Problem,
-        motion: MotionChecker,
-        began: float,
-        budget: Budget,
-        rng: Seed,
-        progress: ProgressCallback | None,
-    ) -> None:
-        from rr1plan.planners import _ompl
+    def __init__(self, planner: OmplPlanner, query: Query) -> None:
+        self.planner, self.query = planner, query
+        self.watch = Watch(query.budget, query.began, self.goes_on)
 
-        self.motion, self.began = motion, began
-        self.planner, self.problem, self.budget, self.progress = planner, problem, budget, progress
-        # Everything random follows from this one number, so the result's seed repeats it.
-        if isinstance(rng, int | np.integer) and not isinstance(rng, bool):
-            self.seed = int(rng)
-        else:
-            self.seed = int(as_generator(rng).integers(2**32))
-        self.rng = as_generator(self.seed)
-        self.motion = motion
-        self.edges_before = motion.edges_checked
-        self.watch = _ompl.Watch(budget, self.began, None if progress is None else self.report)
-        self.reported = self.began - _REPORTS
-        self.goals = np.empty((0, problem.nq))
+    def run(self) -> PlanResult:
+        """A straight line, or else OMPL's answer, certified once more.
 
-    # ---- the three stages ----------------------------------------------------------------------
-
-    def refusal(self) -> PlanResult | None:
-        """The answer to a problem without a usable start or goal."""
-        blocked = check_start(self.problem, self.motion)
-        if blocked:
-            return self.result(PlanStatus.INVALID_START, reason=blocked)
-        found = goal_configurations(self.problem, self.motion, self.rng)
-        if found.status is not None:
-            return self.result(found.status, reason=found.reason)
-        self.goals = with_copies(self.problem, found.configurations)
-        return None
-
-    def direct(self) -> PlanResult | None:
-        """The answer where the straight line to a near goal is free.
-
-        To the nearest one it is a shortest path; to others it is good enough for planners that stop
+        To the nearest goal a straight line is a shortest path; to others it is good enough for planners that stop
         at the first path.
         """
-        start = self.problem.start
-        if np.array_equal(self.goals[0], start):
-            return self.result(PlanStatus.SOLVED, start[None])
-        for goal in self.goals[: 1 if self.planner.optimizing else _DIRECT]:
-            if self.motion.edge_is_free(start, goal):
-                waypoints = np.array([start, goal])
-                tree = SearchTree(waypoints, np.array([[0, 1]])) if self.planner.tree else None
-                return self.result(PlanStatus.SOLVED, waypoints, tree=tree)
-        return None
+        query = self.query
+        goal = query.straight_goal(1 if self.planner.optimizing else _DIRECT)
+        if goal is not None:
+            waypoints = np.array([query.problem.start, goal])
+            tree = SearchTree(waypoints, np.array([[0, 1]])) if self.planner.tree else None
+            return query.result(PlanStatus.SOLVED, waypoints, tree=tree)
+        before = query.motion.edges_checked
+        answer = self.ask_ompl()
+        found, tree = answer.waypoints, answer.tree
+        certified = found is not None and query.motion.path_is_free(found)
+        query.iterations, query.edges = self.watch.checks, query.edges + query.motion.edges_checked - before
+        if self.watch.cancelled:
+            return query.unsolved("", tree=tree)
+        if found is None:
+            return query.result(PlanStatus.TIMEOUT, reason=self.why(answer.difference), tree=tree)
+        if not certified:
+            reason = "a path was found, but an edge of it passes too near to something to be certified again"
+            return query.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
+        length = float(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
+        if not self.watch.history or length < self.watch.history[-1][1]:
+            self.watch.history.append((query.seconds, length))
+        query.history = self.watch.history
+        return query.result(PlanStatus.SOLVED, found, tree=tree)
 
-    def search(self) -> PlanResult:
-        """The answer of OMPL, certified once more."""
+    def ask_ompl(self) -> Answer:
+        """OMPL's answer, with all columns of q."""
         from rr1plan.planners import _ompl
 
-        start, space = self.problem.start, Space.around(self.problem, self.goals)
-        if not space.can_move:
-            return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
+        space, start, is_free = self.query.space, self.query.problem.start, self.query.motion.edge_is_free
         # A configuration that is no certified edge has none either, so Coal need not be asked about it.
-        is_free = self.motion.edge_is_free
-        query = _ompl.Query(
+        question = Question(
             space.lower[space.movable],
             space.upper[space.movable],
             space.reduce(start),
-            space.reduce(self.goals),
+            space.reduce(self.query.goals),
             lambda q: is_free(space.whole(q, start), space.whole(q, start)),
             lambda a, b: is_free(space.whole(a, start), space.whole(b, start)),
         )
         kind = KINDS[self.planner.name].ompl
-        seed = int(self.rng.integers(1, 2**32))
-        settings = {**self.defaults(space), **self.planner.settings}
-        answer = _ompl.solve(kind, query, self.watch, seed, settings, tree=self.planner.tree)
-        tree = None if answer.tree is None else replace(answer.tree, vertices=space.whole(answer.tree.vertices, start))
-        if self.watch.cancelled:
-            return self.result(PlanStatus.CANCELLED, reason="the progress callback returned False", tree=tree)
-        if answer.waypoints is None:
-            return self.result(PlanStatus.TIMEOUT, reason=self.why(answer.difference), tree=tree)
-        waypoints = space.whole(answer.waypoints, start)
-        if not self.motion.path_is_free(waypoints):
-            reason = "a path was found, but an edge of it passes too near to something to be certified again"
-            return self.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
-        return self.result(PlanStatus.SOLVED, waypoints, tree=tree)
+        # Edges short enough for narrow passages, where the caller gives no length.
+        known = _ompl.setting_names(kind)
+        settings = {**({"range": _RANGE * space.diagonal} if "range" in known else {}), **self.planner.settings}
+        seed = int(as_generator(self.query.seed).integers(1, 2**32))
+        answer = _ompl.solve(kind, question, self.watch, seed, settings, tree=self.planner.tree)
+        tree, found = answer.tree, answer.waypoints
+        return replace(
+            answer,
+            waypoints=None if found is None else space.whole(found, start),
+            tree=None if tree is None else replace(tree, vertices=space.whole(tree.vertices, start)),
+        )
 
-    # ---- pieces ----------------------------------------------------------------------------------
-
-    def defaults(self, space: Space) -> dict[str, float]:
-        """Settings used where the caller gives none: edges short enough for narrow passages."""
-        from rr1plan.planners._ompl import setting_names
-
-        if "range" not in setting_names(KINDS[self.planner.name].ompl):
-            return {}
-        return {"range": _RANGE * space.diagonal}
+    def goes_on(self) -> bool:
+        """Tell the progress how far the search is; False when it wants to end it."""
+        self.query.iterations, self.query.history = self.watch.checks, self.watch.history
+        return not self.query.cancelled()
 
     def why(self, difference: float | None) -> str:
         """Why there is no path, in words."""
-        used = time.perf_counter() - self.began
         near = "" if difference is None else f"; the nearest it came to a goal is {difference:.3g} rad"
         done = "budget used up" if self.watch.over else "the planner gave up"
-        return f"no path found: {done} after {used:.3g} s and {self.watch.checks} iterations{near}"
-
-    def report(self, seconds: float, fraction: float, cost: float | None) -> bool:
-        """Tell the progress about ten times a second; False when it wants to end the search."""
-        now = time.perf_counter()
-        if self.progress is None or now - self.reported < _REPORTS:
-            return True
-        self.reported = now
-        return self.progress(Progress(self.planner.name, seconds, fraction, cost)) is not False
-
-    def result(
-        self, status: PlanStatus, waypoints: Array | None = None, *, reason: str = "", tree: SearchTree | None = None
-    ) -> PlanResult:
-        """The answer with the counts so far."""
-        path = None if waypoints is None else Path(self.problem.joint_names, waypoints)
-        seconds = time.perf_counter() - self.began
-        history = list(self.watch.history) if path is not None else []
-        if path is not None and (not history or path.length < history[-1][1]):
-            history.append((seconds, path.length))
-        return PlanResult(
-            status,
-            path,
-            reason,
-            planner=self.planner.name,
-            seed=self.seed,
-            seconds=seconds,
-            iterations=self.watch.checks,
-            edges_checked=self.motion.edges_checked - self.edges_before,
-            cost_history=tuple(history),
-            tree=tree,
-        )
+        return f"no path found: {done} after {self.query.seconds:.3g} s and {self.watch.checks} iterations{near}"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
 import textwrap
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,11 +18,12 @@ from rr1plan.planners.ompl import KINDS
 from rr1plan.planning import Budget
 
 OMPL_NAMES = sorted(kind.ompl for kind in KINDS.values())
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))  # noqa: PTH100, PTH120
+ROOT = Path(__file__).resolve().parents[2]
 
 WORLD = """
 import numpy as np
 from rr1plan.planners import _ompl
+from rr1plan.planners._ompl_question import Question, Watch
 from rr1plan.planning import Budget
 import time
 
@@ -37,14 +38,14 @@ def edge_valid(a, b):
     t = a[0] / (a[0] - b[0])
     return a[1] + t * (b[1] - a[1]) > 2.0 or min(a[1], b[1]) > 1.5
 
-def query(**changes):
+def question(**changes):
     parts = dict(lower=[-3, -3], upper=[3, 3], start=[-1, 0], goals=[[1, 0], [1, -1]],
                  state_valid=state_valid, edge_valid=edge_valid)
-    return _ompl.Query(**{**parts, **changes})
+    return Question(**{**parts, **changes})
 
-def solve(planner, iterations=4000, seconds=float("inf"), seed=1, settings={}, tree=False, report=None, **changes):
-    watch = _ompl.Watch(Budget(seconds=seconds, iterations=iterations), time.perf_counter(), report)
-    return _ompl.solve(planner, query(**changes), watch, seed, settings, tree=tree), watch
+def solve(planner, iterations=4000, seconds=float("inf"), seed=1, settings={}, tree=False, goes_on=None, **changes):
+    watch = Watch(Budget(seconds=seconds, iterations=iterations), time.perf_counter(), goes_on)
+    return _ompl.solve(planner, question(**changes), watch, seed, settings, tree=tree), watch
 """
 world: dict = {}
 exec(WORLD, world)
@@ -173,17 +174,16 @@ def test_the_clock_ends_a_search_whose_checks_are_slow():
     assert watch.over
 
 
-def test_the_report_can_cancel():
-    seen = []
+def test_a_search_ends_at_the_first_check_that_says_so():
+    asked = []
 
-    def report(seconds, fraction, cost):
-        seen.append((fraction, cost))
-        return len(seen) < 50
+    def goes_on():
+        asked.append(None)
+        return len(asked) < 50
 
-    _, watch = solve("RRTstar", report=report)
+    _, watch = solve("RRTstar", goes_on=goes_on)
     assert watch.cancelled
-    assert len(seen) == 50
-    assert all(0 < fraction <= 1 for fraction, _ in seen)
+    assert len(asked) == watch.checks == 50
 
 
 @pytest.mark.parametrize("planner", ["RRTstar", "InformedRRTstar", "SORRTstar", "AORRTC", "BITstar", "PRMstar"])
@@ -201,7 +201,7 @@ def test_optimizing_planners_report_falling_costs(planner):
 
 def test_an_exception_in_a_callback_arrives_unchanged_and_searching_goes_on():
     done = in_a_process(f"""
-        originals = dict(state_valid=state_valid, edge_valid=edge_valid, report=lambda *a: True)
+        originals = dict(state_valid=state_valid, edge_valid=edge_valid, goes_on=lambda: True)
         calls = 0
         def failing(original):
             def call(*arguments):
