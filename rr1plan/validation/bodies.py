@@ -117,7 +117,6 @@ class Bodies:
         self.half = np.array([s.half for s in self.solids], dtype=np.float64).reshape(-1, 3)
         self.local_rotation, self.local_origin = poses[:, :3, :3], poses[:, :3, 3]
         centers = np.array([s.center for s in self.solids], dtype=np.float64).reshape(-1, 3)
-        self._box_center = centers
         self.local_center = np.einsum("bij,bj->bi", self.local_rotation, centers) + self.local_origin
         self.moved = self.motion.movers[self.link].reshape(len(self.link), len(self.motion.column))
         # The joints that carry each body, padded to the same number with a joint that counts nothing.
