@@ -1,13 +1,11 @@
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
-"""A roadmap: free configurations, edges between near ones, the shortest way along them.
+"""A roadmap: free configurations, and edges between near ones; `ways.py` looks for the shortest way along them.
 
 Vertices are joined to their nearest ones, as many as keep shortest ways in reach (Karaman and Frazzoli,
-Sampling-based algorithms for optimal motion planning, 2011). An edge is only asked for when it is part of
-the shortest way that may be free (Bohlin and Kavraki, Path planning using lazy PRM, 2000), and remembered. So
-the answer is the shortest way along the free edges, whatever was asked before.
+Sampling-based algorithms for optimal motion planning, 2011).
 
 Edge e is the pair of half-edges 2 e and 2 e + 1, one for each direction; the half-edges out of a vertex are a
-linked list. Columns that wrap around hold angles in [-pi, pi), edges go the short way, and ways are unrolled.
+linked list. Columns that wrap around hold angles in [-pi, pi), and edges go the short way.
 """
 
 from __future__ import annotations
@@ -19,15 +17,17 @@ from rr1plan._kernels.edges import CONTEXT, edge_code
 from rr1plan._kernels.generator import STATE, draw_between
 from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INT1, OUT1, OUT2, jit
 
-GOING, FOUND, NONE, FULL = range(4)
+# How far the samples got.
+GOING, FULL = range(2)
+# What is known of an edge.
 UNKNOWN, FREE, BLOCKED = range(3)
 
 # Entries of `counts`: vertices and edges so far, samples drawn, edges asked for.
 VERTICES, EDGES, SAMPLES, ASKED = range(4)
 
-_TURN = 2.0 * np.pi
+TURN = 2.0 * np.pi
 _BLOCK = 64
-_MARKS = types.Array(boolean, 1, "C", readonly=True)
+MARKS = types.Array(boolean, 1, "C", readonly=True)
 _STATES = int8[::1]
 # Ends and next half-edges in the list, what is known of each, lengths of edges, first half-edges of vertices.
 GRAPH = types.Tuple((INT1, INT1, _STATES, OUT1, INT1))
@@ -36,12 +36,12 @@ GRAPH = types.Tuple((INT1, INT1, _STATES, OUT1, INT1))
 @jit(F64(F64), inline=True, allocates=False)
 def _short_way(difference):
     """The same turn, the short way."""
-    return difference - _TURN * np.rint(difference / _TURN)
+    return difference - TURN * np.rint(difference / TURN)
 
 
-@jit(F64(OUT2, I64, I64, _MARKS), allocates=False)
-def _distance(vertices, a, b, wraps):
-    """Distance of two vertices."""
+@jit(F64(OUT2, I64, I64, MARKS), allocates=False)
+def vertex_distance(vertices, a, b, wraps):
+    """Distance of two vertices, the short way."""
     square = 0.0
     for j in range(len(wraps)):
         difference = vertices[j, a] - vertices[j, b]
@@ -51,7 +51,7 @@ def _distance(vertices, a, b, wraps):
     return np.sqrt(square)
 
 
-@jit(types.void(OUT2, I64, FLOATS1, _MARKS, OUT1), allocates=False)
+@jit(types.void(OUT2, I64, FLOATS1, MARKS, OUT1), allocates=False)
 def _square_distances(vertices, count, q, wraps, squares):
     """Squared distances of the first vertices from q."""
     for i in range(count):
@@ -69,7 +69,7 @@ def _square_distances(vertices, count, q, wraps, squares):
                 squares[i] += difference * difference
 
 
-@jit(I64(OUT2, I64, FLOATS1, _MARKS, I64, OUT1, INT1, OUT1), allocates=False)
+@jit(I64(OUT2, I64, FLOATS1, MARKS, I64, OUT1, INT1, OUT1), allocates=False)
 def nearest_few(vertices, count, q, wraps, most, squares, nearest, distances):
     """The nearest vertices, nearest first, the first of equals before the others; how many there are.
 
@@ -119,7 +119,7 @@ def _join(graph, counts, a, b, length):
         first[origin] = h
 
 
-@jit(types.void(OUT2, GRAPH, INT1, FLOATS1, _MARKS, I64, OUT1, INT1, OUT1), allocates=False)
+@jit(types.void(OUT2, GRAPH, INT1, FLOATS1, MARKS, I64, OUT1, INT1, OUT1), allocates=False)
 def _insert(vertices, graph, counts, q, wraps, among, squares, nearest, distances):
     """One more vertex, joined to the nearest of the first `among`."""
     nq = len(q)
@@ -135,7 +135,7 @@ def _insert(vertices, graph, counts, q, wraps, among, squares, nearest, distance
         _join(graph, counts, v, nearest[k], distances[k])
 
 
-@jit(I64(OUT2, GRAPH, INT1, STATE, FLOATS1, FLOATS1, _MARKS, I64, CONTEXT))
+@jit(I64(OUT2, GRAPH, INT1, STATE, FLOATS1, FLOATS1, MARKS, I64, CONTEXT))
 def sample(vertices, graph, counts, state, lower, extent, wraps, samples, context):
     """Draw configurations and insert those that are free.
 
@@ -167,7 +167,7 @@ def sample(vertices, graph, counts, state, lower, extent, wraps, samples, contex
     return GOING
 
 
-@jit(types.void(OUT2, GRAPH, INT1, FLOATS2, _MARKS))
+@jit(types.void(OUT2, GRAPH, INT1, FLOATS2, MARKS))
 def attach(vertices, graph, counts, ends, wraps):
     """Insert the ends of a question: its start, then its goals; the start is joined to each goal, too.
 
@@ -184,10 +184,10 @@ def attach(vertices, graph, counts, ends, wraps):
     for i in range(len(ends)):
         _insert(vertices, graph, counts, ends[i], wraps, known, squares, nearest, distances)
     for i in range(1, len(ends)):
-        _join(graph, counts, known, known + i, _distance(vertices, known, known + i, wraps))
+        _join(graph, counts, known, known + i, vertex_distance(vertices, known, known + i, wraps))
 
 
-@jit(types.void(OUT2, GRAPH, INT1, FLOATS2, _MARKS))
+@jit(types.void(OUT2, GRAPH, INT1, FLOATS2, MARKS))
 def learn(vertices, graph, counts, path, wraps):
     """Insert the waypoints of a free path, and its edges; they are asked for like all others.
 
@@ -204,7 +204,7 @@ def learn(vertices, graph, counts, path, wraps):
         v = counts[VERTICES]
         _insert(vertices, graph, counts, path[i], wraps, v, squares, nearest, distances)
         if i > 0:
-            _join(graph, counts, v - 1, v, _distance(vertices, v - 1, v, wraps))
+            _join(graph, counts, v - 1, v, vertex_distance(vertices, v - 1, v, wraps))
 
 
 @jit(types.void(GRAPH, INT1, I64, I64), allocates=False)
@@ -217,154 +217,3 @@ def detach(graph, counts, vertices, edges):
             first[ends[h ^ 1]] = following[h]
     counts[EDGES] = edges
     counts[VERTICES] = vertices
-
-
-@jit(types.void(INT1, INT1, OUT1, I64, I64), allocates=False)
-def _rise(heap, place, costs, i, v):
-    """Put v where it belongs between place i of the heap and the top."""
-    while i > 0:
-        above = (i - 1) // 2
-        if costs[heap[above]] <= costs[v]:
-            break
-        heap[i] = heap[above]
-        place[heap[i]] = i
-        i = above
-    heap[i] = v
-    place[v] = i
-
-
-@jit(I64(INT1, INT1, OUT1, I64), allocates=False)
-def _pop(heap, place, costs, count):
-    """Take the cheapest of a heap of so many."""
-    top, v = heap[0], heap[count - 1]
-    size = count - 1
-    i = 0
-    while 2 * i + 1 < size:
-        below = 2 * i + 1
-        if below + 1 < size and costs[heap[below + 1]] < costs[heap[below]]:
-            below += 1
-        if costs[heap[below]] >= costs[v]:
-            break
-        heap[i] = heap[below]
-        place[heap[i]] = i
-        i = below
-    heap[i] = v
-    place[v] = i
-    return top
-
-
-@jit(F64(OUT2, I64, I64, I64, _MARKS), allocates=False)
-def _least_ahead(vertices, v, begin, end, wraps):
-    """Distance of a vertex from the nearest of the vertices begin .. end - 1."""
-    best = np.inf
-    for g in range(begin, end):
-        best = min(best, _distance(vertices, v, g, wraps))
-    return best
-
-
-@jit(I64(OUT2, GRAPH, INT1, I64, _MARKS, INT1))
-def _shortest_way(vertices, graph, counts, start, wraps, way):
-    """Half-edges of the shortest way, none of them known to be blocked, from `start` to any later vertex; -1: no way.
-
-    A* (Hart, Nilsson, Raphael 1968).
-    """
-    ends, following, known, lengths, first = graph
-    size = counts[VERTICES]
-    lowest, costs, ahead = np.empty(size), np.empty(size), np.empty(size)
-    via, heap, place = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64)
-    for v in range(size):
-        lowest[v] = np.inf
-    lowest[start], costs[start], via[start] = 0.0, 0.0, -1
-    heap[0], place[start], count = start, 0, 1
-    while count > 0:
-        v = _pop(heap, place, costs, count)
-        count -= 1
-        if v > start:
-            rows = 0
-            while via[v] >= 0:
-                way[rows] = via[v]
-                v = ends[via[v] ^ 1]
-                rows += 1
-            for k in range(rows // 2):
-                way[k], way[rows - 1 - k] = way[rows - 1 - k], way[k]
-            return rows
-        h = first[v]
-        while h >= 0:
-            w = ends[h]
-            length = lowest[v] + lengths[h // 2]
-            if known[h] != BLOCKED and length < lowest[w]:
-                if lowest[w] == np.inf:
-                    ahead[w] = _least_ahead(vertices, w, start + 1, size, wraps)
-                    place[w] = -1
-                if place[w] < 0 or heap[place[w]] != w or place[w] >= count:
-                    place[w] = count
-                    count += 1
-                lowest[w], via[w] = length, h
-                costs[w] = length + ahead[w]
-                _rise(heap, place, costs, place[w], w)
-            h = following[h]
-    return -1
-
-
-@jit(types.void(OUT2, GRAPH, INT1, I64, FLOATS1, _MARKS, OUT2), allocates=False)
-def _unroll(vertices, graph, way, rows, begin, wraps, path):
-    """Waypoints of a way, from a begin on, wrapping columns without jumps."""
-    ends = graph[0]
-    for j in range(len(begin)):
-        path[0, j] = begin[j]
-        for k in range(rows):
-            value = vertices[j, ends[way[k]]]
-            if wraps[j]:
-                value += _TURN * np.rint((path[k, j] - value) / _TURN)
-            path[k + 1, j] = value
-
-
-@jit(boolean(GRAPH, INT1, INT1, I64, OUT2, boolean, CONTEXT), allocates=False)
-def _is_free(graph, counts, way, rows, path, again, context):
-    """Whether a way is free; its edges are asked for, in its own direction, and remembered."""
-    known = graph[2]
-    free = True
-    for k in range(rows):
-        h = way[k]
-        if known[h] == FREE and not again:
-            continue
-        counts[ASKED] += 1
-        if edge_code(path[k], path[k + 1], context) == 0:
-            known[h] = FREE
-        else:
-            known[h] = BLOCKED
-            known[h ^ 1] = BLOCKED
-            free = False
-    return free
-
-
-@jit(types.Tuple((I64, I64))(OUT2, GRAPH, INT1, I64, FLOATS1, _MARKS, I64, OUT2, CONTEXT))
-def find_way(vertices, graph, counts, start, begin, wraps, rounds, path, context):
-    """The shortest free way from an attached start to the nearest of its goals, by so many attempts.
-
-    Args:
-        vertices: One a column, shape (nq, capacity).
-        graph: See `GRAPH`.
-        counts: See the constants of this file.
-        start: Index of the start; all later vertices are goals.
-        begin: The start itself, not wrapped, shape (nq,).
-        wraps: Which columns wrap around, shape (nq,).
-        rounds: How many ways to try.
-        path: Out: waypoints, shape (counts[VERTICES] + 1, nq).
-        context: See `edge_code`.
-
-    Returns:
-        FOUND, NONE (there is no way) or GOING (all that were tried are blocked), and the number of waypoints.
-    """
-    again = False
-    for j in range(len(wraps)):
-        again = again or wraps[j]
-    way = np.empty(counts[VERTICES], np.int64)
-    for _ in range(rounds):
-        rows = _shortest_way(vertices, graph, counts, start, wraps, way)
-        if rows < 0:
-            return NONE, 0
-        _unroll(vertices, graph, way, rows, begin, wraps, path)
-        if _is_free(graph, counts, way, rows, path, again, context):
-            return FOUND, rows + 1
-    return GOING, 0

@@ -1,4 +1,4 @@
-"""The arrays of a roadmap, and what the kernel (`rr1plan._kernels.roadmap`) does to them."""
+"""The arrays of a roadmap, and what the kernels (`rr1plan._kernels.roadmap`, `ways`) do to them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan._kernels import roadmap as kernel
+from rr1plan._kernels import ways
 from rr1plan.checks import Array
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
@@ -23,10 +24,10 @@ _sample: Callable[..., int] = kernel.sample
 _attach: Callable[..., None] = kernel.attach
 _detach: Callable[..., None] = kernel.detach
 _learn: Callable[..., None] = kernel.learn
-_find_way: Callable[..., tuple[int, int]] = kernel.find_way
+_find_way: Callable[..., tuple[int, int]] = ways.find_way
 _neighbours_of: Callable[[int, int], int] = kernel.neighbours_of
 
-KERNELS = (kernel.sample, kernel.attach, kernel.detach, kernel.learn, kernel.find_way)
+KERNELS = (kernel.sample, kernel.attach, kernel.detach, kernel.learn, ways.find_way)
 _T = TypeVar("_T", bound=np.generic)
 
 _CAPACITY = 256  # vertices to begin with
@@ -118,12 +119,12 @@ class Graph:
         pace = Pace()
         with self._attached(np.vstack([start, goals])):
             path: Array = np.empty((self.size + 1, len(start)))
-            code = kernel.GOING
-            while code == kernel.GOING and goes_on():
+            code = ways.GOING
+            while code == ways.GOING and goes_on():
                 with pace:
                     first = self.size - len(goals) - 1
                     code, rows = _find_way(*self._arrays, first, start, self._wraps, pace.steps, path, motion.context)
-        if code != kernel.FOUND:
+        if code != ways.FOUND:
             return None
         # A start that is a vertex already is a waypoint once.
         moves = (path[1:rows] != path[: rows - 1]).any(axis=1)
