@@ -64,6 +64,14 @@ class Watch:
         budget: When to stop.
         began: When the clock started (`time.perf_counter`) [s].
         goes_on: Asked at each check; False cancels.
+
+    Attributes:
+        checks: Termination checks so far.
+        over: The search has to end.
+        cancelled: Because `goes_on` said so.
+        error: What a callback raised.
+        best_cost: Tells the cost of the best path so far; set while a planner searches that knows it.
+        history: (seconds, cost) whenever it improved.
     """
 
     budget: Budget
@@ -74,7 +82,6 @@ class Watch:
     cancelled: bool = False
     error: BaseException | None = None
     best_cost: Callable[[], float] | None = None
-    cost: float | None = None
     history: list[tuple[float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -93,9 +100,8 @@ class Watch:
 
     def note(self, cost: float) -> None:
         """Remember a better cost."""
-        if np.isfinite(cost) and (self.cost is None or cost < self.cost):
-            self.cost = float(cost)
-            self.history.append((time.perf_counter() - self.began, self.cost))
+        if np.isfinite(cost) and (not self.history or cost < self.history[-1][1]):
+            self.history.append((time.perf_counter() - self.began, float(cost)))
 
     def guarded(self, answer: Callable[..., bool], failed: bool) -> Callable[..., bool]:
         """A callback that never raises: what it raised is kept and ends the search."""

@@ -107,7 +107,7 @@ class _Search:
 
     def __init__(self, planner: OmplPlanner, query: Query) -> None:
         self.planner, self.query = planner, query
-        self.watch = Watch(query.budget, query.began, self.goes_on)
+        self.watch = Watch(query.budget, query.began, self.goes_on, history=query.history)
 
     def run(self) -> PlanResult:
         """A straight line, or else OMPL's answer, certified once more.
@@ -133,10 +133,7 @@ class _Search:
         if not certified:
             reason = "a path was found, but an edge of it passes too near to something to be certified again"
             return query.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
-        length = float(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
-        if not self.watch.history or length < self.watch.history[-1][1]:
-            self.watch.history.append((query.seconds, length))
-        query.history = self.watch.history
+        self.watch.note(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
         return query.result(PlanStatus.SOLVED, found, tree=tree)
 
     def ask_ompl(self) -> Answer:
@@ -168,7 +165,7 @@ class _Search:
 
     def goes_on(self) -> bool:
         """Tell the progress how far the search is; False when it wants to end it."""
-        self.query.iterations, self.query.history = self.watch.checks, self.watch.history
+        self.query.iterations = self.watch.checks
         return not self.query.cancelled()
 
     def why(self, difference: float | None) -> str:
