@@ -44,7 +44,7 @@ SIZE_START, SIZE_GOAL, SAMPLES, EDGES, JOIN_START, JOIN_GOAL, PASSED, ROOTS_STAR
 
 _BLOCK = 64
 # So many samples in a row may be passed over: in spaces of many joints hardly any is near to anything.
-_MOST_PASSED = 8
+_MOST_PASSED = 4
 # A sample that no shorter path can pass is drawn again, so often.
 _TRIES = 16
 _TREE = float64[:, ::1]

@@ -23,9 +23,9 @@ _trace: Callable[..., Array] = kernel.trace
 # What a search calls.
 KERNELS = (kernel.plant, kernel.grow, kernel.trace)
 
-_STEP = 0.08  # longest edge of a tree, as a part of the space's diagonal
+_STEP = 0.06  # longest edge of a tree, as a part of the space's diagonal
 _SHORTEST = 1e-4  # the least that may be set, the same way
-_DOMAIN = 0.2  # how near to a vertex that has met an obstacle samples have to be, the same way
+_DOMAIN = 0.3  # how near to a vertex that has met an obstacle samples have to be, the same way
 _CAPACITY = 256  # vertices of each tree to begin with
 
 
