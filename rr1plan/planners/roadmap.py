@@ -129,9 +129,10 @@ class Roadmap:
 class RoadmapPlanner:
     """A roadmap that is kept with the scene, behind the verb of all planners.
 
-    It pays from the second question in a scene on, and the more obstacles there are: it then takes about two thirds of
-    the time of RRT-Connect, for a path that is some fifth shorter before shortcuts. Where few obstacles are in the way,
-    in a scene that is asked about once, or where the shortest path matters, RRT-Connect and `shorten` do better.
+    It pays from the second question in a scene on where many obstacles are in the way: among 120 boxes the median
+    question took a third of the time of RRT-Connect, for a path that was a fifth shorter before shortcuts. Where few
+    obstacles are in the way, in a scene that is asked about once, or where the shortest path matters, RRT-Connect and
+    `shorten` do better.
 
     It is built by the first question and never learns, so that no answer depends on what was asked before. An
     iteration is a sample, of the roadmap (whether or not it was drawn for an earlier question) or of the trees that
