@@ -24,8 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rr1plan._kernels.jit import build_all
-from rr1plan._kernels.rrt_connect import grow
+from rr1plan._kernels.jit import all_kept, build_all
 from rr1plan.checks import Seed, as_generator, known_name
 from rr1plan.errors import BackendError, InputError
 from rr1plan.pipeline import MotionPlan, plan_motion
@@ -33,6 +32,7 @@ from rr1plan.planners import plan, planner_names
 from rr1plan.planning import Budget, PlanResult, Progress, ProgressCallback
 from rr1plan.problem import Problem
 from rr1plan.retiming import retiming_names
+from rr1plan.validation.compiled import build_entries
 
 logger = logging.getLogger(__name__)
 
@@ -250,9 +250,11 @@ def _take(future: Future[list[Any]], chunk: list[_Task], chunks: deque[list[_Tas
 
 def _work_in_processes(chunks: list[list[_Task]], settings: _Settings, board: _Board, workers: int) -> None:
     """Work off all chunks in processes of our own; those lost with a process are asked again, each alone."""
-    if grow.is_kept() is False:
-        # Else each process would compile the same.
+    # Else each process would compile the same.
+    if not all_kept():
         build_all()
+    if settings.full:
+        build_entries()
     left = deque(chunks)
     while left and not board.cancelled:
         with _pool(workers) as pool:

@@ -11,7 +11,6 @@ import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -81,11 +80,14 @@ def test_spawned_processes_give_the_same_answers_whatever_their_number(problems)
         np.testing.assert_array_equal(one, two)
 
 
-@pytest.mark.parametrize(("kept", "built"), [(True, 0), (False, 1), (None, 0)])
-def test_what_was_never_compiled_is_compiled_before_processes_start(problems, monkeypatch, kept, built):
+@pytest.mark.parametrize(
+    ("kept", "full", "built"), [(True, False, []), (False, False, ["kernels"]), (True, True, ["referee"])]
+)
+def test_what_was_never_compiled_is_compiled_before_processes_start(problems, monkeypatch, kept, full, built):
     order = []
-    monkeypatch.setattr(batch, "grow", SimpleNamespace(is_kept=lambda: kept))
-    monkeypatch.setattr(batch, "build_all", lambda: order.append("built"))
+    monkeypatch.setattr(batch, "all_kept", lambda: kept)
+    monkeypatch.setattr(batch, "build_all", lambda: order.append("kernels"))
+    monkeypatch.setattr(batch, "build_entries", lambda: order.append("referee"))
 
     @contextmanager
     def pool(workers):
@@ -93,8 +95,8 @@ def test_what_was_never_compiled_is_compiled_before_processes_start(problems, mo
         yield InLine()
 
     monkeypatch.setattr(batch, "_pool", pool)
-    assert all(answer.solved for answer in batch.plan_many(problems[:2], workers=1, rng=0, full=False))
-    assert order == ["built"] * built + ["started"]
+    assert all(answer.solved for answer in batch.plan_many(problems[:2], workers=1, rng=0, full=full))
+    assert order == [*built, "started"]
 
 
 def test_a_problem_that_kills_its_process_is_the_only_one_lost(problems):

@@ -2,7 +2,7 @@
 
 To load compiled code takes milliseconds and to compile it seconds, so neither is done on import: a kernel is
 built when it is first called, or when a kernel that calls it has to be compiled. Code that is loaded holds that of all
-kernels it calls; those are not loaded.
+kernels it calls; those are not loaded. `kept_code.py` loads it.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import numba
 from numba.extending import typeof_impl
 
 from rr1plan._kernels.code_folder import code_folder, stamp_of
+from rr1plan.kept_code import keep
 
 # C arrays that a kernel only reads; an array that may be written is accepted too.
 FLOATS1 = numba.types.Array(numba.float64, 1, "C", readonly=True)
@@ -62,6 +63,7 @@ class Kernel:
         self._file = Path(function.__code__.co_filename)
         self._stamp = stamp_of(self._file)
         self._built: Any = None
+        self._linkable: Any = None
         _made.append(self)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -74,27 +76,42 @@ class Kernel:
         return None if folder is None else any(folder.glob(f"*/*.{self._function.__qualname__}-*.nbi"))
 
     def build(self) -> Any:
-        """What numba makes of it: loaded where it is kept, else compiled; made once."""
+        """What Python calls: loaded where it is kept, else compiled; made once."""
         if self._built is None:
-            folder = self._folder()
             with _undisturbed():
-                try:
-                    self._built = self._compile(folder)
-                except OSError as error:
-                    logger.warning("machine code cannot be kept in %s: %s", folder, error)
-                    self._built = self._compile(None)
+                self._built = self._make(for_compiling=False)
+                if not self._built.stats.cache_hits:
+                    self._linkable = self._built
         return self._built
+
+    def build_linkable(self) -> Any:
+        """What other kernels are compiled with, which takes longer to load; made once."""
+        if self._linkable is None:
+            with _undisturbed():
+                self._linkable = self._make(for_compiling=True)
+                self._built = self._built or self._linkable
+        return self._linkable
+
+    def _make(self, for_compiling: bool) -> Any:
+        folder = self._folder()
+        try:
+            return self._compile(folder, for_compiling)
+        except OSError as error:
+            logger.warning("machine code cannot be kept in %s: %s", folder, error)
+            return self._compile(None, for_compiling)
 
     def _folder(self) -> Path | None:
         """Where its code is kept, if it can be."""
         return code_folder(self._file, self._stamp) if self._stamp else None
 
-    def _compile(self, folder: Path | None) -> Any:
+    def _compile(self, folder: Path | None, for_compiling: bool) -> Any:
         if folder is None or not self.is_kept():
             _tell(folder)
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
         try:
-            made = numba.njit(cache=folder is not None, **self._options)(self._function)
+            made = numba.njit(**self._options)(self._function)
+            if folder is not None:
+                keep(made, for_compiling)
         finally:
             numba.config.CACHE_DIR = before
         made.compile(self._signature)
@@ -104,7 +121,7 @@ class Kernel:
 
 def _type_of(kernel: Kernel, _: Any) -> Any:
     """Inside another kernel, one is what numba made of it."""
-    return numba.types.Dispatcher(kernel.build())
+    return numba.types.Dispatcher(kernel.build_linkable())
 
 
 typeof_impl.register(Kernel)(_type_of)
@@ -131,13 +148,23 @@ def build_all(progress: Callable[[float], object] | None = None) -> None:
     Args:
         progress: Called with the fraction that is done.
     """
-    package = __name__.rpartition(".")[0]
-    for module in iter_modules(import_module(package).__path__):
-        import_module(f"{package}.{module.name}")
+    _import_all()
     for i, kernel in enumerate(_made):
         kernel.build()
         if progress is not None:
             progress((i + 1) / len(_made))
+
+
+def all_kept() -> bool:
+    """Whether the code of all kernels is on disk, or can be kept nowhere."""
+    _import_all()
+    return all(kernel.is_kept() is not False for kernel in _made)
+
+
+def _import_all() -> None:
+    package = __name__.rpartition(".")[0]
+    for module in iter_modules(import_module(package).__path__):
+        import_module(f"{package}.{module.name}")
 
 
 def _tell(folder: Path | None) -> None:

@@ -1,16 +1,23 @@
 """How the referee compiles its loops: strict floating point, one cached function for each entry.
 
-The referee shares no code with the planners' kernels, not even this. Only entries are cached on disk; the
-parts they call are compiled into them, so a new process loads one file for each entry. The cache looks at
+The referee shares no code with the planners' kernels; how machine code is read from disk is all they have in
+common. Only entries are cached on disk; the parts they call are compiled into them, so a new process loads one file
+for each entry, on its first call. The cache looks at
 the file of an entry alone: whoever edits a part touches the files of the entries that use it.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
+from functools import update_wrapper
 from typing import Any, TypeVar
 
 import numba
+
+from rr1plan.kept_code import is_kept, keep
+
+logger = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -23,22 +30,65 @@ COUNT1, COUNT2 = numba.int64[::1], numba.int64[:, ::1]
 F64, I64 = numba.float64, numba.int64
 
 
-def entry(signature: Any) -> Callable[[F], F]:
-    """Compile a function for one signature, or take it from the cache."""
+_entries: list[Entry] = []
+_told: list[str] = []
 
-    def compiled(function: F) -> F:
-        options = {"nogil": True, "error_model": "numpy"}
-        try:
-            made = numba.njit(signature, cache=True, **options)(function)
-        except RuntimeError as error:
-            # No folder to cache in: installed read-only and without a home.
-            if "cannot cache" not in str(error):
-                raise
-            made = numba.njit(signature, **options)(function)
-        result: F = made
-        return result
 
-    return compiled
+class Entry:
+    """A compiled function of plain arrays, built on its first call.
+
+    Args:
+        function: The function.
+        signature: Numba's types of its arguments.
+    """
+
+    def __init__(self, function: Callable[..., Any], signature: Any) -> None:
+        update_wrapper(self, function)
+        self._function = function
+        self._signature = signature
+        self._built: Any = None
+        _entries.append(self)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it."""
+        return (self._built or self.build())(*arguments)
+
+    def build(self) -> Any:
+        """What numba makes of it: loaded where it is kept, else compiled; made once."""
+        if self._built is None:
+            made = numba.njit(nogil=True, error_model="numpy")(self._function)
+            try:
+                keep(made)
+                kept = is_kept(made, self._signature)
+            except RuntimeError as error:
+                # No folder to cache in: installed read-only and without a home.
+                if "cannot cache" not in str(error):
+                    raise
+                kept = False
+            if not kept:
+                _tell()
+            made.compile(self._signature)
+            made.disable_compile()
+            self._built = made
+        return self._built
+
+
+def entry(signature: Any) -> Callable[[Callable[..., Any]], Entry]:
+    """Compile a function for one signature when it is first called, or take it from the cache."""
+    return lambda function: Entry(function, signature)
+
+
+def build_entries() -> None:
+    """Compile the referee's functions ahead, or find them in the cache."""
+    for made in _entries:
+        made.build()
+
+
+def _tell() -> None:
+    """Say once that the referee is compiled, before it is."""
+    if not _told:
+        _told.append("referee")
+        logger.warning("compiling the referee takes up to a minute, once")
 
 
 def part(function: F) -> F:

@@ -11,9 +11,10 @@ import numba
 import numpy as np
 import pytest
 
+from rr1plan import kept_code
 from rr1plan._kernels import code_folder as folders
 from rr1plan._kernels import jit as jit_module
-from rr1plan._kernels.jit import build_all
+from rr1plan._kernels.jit import all_kept, build_all
 
 KERNELS = Path(jit_module.__file__).parent
 
@@ -108,6 +109,40 @@ def test_code_that_is_kept_is_loaded_in_silence_and_its_callees_are_not(load, ca
     assert add.build().stats.cache_hits
     assert twice._built is None
     assert not caplog.records
+
+
+def test_a_kernel_that_was_loaded_is_compiled_into_another_one(load):
+    assert load()[0](1.0) == 2.0
+    twice, add = load()
+    assert twice(3.0) == 6.0
+    assert twice.build().stats.cache_hits
+    assert add(np.ones(3), 3) == 6.0
+    assert add.build().stats.cache_misses
+    assert twice(3.0) == 6.0
+
+
+def test_code_is_loaded_as_numba_does_it_where_the_short_way_fails(load, monkeypatch):
+    def other(*_):
+        raise AttributeError("no such name in this numba")
+
+    assert load()[1](np.ones(3), 3) == 6.0
+    monkeypatch.setattr(kept_code, "_callable", other)
+    _, add = load()
+    assert add(np.ones(3), 3) == 6.0
+    assert add.build().stats.cache_hits
+
+
+def test_whether_all_are_kept_is_known_without_building_them(load, monkeypatch):
+    monkeypatch.setattr(jit_module, "iter_modules", lambda path: [])
+    twice, add = load()
+    assert twice(1.0) == 2.0
+    assert not all_kept()
+    assert add(np.ones(2), 2) == 4.0
+    assert all_kept()
+    monkeypatch.setattr(folders, "_can_write", lambda folder: False)
+    folders.code_folder.cache_clear()
+    shutil.rmtree(twice._file.parent / "__pycache__")
+    assert all_kept()
 
 
 def test_all_can_be_built_ahead(load, monkeypatch):
@@ -218,7 +253,7 @@ def test_compiling_announces_itself_once_and_says_where_the_code_goes(load, capl
 
 def interrupt_while_compiling(kernel, monkeypatch):
     real = kernel._compile
-    monkeypatch.setattr(kernel, "_compile", lambda folder: (signal.raise_signal(signal.SIGINT), real(folder))[1])
+    monkeypatch.setattr(kernel, "_compile", lambda *how: (signal.raise_signal(signal.SIGINT), real(*how))[1])
 
 
 def test_ctrl_c_while_a_kernel_is_built_is_raised_once_it_is(load, monkeypatch):
