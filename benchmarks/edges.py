@@ -17,8 +17,10 @@ import numba
 import numpy as np
 
 import rr1plan as rp
+from rr1plan._kernels.cover import tables_of
 from rr1plan._kernels.intervals import sweep
 from rr1plan._kernels.motion import certify
+from rr1plan._kernels.placing import take_edge
 from rr1plan._kernels.swept import sweep_edge
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.swept import SweptEdges
@@ -31,7 +33,8 @@ _TOLERANCE = 1e-6
 def by_spheres(begins, ends, record, counts, answers):
     batches = 0
     for i in range(len(begins)):
-        answers[i] = sweep(begins[i], ends[i], record)
+        take_edge(begins[i], ends[i], tables_of(record)[1])
+        answers[i] = sweep(record)
         batches += counts[1]
     return batches
 

@@ -103,7 +103,8 @@ class Work(NamedTuple):
         speeds: Greatest speed of a group's points, by the joints that count; shape (g, longest chain + 1).
         pushes: Greatest acceleration, the same.
         near: Spheres of a body that are near another's ball, and in which lanes; shape (n, 2).
-        turns: Of each joint: rate and greatest value on the edge, shape (j, 2).
+        turns: Of each joint: value and rate at the begin, half the second derivative, greatest rate and greatest
+            value, shape (j, 5).
         items: Body, obstacle or other body, row of `meetings` (-1: an obstacle), pair, bits of the lanes in which
             it is open, a sphere of either that is too near; shape (k, 7).
         spans: Middle and half width of each interval, shape (n, 2).
@@ -116,7 +117,7 @@ class Work(NamedTuple):
         walk: `WIDTH` directions.
         counts: How many of those there are, batches looked at, the pair of a contact, edges so far; from 8 on
             the bits of the items that each lane is open for.
-        curve: The edge as the exact kernel takes it, shape (2, nq).
+        curve: Coefficients of the edge q(t) = sum_k curve[k] t^k, 0 <= t <= 1, shape (3, nq).
     """
 
     frames: np.ndarray

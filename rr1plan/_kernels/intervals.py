@@ -11,10 +11,10 @@ from numba import types
 
 from rr1plan._kernels.cover import LEFT_OUT, RECORD, WORK, tables_of
 from rr1plan._kernels.directions import separate
-from rr1plan._kernels.jit import FLOATS1, I64, jit
+from rr1plan._kernels.jit import I64, jit
 from rr1plan._kernels.lanes import LANES, WIDTH, load
 from rr1plan._kernels.meeting import LAST_BIT, meet_again, meet_families, meet_obstacles, touch
-from rr1plan._kernels.placing import FARTHEST, bound_motion, place_frames
+from rr1plan._kernels.placing import bound_motion, is_near, place_frames
 
 PROVEN, TOUCHES, OPEN, FULL = range(4)
 
@@ -100,13 +100,11 @@ def _whole(answer, batch, work):
     return answer
 
 
-@jit(I64(FLOATS1, FLOATS1, RECORD), allocates=False)
-def sweep(q0, q1, record):
-    """An edge against all obstacles and between its own bodies, by spheres and directions.
+@jit(I64(RECORD), allocates=False)
+def sweep(record):
+    """The edge in `Work.curve` against all obstacles and between its own bodies, by spheres and directions.
 
     Args:
-        q0: Begin, shape (nq,).
-        q1: End, shape (nq,).
         record: Of `cover.TABLES`.
 
     Returns:
@@ -116,11 +114,9 @@ def sweep(q0, q1, record):
     cover, work, _, _ = tables_of(record)
     work.counts[0], work.counts[1] = 0, 0
     work.counts[3] += 1
-    for c in range(q0.shape[0]):
-        # A comparison that NaN fails as well.
-        if not (abs(q0[c]) < FARTHEST and abs(q1[c]) < FARTHEST):
-            return _whole(OPEN, 0, work)
-    bound_motion(q0, q1, cover, work)
+    if not is_near(work):
+        return _whole(OPEN, 0, work)
+    bound_motion(cover, work)
     work.placed[:] = 0
     head, tail, count, batch = 0, WIDTH, 0, 0
     for i in range(WIDTH):
@@ -134,13 +130,13 @@ def sweep(q0, q1, record):
             work.lanes[i], work.lanes[WIDTH + i] = work.spans[k, 0], work.spans[k, 1]
             work.counts[8 + i] = 0
         t, h = load(work.lanes, 0), load(work.lanes, WIDTH)
-        place_frames(q0, t, cover, work)
+        place_frames(t, cover, work)
         if batch == 1:
-            count = meet_obstacles(q0, q1, h, record)
+            count = meet_obstacles(h, record)
             if count >= 0:
-                count = meet_families(count, q0, q1, h, record)
+                count = meet_families(count, h, record)
         else:
-            count = meet_again(count, head, taken, batch, q0, q1, h, record)
+            count = meet_again(count, head, taken, batch, h, record)
         if count < 0:
             return _whole(TOUCHES, batch, work)
         answer, count = _meet_by_directions(count, batch, h, record)

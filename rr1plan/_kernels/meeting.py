@@ -10,7 +10,7 @@ import numpy as np
 from numba import types
 
 from rr1plan._kernels.cover import ALL, CELLS, COVER, RECORD, SPHERE, WORK, tables_of
-from rr1plan._kernels.jit import F64, FLOATS1, I64, jit
+from rr1plan._kernels.jit import F64, I64, jit
 from rr1plan._kernels.lanes import LANES, WIDTH, below, least, load, most
 from rr1plan._kernels.placing import place_ball
 from rr1plan._kernels.spheres import approaching, meet_body, meet_obstacle
@@ -19,16 +19,20 @@ from rr1plan._kernels.spheres import approaching, meet_body, meet_obstacle
 LAST_BIT = 62
 
 
-@jit(I64(I64, FLOATS1, FLOATS1, F64, F64, COVER), inline=True, allocates=False)
-def _mapped(m, q0, q1, t0, t1, cover):
-    """1 if the map of a meeting proves it free between two times of an edge."""
+@jit(I64(I64, F64, F64, COVER, WORK), inline=True, allocates=False)
+def _mapped(m, t0, t1, cover, work):
+    """1 if the map of a meeting proves it free between two times of the edge."""
+    curve = work.curve
     begin, width = cover.meetings[m, 4], cover.meetings[m, 5]
     x0, x1, y0, y1 = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     for side in range(2):
         c = cover.meetings[m, 6 + side]
-        a, b = q0[c] + t0 * (q1[c] - q0[c]), q0[c] + t1 * (q1[c] - q0[c])
-        first = np.floor((min(a, b) - cover.map_ranges[m, 2 * side]) * cover.map_ranges[m, 2 * side + 1])
-        last = np.floor((max(a, b) - cover.map_ranges[m, 2 * side]) * cover.map_ranges[m, 2 * side + 1])
+        a = curve[0, c] + t0 * (curve[1, c] + t0 * curve[2, c])
+        b = curve[0, c] + t1 * (curve[1, c] + t1 * curve[2, c])
+        # So far a parabola gets away from the straight line between its ends.
+        aside = 0.25 * (t1 - t0) * (t1 - t0) * abs(curve[2, c])
+        first = np.floor((min(a, b) - aside - cover.map_ranges[m, 2 * side]) * cover.map_ranges[m, 2 * side + 1])
+        last = np.floor((max(a, b) + aside - cover.map_ranges[m, 2 * side]) * cover.map_ranges[m, 2 * side + 1])
         cells = CELLS if side == 0 or width > 1 else 1
         if side == 1 and width == 1:
             first, last = 0.0, 0.0
@@ -44,8 +48,8 @@ def _mapped(m, q0, q1, t0, t1, cover):
     return 1 if inside == 0 else 0
 
 
-@jit(I64(I64, I64, FLOATS1, FLOATS1, COVER, WORK), inline=True, allocates=False)
-def _unmapped(m, asked, q0, q1, cover, work):
+@jit(I64(I64, I64, COVER, WORK), inline=True, allocates=False)
+def _unmapped(m, asked, cover, work):
     """The lanes of those asked for in which no map proves a meeting free."""
     if cover.meetings[m, 4] < 0:
         return asked
@@ -53,7 +57,7 @@ def _unmapped(m, asked, q0, q1, cover, work):
     for i in range(WIDTH):
         if asked >> i & 1:
             t, h = work.lanes[i], work.lanes[WIDTH + i]
-            if _mapped(m, q0, q1, t - h, t + h, cover):
+            if _mapped(m, t - h, t + h, cover, work):
                 left &= ~(1 << i)
     return left
 
@@ -87,14 +91,14 @@ def touch(pair, lanes, work):
     work.open_spans[0, 0] = work.lanes[lane]
 
 
-@jit(I64(I64, I64, FLOATS1, FLOATS1, LANES, RECORD), allocates=False)
-def _meet(k, batch, q0, q1, h, record):
+@jit(I64(I64, I64, LANES, RECORD), allocates=False)
+def _meet(k, batch, h, record):
     """An item in the lanes in which it is open, which become fewer; bits of those with a contact."""
     cover, work, _, _ = tables_of(record)
     items = work.items
     asked, pair, m = items[k, 4], items[k, 3], items[k, 2]
     if m >= 0:
-        asked = _unmapped(m, asked, q0, q1, cover, work)
+        asked = _unmapped(m, asked, cover, work)
         if asked == 0:
             items[k, 4] = 0
             return 0
@@ -108,8 +112,8 @@ def _meet(k, batch, q0, q1, h, record):
     return found[1]
 
 
-@jit(I64(I64, I64, I64, FLOATS1, FLOATS1, LANES, I64, RECORD), inline=True, allocates=False)
-def _meet_boxes(count, b, o, q0, q1, h, near, record):
+@jit(I64(I64, I64, I64, LANES, I64, RECORD), inline=True, allocates=False)
+def _meet_boxes(count, b, o, h, near, record):
     """Add to so many items those obstacles near a body that spheres do not clear; -1 for a contact."""
     cover, work, _, _ = tables_of(record)
     items = work.items
@@ -117,7 +121,7 @@ def _meet_boxes(count, b, o, q0, q1, h, near, record):
         if near & 1 and cover.pair_of[b, o] >= 0:
             items[count, 0], items[count, 1], items[count, 2] = b, o, -1
             items[count, 3], items[count, 4] = cover.pair_of[b, o], ALL
-            if _meet(count, 1, q0, q1, h, record):
+            if _meet(count, 1, h, record):
                 return -1
             count += 1 if items[count, 4] else 0
         near >>= 1
@@ -125,8 +129,8 @@ def _meet_boxes(count, b, o, q0, q1, h, near, record):
     return count
 
 
-@jit(I64(FLOATS1, FLOATS1, LANES, RECORD), inline=True, allocates=False)
-def meet_obstacles(q0, q1, h, record):
+@jit(I64(LANES, RECORD), inline=True, allocates=False)
+def meet_obstacles(h, record):
     """List the obstacles that spheres do not clear on the whole edge, the bodies farthest from the base first.
 
     The number of items, or -1 for a contact.
@@ -151,14 +155,14 @@ def meet_obstacles(q0, q1, h, record):
                 near = work.masks[o // WIDTH]
                 if near and last - first > 1:
                     near &= _boxes_near(box, o, cover)
-                count = _meet_boxes(count, b, o, q0, q1, h, near, record)
+                count = _meet_boxes(count, b, o, h, near, record)
                 if count < 0:
                     return -1
     return count
 
 
-@jit(I64(I64, FLOATS1, FLOATS1, LANES, RECORD), inline=True, allocates=False)
-def meet_families(count, q0, q1, h, record):
+@jit(I64(I64, LANES, RECORD), inline=True, allocates=False)
+def meet_families(count, h, record):
     """Add to so many items the bodies that neither maps nor spheres tell apart on the whole edge; -1 for a contact."""
     cover, work, _, _ = tables_of(record)
     items, families, groups = work.items, cover.families, cover.groups
@@ -169,18 +173,18 @@ def meet_families(count, q0, q1, h, record):
             one, two = groups[g, 1], groups[other, 1]
             near = approaching(g, one, other, two, shared, ALL, cover.margins[1], h, cover, work)
         for m in range(families[f, 3], families[f, 4] if near else 0):
-            if cover.meetings[m, 4] >= 0 and _mapped(m, q0, q1, 0.0, 1.0, cover):
+            if cover.meetings[m, 4] >= 0 and _mapped(m, 0.0, 1.0, cover, work):
                 continue
             items[count, 0], items[count, 1], items[count, 2] = cover.meetings[m, 0], cover.meetings[m, 1], m
             items[count, 3], items[count, 4] = cover.meetings[m, 3], near
-            if _meet(count, 1, q0, q1, h, record):
+            if _meet(count, 1, h, record):
                 return -1
             count += 1 if items[count, 4] else 0
     return count
 
 
-@jit(I64(I64, I64, I64, I64, FLOATS1, FLOATS1, LANES, RECORD), inline=True, allocates=False)
-def meet_again(count, head, taken, batch, q0, q1, h, record):
+@jit(I64(I64, I64, I64, I64, LANES, RECORD), inline=True, allocates=False)
+def meet_again(count, head, taken, batch, h, record):
     """The items in the lanes of a later batch in which they are open; their number, or -1 for a contact."""
     _, work, _, _ = tables_of(record)
     for k in range(count):
@@ -188,6 +192,6 @@ def meet_again(count, head, taken, batch, q0, q1, h, record):
         for i in range(taken):
             asked |= (work.span_items[head + i] >> min(k, LAST_BIT) & 1) << i
         work.items[k, 4] = asked
-        if asked and _meet(k, batch, q0, q1, h, record):
+        if asked and _meet(k, batch, h, record):
             return -1
     return count

@@ -1,8 +1,18 @@
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
 """Where frames and spheres are at several times of an edge, how fast, and how much that can change.
 
-The bound of a sphere's acceleration is the sum over pairs of joints of their speeds times how far the sphere can
-be from the farther one's axis.
+An edge is q(t) = q0 + d t + c t^2, 0 <= t <= 1, with c = 0 where it is straight. Rates d + 2 c t are greatest at one
+of its ends; the second derivative is 2 c.
+
+Let y be a point in the frame that a joint carries. That joint turns by an angle a(t), or slides by s(t) along a unit
+vector u, so in its parent's frame the point is x = R(a) y or x = y + s u. With r the distance from the axis,
+
+    |x'| <= |a'| r + |y'|,    |x''| <= a'^2 r + 2 |a'| |y'| + |a''| r + |y''|    or
+    |x'| <= |s'| + |y'|,      |x''| <= |s''| + |y''|,
+
+because R's derivatives act on y as w x y, and as w x (w x y) + w' x y, and w is along the axis. From the last joint to
+the first, with the greatest rates and the greatest r, this bounds speed and acceleration of every point of a group in
+the frame of any joint above it: a term for each pair of joints, and one for each joint that is accelerated itself.
 """
 
 from __future__ import annotations
@@ -10,7 +20,7 @@ from __future__ import annotations
 from numba import types
 
 from rr1plan._kernels.cover import COVER, FRAME, SLACK, SPHERE, WORK
-from rr1plan._kernels.jit import FLOATS1, I64, jit
+from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, jit
 from rr1plan._kernels.lanes import LANES, WIDTH, fill, floor, lesser, load, root, store
 
 # Angles beyond this are not reduced precisely enough [rad].
@@ -49,13 +59,51 @@ def sine_cosine(angle):
     return sign_s * (s + odd * (c - s)), sign_c * (c + odd * (s - c))
 
 
-@jit(types.void(FLOATS1, FLOATS1, COVER, WORK), inline=True, allocates=False)
-def bound_motion(q0, q1, cover, work):
-    """Greatest speeds and accelerations on an edge, by group and by the joints that count."""
+@jit(types.void(FLOATS1, FLOATS1, WORK), inline=True, allocates=False)
+def take_edge(q0, q1, work):
+    """The edge is the straight line from q0 to q1."""
+    for c in range(q0.shape[0]):
+        work.curve[0, c], work.curve[1, c], work.curve[2, c] = q0[c], q1[c] - q0[c], 0.0
+
+
+@jit(types.void(FLOATS2, F64, WORK), inline=True, allocates=False)
+def take_parabola(curve, duration, work):
+    """The edge is sum_k curve[k] t^k, 0 <= t <= duration, of degree 2 at most."""
+    for c in range(curve.shape[1]):
+        factor = 1.0
+        for k in range(3):
+            work.curve[k, c] = curve[k, c] * factor if k < curve.shape[0] else 0.0
+            factor *= duration
+
+
+@jit(I64(WORK), inline=True, allocates=False)
+def is_near(work):
+    """1 if all angles of the edge are below `FARTHEST`."""
+    curve = work.curve
+    for c in range(curve.shape[1]):
+        begin, bend = curve[0, c], abs(curve[2, c])
+        # Comparisons that NaN fails as well.
+        if not (abs(begin) + bend < FARTHEST and abs(begin + curve[1, c] + curve[2, c]) + bend < FARTHEST):
+            return 0
+    return 1
+
+
+@jit(types.void(COVER, WORK), inline=True, allocates=False)
+def _bound_joints(cover, work):
+    """How the edge moves each joint: `turns`."""
     for j in range(1, cover.joints.shape[0]):
         column, gain = cover.joints[j, 2], cover.joint_values[j, 12]
-        work.turns[j, 0] = gain * (q1[column] - q0[column])
-        work.turns[j, 1] = abs(gain) * max(abs(q0[column]), abs(q1[column]))
+        begin, rate, bend = gain * work.curve[0, column], gain * work.curve[1, column], gain * work.curve[2, column]
+        work.turns[j, 0], work.turns[j, 1], work.turns[j, 2] = begin, rate, bend
+        work.turns[j, 3] = max(abs(rate), abs(rate + 2.0 * bend)) * SLACK
+        # From the straight line between its ends a parabola gets away by a quarter of |c|.
+        work.turns[j, 4] = max(abs(begin), abs(begin + rate + bend)) + 0.25 * abs(bend)
+
+
+@jit(types.void(COVER, WORK), inline=True, allocates=False)
+def bound_motion(cover, work):
+    """Greatest speeds and accelerations on the edge, by group and by the joints that count."""
+    _bound_joints(cover, work)
     for g in range(cover.groups.shape[0]):
         first, last = cover.groups[g, 4], cover.groups[g, 5]
         speed, push, beyond = 0.0, 0.0, 0.0
@@ -63,33 +111,34 @@ def bound_motion(q0, q1, cover, work):
         work.pushes[g, last - first] = 0.0
         for k in range(last - 1, first - 1, -1):
             j = cover.chain[k]
-            rate = abs(work.turns[j, 0]) * SLACK
+            rate, bend = work.turns[j, 3], 2.0 * SLACK * abs(work.turns[j, 2])
             if cover.joints[j, 1] == 1:
-                # It pushes all alike: what hangs on it accelerates by the joints before it only.
+                push += bend
                 speed += rate
-                beyond += work.turns[j, 1]
+                beyond += work.turns[j, 4]
             else:
-                swing = rate * (cover.chain_reach[k] + beyond)
-                push += rate * (swing + 2.0 * speed)
+                reach = cover.chain_reach[k] + beyond
+                swing = rate * reach
+                push += rate * (swing + 2.0 * speed) + bend * reach
                 speed += swing
             work.speeds[g, k - first] = speed
             work.pushes[g, k - first] = push
 
 
-@jit(types.void(FLOATS1, LANES, COVER, WORK), inline=True, allocates=False)
-def place_frames(q0, t, cover, work):
-    """World poses and velocities of all joints at the times t of an edge that begins at q0."""
+@jit(types.void(LANES, COVER, WORK), inline=True, allocates=False)
+def place_frames(t, cover, work):
+    """World poses and velocities of all joints at the times t of the edge."""
     frames = work.frames
     for j in range(1, cover.joints.shape[0]):
         parent = cover.joints[j, 0] * FRAME
         at = j * FRAME
-        rate = work.turns[j, 0]
-        value = t * rate + cover.joint_values[j, 12] * q0[cover.joints[j, 2]]
+        rate = t * (2.0 * work.turns[j, 2]) + work.turns[j, 1]
+        value = t * (t * work.turns[j, 2] + work.turns[j, 1]) + work.turns[j, 0]
         turn, shift = fill(0.0), value
         s, c = fill(0.0), fill(1.0)
         if cover.joints[j, 1] == 0:
             s, c = sine_cosine(value)
-            turn, shift = fill(rate), fill(0.0)
+            turn, shift = rate, fill(0.0)
         for r in range(3):
             row = parent + 3 * r * WIDTH
             a, b, d = load(frames, row), load(frames, row + WIDTH), load(frames, row + 2 * WIDTH)

@@ -1,8 +1,8 @@
 """Certified motions: a whole edge or curve is proven free, not sampled.
 
-The proof is in `rr1plan._kernels`: straight edges by `swept`, curves by `motion`. It leaves no gap between samples
-for a thin obstacle to slip through. What passes at less than `tolerance` beyond the padding is not proven, so it is
-refused.
+The proof is in `rr1plan._kernels`: straight edges and parabolas by `swept`, other curves by `motion`. It leaves no gap
+between samples for a thin obstacle to slip through. What passes at less than `tolerance` beyond the padding is not
+proven, so it is refused.
 """
 
 from __future__ import annotations
@@ -176,11 +176,23 @@ class MotionChecker:
         Raises:
             InputError: wrong shape, no coefficient, not finite, or a negative duration.
         """
-        curve = finite_array("coefficients", coefficients, (None, self.checker.nq))
-        duration = finite_number("duration", duration)
-        if len(curve) == 0 or duration < 0.0:
-            raise InputError(f"a curve of {len(curve)} coefficients and duration {duration}, expected >= 1 and >= 0")
-        return self._certify(curve, duration)[0] == FREE
+        curve, duration = self._checked_curve(coefficients, duration)
+        if len(curve) > 3:
+            return self._certify(curve, duration)[0] == FREE
+        self.edges_checked += 1
+        return self._straight().look_along_parabola(curve, duration)[0] == FREE
+
+    def polynomial_is_free_slowly(self, coefficients: Any, duration: float) -> bool:
+        """The answer of `polynomial_is_free`, by the exact kernel alone; it is what tests hold that to.
+
+        Args:
+            coefficients: c_k [rad/s^k or m/s^k], shape (k + 1, nq).
+            duration: End of the curve [s], >= 0.
+
+        Raises:
+            InputError: wrong shape, no coefficient, not finite, or a negative duration.
+        """
+        return self._certify(*self._checked_curve(coefficients, duration))[0] == FREE
 
     def first_contact(self, q0: Any, q1: Any) -> FirstContact | None:
         """Where the straight line from q0 to q1 first touches something, or None when it is free.
@@ -207,6 +219,13 @@ class MotionChecker:
             else:
                 blocked, pair = middle, found
         return FirstContact(free, read_only(q0 + free * (q1 - q0)), self._names(pair))
+
+    def _checked_curve(self, coefficients: Any, duration: float) -> tuple[Array, float]:
+        curve = finite_array("coefficients", coefficients, (None, self.checker.nq))
+        duration = finite_number("duration", duration)
+        if len(curve) == 0 or duration < 0.0:
+            raise InputError(f"a curve of {len(curve)} coefficients and duration {duration}, expected >= 1 and >= 0")
+        return curve, duration
 
     def _take_edge(self, q0: Array, q1: Array) -> None:
         self._edge[0] = q0

@@ -65,7 +65,7 @@ def _work(made: Cover, columns: int) -> Work:
         np.zeros((len(made.groups), longest + 1)),
         np.zeros((len(made.groups), longest + 1)),
         np.zeros((len(made.spheres), 2), np.int64),
-        np.zeros((len(made.joints), 2)),
+        np.zeros((len(made.joints), 5)),
         np.zeros((items + 1, 7), np.int64),
         np.zeros((_SPANS, 2)),
         np.zeros(_SPANS, np.int64),
@@ -76,7 +76,7 @@ def _work(made: Cover, columns: int) -> Work:
         np.zeros(items, np.int64),
         np.zeros(3 * WIDTH),
         np.zeros(8 + WIDTH, np.int64),
-        np.zeros((2, columns)),
+        np.zeros((3, columns)),
     )
 
 

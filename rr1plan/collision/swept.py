@@ -1,4 +1,4 @@
-"""Certified straight edges by spheres first, exactly where they leave something open."""
+"""Certified straight edges and parabolas by spheres first, exactly where they leave something open."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ from rr1plan._kernels.motion import FREE
 from rr1plan._kernels.record import pack
 from rr1plan._kernels.swept import CONFIGURATIONS, EDGES, EXACT_EDGES, GAPS
 from rr1plan._kernels.swept import sweep_edge as _sweep_edge_untyped
+from rr1plan._kernels.swept import sweep_parabola as _sweep_parabola_untyped
 from rr1plan.checks import Array
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.exact_tables import build_tables
 from rr1plan.collision.sphere_tables import build_cover
 
 _sweep_edge: Callable[..., tuple[int, float, int]] = _sweep_edge_untyped
+_sweep_parabola: Callable[..., tuple[int, float, int]] = _sweep_parabola_untyped
 
 
 class SweptEdges:
-    """Straight edges of a checker's moving arms, proven by spheres where that is possible.
+    """Straight edges and parabolas of a checker's moving arms, proven by spheres where that is possible.
 
     The answers are those of `MotionChecker`. An instance keeps scratch memory: give each thread its own.
 
@@ -83,3 +85,9 @@ class SweptEdges:
         if not self._checker.resting_is_free:
             return FREE + 1, 0.0, -1
         return _sweep_edge(q0, q1, self.record)
+
+    def look_along_parabola(self, curve: Array, duration: float) -> tuple[int, float, int]:
+        """The same of a curve sum_k curve[k] t^k, 0 <= t <= duration, of degree 2 at most."""
+        if not self._checker.resting_is_free:
+            return FREE + 1, 0.0, -1
+        return _sweep_parabola(curve, duration, self.record)

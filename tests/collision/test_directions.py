@@ -10,7 +10,7 @@ from rr1plan._kernels.cover import RECORD, tables_of
 from rr1plan._kernels.directions import separate
 from rr1plan._kernels.jit import F64, FLOATS1, I64
 from rr1plan._kernels.lanes import WIDTH, fill
-from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres
+from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres, take_edge
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.library import load_scene
@@ -29,8 +29,9 @@ def ask(begin, end, a, b, o, near, padding, push, half, record):
     cover, work, _, _ = tables_of(record)
     work.counts[3] += 1
     h = fill(half)
-    bound_motion(begin, end, cover, work)
-    place_frames(begin, fill(0.5), cover, work)
+    take_edge(begin, end, work)
+    bound_motion(cover, work)
+    place_frames(fill(0.5), cover, work)
     for k in range(cover.bodies.shape[0]):
         place_ball(cover.bodies[k, 3], cover.bodies[k, 1], h, cover, work)
         place_spheres(k, h, cover, work)

@@ -9,7 +9,7 @@ import pytest
 from rr1plan._kernels.cover import RECORD, SPHERE, tables_of
 from rr1plan._kernels.jit import FLOATS1, OUT1
 from rr1plan._kernels.lanes import WIDTH, fill, load
-from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres
+from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres, take_edge
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.groups import ball_around, families_of
 from rr1plan.collision.swept import SweptEdges
@@ -24,8 +24,9 @@ def place(begin, end, times, half, record):
     """Place all spheres at some times of an edge, with their travel in so much time to both sides."""
     cover, work, _, _ = tables_of(record)
     h = fill(half)
-    bound_motion(begin, end, cover, work)
-    place_frames(begin, load(times, 0), cover, work)
+    take_edge(begin, end, work)
+    bound_motion(cover, work)
+    place_frames(load(times, 0), cover, work)
     for g in range(cover.groups.shape[0]):
         place_ball(g, cover.groups[g, 1], h, cover, work)
         for b in range(cover.groups[g, 2], cover.groups[g, 3]):

@@ -1,6 +1,7 @@
-"""What the kernels claim of a whole interval, on random robots, against dense samples of plain kinematics and Coal.
+"""What the kernels claim of an interval of a parabola, on random robots, against dense samples of plain kinematics.
 
-Nothing is ever proven at a padding that a sample undercuts: so each claim is asked at the edge of being wrong.
+Distances are Coal's. Nothing is ever proven at a padding that a sample undercuts: so each claim is asked at the edge of
+being wrong.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from hypothesis import strategies as st
 from rr1plan._kernels.cover import RECORD, tables_of
 from rr1plan._kernels.exact import EXACT
 from rr1plan._kernels.intervals import _separate
-from rr1plan._kernels.jit import F64, FLOATS1, I64, OUT1
+from rr1plan._kernels.jit import F64, FLOATS2, I64, OUT1
 from rr1plan._kernels.lanes import WIDTH, fill, store
-from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres, velocity_of
+from rr1plan._kernels.motion import FREE
+from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres, take_parabola, velocity_of
 from rr1plan._kernels.poses import bound_travel, place_body, place_joints
 from rr1plan._kernels.record import pack
 from rr1plan._kernels.spheres import meet_body, meet_obstacle
@@ -79,7 +81,7 @@ def random_robot(rng, shape):
 
 
 class World:
-    """A random robot among obstacles, a random stretch of an edge, and where all is at samples of it."""
+    """A random robot among obstacles, a random stretch of a parabola or a line, and where all is at samples of it."""
 
     def __init__(self, seed, shape, samples=33):
         rng = self.rng = np.random.default_rng(seed)
@@ -98,12 +100,17 @@ class World:
         self.cover, self.work = self.edges.tables[:2]
         self.pairs = self.checker.solid_pairs.tolist()
         step = rng.normal(size=self.checker.nq) * 10.0 ** rng.uniform(-2.0, 0.3)
-        self.begin = rng.uniform(-2.0, 2.0, self.checker.nq)
-        self.end = self.begin + step
+        kinds = [0.0 * step, -step, *(rng.normal(size=step.size) * size * np.abs(step).max() for size in (0.3, 3.0))]
+        bend = kinds[rng.integers(len(kinds))]
+        self.curve = np.array([rng.uniform(-2.0, 2.0, self.checker.nq), step, bend])
         self.middle = rng.uniform(0.2, 0.8)
         self.half = rng.uniform(0.02, min(self.middle, 1.0 - self.middle))
         self.times = self.middle + self.half * np.linspace(-1.0, 1.0, samples)
-        self.places = [self.place(self.begin + t * (self.end - self.begin)) for t in self.times]
+        self.places = [self.place(self.at(t)) for t in self.times]
+
+    def at(self, t):
+        """The configuration at a time of the parabola."""
+        return self.curve[0] + t * self.curve[1] + t**2 * self.curve[2]
 
     def place(self, q):
         """World pose of every solid, by numpy."""
@@ -135,7 +142,7 @@ class World:
     def take_interval(self):
         """Place everything in the kernel's memory at the middle of the interval; place, travel and speed of spheres."""
         speeds = np.zeros(len(self.cover.spheres) * 3 * WIDTH)
-        place_all(self.begin, self.end, self.middle, self.half, self.edges.record, speeds)
+        place_all(self.curve, self.middle, self.half, self.edges.record, speeds)
         places = self.work.centres.reshape(-1, 4, WIDTH)[:, :, 0]
         return places[:, :3], places[:, 3], speeds.reshape(-1, 3, WIDTH)[:, :, 0]
 
@@ -148,14 +155,15 @@ WORLDS = settings(deadline=None, max_examples=25)
 SEEDS = st.integers(0, 2**32)
 
 
-@numba.njit(numba.void(FLOATS1, FLOATS1, F64, F64, RECORD, OUT1))
-def place_all(begin, end, middle, half, record, speeds):
+@numba.njit(numba.void(FLOATS2, F64, F64, RECORD, OUT1))
+def place_all(curve, middle, half, record, speeds):
     known, work, _, _ = tables_of(record)
     work.counts[3] += 1
     h = fill(half)
     work.placed[:] = 7
-    bound_motion(begin, end, known, work)
-    place_frames(begin, fill(middle), known, work)
+    take_parabola(curve, 1.0, work)
+    bound_motion(known, work)
+    place_frames(fill(middle), known, work)
     for k in range(known.bodies.shape[0]):
         place_ball(known.bodies[k, 3], known.bodies[k, 1], h, known, work)
         place_spheres(k, h, known, work)
@@ -197,6 +205,18 @@ def moving(world):
     """Index in the kernel, index of the solid, first and last sphere of all that moves."""
     carried = [i for i, one in enumerate(world.checker.solids) if one.element not in world.checker.scene.obstacles]
     return [(k, i, *world.cover.bodies[k, 1:3].tolist()) for k, i in enumerate(carried)]
+
+
+@WORLDS
+@given(SEEDS)
+def test_no_joint_is_farther_or_faster_than_its_bound(seed):
+    world = World(seed, ball)
+    world.take_interval()
+    columns, gains, turns = world.cover.joints[1:, 2], world.cover.joint_values[1:, 12], world.work.turns[1:]
+    for t in np.linspace(0.0, 1.0, 33):
+        rate = world.curve[1] + 2.0 * t * world.curve[2]
+        assert (np.abs(gains * world.at(t)[columns]) <= turns[:, 4] + ROUNDING).all()
+        assert (np.abs(gains * rate[columns]) <= turns[:, 3] + ROUNDING).all()
 
 
 @WORLDS
@@ -288,11 +308,11 @@ def test_a_short_interval_is_proven_up_to_little_less_than_its_least_distance(pr
         world.half = 1e-5
         world.take_interval()
         for claim in claims(world):
-            places = world.place(world.begin + world.middle * (world.end - world.begin))
+            places = world.place(world.at(world.middle))
             distance = world.distance(*world.pairs[claim[-1]], places)
             if distance > 1e-3:
                 asked += 1
-                proven += prove(world, claim, 0.9 * distance - 1e-3 * np.abs(world.end - world.begin).sum())
+                proven += prove(world, claim, 0.9 * distance - 1e-3 * np.abs(world.curve[1:]).sum())
     assert proven > 0.97 * asked > 100
 
 
@@ -305,8 +325,8 @@ def test_no_distance_changes_more_than_the_travel_of_both_bodies(seed):
     world = World(seed, solid)
     bodies, travel = world.exact.bodies, world.exact.travel
     record = pack(world.exact, EXACT)
-    q = world.begin + world.middle * (world.end - world.begin)
-    reach = world.half * np.abs(world.end - world.begin)
+    q = world.at(world.middle)
+    reach = np.abs([world.at(t) - q for t in world.times]).max(axis=0)
     place_joints(q, record)
     for b in range(len(bodies)):
         if bodies[b, 5] > bodies[b, 4]:
@@ -328,16 +348,17 @@ def test_no_distance_changes_more_than_the_travel_of_both_bodies(seed):
 def test_padding_turns_an_edge_from_free_to_refused_at_its_least_distance(seed):
     world = World(seed, solid, samples=2)
     scene, steps = world.checker.scene, 150
-    places = [world.place(world.begin + t * (world.end - world.begin)) for t in np.linspace(0.0, 1.0, steps)]
+    places = [world.place(world.at(t)) for t in np.linspace(0.0, 1.0, steps)]
     found = np.array([[world.distance(a, b, at) for a, b in world.pairs] for at in places])
     least = float(found.min(initial=np.inf))
     assume(np.isfinite(least))
     if least <= 0.0:
-        assert not world.edges.edge_is_free(world.begin, world.end)
+        assert world.edges.look_along_parabola(world.curve, 1.0)[0] != FREE
         return
     beyond = CollisionChecker(scene.with_padding(least + CLEARLY))
-    assert not SweptEdges(beyond, 1e-6).edge_is_free(world.begin, world.end)
+    assert SweptEdges(beyond, 1e-6).look_along_parabola(world.curve, 1.0)[0] != FREE
     # From a sample to the middle between two, distances change by about half of this at most.
     step = float(np.abs(np.diff(found, axis=0)).max())
     below = CollisionChecker(scene.with_padding(max(0.0, least - step - CLEARLY)))
-    assert SweptEdges(below, 1e-6).edge_is_free(world.begin, world.end) or least <= step + 3e-6
+    answer, _, _ = SweptEdges(below, 1e-6).look_along_parabola(world.curve, 1.0)
+    assert answer == FREE or least <= step + 3e-6

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.errors import InputError
-from rr1plan.library import load_scene
+from rr1plan.library import load_robot, load_scene
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud, Sphere
 from rr1plan.transforms import pose
@@ -64,6 +64,63 @@ def test_spheres_first_gives_the_exact_answer(worlds, name):
     assert 20 < free < 580
     assert swept.edges_checked == 600
     assert swept.edges_left < 500
+
+
+def parabolas(nq, wide, count, seed):
+    """Curves of degree 2, some that go out and back, some of which only one joint is bent."""
+    rng = np.random.default_rng(seed)
+    for q0, q1 in edges(nq, wide, count, seed):
+        duration = 10.0 ** rng.uniform(-3.0, 2.0)
+        bend = rng.normal(size=nq) * rng.uniform(0.0, 1.0) - rng.choice([0.0, 1.0]) * (q1 - q0)
+        if rng.uniform() < 0.3:
+            bend[np.arange(nq) != rng.integers(nq)] = 0.0
+        yield np.array([q0, (q1 - q0) / duration, bend / duration**2]), duration
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_parabolas_get_the_exact_answer(worlds, name):
+    scene, wide = worlds[name]
+    motion = MotionChecker(scene)
+    swept = SweptEdges(motion.checker, motion.tolerance)
+    free = 0
+    for curve, duration in parabolas(motion.checker.nq, wide, 300, 16):
+        answer = motion.polynomial_is_free_slowly(curve, duration)
+        free += answer
+        assert motion.polynomial_is_free(curve, duration) == answer
+        assert (swept.look_along_parabola(curve, duration)[0] == 0) == answer
+    assert 10 < free < 290
+    assert swept.edges_left < 250
+
+
+def test_curves_without_a_bend_and_without_a_way_are_parabolas_too(worlds):
+    motion = MotionChecker(worlds["cluttered"][0])
+    for q0, q1 in edges(motion.checker.nq, 2.5, 100, 17):
+        assert motion.polynomial_is_free([q0, (q1 - q0) / 3.0], 3.0) == motion.edge_is_free(q0, q1)
+        assert motion.polynomial_is_free([q0], 3.0) == motion.checker.is_free(q0)
+        assert motion.polynomial_is_free([q0, q1, q1], 0.0) == motion.checker.is_free(q0)
+
+
+def test_a_parabola_that_comes_back_to_its_begin_is_refused_for_a_contact_half_way(planar):
+    scene = Scene().with_arm("p", planar).with_obstacle("b", Sphere(0.1), [0.6, 0.4, 0])
+    motion = MotionChecker(scene)
+    angle = np.arctan2(0.4, 0.6)
+    for swing, free in ((angle - 0.4, True), (angle, False)):
+        assert motion.polynomial_is_free([[0, 0], [4 * swing, 0], [-4 * swing, 0]], 1.0) is free
+
+
+def test_a_parabola_that_folds_neighbours_together_and_comes_back_is_refused():
+    """Begin and end have one place on the map of the two links, and there they are apart."""
+    checker = CollisionChecker(Scene().with_arm("a", load_robot("rr1")))
+    motion, rng, refused = MotionChecker(checker), np.random.default_rng(18), 0
+    for q in rng.uniform(checker.limits.lower, checker.limits.upper, (400, checker.nq)):
+        begin = q.copy()
+        begin[2:4] *= 0.3
+        if [(c.a, c.b) for c in checker.contacts(q)] == [("a/upper_arm_link", "a/forearm_link")] and checker.is_free(
+            begin
+        ):
+            refused += 1
+            assert not motion.polynomial_is_free([begin, 4 * (q - begin), -4 * (q - begin)], 1.0)
+    assert refused > 5
 
 
 @pytest.mark.parametrize("name", WORLDS)
