@@ -24,7 +24,7 @@ _ANSWER = types.Tuple((I64, F64, I64))
 @jit(_ANSWER(I64, RECORD), inline=True, allocates=False)
 def _decide(terms, record):
     """The answer for the edge in `Work.curve`, of which so many coefficients count."""
-    _, work, exact, done = tables_of(record)
+    _, work, (tolerance, exact), done = tables_of(record)
     done[EDGES] += 1
     answer = sweep(record)
     done[CONFIGURATIONS] += WIDTH * work.counts[1]
@@ -35,10 +35,10 @@ def _decide(terms, record):
     done[EXACT_EDGES] += 1
     curve = work.curve[:terms]
     if work.counts[0] < 0:
-        status, where, pair, seen, fine = certify(curve, 1.0, exact[0], *exact[1:])
+        status, where, pair, seen, fine = certify(curve, 1.0, tolerance, exact)
     else:
         status, where, pair, seen, fine = certify_open(
-            curve, 1.0, exact[0], work.open_spans, work.open_pairs, work.counts[0], *exact[1:]
+            curve, 1.0, tolerance, work.open_spans, work.open_pairs, work.counts[0], exact
         )
     done[CONFIGURATIONS] += seen
     done[GAPS] += fine
