@@ -1,6 +1,7 @@
 """Triangle meshes from STL, OBJ and DAE files.
 
-Files are read by trimesh from their bytes without a resolver, so nothing but the file itself is
+Binary STL is read here, as its loader needs half a second to be imported. Other
+files are read by trimesh from their bytes without a resolver, so nothing but the file itself is
 opened: no material files, no textures, nothing remote. A DAE's unit scales it, as COLLADA says;
 its up axis is ignored, as all readers of robot descriptions do (many exporters write a wrong one).
 """
@@ -10,7 +11,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,15 @@ MAX_FACES = 1_000_000
 MAX_BYTES = 256 * 1024 * 1024
 MAX_COORDINATE = 1e9
 SUFFIXES = (".stl", ".obj", ".dae")
+# A triangle of a binary STL.
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+class _Triangles(NamedTuple):
+    """Vertices (n, 3) and faces (m, 3), as trimesh has them."""
+
+    vertices: Any
+    faces: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +67,7 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
     if kind == ".dae":
         factors = factors * _unit(data, file)
     groups: dict[Color | None, list[Any]] = {}
-    for mesh in _load(file, data, kind[1:]):
+    for mesh in _binary_stl(data) if kind == ".stl" and _is_binary_stl(data) else _load(file, data, kind[1:]):
         groups.setdefault(_color(mesh) if kind == ".dae" else None, []).append(mesh)
     faces = sum(len(mesh.faces) for meshes in groups.values() for mesh in meshes)
     if faces == 0:
@@ -86,6 +96,18 @@ def _unit(data: bytes, file: Path) -> float:
     if not (np.isfinite(unit) and unit > 0.0):
         raise FormatError(f"has the unit {word!r}, expected a number of metres above zero", file)
     return unit
+
+
+def _is_binary_stl(data: bytes) -> bool:
+    """Whether it is as long as a binary STL of that many triangles; ASCII that begins alike is not."""
+    head = np.frombuffer(data[80:84], "<u4")
+    return len(head) == 1 and head[0] > 0 and len(data) == 84 + _TRIANGLE.itemsize * int(head[0])
+
+
+def _binary_stl(data: bytes) -> list[Any]:
+    corners = np.frombuffer(data, _TRIANGLE, offset=84)["corners"].reshape(-1, 3)
+    with np.errstate(invalid="ignore"):
+        return [_Triangles(corners.astype(float), np.arange(len(corners)).reshape(-1, 3))]
 
 
 def _load(file: Path, data: bytes, kind: str) -> list[Any]:

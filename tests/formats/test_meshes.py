@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from rr1plan.errors import FormatError
 from rr1plan.formats import meshes
@@ -79,6 +82,28 @@ def test_every_format_gives_the_same_mesh(tmp_path: Path, block: Mesh, name: str
     corners = part.mesh.vertices[part.mesh.faces]
     volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
     assert volume == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("head", [b"", b"solid as in ASCII"])
+def test_a_binary_stl_is_read_as_trimesh_reads_it(tmp_path: Path, head: bytes) -> None:
+    rng = np.random.default_rng(0)
+    data = binary_stl(Mesh(rng.normal(size=(40, 3)), rng.permuted(np.tile(np.arange(40), (70, 1)), axis=1)[:, :3]))
+    (tmp_path / "a.stl").write_bytes(head + data[len(head) :])
+    (part,) = read_mesh(tmp_path / "a.stl")
+    other = trimesh.load_mesh(tmp_path / "a.stl", process=False)
+    np.testing.assert_array_equal(part.mesh.vertices[part.mesh.faces], other.vertices[other.faces])
+
+
+def test_a_binary_stl_needs_no_library_of_meshes(tmp_path: Path, block: Mesh) -> None:
+    (tmp_path / "a.stl").write_bytes(binary_stl(block))
+    code = f"""
+import sys
+from rr1plan.formats.meshes import read_mesh
+read_mesh({str(tmp_path / "a.stl")!r})
+print("trimesh" in sys.modules)
+"""
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "False"
 
 
 def test_a_dae_brings_its_colour_its_unit_and_its_nodes_place(tmp_path: Path, block: Mesh) -> None:
