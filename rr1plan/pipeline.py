@@ -105,7 +105,7 @@ class MotionPlan:
 
 _T = TypeVar("_T")
 # Tried to shorten a path that is going to be driven: seconds of motion are worth milliseconds of thought.
-_SHORTCUTS = 100
+_SHORTCUTS = 48
 
 
 def _present(value: _T | None, result: PlanResult) -> _T:
