@@ -13,7 +13,6 @@ from rr1plan.errors import InputError
 from rr1plan.formats import plan_files
 from rr1plan.library import load_problems, load_scene
 from rr1plan.pipeline import MotionPlan, plan_motion
-from rr1plan.playback.replay import Replay
 
 
 def demo(options: Namespace, console: Console) -> int:
@@ -36,7 +35,7 @@ def demo(options: Namespace, console: Console) -> int:
         replay = rp.simulate(motion.trajectory, scene, progress=advance)
     console.say(f"  {str(replay).replace(chr(10), chr(10) + '  ')}")
     with watch.stage("write the files"):
-        files = _write_demo(folder, motion, replay)
+        files = _write_demo(folder, motion)
     console.say("how long each step took")
     steps = {**watch.seconds}
     inner = "".join(f"\n      {name}: {milliseconds(seconds)}" for name, seconds in motion.seconds.items())
@@ -51,7 +50,7 @@ def demo(options: Namespace, console: Console) -> int:
     return 0 if motion.solved and replay.free else 4
 
 
-def _write_demo(folder: Path, motion: MotionPlan, replay: Replay) -> dict[str, Path]:
+def _write_demo(folder: Path, motion: MotionPlan) -> dict[str, Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

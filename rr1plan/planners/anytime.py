@@ -94,9 +94,9 @@ class _Rounds:
     def run(self) -> PlanResult:
         """The best path when the budget ends."""
         query = self.query
-        goal = query.straight_goal(1)
-        if goal is not None:
-            return query.result(PlanStatus.SOLVED, np.array([query.problem.start, goal]))
+        straight = query.straight_line()
+        if straight is not None:
+            return straight
         number = 0
         while not (query.over or query.cancelled() or self.length <= self.straight * _STRAIGHT):
             number += 1

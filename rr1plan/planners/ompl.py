@@ -14,7 +14,7 @@ from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.planners._ompl_question import Answer, Question, Watch
 from rr1plan.planners.query import Query, prepare
 from rr1plan.planners.seeds import as_seed
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, check_question
 from rr1plan.problem import Problem
 
 
@@ -116,11 +116,9 @@ class _Search:
         at the first path.
         """
         query = self.query
-        goal = query.straight_goal(1 if self.planner.optimizing else _DIRECT)
-        if goal is not None:
-            waypoints = np.array([query.problem.start, goal])
-            tree = SearchTree(waypoints, np.array([[0, 1]])) if self.planner.tree else None
-            return query.result(PlanStatus.SOLVED, waypoints, tree=tree)
+        straight = query.straight_line(1 if self.planner.optimizing else _DIRECT, tree=self.planner.tree)
+        if straight is not None:
+            return straight
         before = query.motion.edges_checked
         answer = self.ask_ompl()
         found, tree = answer.waypoints, answer.tree

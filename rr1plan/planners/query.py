@@ -132,13 +132,14 @@ class Query:
             self._space = Space.around(self.problem, self.goals)
         return self._space
 
-    def straight_goal(self, most: int) -> Array | None:
-        """The first of so many nearest goals to which the straight line from the start is free, shape (nq,)."""
+    def straight_line(self, most: int = 1, *, tree: bool = False) -> PlanResult | None:
+        """The answer where the straight line to one of so many nearest goals is free; a tree of it when asked for."""
         for k in range(min(most, len(self.goals))):
-            goal: Array = self.goals[k]
             self.edges += 1
-            if self.motion.edge_is_free(self.problem.start, goal):
-                return goal
+            if self.motion.edge_is_free(self.problem.start, self.goals[k]):
+                waypoints = np.array([self.problem.start, self.goals[k]])
+                explored = SearchTree(waypoints, np.array([[0, 1]])) if tree else None
+                return self.result(PlanStatus.SOLVED, waypoints, tree=explored)
         return None
 
     @property

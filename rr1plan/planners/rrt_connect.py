@@ -9,15 +9,13 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
-
 from rr1plan.checks import Seed, finite_number
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.planners.query import Query, prepare
 from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.tree_search import KERNELS, TreeSearch
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, check_question
 from rr1plan.problem import Problem
 
 _DIRECT = 8  # goals to which the straight line is tried first
@@ -61,16 +59,7 @@ class RrtConnect:
         began = time.perf_counter()
         with borrowed_checker(problem.scene, problem.arms) as motion:
             query = Query(self.name, problem, motion, budget, as_seed(rng), progress, began)
-            return query.refusal() or self._go_straight(query) or self._search(query)
-
-    def _go_straight(self, query: Query) -> PlanResult | None:
-        """The answer where the straight line to a near goal is free."""
-        goal = query.straight_goal(_DIRECT)
-        if goal is None:
-            return None
-        waypoints = np.array([query.problem.start, goal])
-        tree = SearchTree(waypoints, np.array([[0, 1]])) if self.tree else None
-        return query.result(PlanStatus.SOLVED, waypoints, tree=tree)
+            return query.refusal() or query.straight_line(_DIRECT, tree=self.tree) or self._search(query)
 
     def _search(self, query: Query) -> PlanResult:
         """The answer of the trees."""
