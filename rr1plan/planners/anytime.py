@@ -13,21 +13,18 @@ and a round that is long enough finds a path below its bound with a probability 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 
 import numpy as np
 
 from rr1plan._kernels.generator import draw
 from rr1plan.checks import Array, Seed, finite_number
-from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
-from rr1plan.planners.query import NO_LIMIT, Query, prepare
-from rr1plan.planners.seeds import as_seed
+from rr1plan.planners.query import NO_LIMIT, Query, asked
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planners.tree_search import KERNELS, TreeSearch
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, check_question
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
 
 # The kernel is not typed.
@@ -72,11 +69,7 @@ class AnytimePlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        check_question(problem, budget, progress)
-        prepare(*KERNELS)
-        began = time.perf_counter()
-        with borrowed_checker(problem.scene, problem.arms) as motion:
-            query = Query(self.name, problem, motion, budget, as_seed(rng), progress, began)
+        with asked(self.name, problem, budget, rng, progress, KERNELS) as query:
             return query.refusal() or _Rounds(query, self.range).run()
 
 

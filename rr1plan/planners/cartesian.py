@@ -8,22 +8,19 @@ free. Where that ends before the goal, the answer says how far it came and what 
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from rr1plan.checks import Array, Seed, positive_number
-from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
 from rr1plan.kinematics.descent import descend
 from rr1plan.kinematics.inverse import describe_excess, target_of
 from rr1plan.kinematics.lines import EdgeBound, Line
 from rr1plan.planners.goals import check_start, describe_contacts, goal_configurations
-from rr1plan.planners.query import Query, prepare
-from rr1plan.planners.seeds import as_seed
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, check_question
+from rr1plan.planners.query import Query, asked
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
 
@@ -82,12 +79,9 @@ class CartesianPlanner:
         Raises:
             InputError: several arms move, or a goal that is no `PoseGoal`.
         """
-        check_question(problem, budget, progress)
-        goals = _pose_goals(problem)
-        prepare()
-        began = time.perf_counter()
-        with borrowed_checker(problem.scene, problem.arms) as motion:
-            return _Walk(self, Query(self.name, problem, motion, budget, as_seed(rng), progress, began)).to_any(goals)
+        with asked(self.name, problem, budget, rng, progress) as query:
+            goals = _pose_goals(problem)
+            return _Walk(self, query).to_any(goals)
 
 
 def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:

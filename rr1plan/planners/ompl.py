@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -10,11 +9,9 @@ from types import MappingProxyType
 import numpy as np
 
 from rr1plan.checks import Seed, as_generator, finite_number, known_name
-from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.planners._ompl_question import Answer, Question, Watch
-from rr1plan.planners.query import Query, prepare
-from rr1plan.planners.seeds import as_seed
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, check_question
+from rr1plan.planners.query import Query, asked
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
 
 
@@ -94,11 +91,7 @@ class OmplPlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        check_question(problem, budget, progress)
-        prepare()
-        began = time.perf_counter()
-        with borrowed_checker(problem.scene, problem.arms) as motion:
-            query = Query(self.name, problem, motion, budget, as_seed(rng), progress, began)
+        with asked(self.name, problem, budget, rng, progress) as query:
             return query.refusal() or _Search(self, query).run()
 
 

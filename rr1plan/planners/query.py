@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
 from rr1plan._kernels.jit import Kernel
 from rr1plan._kernels.swept import sweep_edge
-from rr1plan.checks import Array
+from rr1plan.checks import Array, Seed
 from rr1plan.collision import MotionChecker
+from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, goal_configurations, only_configuration
+from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.space import Space, joint_space, with_copies
-from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree
+from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 
 _NO_WISHES = Budget()
@@ -196,3 +200,32 @@ class Query:
             cost_history=tuple(self.history) if path is not None else (),
             tree=tree,
         )
+
+
+@contextmanager
+def asked(
+    planner: str,
+    problem: Problem,
+    budget: Budget | None,
+    rng: Seed,
+    progress: ProgressCallback | None,
+    kernels: Iterable[Kernel] = (),
+) -> Iterator[Query]:
+    """A question under way: checked, its kernels built, a checker borrowed, the clock running.
+
+    Args:
+        planner: Name of the planner.
+        problem: The question.
+        budget: When to stop; None: the default.
+        rng: Generator or seed of everything random.
+        progress: Called about ten times a second, or None.
+        kernels: What it calls, besides the edge's.
+
+    Raises:
+        InputError: what is no question, or a scene that cannot be checked.
+    """
+    check_question(problem, budget, progress)
+    prepare(*kernels)
+    began = time.perf_counter()
+    with borrowed_checker(problem.scene, problem.arms) as motion:
+        yield Query(planner, problem, motion, budget, as_seed(rng), progress, began)

@@ -18,7 +18,7 @@ from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners import tree_search
 from rr1plan.planners.graph import KERNELS, Graph
-from rr1plan.planners.query import Query, prepare
+from rr1plan.planners.query import Query, asked, prepare
 from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
@@ -28,6 +28,8 @@ from rr1plan.scene import Scene
 _SAMPLES = 600
 _SHORTCUTS = 100  # tried on a path that is learned
 _NAME = "roadmap"
+# Those of the trees too, though hardly any question needs them.
+_KERNELS = (*KERNELS, *tree_search.KERNELS)
 
 
 class Roadmap:
@@ -105,7 +107,7 @@ class Roadmap:
         """
         check_question(problem, budget, progress)
         self._check_fits(problem)
-        _prepare()
+        prepare(*_KERNELS)
         began = time.perf_counter()
         with self._lock, borrowed_checker(self.scene, self.arms) as motion:
             query = Query(_NAME, problem, motion, budget, as_seed(rng), progress, began)
@@ -162,11 +164,7 @@ class RoadmapPlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        check_question(problem, budget, progress)
-        _prepare()
-        began = time.perf_counter()
-        with borrowed_checker(problem.scene, problem.arms) as motion:
-            query = Query(self.name, problem, motion, budget, as_seed(rng), progress, began)
+        with asked(self.name, problem, budget, rng, progress, _KERNELS) as query:
             refused = query.refusal()
             if refused:
                 return refused
@@ -175,7 +173,7 @@ class RoadmapPlanner:
             idle: list[Graph] = problem.scene.kept.setdefault((_NAME, problem.arms, samples), [])
             graph = idle.pop() if idle else Graph(problem.scene, problem.arms)
             try:
-                graph.sample(samples, motion, lambda: query.seconds_left > 0.0 and not query.cancelled())
+                graph.sample(samples, query.motion, lambda: query.seconds_left > 0.0 and not query.cancelled())
                 query.iterations += graph.samples
                 return _answer(query, graph, learns=False)
             finally:
@@ -192,11 +190,6 @@ def checked_samples(samples: int) -> int:
     if not isinstance(samples, int | np.integer) or isinstance(samples, bool) or samples < 1:
         raise InputError(f"samples is {samples!r}, expected a whole number >= 1")
     return int(samples)
-
-
-def _prepare() -> None:
-    """Compile what is not compiled yet, those of the trees too, though hardly any question needs them."""
-    prepare(*KERNELS, *tree_search.KERNELS)
 
 
 def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:

@@ -7,15 +7,11 @@ progress are looked after.
 
 from __future__ import annotations
 
-import time
-
 from rr1plan.checks import Seed, finite_number
-from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
-from rr1plan.planners.query import Query, prepare
-from rr1plan.planners.seeds import as_seed
+from rr1plan.planners.query import Query, asked
 from rr1plan.planners.tree_search import KERNELS, TreeSearch
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, check_question
+from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
 
 _DIRECT = 8  # goals to which the straight line is tried first
@@ -54,11 +50,7 @@ class RrtConnect:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        check_question(problem, budget, progress)
-        prepare(*KERNELS)
-        began = time.perf_counter()
-        with borrowed_checker(problem.scene, problem.arms) as motion:
-            query = Query(self.name, problem, motion, budget, as_seed(rng), progress, began)
+        with asked(self.name, problem, budget, rng, progress, KERNELS) as query:
             return query.refusal() or query.straight_line(_DIRECT, tree=self.tree) or self._search(query)
 
     def _search(self, query: Query) -> PlanResult:
