@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rr1plan._kernels.cover import BLOCK, RECORD, tables_of
-from rr1plan._kernels.directions import lowest
 from rr1plan._kernels.jit import I64, OUT1
 from rr1plan._kernels.lanes import WIDTH, load, store
+from rr1plan._kernels.supports import lowest
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.point_blocks import in_blocks
 from rr1plan.collision.swept import SweptEdges

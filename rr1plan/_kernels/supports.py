@@ -1,0 +1,177 @@
+# mypy: disable-error-code="no-untyped-def,no-untyped-call"
+"""How far convex bodies reach along directions, where they are and while they move, for several configurations at once.
+
+Along a direction n the gap of two bodies is the least of n.a over points a of one, less the greatest of n.b over
+the other's: a bound from below of their distance. In the time h before and after, a point with velocity v and an
+acceleration of at most c gets no nearer along n than by |n.v| h + c h^2 / 2, so a whole interval is proven by corners
+as well.
+"""
+
+from __future__ import annotations
+
+from numba import types
+
+from rr1plan._kernels.cover import BLOCK, COVER, FRAME, ROUND, SLACK, WORK
+from rr1plan._kernels.jit import I64, OUT1, jit
+from rr1plan._kernels.lanes import LANES, WIDTH, below, choose, fill, greater, lesser, load, root, size_of
+from rr1plan._kernels.obstacles import farthest_in
+
+_LANES3 = types.UniTuple(LANES, 3)
+
+
+@jit(_LANES3(OUT1, I64, LANES, LANES, LANES), inline=True, allocates=False)
+def to_local(frames, at, x, y, z):
+    """Directions of the world in a frame."""
+    return (
+        load(frames, at) * x + load(frames, at + 3 * WIDTH) * y + load(frames, at + 6 * WIDTH) * z,
+        load(frames, at + WIDTH) * x + load(frames, at + 4 * WIDTH) * y + load(frames, at + 7 * WIDTH) * z,
+        load(frames, at + 2 * WIDTH) * x + load(frames, at + 5 * WIDTH) * y + load(frames, at + 8 * WIDTH) * z,
+    )
+
+
+@jit(_LANES3(OUT1, I64, LANES, LANES, LANES), inline=True, allocates=False)
+def _to_axes(frames, at, x, y, z):
+    """Directions of a frame in the world."""
+    return (
+        load(frames, at) * x + load(frames, at + WIDTH) * y + load(frames, at + 2 * WIDTH) * z,
+        load(frames, at + 3 * WIDTH) * x + load(frames, at + 4 * WIDTH) * y + load(frames, at + 5 * WIDTH) * z,
+        load(frames, at + 6 * WIDTH) * x + load(frames, at + 7 * WIDTH) * y + load(frames, at + 8 * WIDTH) * z,
+    )
+
+
+@jit(_LANES3(OUT1, I64, LANES, LANES, LANES), inline=True, allocates=False)
+def to_world(frames, at, x, y, z):
+    """Points of a frame in the world."""
+    u, v, w = _to_axes(frames, at, x, y, z)
+    return u + load(frames, at + 9 * WIDTH), v + load(frames, at + 10 * WIDTH), w + load(frames, at + 11 * WIDTH)
+
+
+@jit(LANES(OUT1, I64, LANES, LANES, LANES), inline=True, allocates=False)
+def along_origin(frames, at, x, y, z):
+    """Where a frame's origin is along directions of the world."""
+    return x * load(frames, at + 9 * WIDTH) + y * load(frames, at + 10 * WIDTH) + z * load(frames, at + 11 * WIDTH)
+
+
+@jit(LANES(I64, LANES, LANES, LANES, COVER), inline=True, allocates=False)
+def _lowest_of_blocks(k, x, y, z, cover):
+    """The least n.p over the first corner of each block of a core: no less than over all."""
+    points, best = cover.points, fill(1e300)
+    for i in range(cover.cores[k, 1], cover.cores[k, 2], BLOCK):
+        best = lesser(x * points[i, 0] + y * points[i, 1] + z * points[i, 2], best)
+    return best
+
+
+@jit(types.UniTuple(LANES, 4)(I64, LANES, LANES, LANES, COVER), inline=True, allocates=False)
+def lowest(k, x, y, z, cover):
+    """The least n.p over the core of a body, n a direction of its frame, and the point p where that is."""
+    points = cover.points
+    first, last = cover.cores[k, 1], cover.cores[k, 2]
+    if cover.cores[k, 3] == ROUND:
+        # Centre, axis, half length and radius.
+        along = x * points[first + 1, 0] + y * points[first + 1, 1] + z * points[first + 1, 2]
+        u, v, w = (
+            x - along * points[first + 1, 0],
+            y - along * points[first + 1, 1],
+            z - along * points[first + 1, 2],
+        )
+        part = -points[first + 2, 1] / greater(root(u * u + v * v + w * w), 1e-12)
+        end = choose(along, 0.0, points[first + 2, 0], -points[first + 2, 0])
+        px = points[first, 0] + end * points[first + 1, 0] + u * part
+        py = points[first, 1] + end * points[first + 1, 1] + v * part
+        pz = points[first, 2] + end * points[first + 1, 2] + w * part
+        return x * px + y * py + z * pz, px, py, pz
+    bound, best = _lowest_of_blocks(k, x, y, z, cover), fill(1e300)
+    px, py, pz = fill(0.0), fill(0.0), fill(0.0)
+    for i in range(first, last, BLOCK):
+        ball = cover.blocks[(i - first) // BLOCK + cover.cores[k, 4]]
+        # What is no lower than a corner at hand is left out, but for equals: all take part, in one order.
+        if below(x * ball[0] + y * ball[1] + z * ball[2] - ball[3], bound) == 0:
+            continue
+        for p in range(i, min(i + BLOCK, last)):
+            value = x * points[p, 0] + y * points[p, 1] + z * points[p, 2]
+            px = choose(value, best, points[p, 0], px)
+            py = choose(value, best, points[p, 1], py)
+            pz = choose(value, best, points[p, 2], pz)
+            best = lesser(value, best)
+    return best, px, py, pz
+
+
+@jit(types.UniTuple(LANES, 4)(I64, LANES, LANES, LANES, I64, COVER, WORK), inline=True, allocates=False)
+def _speeds_along(k, x, y, z, base, cover, work):
+    """Terms c and m of the speed c + m.p of a core's point p along directions of the world, seen from frame `base`."""
+    frames = work.frames
+    at, base_at = cover.cores[k, 0] * FRAME, base * FRAME
+    bx, by, bz = (
+        load(frames, base_at + 12 * WIDTH),
+        load(frames, base_at + 13 * WIDTH),
+        load(frames, base_at + 14 * WIDTH),
+    )
+    dx = load(frames, at + 9 * WIDTH) - load(frames, base_at + 9 * WIDTH)
+    dy = load(frames, at + 10 * WIDTH) - load(frames, base_at + 10 * WIDTH)
+    dz = load(frames, at + 11 * WIDTH) - load(frames, base_at + 11 * WIDTH)
+    u = load(frames, at + 15 * WIDTH) - load(frames, base_at + 15 * WIDTH) - (by * dz - bz * dy)
+    v = load(frames, at + 16 * WIDTH) - load(frames, base_at + 16 * WIDTH) - (bz * dx - bx * dz)
+    w = load(frames, at + 17 * WIDTH) - load(frames, base_at + 17 * WIDTH) - (bx * dy - by * dx)
+    wx = load(frames, at + 12 * WIDTH) - bx
+    wy = load(frames, at + 13 * WIDTH) - by
+    wz = load(frames, at + 14 * WIDTH) - bz
+    # n.(w x p) = (n x w).p
+    mx, my, mz = to_local(frames, at, y * wz - z * wy, z * wx - x * wz, x * wy - y * wx)
+    return x * u + y * v + z * w, mx, my, mz
+
+
+@jit(LANES(I64, LANES, LANES, LANES, I64, COVER, WORK), inline=True, allocates=False)
+def fastest(k, x, y, z, base, cover, work):
+    """A bound of the speed, without sign, of any point of a core along directions, seen from frame `base`."""
+    middle = cover.core_values[k]
+    speed, mx, my, mz = _speeds_along(k, x, y, z, base, cover, work)
+    centre = size_of(speed + mx * middle[0] + my * middle[1] + mz * middle[2])
+    return (centre + root(mx * mx + my * my + mz * mz) * middle[4]) * SLACK
+
+
+@jit(LANES(I64, LANES, LANES, LANES, I64, LANES, COVER, WORK), inline=True, allocates=False)
+def lowest_within(k, x, y, z, base, h, cover, work):
+    """The least n.p - h |n.v| over the core of a body, n a direction of the world, v seen from frame `base`."""
+    frames, points = work.frames, cover.points
+    at = cover.cores[k, 0] * FRAME
+    speed, mx, my, mz = _speeds_along(k, x, y, z, base, cover, work)
+    lx, ly, lz = to_local(frames, at, x, y, z)
+    first, last = cover.cores[k, 1], cover.cores[k, 2]
+    offset = along_origin(frames, at, x, y, z)
+    if cover.cores[k, 3] == ROUND:
+        best, _, _, _ = lowest(k, lx, ly, lz, cover)
+        return offset + best - h * fastest(k, x, y, z, base, cover, work)
+    best, turn = fill(1e300), root(mx * mx + my * my + mz * mz) * h
+    for i in range(first, last, BLOCK):
+        ball = cover.blocks[(i - first) // BLOCK + cover.cores[k, 4]]
+        value = lx * ball[0] + ly * ball[1] + lz * ball[2] - ball[3]
+        value = value - h * size_of(speed + mx * ball[0] + my * ball[1] + mz * ball[2]) - turn * ball[3]
+        if below(value, best) == 0:
+            continue
+        for p in range(i, min(i + BLOCK, last)):
+            px, py, pz = points[p, 0], points[p, 1], points[p, 2]
+            value = lx * px + ly * py + lz * pz
+            best = lesser(value - h * size_of(speed + mx * px + my * py + mz * pz), best)
+    return offset + best
+
+
+@jit(types.UniTuple(LANES, 4)(I64, I64, LANES, LANES, LANES, COVER, WORK), inline=True, allocates=False)
+def highest_of_other(b, o, x, y, z, cover, work):
+    """The greatest n.p over the other's core, n a direction of the world, and that point p in the world."""
+    if b < 0:
+        return farthest_in(cover.obstacle_values, cover.obstacles, o, x, y, z)
+    at = cover.cores[b, 0] * FRAME
+    lx, ly, lz = to_local(work.frames, at, x, y, z)
+    low, u, v, w = lowest(b, -lx, -ly, -lz, cover)
+    u, v, w = to_world(work.frames, at, u, v, w)
+    return along_origin(work.frames, at, x, y, z) - low, u, v, w
+
+
+@jit(LANES(I64, I64, I64, I64, LANES, LANES, LANES, LANES, COVER, WORK), inline=True, allocates=False)
+def gap_within(a, b, o, base, x, y, z, h, cover, work):
+    """The least gap of two cores along directions while they move at their present velocities [m]."""
+    gap = lowest_within(a, x, y, z, base, h, cover, work)
+    if b < 0:
+        high, _, _, _ = farthest_in(cover.obstacle_values, cover.obstacles, o, x, y, z)
+        return gap - high
+    return gap + lowest_within(b, -x, -y, -z, base, h, cover, work)
