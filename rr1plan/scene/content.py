@@ -1,0 +1,231 @@
+"""What a scene holds, and what it says of itself: names, postures, poses, rules about contacts."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, Value, finite_number, known_name, read_only
+from rr1plan.contact_rules import ContactRules, RuleContent, rules_of
+from rr1plan.errors import InputError
+from rr1plan.limits import Limits
+from rr1plan.robot import feed_digest
+from rr1plan.scene.elements import Arm, Attachment, Obstacle, Pair, pair
+
+
+@dataclass(frozen=True, eq=False)
+class SceneContent(Value):
+    """What a `Scene` holds, and what it says of itself."""
+
+    arms: Mapping[str, Arm] = field(default_factory=dict)
+    obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
+    attachments: Mapping[str, Attachment] = field(default_factory=dict)
+    allowed: frozenset[Pair] = frozenset()
+    padding: float = 0.0
+    pair_padding: Mapping[Pair, float] = field(default_factory=dict)
+    name: str = "scene"
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("arms", "obstacles", "attachments", "pair_padding"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        object.__setattr__(self, "allowed", frozenset(self.allowed))
+        self._check_names()
+        for value in (self.padding, *self.pair_padding.values()):
+            if finite_number("padding", value) < 0.0:
+                raise InputError(f"padding is {value}, expected a distance >= 0")
+
+    def _check_names(self) -> None:
+        names = [*self.arms, *self.obstacles, *self.attachments]
+        for name in names:
+            if not isinstance(name, str) or not name.isprintable() or not name or "/" in name:
+                raise InputError(f"{name!r} cannot name an element of a scene: expected printable text without '/'")
+        if len(set(names)) != len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(f"the scene has two elements named {twice!r}")
+        for held in self.attachments.values():
+            self.arm(held.arm).robot.link(held.link)
+        for both in (*self.allowed, *self.pair_padding):
+            for name in both:
+                known_name("element", name, (*self.element_names, *self.arms))
+
+    def __repr__(self) -> str:
+        parts = (("arms", self.arms), ("obstacles", self.obstacles), ("attachments", self.attachments))
+        return ", ".join([f"Scene({self.name!r}", *(f"{n}=[{', '.join(names)}]" for n, names in parts if names)]) + ")"
+
+    @cached_property
+    def kept(self) -> dict[Any, Any]:
+        """What others have built from this scene and may use again; neither copied nor pickled with it."""
+        return {}
+
+    @cached_property
+    def kept_for_any_padding(self) -> dict[Any, Any]:
+        """The same of what does not depend on padding: scenes that differ in padding alone may share it."""
+        return {}
+
+    @cached_property
+    def element_names(self) -> tuple[str, ...]:
+        """Every element that can touch another: "arm/link" of links with a shape, obstacles, attached objects."""
+        links = [f"{a}/{link.name}" for a, arm in self.arms.items() for link in arm.robot.links if link.collisions]
+        return (*links, *self.obstacles, *self.attachments)
+
+    def arm(self, name: str) -> Arm:
+        """An arm by name.
+
+        Raises:
+            UnknownNameError: there is no such arm.
+        """
+        return self.arms[known_name("arm", name, self.arms)]
+
+    def only_arm(self, name: str | None = None) -> str:
+        """`name` if there is such an arm, or for None the name of the only arm.
+
+        Raises:
+            UnknownNameError: no such arm.
+            InputError: None, and there is not exactly one arm.
+        """
+        if name is not None:
+            self.arm(name)
+            return name
+        if len(self.arms) != 1:
+            raise InputError(f"the scene has {len(self.arms)} arms ({', '.join(self.arms)}); say which one")
+        return next(iter(self.arms))
+
+    def arm_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:
+        """The named arms in the order of the scene; all of them for None.
+
+        Raises:
+            UnknownNameError: there is no such arm.
+            InputError: no sequence of names, none, or one of them twice.
+        """
+        if arms is None:
+            return tuple(self.arms)
+        if isinstance(arms, str) or not isinstance(arms, Sequence):
+            raise InputError(f"arms is {arms!r}, expected a sequence of names")
+        for name in arms:
+            self.arm(name)
+        if not arms or len(set(arms)) != len(arms):
+            raise InputError(f"arms is {tuple(arms)}, expected distinct names, at least one")
+        return tuple(name for name in self.arms if name in arms)
+
+    def joint_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:
+        """Column names "arm/joint" of those arms, in order."""
+        return tuple(f"{a}/{j}" for a in self.arm_names(arms) for j in self.arms[a].robot.joint_names)
+
+    def limits(self, arms: Sequence[str] | None = None) -> Limits:
+        """Limits of those arms' planning joints, in order."""
+        return Limits.stack([self.arms[a].robot.limits for a in self.arm_names(arms)])
+
+    def configuration(self, arms: Sequence[str] | None = None) -> Array:
+        """The postures of those arms, one after the other, shape (nq,)."""
+        return np.concatenate([self.arms[a].q for a in self.arm_names(arms)])
+
+    def split(self, q: Array, arms: Sequence[str] | None = None) -> dict[str, Array]:
+        """Posture of every arm of the scene, with q (nq,) for the named ones and the scene's for the rest."""
+        postures = {name: arm.q for name, arm in self.arms.items()}
+        start = 0
+        for name in self.arm_names(arms):
+            nq = self.arms[name].robot.nq
+            postures[name] = np.asarray(q[start : start + nq], dtype=np.float64)
+            start += nq
+        return postures
+
+    def link_poses(self, postures: Mapping[str, Array] | None = None) -> dict[str, Array]:
+        """T_world_link of every link as "arm/link", by plain numpy; `postures` by arm (default: the scene's)."""
+        poses = {}
+        for name, arm in self.arms.items():
+            q = arm.q if postures is None else postures.get(name, arm.q)
+            for link, T in arm.robot.link_poses(q).items():
+                poses[f"{name}/{link}"] = arm.base @ T
+        return poses
+
+    def may_touch(self, a: str, b: str) -> bool:
+        """Whether contact between two elements is allowed or meaningless (the same arm's own rules included)."""
+        arm_a, arm_b = self.owner(a), self.owner(b)
+        if arm_a is None and arm_b is None:
+            return True
+        if any(pair(x, y) in self.allowed for x in {a, arm_a} for y in {b, arm_b} if x and y and x != y):
+            return True
+        if arm_a is not None and arm_a == arm_b:
+            return self._own_contact(arm_a, a, b)
+        return self._is_mounting(a, b) or self._is_mounting(b, a)
+
+    def _is_mounting(self, link: str, obstacle: str) -> bool:
+        """The base link of an arm against the world: neither of them moves."""
+        arm = self.owner(link)
+        return arm is not None and obstacle in self.obstacles and link == f"{arm}/{self.arms[arm].robot.base}"
+
+    def _own_contact(self, arm: str, a: str, b: str) -> bool:
+        held_a, held_b = self.attachments.get(a), self.attachments.get(b)
+        if held_a is not None and held_b is not None:
+            return held_a.link == held_b.link
+        if held_a is None and held_b is None:
+            return frozenset((a.split("/", 1)[1], b.split("/", 1)[1])) in self.arms[arm].robot.never_collide
+        held, link = (held_a, b) if held_a is not None else (held_b, a)
+        assert held is not None
+        return link.split("/", 1)[1] in held.touch | {held.link}
+
+    def owner(self, element: str) -> str | None:
+        """The arm an element moves with, or None for an obstacle."""
+        if element in self.attachments:
+            return self.attachments[element].arm
+        return element.split("/", 1)[0] if "/" in element else None
+
+    def padding_of(self, a: str, b: str) -> float:
+        """Distance to keep between two elements [m]."""
+        arm_a, arm_b = self.owner(a), self.owner(b)
+        for x, y in ((a, b), (a, arm_b), (arm_a, b), (arm_a, arm_b)):
+            if x and y and pair(x, y) in self.pair_padding:
+                return self.pair_padding[pair(x, y)]
+        return self.padding
+
+    @cached_property
+    def checked_pairs(self) -> tuple[tuple[str, str], ...]:
+        """All pairs of elements that must not touch, in a fixed order (obstacle against obstacle is never one)."""
+        names = self.element_names
+        return tuple((names[i], names[j]) for i, j in self.checked_index.tolist())
+
+    @cached_property
+    def checked_index(self) -> NDArray[np.int64]:
+        """Indices in `element_names` of the `checked_pairs`, shape (m, 2)."""
+        return self.contact_rules.checked
+
+    @cached_property
+    def checked_padding(self) -> Array:
+        """Distance to keep between each of the `checked_pairs` [m], shape (m,)."""
+        return read_only(self.contact_rules.paddings(self.padding, self.pair_padding))
+
+    @cached_property
+    def contact_rules(self) -> ContactRules:
+        """Which pairs of elements must not touch; scenes that agree in that share it."""
+        names, held = self.element_names, self.attachments.items()
+        content = RuleContent(
+            names,
+            tuple(self.owner(name) for name in names),
+            tuple((name, arm.robot.base, frozenset(arm.robot.never_collide)) for name, arm in self.arms.items()),
+            tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
+            self.allowed,
+        )
+        return rules_of(content)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 of everything that plans depend on: robots, places, postures, obstacles, rules (hex)."""
+        digest = hashlib.sha256()
+        for name, arm in self.arms.items():
+            feed_digest(digest, (name, arm.robot.content_hash, arm.base, arm.q))
+        for name, obstacle in sorted(self.obstacles.items()):
+            feed_digest(digest, (name, obstacle.pose, [(g.pose, g.shape) for g in obstacle.geometries]))
+        for name, held in sorted(self.attachments.items()):
+            feed_digest(digest, (name, held.arm, held.link, sorted(held.touch), held.pose))
+            feed_digest(digest, [(g.pose, g.shape) for g in held.geometries])
+        feed_digest(digest, sorted(sorted(p) for p in self.allowed))
+        feed_digest(digest, (float(self.padding), sorted((sorted(p), float(d)) for p, d in self.pair_padding.items())))
+        return digest.hexdigest()

@@ -1,0 +1,91 @@
+"""What a scene is made of: placed arms, obstacles, objects that an arm holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from rr1plan.checks import Array, Value
+from rr1plan.errors import InputError
+from rr1plan.robot import Geometry, Robot
+from rr1plan.transforms import as_pose, identity
+
+Pair = frozenset[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Arm(Value):
+    """A robot at a place, in a posture.
+
+    Args:
+        robot: The robot.
+        base: T_world_base, shape (4, 4).
+        q: Where its planning joints are [rad or m], shape (nq,) (default: home).
+    """
+
+    robot: Robot
+    base: Array = field(default_factory=identity)
+    q: Any = "home"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.robot, Robot):
+            raise InputError(f"robot is {self.robot!r}, expected a Robot; load one with load_robot")
+        object.__setattr__(self, "base", as_pose(self.base, "arm base"))
+        object.__setattr__(self, "q", self.robot.configuration(self.q, "arm posture"))
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle(Value):
+    """A rigid object in the world, of one shape or several.
+
+    Args:
+        geometries: Its shapes, posed in the object's frame.
+        pose: T_world_object, shape (4, 4).
+    """
+
+    geometries: tuple[Geometry, ...]
+    pose: Array = field(default_factory=identity)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "geometries", posed_shapes(self.geometries))
+        object.__setattr__(self, "pose", as_pose(self.pose, "obstacle pose"))
+        if not self.geometries:
+            raise InputError("an obstacle has at least one shape, got none")
+
+
+def posed_shapes(values: Any) -> tuple[Geometry, ...]:
+    """Posed shapes.
+
+    Raises:
+        InputError: something else.
+    """
+    geometries = tuple(values) if isinstance(values, Iterable) else (values,)
+    for one in geometries:
+        if not isinstance(one, Geometry):
+            raise InputError(f"got {one!r} as an object's shape, expected a shape, or Geometry values")
+    return geometries
+
+
+@dataclass(frozen=True, eq=False)
+class Attachment(Value):
+    """An object that moves with a link.
+
+    Args:
+        geometries: Its shapes, posed in the object's frame.
+        arm: The arm that holds it.
+        link: The link it is fixed to.
+        pose: T_link_object, shape (4, 4).
+        touch: Links of that arm it may touch (always its own link).
+    """
+
+    geometries: tuple[Geometry, ...]
+    arm: str
+    link: str
+    pose: Array
+    touch: frozenset[str] = frozenset()
+
+
+def pair(a: str, b: str) -> Pair:
+    """The unordered pair of two element names."""
+    return frozenset((a, b))

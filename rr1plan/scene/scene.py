@@ -1,0 +1,148 @@
+"""A scene, and other scenes like it. Immutable."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rr1plan.checks import finite_number, known_name
+from rr1plan.errors import InputError
+from rr1plan.robot import Color, Geometry, Robot
+from rr1plan.scene.content import SceneContent
+from rr1plan.scene.elements import Arm, Attachment, Obstacle, Pair, pair, posed_shapes
+from rr1plan.shapes import HalfSpace, PointCloud, Shape
+from rr1plan.transforms import as_pose, identity, inverse
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scene(SceneContent):
+    """Arms by name, obstacles by name, attached objects by name, allowed contacts, padding.
+
+    Args:
+        arms: Placed robots; the order is the order of the columns of q.
+        obstacles: Objects of the world.
+        attachments: Objects held by an arm.
+        allowed: Pairs that may touch (element names, or arm names for all links of an arm).
+        padding: Extra distance to keep between every checked pair [m].
+        pair_padding: Other distances for some pairs [m]; by element names or arm names.
+        name: Name of the scene.
+        description: What it is for, in a sentence.
+    """
+
+    def with_arm(self, name: str, robot: Robot, base: Any = None, q: Any = "home") -> Scene:
+        """A scene with one more arm (or another one of that name)."""
+        return replace(self, arms={**self.arms, name: Arm(robot, as_pose(base, "base"), q)})
+
+    def without_arm(self, name: str) -> Scene:
+        """A scene without that arm and what it holds."""
+        self.arm(name)
+        gone = {n for n, held in self.attachments.items() if held.arm == name}
+        return self._keep(
+            arms={n: a for n, a in self.arms.items() if n != name},
+            attachments={n: h for n, h in self.attachments.items() if n not in gone},
+        )
+
+    def with_posture(self, name: str, q: Any) -> Scene:
+        """A scene in which that arm stands at q: a name or numbers (nq,)."""
+        return replace(self, arms={**self.arms, name: replace(self.arm(name), q=q)})
+
+    def with_robot(self, name: str, robot: Robot) -> Scene:
+        """A scene in which that arm is another copy of its robot (other limits, other gripper)."""
+        return replace(self, arms={**self.arms, name: replace(self.arm(name), robot=robot)})
+
+    def with_obstacle(
+        self, name: str, shape: Shape | Iterable[Geometry], pose: Any = None, color: Color | None = None
+    ) -> Scene:
+        """A scene with one more obstacle (or another one of that name).
+
+        Args:
+            name: Its name, without "/".
+            shape: A shape, or several posed ones.
+            pose: T_world_object: (4, 4), or a position (3,) [m].
+            color: Its colour (rgba, 0..1).
+        """
+        if isinstance(shape, Shape):
+            shape = (Geometry(name, shape, identity(), color),)
+        return replace(self, obstacles={**self.obstacles, name: Obstacle(posed_shapes(shape), as_pose(pose))})
+
+    def without_obstacle(self, name: str) -> Scene:
+        """A scene without that obstacle."""
+        known_name("obstacle", name, self.obstacles)
+        return self._keep(obstacles={n: o for n, o in self.obstacles.items() if n != name})
+
+    def allow(self, a: str, b: str) -> Scene:
+        """A scene in which two elements (or all links of an arm, by the arm's name) may touch."""
+        if a == b:
+            raise InputError(f"allow got {a!r} twice, expected two elements; an arm's own pairs are its robot's")
+        return replace(self, allowed=self.allowed | {pair(a, b)})
+
+    def with_padding(self, distance: float, a: str | None = None, b: str | None = None) -> Scene:
+        """A scene that keeps `distance` [m] between every pair, or between a and b only."""
+        if (a is None) != (b is None):
+            raise InputError("with_padding takes a distance, or a distance and two names")
+        if a is None or b is None:
+            return self._padded(distance, self.pair_padding)
+        return self._padded(self.padding, {**self.pair_padding, pair(a, b): distance})
+
+    def with_margin(self, distance: float) -> Scene:
+        """A scene that keeps `distance` [m] more between every pair than this one."""
+        distance = finite_number("margin", distance)
+        return self._padded(self.padding + distance, {both: d + distance for both, d in self.pair_padding.items()})
+
+    def _padded(self, padding: float, pair_padding: Mapping[Pair, float]) -> Scene:
+        other = replace(self, padding=padding, pair_padding=pair_padding)
+        for name in ("kept_for_any_padding", "element_names", "contact_rules"):
+            other.__dict__[name] = getattr(self, name)
+        return other
+
+    def attach(
+        self,
+        obstacle: str,
+        arm: str | None = None,
+        link: str | None = None,
+        touch: Iterable[str] = (),
+        pose: Any = None,
+    ) -> Scene:
+        """A scene in which an arm holds what was an obstacle.
+
+        Args:
+            obstacle: Name of the obstacle; it keeps the name as an attached object.
+            arm: The arm that holds it (default: the only one).
+            link: The link it is fixed to (default: the robot's tool).
+            touch: Links of that arm it may touch besides, e.g. the fingers.
+            pose: T_link_object; default: where it is now, the arm standing in its posture.
+
+        Raises:
+            UnknownNameError: no such obstacle, arm or link.
+            InputError: a half-space or a point cloud, which cannot be carried.
+        """
+        thing = self.obstacles[known_name("obstacle", obstacle, self.obstacles)]
+        if any(isinstance(g.shape, HalfSpace | PointCloud) for g in thing.geometries):
+            raise InputError(f"obstacle {obstacle!r} holds a half-space or a point cloud, which an arm cannot carry")
+        arm = self.only_arm(arm)
+        robot = self.arm(arm).robot
+        link = robot.link(robot.tool if link is None else link).name
+        touch = frozenset(robot.link(name).name for name in touch)
+        where = inverse(self.link_poses()[f"{arm}/{link}"]) @ thing.pose if pose is None else pose
+        T = as_pose(where, "pose of the held object")
+        held = Attachment(thing.geometries, arm, link, T, touch)
+        rest = {n: o for n, o in self.obstacles.items() if n != obstacle}
+        return replace(self, obstacles=rest, attachments={**self.attachments, obstacle: held})
+
+    def detach(self, name: str) -> Scene:
+        """A scene in which a held object is an obstacle again, where the arm's posture has it."""
+        held = self.attachments[known_name("attached object", name, self.attachments)]
+        T = self.link_poses()[f"{held.arm}/{held.link}"] @ held.pose
+        rest = {n: a for n, a in self.attachments.items() if n != name}
+        return replace(self, attachments=rest, obstacles={**self.obstacles, name: Obstacle(held.geometries, T)})
+
+    def _keep(self, **changes: Any) -> Scene:
+        """`replace`, dropping rules about elements that are gone."""
+        bare = replace(self, allowed=frozenset(), pair_padding={}, **changes)
+        names = {*bare.element_names, *bare.arms}
+        return replace(
+            bare,
+            allowed=frozenset(p for p in self.allowed if p <= names),
+            pair_padding={p: d for p, d in self.pair_padding.items() if p <= names},
+        )
