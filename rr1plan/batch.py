@@ -12,23 +12,23 @@ import logging
 import math
 import os
 import time
-import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
 from multiprocessing import get_context
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from rr1plan._kernels.jit import all_kept, build_all
+from rr1plan.batch_worker import Raised, Settings, Task, begin_worker, raised, run_chunk
 from rr1plan.checks import Seed, as_generator, known_name
 from rr1plan.errors import BackendError, InputError
-from rr1plan.pipeline import MotionPlan, plan_motion
-from rr1plan.planners import plan, planner_names
+from rr1plan.pipeline import MotionPlan
+from rr1plan.planners import planner_names
 from rr1plan.planning import Budget, PlanResult, Progress, ProgressCallback
 from rr1plan.problem import Problem
 from rr1plan.retiming import retiming_names
@@ -63,21 +63,6 @@ class PlanFailure:
 
 
 Answer = MotionPlan | PlanResult | PlanFailure
-
-
-class _Settings(NamedTuple):
-    """What every problem of a batch has in common."""
-
-    full: bool
-    planner: str
-    retiming: str
-    budget: Budget | None
-
-
-class _Task(NamedTuple):
-    number: int
-    problem: Problem
-    seed: int
 
 
 def plan_many(
@@ -121,14 +106,14 @@ def plan_many(
         BackendError: the processes do not even start.
         KeyboardInterrupt: Ctrl-C, after the processes have ended.
     """
-    settings = _Settings(
+    settings = Settings(
         full,
         known_name("planner", planner, planner_names()),
         known_name("retiming", retiming, retiming_names()),
         budget,
     )
     questions = _checked(problems, executor, workers)
-    tasks = [_Task(i, p, s) for i, (p, s) in enumerate(zip(questions, problem_seeds(rng, len(questions)), strict=True))]
+    tasks = [Task(i, p, s) for i, (p, s) in enumerate(zip(questions, problem_seeds(rng, len(questions)), strict=True))]
     chunks = _chunks(tasks, workers or _processors())
     board = _Board(questions, progress)
     if not chunks:
@@ -137,7 +122,7 @@ def plan_many(
         left = deque(chunks)
         lost = _work_off(executor, left, settings, board, len(chunks))
         for task in [*lost, *chain.from_iterable(left)] if lost else []:
-            board.note(task.number, _Raised("BrokenExecutor", "the executor broke before this problem was done"))
+            board.note(task.number, Raised("BrokenExecutor", "the executor broke before this problem was done"))
         return board.answers()
     _work_in_processes(chunks, settings, board, min(workers or _processors(), len(chunks)))
     return board.answers()
@@ -168,12 +153,9 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _chunks(tasks: Sequence[_Task], workers: int) -> list[list[_Task]]:
+def _chunks(tasks: Sequence[Task], workers: int) -> list[list[Task]]:
     size = min(_LONGEST_CHUNK, max(1, math.ceil(len(tasks) / (_CHUNKS_PER_WORKER * workers))))
     return [list(tasks[i : i + size]) for i in range(0, len(tasks), size)]
-
-
-# ---- in this process -----------------------------------------------------------------------
 
 
 class _Board:
@@ -190,7 +172,7 @@ class _Board:
         """Take the answer to a problem; a plan gets back the very problem that was asked."""
         if isinstance(answer, MotionPlan):
             answer = replace(answer, problem=self.problems[index])
-        elif isinstance(answer, _Raised):
+        elif isinstance(answer, Raised):
             answer = PlanFailure(self.problems[index], *answer)
         self._answers[index] = answer
         if self.progress is not None and not self.cancelled:
@@ -200,25 +182,25 @@ class _Board:
 
     def answers(self) -> list[Answer]:
         """All answers in order; whoever has none was cancelled."""
-        none = _Raised("Cancelled", "the batch was cancelled before this problem was done")
+        none = Raised("Cancelled", "the batch was cancelled before this problem was done")
         return [self._answers.get(i) or PlanFailure(p, *none) for i, p in enumerate(self.problems)]
 
 
 def _work_off(
-    executor: Executor, chunks: deque[list[_Task]], settings: _Settings, board: _Board, at_once: int
-) -> list[_Task]:
+    executor: Executor, chunks: deque[list[Task]], settings: Settings, board: _Board, at_once: int
+) -> list[Task]:
     """Have the chunks worked off, `at_once` of them at a time; tasks lost with a broken executor are returned.
 
     A chunk that cannot travel is tried again problem by problem.
     """
-    pending: dict[Future[list[Any]], list[_Task]] = {}
-    lost: list[_Task] = []
+    pending: dict[Future[list[Any]], list[Task]] = {}
+    lost: list[Task] = []
     try:
         while (chunks or pending) and not board.cancelled:
             while chunks and len(pending) < at_once and not lost:
                 chunk = chunks.popleft()
                 try:
-                    pending[executor.submit(_run_chunk, chunk, settings)] = chunk
+                    pending[executor.submit(run_chunk, chunk, settings)] = chunk
                 except BrokenExecutor:
                     lost += chunk
             if not pending:
@@ -231,7 +213,7 @@ def _work_off(
     return lost
 
 
-def _take(future: Future[list[Any]], chunk: list[_Task], chunks: deque[list[_Task]], board: _Board) -> list[_Task]:
+def _take(future: Future[list[Any]], chunk: list[Task], chunks: deque[list[Task]], board: _Board) -> list[Task]:
     """Note the answers of a chunk; its tasks come back if they were lost."""
     try:
         answers = future.result()
@@ -241,14 +223,14 @@ def _take(future: Future[list[Any]], chunk: list[_Task], chunks: deque[list[_Tas
         if len(chunk) > 1:
             chunks.extend([task] for task in chunk)
         else:
-            board.note(chunk[0].number, _raised(error))
+            board.note(chunk[0].number, raised(error))
         return []
     for task, answer in zip(chunk, answers, strict=True):
         board.note(task.number, answer)
     return []
 
 
-def _work_in_processes(chunks: list[list[_Task]], settings: _Settings, board: _Board, workers: int) -> None:
+def _work_in_processes(chunks: list[list[Task]], settings: Settings, board: _Board, workers: int) -> None:
     """Work off all chunks in processes of our own; those lost with a process are asked again, each alone."""
     # Else each process would compile the same.
     if not all_kept():
@@ -265,7 +247,7 @@ def _work_in_processes(chunks: list[list[_Task]], settings: _Settings, board: _B
                     task = suspects.popleft()
                     if _work_off(pool, deque([[task]]), settings, board, 1):
                         logger.warning("problem %d killed the process that worked on it", task.number)
-                        board.note(task.number, _Raised("BrokenProcessPool", "the process that worked on it died"))
+                        board.note(task.number, Raised("BrokenProcessPool", "the process that worked on it died"))
                         break
 
 
@@ -274,7 +256,7 @@ def _pool(workers: int) -> Iterator[Executor]:
     """Spawned processes that are up; at the end they are told to stop, and waited for."""
     context = get_context("spawn")
     stop = context.Event()
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin_worker, initargs=(stop,))
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=begin_worker, initargs=(stop,))
     try:
         try:
             pool.submit(os.getpid).result()
@@ -287,58 +269,3 @@ def _pool(workers: int) -> Iterator[Executor]:
     finally:
         stop.set()
         pool.shutdown(wait=True, cancel_futures=True)
-
-
-# ---- in the workers ------------------------------------------------------------------------
-
-
-class _Raised(NamedTuple):
-    """An exception as text: not every exception can travel."""
-
-    error: str
-    reason: str
-    details: str = ""
-
-
-def _raised(error: BaseException) -> _Raised:
-    return _Raised(type(error).__name__, str(error), "".join(traceback.format_exception(error)))
-
-
-_should_stop: Callable[[], bool] = bool
-"""Whether the process that spawned this one wants it to end."""
-
-
-def _begin_worker(stop: Any) -> None:
-    import signal
-
-    global _should_stop
-    _should_stop = stop.is_set
-    # Ctrl-C reaches the whole group; the first process decides what happens
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _go_on(progress: Progress) -> bool:
-    return not _should_stop()
-
-
-def _run_chunk(chunk: list[_Task], settings: _Settings) -> list[Any]:
-    """Answers, or what was raised, one for each task."""
-    return [_run(task, settings) for task in chunk]
-
-
-def _run(task: _Task, settings: _Settings) -> Any:
-    if _should_stop():
-        return _Raised("Cancelled", "the batch was cancelled before this problem was done")
-    try:
-        if not settings.full:
-            return plan(task.problem, settings.planner, settings.budget, task.seed, _go_on)
-        return plan_motion(
-            task.problem,
-            planner=settings.planner,
-            retiming=settings.retiming,
-            budget=settings.budget,
-            rng=task.seed,
-            progress=_go_on,
-        )
-    except Exception as error:
-        return _raised(error)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan import batch
+from rr1plan import batch, batch_worker
 from rr1plan.batch import PlanFailure, problem_seeds
 
 BUDGET = rp.Budget(float("inf"), iterations=20_000)
@@ -122,20 +122,20 @@ def test_consecutive_problems_travel_together_and_their_scene_once(problems):
     executor = InLine()
     rp.plan_many(problems * 8, executor=executor, workers=2, rng=0, full=False, budget=BUDGET)
     assert executor.sizes == [5] * 8
-    tasks = [batch._Task(i, p, 0) for i, p in enumerate(problems)]
+    tasks = [batch_worker.Task(i, p, 0) for i, p in enumerate(problems)]
     more = len(pickle.dumps(tasks)) - len(pickle.dumps(tasks[:1]))
     assert more < 0.5 * len(pickle.dumps(problems[0].scene))
 
 
 def test_what_raises_stands_in_its_place(problems, monkeypatch):
-    planned = batch.plan
+    planned = batch_worker.plan
 
     def fail(problem, *arguments):
         if problem is problems[2]:
             raise rp.RetimingError("no time today")
         return planned(problem, *arguments)
 
-    monkeypatch.setattr(batch, "plan", fail)
+    monkeypatch.setattr(batch_worker, "plan", fail)
     answers = rp.plan_many(problems, executor=InLine(), rng=0, full=False, budget=BUDGET)
     assert [a.solved for a in answers] == [True, True, False, True, True]
     failure = answers[2]

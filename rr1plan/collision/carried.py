@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.solids import solid_pieces
 from rr1plan.errors import InputError
-from rr1plan.model import ElementGeometry, SceneModel, Skeleton
+from rr1plan.model import SceneModel
 from rr1plan.shapes import HalfSpace, PointCloud, Shape
+from rr1plan.skeleton import ElementGeometry, Skeleton
 
 _INTS = NDArray[np.int64]
 

@@ -7,7 +7,6 @@ they touch). Joint limits are another question: see `CollisionChecker.limit_viol
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
 from typing import Any, TypeGuard
@@ -19,10 +18,12 @@ from rr1plan._kernels.clearance import least_clearance as _least_clearance_untyp
 from rr1plan._kernels.exact import EXACT
 from rr1plan._kernels.record import pack
 from rr1plan.checks import Array, finite_array, read_only
+from rr1plan.collision.answers import Contact, Nearest
 from rr1plan.collision.carried import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
 from rr1plan.collision.exact_tables import build_resting_tables, build_tables
 from rr1plan.collision.layout import layout_of
+from rr1plan.collision.resting import Resting, measure_resting
 from rr1plan.limits import Limits
 from rr1plan.model import SceneModel
 from rr1plan.scene import Scene
@@ -31,53 +32,6 @@ from rr1plan.scene import Scene
 _ROUNDING = 1e-9
 
 _least_clearance: Callable[..., float] = _least_clearance_untyped
-
-
-@dataclass(frozen=True, eq=False)
-class Contact:
-    """Two elements that touch, or come nearer than their padding.
-
-    Args:
-        a, b: The elements.
-        depth: Padding less distance [m], >= 0.
-        point: Halfway between the two deepest points, in the world [m], shape (3,).
-    """
-
-    a: str
-    b: str
-    depth: float
-    point: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Nearest:
-    """The two elements that are nearest to each other.
-
-    Args:
-        distance: Their distance [m], negative where they overlap; inf when no pair is checked.
-        pair: The elements; empty when no pair is checked.
-        point_a, point_b: The nearest points in the world [m], shape (3,).
-    """
-
-    distance: float
-    pair: tuple[str, ...]
-    point_a: Array
-    point_b: Array
-
-
-@dataclass(frozen=True, eq=False)
-class _Resting:
-    """What is true, whatever q is, of the pairs that do not move against each other.
-
-    Args:
-        distances: Distance of every checked pair [m], inf where its elements move, shape (n_pairs,).
-        touching: (index of the pair, padding - distance [m], point between them) of those that collide.
-        nearest: The nearest of them.
-    """
-
-    distances: Array
-    touching: tuple[tuple[int, float, Array], ...] = ()
-    nearest: Nearest = Nearest(np.inf, (), np.zeros(3), np.zeros(3))
 
 
 class CollisionChecker:
@@ -298,26 +252,14 @@ class CollisionChecker:
         return _least_clearance(np.zeros(self.nq), most, pack(tables, EXACT))
 
     @cached_property
-    def _resting(self) -> _Resting:
+    def _resting(self) -> Resting:
         index, owner = self.layout.pairs.resting, self.layout.pairs.resting_owner
-        distances = np.full(len(self.pairs), np.inf)
         if len(index) == 0:
-            return _Resting(read_only(distances))
+            return Resting(read_only(np.full(len(self.pairs), np.inf)))
         padding = self.scene.checked_padding[owner]
-        pairs = CoalPairs(self.model, self.solids, index, padding)
-        pairs.place(np.zeros(self.nq))
-        found = pairs.distances()
-        np.minimum.at(distances, owner, found)
-        nearest = int(np.argmin(found))
-        _, a, b = pairs.distance(nearest)
-        touching = []
-        for i in np.flatnonzero(found <= padding).tolist():
-            distance, near_a, near_b = pairs.distance(i)
-            touching.append((int(owner[i]), float(padding[i]) - distance, 0.5 * (near_a + near_b)))
-        pair = self.pairs[owner[nearest]]
-        return _Resting(
-            read_only(distances), tuple(touching), Nearest(float(found[nearest]), pair, read_only(a), read_only(b))
-        )
+        things = CoalPairs(self.model, self.solids, index, padding)
+        things.place(np.zeros(self.nq))
+        return measure_resting(things, self.pairs, owner, padding)
 
 
 def _is_plain(q: Any, length: int) -> TypeGuard[Array]:

@@ -21,7 +21,7 @@ from rr1plan.collision.body_rows import FAR, BodyRows, flat, rows_of
 from rr1plan.collision.carried import Carried
 from rr1plan.collision.layout import Layout
 from rr1plan.collision.standing import Standing
-from rr1plan.model import Skeleton
+from rr1plan.skeleton import Skeleton
 from rr1plan.transforms import rotation_about
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from typing import Any
 
 from rr1plan.checks import read_only
 from rr1plan.collision.carried import Solid, solids_of, surfaceless
-from rr1plan.model import ElementGeometry
 from rr1plan.scene import Obstacle
 from rr1plan.shapes import Shape
+from rr1plan.skeleton import ElementGeometry
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,8 @@ from matplotlib.patches import Annulus, Circle, Patch, Polygon
 
 from rr1plan.checks import Array
 from rr1plan.formats.files import write_bytes
-from rr1plan.playback.cspace_grid import LIMITS, SELF, CSpaceGrid
+from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid
+from rr1plan.playback.cspace_images import SELF
 from rr1plan.playback.outlines import silhouette
 from rr1plan.shapes import HalfSpace
 

@@ -21,7 +21,8 @@ from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import SearchTree
 from rr1plan.playback.cspace_figure import layer_colors
-from rr1plan.playback.cspace_grid import LIMITS, SELF, CSpaceGrid
+from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid
+from rr1plan.playback.cspace_images import SELF
 from rr1plan.playback.viewer.document import Document, pack, view_document
 from rr1plan.playback.viewer.live import Viewer, open_viewer
 from rr1plan.playback.viewer.page import Panel, page_html, write_page

@@ -11,9 +11,10 @@ from rr1plan.collision.swept import SweptEdges
 from rr1plan.contact_rules import rules_of
 from rr1plan.errors import InputError
 from rr1plan.library import load_scene
-from rr1plan.model import SceneModel, _skeleton
+from rr1plan.model import SceneModel
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, HalfSpace, Mesh, PointCloud, Sphere
+from rr1plan.skeleton import _skeleton
 from rr1plan.transforms import pose
 
 HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], convex=True)

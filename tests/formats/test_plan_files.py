@@ -292,56 +292,6 @@ def test_files_that_are_too_large_are_refused_packed_or_not(tmp_path: FilePath) 
         files.read_bytes(tmp_path / "c.json.gz")
 
 
-# ---- CSV ---------------------------------------------------------------------------------------
-
-
-def test_csv_has_its_header_and_ends_with_zero_velocities(tmp_path: FilePath, trajectory: Trajectory) -> None:
-    lines = plan_files.save_csv(tmp_path / "t.csv", trajectory, dt=0.3).read_text().splitlines()
-    assert lines[0] == "t,q:arm/joint1,q:arm/joint2,v:arm/joint1,v:arm/joint2,a:arm/joint1,a:arm/joint2"
-    rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
-    assert rows[-1, 0] == trajectory.end_time
-    assert (rows[-1, 3:5] == 0.0).all()
-    assert (np.diff(rows[:, 0]) > 0).all()
-
-
-def test_csv_reads_back_the_same_motion(tmp_path: FilePath, trajectory: Trajectory) -> None:
-    read = plan_files.load_csv(plan_files.save_csv(tmp_path / "t.csv", trajectory, dt=0.13))
-    times = np.linspace(0.0, 2.0, 101)
-    for derivative in range(3):
-        assert np.allclose(read(times, derivative), trajectory(times, derivative), rtol=0.0, atol=1e-10)
-
-
-def test_csv_of_standing_still_has_one_row(tmp_path: FilePath) -> None:
-    still = Trajectory.rest(("arm/joint1",), [0.5])
-    assert plan_files.load_csv(plan_files.save_csv(tmp_path / "t.csv", still)).allclose(still, atol=0.0)
-
-
-def test_a_motion_that_does_not_end_at_rest_is_not_written_as_csv(tmp_path: FilePath) -> None:
-    moving = Trajectory(("arm/joint1",), [0.0, 1.0], np.array([[[0.0], [1.0]]]))
-    with pytest.raises(InputError, match="'arm/joint1' has the speed 1"):
-        plan_files.save_csv(tmp_path / "t.csv", moving)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "another header"),
-        ("t,q:a,v:a\n0,0,0\n", "another header"),
-        ("t,q:a,v:b,a:a\n", "another header"),
-        ("t,q:a,v:a,a:a\n", "has no rows"),
-        ("t,q:a,v:a,a:a\n0,0,0\n", ":2: has 3 values, expected 4"),
-        ("t,q:a,v:a,a:a\n0,0,0,x\n", ":2: could not convert"),
-        ("t,q:a,v:a,a:a\n0,nan,0,0\n1,0,0,0\n", "is nan"),
-        ("t,q:a,v:a,a:a\n1,0,0,0\n1,0,0,0\n", "strictly increase"),
-        ("t,q:a,q:a,v:a,v:a,a:a,a:a\n0,0,0,0,0,0,0\n", "'a' twice"),
-    ],
-)
-def test_wrong_csv_is_refused(tmp_path: FilePath, text: str, message: str) -> None:
-    (tmp_path / "t.csv").write_text(text)
-    with pytest.raises(FormatError, match=message):
-        plan_files.load_csv(tmp_path / "t.csv")
-
-
 # ---- values ------------------------------------------------------------------------------------
 
 

@@ -17,8 +17,10 @@ import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.library import load_problems
+from rr1plan.playback.cspace_cells import label_components
 from rr1plan.playback.cspace_figure import layer_image, wrapped_pieces
-from rr1plan.playback.cspace_grid import LIMITS, SELF, compute_grid, label_components
+from rr1plan.playback.cspace_grid import LIMITS, compute_grid
+from rr1plan.playback.cspace_images import SELF
 from rr1plan.playback.outlines import bounding_radius, silhouette
 
 

@@ -1,0 +1,82 @@
+"""What a process of a batch does: answers problems one after the other, and sends back what was raised as text."""
+
+from __future__ import annotations
+
+import signal
+import traceback
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from rr1plan.pipeline import plan_motion
+from rr1plan.planners import plan
+from rr1plan.planning import Budget, Progress
+from rr1plan.problem import Problem
+
+
+class Settings(NamedTuple):
+    """What every problem of a batch has in common."""
+
+    full: bool
+    planner: str
+    retiming: str
+    budget: Budget | None
+
+
+class Task(NamedTuple):
+    """One problem of a batch, where it stands there, and its seed."""
+
+    number: int
+    problem: Problem
+    seed: int
+
+
+class Raised(NamedTuple):
+    """An exception as text: not every exception can travel."""
+
+    error: str
+    reason: str
+    details: str = ""
+
+
+def raised(error: BaseException) -> Raised:
+    """An exception with its traceback, as text."""
+    return Raised(type(error).__name__, str(error), "".join(traceback.format_exception(error)))
+
+
+_should_stop: Callable[[], bool] = bool
+"""Whether the process that spawned this one wants it to end."""
+
+
+def begin_worker(stop: Any) -> None:
+    """What a process does first; `stop` is the event that tells it to end."""
+    global _should_stop
+    _should_stop = stop.is_set
+    # Ctrl-C reaches the whole group; the first process decides what happens
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _go_on(progress: Progress) -> bool:
+    return not _should_stop()
+
+
+def run_chunk(chunk: list[Task], settings: Settings) -> list[Any]:
+    """Answers, or what was raised, one for each task."""
+    return [_run(task, settings) for task in chunk]
+
+
+def _run(task: Task, settings: Settings) -> Any:
+    if _should_stop():
+        return Raised("Cancelled", "the batch was cancelled before this problem was done")
+    try:
+        if not settings.full:
+            return plan(task.problem, settings.planner, settings.budget, task.seed, _go_on)
+        return plan_motion(
+            task.problem,
+            planner=settings.planner,
+            retiming=settings.retiming,
+            budget=settings.budget,
+            rng=task.seed,
+            progress=_go_on,
+        )
+    except Exception as error:
+        return raised(error)

@@ -1,0 +1,77 @@
+"""Cells of a grid whose edges may meet: components of free cells, shortest ways over them."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+Mask = NDArray[np.bool_]
+
+
+def label_components(free: Mask, periodic: tuple[bool, bool]) -> NDArray[np.int32]:
+    """Number the components of free cells (4 neighbours), joined across periodic seams; 0 is not free."""
+    labels, count = ndimage.label(free)
+    parent = np.arange(count + 1)
+
+    def root(k: int) -> int:
+        while parent[k] != k:
+            parent[k] = parent[parent[k]]
+            k = int(parent[k])
+        return k
+
+    for axis, closes in enumerate(periodic):
+        if closes:
+            first, last = np.take(labels, 0, axis=axis), np.take(labels, -1, axis=axis)
+            for a, b in zip(first, last, strict=True):
+                if a and b:
+                    parent[root(int(a))] = root(int(b))
+    roots = np.array([root(k) for k in range(count + 1)])
+    _, joined = np.unique(roots, return_inverse=True)
+    return np.asarray(joined[labels], dtype=np.int32)
+
+
+def shortest_way(
+    free: Mask, periodic: tuple[bool, bool], start: tuple[int, int], goal: tuple[int, int]
+) -> list[tuple[int, int]]:
+    """Cells of a shortest path (8 neighbours, Dijkstra 1959); start and goal are in the same component."""
+    steps = [(di, dj) for di in (-1, 0, 1) for dj in (-1, 0, 1) if di or dj]
+    cost = {start: 0.0}
+    came: dict[tuple[int, int], tuple[int, int]] = {}
+    queue = [(0.0, start)]
+    while queue:
+        spent, cell = heapq.heappop(queue)
+        if cell == goal:
+            break
+        if spent > cost[cell]:
+            continue
+        for step in steps:
+            following = _neighbour(free, periodic, cell, step)
+            if following is not None:
+                total = spent + float(np.hypot(*step))
+                if total < cost.get(following, np.inf) - 1e-12:
+                    cost[following] = total
+                    came[following] = cell
+                    heapq.heappush(queue, (total, following))
+    cells = [goal]
+    while cells[-1] != start:
+        cells.append(came[cells[-1]])
+    return cells[::-1]
+
+
+def _neighbour(
+    free: Mask, periodic: tuple[bool, bool], cell: tuple[int, int], step: tuple[int, int]
+) -> tuple[int, int] | None:
+    """The free cell one step on, or None; a diagonal step needs both its sides free."""
+    moved = []
+    for axis in (0, 1):
+        index, size = cell[axis] + step[axis], free.shape[axis]
+        if not 0 <= index < size and not periodic[axis]:
+            return None
+        moved.append(index % size)
+    i, j = moved
+    if not free[i, j] or (step[0] and step[1] and not (free[cell[0], j] and free[i, cell[1]])):
+        return None
+    return i, j

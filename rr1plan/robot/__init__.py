@@ -1,0 +1,13 @@
+"""A robot: one arm's description, immutable and shared by all its copies.
+
+Pure values: links, joints, shapes, limits, named configurations and the pairs of links that
+may touch. Pinocchio, Coal, MuJoCo and the viewer are each built from this same description,
+so they cannot disagree about the robot. The forward kinematics here is the plain one, in numpy;
+`rr1plan.kinematics` has the fast one.
+"""
+
+from rr1plan.robot.digest import feed_digest
+from rr1plan.robot.parts import Color, Geometry, Inertial, Joint, JointKind, Link, Mimic
+from rr1plan.robot.robot import Robot
+
+__all__ = ["Color", "Geometry", "Inertial", "Joint", "JointKind", "Link", "Mimic", "Robot", "feed_digest"]

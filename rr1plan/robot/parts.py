@@ -1,0 +1,105 @@
+"""What a robot is made of: links, joints, their shapes and masses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from rr1plan.checks import Array, Value, read_only
+from rr1plan.shapes import Shape
+from rr1plan.transforms import identity, rotation_about
+
+JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
+Color = tuple[float, float, float, float]
+
+
+class _ReadOnlyArrays(Value):
+    """Makes a value's arrays read-only at construction, on copies of its own."""
+
+    def __post_init__(self) -> None:
+        for name, value in self.__dict__.items():
+            if isinstance(value, np.ndarray) and value.flags.writeable:
+                object.__setattr__(self, name, read_only(value.copy()))
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial(_ReadOnlyArrays):
+    """Mass [kg], centre of mass (3,) [m] in the link frame, inertia (3, 3) [kg m²] about it in link axes."""
+
+    mass: float
+    com: Array
+    inertia: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry(_ReadOnlyArrays):
+    """A shape at a pose (4, 4) in the frame of its link or obstacle, with a colour (rgba, 0..1) or None."""
+
+    name: str
+    shape: Shape
+    pose: Array = field(default_factory=identity)
+    color: Color | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid body: what it weighs, how it looks, what it hits."""
+
+    name: str
+    inertial: Inertial | None = None
+    visuals: tuple[Geometry, ...] = ()
+    collisions: tuple[Geometry, ...] = ()
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """This joint's value is multiplier * (value of `joint`) + offset."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Joint(_ReadOnlyArrays):
+    """How a child link moves against its parent.
+
+    Args:
+        name: Joint name.
+        kind: Revolute, continuous (no position limits), prismatic or fixed.
+        parent: Parent link.
+        child: Child link.
+        origin: T_parent_joint, shape (4, 4).
+        axis: Unit axis in the joint frame, shape (3,).
+        lower, upper: Position limits [rad or m]; -inf and inf for a continuous joint.
+        velocity: Highest speed [rad/s or m/s].
+        effort: Highest torque or force [Nm or N].
+        damping: Viscous friction [Nm s/rad].
+        friction: Coulomb friction [Nm].
+        mimic: The joint this one follows, or None.
+    """
+
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    origin: Array = field(default_factory=identity)
+    axis: Array = field(default_factory=lambda: read_only(np.array([0.0, 0.0, 1.0])))
+    lower: float = -np.inf
+    upper: float = np.inf
+    velocity: float = np.inf
+    effort: float = np.inf
+    damping: float = 0.0
+    friction: float = 0.0
+    mimic: Mimic | None = None
+
+    def motion(self, value: float) -> Array:
+        """T_joint_child at a joint value [rad or m], shape (4, 4)."""
+        T = np.eye(4)
+        if self.kind == "prismatic":
+            T[:3, 3] = value * self.axis
+        elif self.kind != "fixed":
+            T[:3, :3] = rotation_about(self.axis, value)
+        return T
