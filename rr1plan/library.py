@@ -94,7 +94,7 @@ def load_robot(
         tool: The link that pose goals mean when they name none; by default the tip of the group's
             chain, or the end of what hangs on the last planning joint.
         name: Another name for the robot.
-        xacro_arguments: Values of a xacro file's arguments.
+        xacro_arguments: Values of a xacro file's arguments; with some, or {}, a .urdf is expanded as well.
 
     Raises:
         UnknownNameError: no such robot, group, joint, link or preset.
@@ -133,7 +133,7 @@ def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path]:
 def _read_tree(
     file: Path, package_dirs: Sequence[str | Path], convex: Convexity, arguments: Mapping[str, str] | None
 ) -> Tree:
-    if file.suffix != ".xacro":
+    if file.suffix != ".xacro" and arguments is None:
         return read_urdf(file, package_dirs=package_dirs, convex=convex)
     text = expand_xacro(file, package_dirs=package_dirs, arguments=arguments)
     return read_urdf(text, package_dirs=package_dirs, convex=convex, file=file)

@@ -120,7 +120,7 @@ def test_an_srdf_of_the_same_name_is_found_beside_the_urdf(arm: Path, place: str
 
 
 def test_a_broken_srdf_is_an_error_not_ignored(arm: Path) -> None:
-    (arm.parent / "arm.srdf").write_text('<robot name="arm"><group name="g"><joint name="x"/></group></robot>')
+    (arm.parent / "arm.srdf").write_text('<robot name="arm"><group name="g"><group name="x"/></group></robot>')
     with pytest.raises(FormatError, match=r"arm\.srdf:1"):
         rp.load_robot(arm)
 

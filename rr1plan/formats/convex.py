@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array, known_name
 from rr1plan.errors import BackendError, InputError
@@ -22,6 +23,7 @@ from rr1plan.shapes import Mesh
 
 log = logging.getLogger(__name__)
 
+Faces = NDArray[np.int32]
 Convexity = Literal["hull", "pieces"]
 CONVEXITIES: tuple[Convexity, ...] = ("hull", "pieces")
 
@@ -33,6 +35,8 @@ _VERSION = "pieces-3"
 MAX_TRIANGLES = 100_000
 # Points times planes that are held in memory at once.
 _MOST_PRODUCTS = 20_000_000
+# Coal counts the neighbours of a corner in a byte.
+_MOST_NEIGHBOURS = 255
 
 
 def convex_shapes(meshes: Sequence[Mesh], convex: Convexity = "hull") -> list[Mesh]:
@@ -61,9 +65,39 @@ def convex_hull(points: Array) -> Mesh:
         points: Points [m], shape (n, 3).
 
     Raises:
-        InputError: the points lie in a plane.
+        InputError: the points lie in a plane, or a corner has more neighbours than Coal can count.
     """
-    return _oriented(points, _qhull(points))
+    hull = _qhull(points)
+    faces, normals = hull.simplices, hull.equations[:, :3]
+    if _most_neighbours(faces) > _MOST_NEIGHBOURS:
+        faces, normals = _without_fans(points, faces, normals)
+    if (most := _most_neighbours(faces)) > _MOST_NEIGHBOURS:
+        raise InputError(
+            f"a convex mesh has a corner with {most} neighbours, expected at most {_MOST_NEIGHBOURS}; try a coarser one"
+        )
+    return _oriented(points, hull.vertices, faces, normals)
+
+
+def _most_neighbours(faces: Faces) -> int:
+    """Of a closed mesh: as many as triangles meet at the corner."""
+    return int(np.bincount(faces.ravel()).max())
+
+
+def _without_fans(points: Array, faces: Faces, normals: Array) -> tuple[Faces, Array]:
+    """The hull's flat faces cut zigzag into triangles, and the normal of each: Qhull cuts a disc into a fan."""
+    planes, group = np.unique(normals, axis=0, return_inverse=True)
+    cut = [_zigzag(points, np.unique(faces[group.ravel() == i]), normal) for i, normal in enumerate(planes)]
+    return np.concatenate(cut), np.repeat(planes, [len(triangles) for triangles in cut], axis=0)
+
+
+def _zigzag(points: Array, corners: NDArray[np.int32], normal: Array) -> Faces:
+    """A convex polygon as triangles of which at most three meet at a corner."""
+    around = points[corners] - points[corners].mean(axis=0)
+    across = np.cross(normal, around[0])
+    corners = corners[np.argsort(np.arctan2(around @ across, around @ np.cross(across, normal)))]
+    count = len(corners)
+    order = corners[[k // 2 if k % 2 == 0 else count - 1 - k // 2 for k in range(count)]]
+    return np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
 
 
 def is_convex(mesh: Mesh, tolerance: float = 2e-3) -> bool:
@@ -115,13 +149,13 @@ def _qhull(points: Array) -> Any:
         raise InputError("the mesh is flat or too small to have a volume; try giving it a thickness") from error
 
 
-def _oriented(points: Array, hull: Any) -> Mesh:
-    """Qhull's triangles over the vertices that are used, counter-clockwise from outside."""
-    place = np.full(len(points), -1)
-    place[hull.vertices] = np.arange(len(hull.vertices))
-    vertices, faces = points[hull.vertices], place[hull.simplices]
+def _oriented(points: Array, used: NDArray[np.int32], faces: Faces, normals: Array) -> Mesh:
+    """A hull's triangles over the vertices that are used, counter-clockwise from outside."""
+    place = np.full(len(points), -1, dtype=np.int32)
+    place[used] = np.arange(len(used))
+    vertices, faces = points[used], place[faces]
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals) < 0.0
     faces[inward] = faces[inward][:, ::-1]
     return Mesh(vertices, faces, convex=True)
 

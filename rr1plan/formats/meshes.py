@@ -49,7 +49,7 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
 
     Args:
         file: A .stl (ascii or binary), .obj or .dae file.
-        scale: Factor of each axis, shape (3,).
+        scale: Factor of each axis, shape (3,); negative ones mirror.
 
     Returns:
         One part for each colour; STL and OBJ have one part without a colour.
@@ -137,6 +137,8 @@ def _join(file: Path, meshes: list[Any], factors: Any) -> Mesh:
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     corners = np.concatenate([mesh.vertices for mesh in meshes]) * factors
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    if np.prod(factors) < 0.0:
+        faces = faces[:, ::-1]  # so that a mirror image has its outside outside
     vertices, where = np.unique(corners, axis=0, return_inverse=True)
     try:
         return Mesh(vertices, where.reshape(-1)[faces])

@@ -11,7 +11,13 @@ import numpy as np
 from rr1plan.checks import Array, known_name
 from rr1plan.errors import InputError
 from rr1plan.formats.srdf import Semantics
-from rr1plan.formats.srdf_proposal import free_configuration, propose_never_collide, rigid_pairs, touching_links
+from rr1plan.formats.srdf_proposal import (
+    free_configuration,
+    jammed_pairs,
+    propose_never_collide,
+    rigid_pairs,
+    touching_links,
+)
 from rr1plan.formats.urdf import Tree
 from rr1plan.limits import Limits
 from rr1plan.robot import Joint, Robot
@@ -77,9 +83,9 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         named_held=_held_states(known, held),
         source=tree.source,
     )
-    if not known.disabled:
-        robot = replace(robot, never_collide=robot.never_collide | _sampled_pairs(robot))
-    if "home" not in configurations:
+    never = _jammed_pairs(robot) if known.disabled else _sampled_pairs(robot)
+    robot = replace(robot, never_collide=robot.never_collide | never)
+    if not any(state == "home" and set(names) <= set(values) for (_, state), values in known.states.items()):
         home = free_configuration(robot, robot.home, rng=0)
         robot = replace(robot, configurations={**robot.configurations, "home": home})
     _warn_of_touching_home(robot)
@@ -99,6 +105,15 @@ def _sampled_pairs(robot: Robot) -> frozenset[frozenset[str]]:
     if always:
         log.info("%s: always touching, not checked: %s", robot.name, ", ".join(always))
     return frozenset(pair for pair, reason in proposal.items() if reason != "Never")
+
+
+def _jammed_pairs(robot: Robot) -> frozenset[frozenset[str]]:
+    """The pairs that an SRDF forgot: with them no configuration would ever be free."""
+    jammed = jammed_pairs(robot, SAMPLES, rng=0)
+    if jammed:
+        listed = ", ".join(sorted(" - ".join(sorted(pair)) for pair in jammed))
+        log.warning("%s: touching wherever it is, not checked though the SRDF asks for it: %s", robot.name, listed)
+    return jammed
 
 
 def urdf_limits(joints: Sequence[Joint]) -> Limits:

@@ -1,8 +1,8 @@
 """SRDF: groups of joints, named states, end effectors and pairs of links that need no check.
 
-A strict reader: a name the URDF does not have, a value that is no number or a group that contains
-itself is an error with file and line. A robot name that differs from the URDF's is a warning, as
-many shipped files differ there.
+A strict reader: a value that is no number, a group nobody defines or one that contains itself is an
+error with file and line. A link or joint that the robot does not have is passed over with a warning, and so
+is a robot name that differs: many files serve several variants of a robot.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None
         file: Where a document given as text came from, for messages.
 
     Raises:
-        FormatError: a name the robot does not have, a value that is no number, or bad XML.
+        FormatError: a group that is not there, a value that is no number, or bad XML.
     """
     if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
         root = parse_xml(source.encode() if isinstance(source, str) else source, "robot", file)
@@ -80,33 +80,42 @@ class _Reader:
         self.above = {joint.child: joint for joint in tree.joints}
         self.order = [joint.name for joint in tree.joints if joint.kind != "fixed"]
         self.groups = self._group_elements()
+        self.virtual = {e.attributes.get("name") for e in root.all("virtual_joint")}
+        self.strange: dict[tuple[str, str], int] = {}
 
     def read(self) -> Semantics:
-        return Semantics(
+        semantics = Semantics(
             groups={name: self._in_order(self._members(name, ())) for name in self.groups},
             chains=self._chains(),
             states=self._states(),
-            end_effectors=tuple(self._end_effector(e) for e in self.root.all("end_effector")),
-            passive=frozenset(self._joint(e, "name") for e in self.root.all("passive_joint")),
+            end_effectors=self._end_effectors(),
+            passive=frozenset(e.text("name") for e in self.root.all("passive_joint") if self._has_joint(e)),
             disabled=self._disabled(),
         )
+        if self.strange:
+            listed = ", ".join(f"{kind} {name!r} (line {line})" for (kind, name), line in self.strange.items())
+            log.warning("%s: the robot has no %s; passed over", self.root.file or "SRDF", listed)
+        return semantics
 
     # ---- names -------------------------------------------------------------------------
 
-    def _link(self, element: Element, attribute: str) -> str:
-        return self._known(element, attribute, "link", self.links)
+    def _has_link(self, element: Element, attribute: str) -> bool:
+        return self._has(element, attribute, "link", self.links)
 
-    def _joint(self, element: Element, attribute: str) -> str:
-        return self._known(element, attribute, "joint", self.joints)
+    def _has_joint(self, element: Element) -> bool:
+        return self._has(element, "name", "joint", self.joints)
+
+    def _has(self, element: Element, attribute: str, kind: str, known: Container[str]) -> bool:
+        """Whether the robot has the link or joint an attribute names; what it has not is remembered."""
+        name = element.text(attribute)
+        if name not in known and not (kind == "joint" and name in self.virtual):
+            self.strange.setdefault((kind, name), element.line)
+        return name in known
 
     def _group(self, element: Element, attribute: str) -> str:
-        return self._known(element, attribute, "group", self.groups)
-
-    @staticmethod
-    def _known(element: Element, attribute: str, kind: str, known: Container[str]) -> str:
         name = element.text(attribute)
-        if name not in known:
-            raise element.error(f"<{element.tag}> names the unknown {kind} {name!r}")
+        if name not in self.groups:
+            raise element.error(f"<{element.tag}> names the unknown group {name!r}")
         return name
 
     # ---- groups ------------------------------------------------------------------------
@@ -125,8 +134,9 @@ class _Reader:
         group = self.groups[name]
         if name in above:
             raise group.error(f"group {name!r} contains itself")
-        joints = {self._joint(e, "name") for e in group.all("joint")}
-        joints |= {self.above[n].name for e in group.all("link") if (n := self._link(e, "name")) in self.above}
+        joints = {e.text("name") for e in group.all("joint") if self._has_joint(e)}
+        links = [e.text("name") for e in group.all("link") if self._has_link(e, "name")]
+        joints |= {self.above[name].name for name in links if name in self.above}
         for chain in group.all("chain"):
             joints |= set(self._chain_joints(chain))
         for sub in group.all("group"):
@@ -137,8 +147,10 @@ class _Reader:
         return tuple(n for n in self.order if n in names)
 
     def _chain_joints(self, chain: Element) -> list[str]:
-        base, tip = self._link(chain, "base_link"), self._link(chain, "tip_link")
+        base, tip = chain.text("base_link"), chain.text("tip_link")
         names: list[str] = []
+        if not self._has_chain(chain):
+            return names
         link = tip
         while link != base:
             if link not in self.above:
@@ -147,11 +159,15 @@ class _Reader:
             link = self.above[link].parent
         return names
 
+    def _has_chain(self, chain: Element) -> bool:
+        ends = [self._has_link(chain, end) for end in ("base_link", "tip_link")]
+        return all(ends)
+
     def _chains(self) -> dict[str, tuple[str, str]]:
         found = {}
         for name, group in self.groups.items():
             chains = list(group.all("chain"))
-            if len(chains) == 1 and len(group.children) == 1:
+            if len(chains) == 1 and len(group.children) == 1 and self._has_chain(chains[0]):
                 found[name] = (chains[0].text("base_link"), chains[0].text("tip_link"))
         return found
 
@@ -164,24 +180,35 @@ class _Reader:
             key = (group, element.text("name"))
             if key in found:
                 raise element.error(f"state {key[1]!r} of group {key[0]!r} is there twice")
-            found[key] = {self._joint(e, "name"): e.number("value") for e in element.all("joint")}
+            values = [e for e in element.all("joint") if self._has_joint(e) and not self._is_fixed(e.text("name"))]
+            found[key] = {e.text("name"): e.number("value") for e in values}
         return found
 
-    def _end_effector(self, element: Element) -> EndEffector:
-        parent_group = self._group(element, "parent_group") if "parent_group" in element.attributes else None
-        return EndEffector(
-            element.text("name"), self._group(element, "group"), self._link(element, "parent_link"), parent_group
-        )
+    def _is_fixed(self, joint: str) -> bool:
+        return self.joints[joint].kind == "fixed"
+
+    def _end_effectors(self) -> tuple[EndEffector, ...]:
+        found = []
+        for element in self.root.all("end_effector"):
+            name, group = element.text("name"), self._group(element, "group")
+            carrier = self._group(element, "parent_group") if "parent_group" in element.attributes else None
+            if self._has_link(element, "parent_link"):
+                found.append(EndEffector(name, group, element.text("parent_link"), carrier))
+        return tuple(found)
 
     def _disabled(self) -> frozenset[frozenset[str]]:
         """Links off by default, then the pairs switched off, then the pairs switched on again."""
-        off = {self._link(e, "link") for e in self.root.all("disable_default_collisions")}
+        off = {e.text("link") for e in self.root.all("disable_default_collisions") if self._has_link(e, "link")}
         pairs = {frozenset((a, b)) for a in off for b in self.links if a != b}
-        pairs |= {self._pair(e) for e in self.root.all("disable_collisions")}
-        return frozenset(pairs - {self._pair(e) for e in self.root.all("enable_collisions")})
+        return frozenset((pairs | self._pairs("disable_collisions")) - self._pairs("enable_collisions"))
 
-    def _pair(self, element: Element) -> frozenset[str]:
-        a, b = self._link(element, "link1"), self._link(element, "link2")
-        if a == b:
-            raise element.error(f"<{element.tag}> names the link {a!r} twice, expected two links")
-        return frozenset((a, b))
+    def _pairs(self, tag: str) -> set[frozenset[str]]:
+        """The pairs of the robot's links in all elements of a tag."""
+        found = set()
+        for element in self.root.all(tag):
+            a, b = element.text("link1"), element.text("link2")
+            if a == b:
+                raise element.error(f"<{tag}> names the link {a!r} twice, expected two links")
+            if all([self._has_link(element, "link1"), self._has_link(element, "link2")]):
+                found.add(frozenset((a, b)))
+        return found

@@ -82,6 +82,24 @@ def propose_never_collide(robot: Robot, samples: int = 1000, rng: Seed = None) -
     return found
 
 
+def jammed_pairs(robot: Robot, samples: int, rng: Seed = None) -> frozenset[Pair]:
+    """Pairs of links that may not touch, but do at home and in each of some random configurations.
+
+    Args:
+        robot: The robot.
+        samples: How many random configurations decide.
+        rng: Generator or seed.
+    """
+    generator = as_generator(rng)
+    bodies = LinkBodies(robot)
+    jammed = touching_links(robot, robot.home, bodies)
+    for _ in range(samples):
+        if not jammed:
+            break
+        jammed &= bodies.touching(_sample(robot, generator), list(jammed))
+    return frozenset(jammed)
+
+
 def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed = None) -> Array:
     """A configuration without self-collision near a wished one; the wish itself where it is free.
 
@@ -106,9 +124,9 @@ def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed 
     return next((q for q in candidates if not bodies.touching(robot.joint_values(q), pairs)), wish)
 
 
-def touching_links(robot: Robot, q: Array) -> set[Pair]:
-    """The pairs of links that touch at q (nq,), those that may left out."""
-    bodies = LinkBodies(robot)
+def touching_links(robot: Robot, q: Array, bodies: LinkBodies | None = None) -> set[Pair]:
+    """The pairs of links that touch at q (nq,), those that may left out; `bodies` where they are at hand."""
+    bodies = bodies or LinkBodies(robot)
     return bodies.touching(robot.joint_values(q), [pair for pair in bodies.pairs if pair not in robot.never_collide])
 
 
@@ -181,10 +199,7 @@ def _coal_shape(shape: Shape) -> Any:
         return coal.Capsule(shape.radius, shape.length)
     if not isinstance(shape, Mesh):
         raise InputError(f"a link has a {type(shape).__name__} to collide with, expected a solid shape")
-    model = coal.BVHModelOBBRSS()
-    model.beginModel(len(shape.faces), len(shape.vertices))
-    model.addVertices(np.array(shape.vertices))
-    model.addTriangles(np.array(shape.faces, dtype=np.int64))
-    model.endModel()
-    model.buildConvexHull(True, "Qt")
-    return model.convex
+    vertices, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    vertices.extend(list(np.array(shape.vertices)))
+    triangles.extend([coal.Triangle(int(a), int(b), int(c)) for a, b, c in shape.faces])
+    return coal.Convex(vertices, triangles)

@@ -1,8 +1,10 @@
 """URDF: a strict reader of links, joints and shapes.
 
 Whatever a lenient parser drops or repairs in silence (a box of size NaN, a zero axis, inverted
-limits, a mimic of nobody) is an error here that names the file, the line and the thing. Elements
-that do not describe the arm (transmission, gazebo, sensor, ...) are skipped.
+limits, a mimic of nobody) is an error here that names the file, the line and the thing. What does not
+change where the arm is and what it hits is a warning: a mesh or a colour that is only looked at, an
+inertia no body can have, a base that rolls. Elements that do not describe the arm (transmission, gazebo,
+sensor, ...) are skipped.
 
 Beyond URDF 1.0 the reader knows `<capsule radius length>` (the length of the segment, without the
 round ends) and `<origin quat_xyzw>`, as urdfdom does from version 1.1 on.
@@ -83,7 +85,7 @@ def read_urdf(
 def _refuse_xacro(root: Element) -> None:
     for element in root.children:
         if element.tag.startswith("xacro:"):
-            raise element.error(f"<{element.tag}> has to be expanded first; try naming the file .xacro")
+            raise element.error(f"<{element.tag}> has to be expanded first; try xacro_arguments={{}} if you trust it")
 
 
 def _by_name(root: Element, tag: str) -> dict[str, Element]:

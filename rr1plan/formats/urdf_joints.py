@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 
 from rr1plan.checks import Array, read_only
@@ -10,16 +12,21 @@ from rr1plan.formats.xml import Element
 from rr1plan.robot import Joint, JointKind, Mimic
 from rr1plan.transforms import identity, pose
 
+log = logging.getLogger(__name__)
+
 _KINDS: dict[str, JointKind] = {
     "revolute": "revolute",
     "continuous": "continuous",
     "prismatic": "prismatic",
     "fixed": "fixed",
+    # A base that floats or rolls stands still while its arm moves.
+    "floating": "fixed",
+    "planar": "fixed",
 }
 
 
 def read_joint(element: Element) -> Joint:
-    """One joint.
+    """One joint; one that floats, is planar or has no range is a fixed one, with a warning.
 
     Raises:
         FormatError: an unknown type, a missing or inverted limit, a zero axis, a rate not above zero.
@@ -36,7 +43,7 @@ def read_joint(element: Element) -> Joint:
     lower, upper, velocity, effort = _limit(element, name, kind)
     dynamics = element.child("dynamics")
     damping, friction = (0.0, 0.0) if dynamics is None else (_coefficient(dynamics, n) for n in ("damping", "friction"))
-    return Joint(
+    joint = Joint(
         name=name,
         kind=kind,
         parent=parent,
@@ -51,6 +58,10 @@ def read_joint(element: Element) -> Joint:
         friction=friction,
         mimic=_mimic(element),
     )
+    if lower < upper:
+        return joint
+    log.warning("%s:%d: joint %r has no range but %g alone, it is taken as fixed", *element.at, name, lower)
+    return Joint(name, "fixed", parent, child, read_only(origin @ joint.motion(lower)))
 
 
 def read_origin(element: Element) -> Array:
@@ -76,13 +87,10 @@ def read_origin(element: Element) -> Array:
 
 def _kind(element: Element, name: str) -> JointKind:
     word = element.text("type")
-    if word in ("floating", "planar"):
-        raise element.error(
-            f"joint {name!r} is {word}: only arms on a fixed base are known; "
-            "try a chain of revolute and prismatic joints"
-        )
     if word not in _KINDS:
         raise element.error(f"joint {name!r} has the unknown type {word!r}, expected one of {', '.join(_KINDS)}")
+    if _KINDS[word] != word:
+        log.warning("%s:%d: joint %r is %s, it is taken as fixed: bases stand still here", *element.at, name, word)
     return _KINDS[word]
 
 
@@ -110,7 +118,7 @@ def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, 
     if kind == "continuous":
         return -np.inf, np.inf, velocity, effort or np.inf
     lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
-    if not lower < upper:
+    if lower > upper:
         raise limit.error(f"joint {name!r} has lower limit {lower} and upper limit {upper}, expected lower < upper")
     return lower, upper, velocity, effort or np.inf
 

@@ -7,7 +7,7 @@ import logging
 import numpy as np
 
 from rr1plan.checks import Array, read_only
-from rr1plan.errors import InputError
+from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.convex import Convexity, convex_shapes
 from rr1plan.formats.mesh_lookup import MeshLookup
 from rr1plan.formats.meshes import MeshPart, read_mesh
@@ -31,8 +31,6 @@ class LinkReader:
         lookup: Where meshes may be.
         convex: What a collision mesh that is not convex becomes.
 
-    Raises:
-        FormatError: a bad shared material.
     """
 
     def __init__(self, root: Element, lookup: MeshLookup, convex: Convexity) -> None:
@@ -62,7 +60,12 @@ class LinkReader:
         shape = _shape_element(element)
         if shape.tag != "mesh":
             return [Geometry(name, _primitive(shape), pose, color)]
-        parts = self._mesh(shape)
+        _mesh_key(shape)
+        try:
+            parts = self._mesh(shape)
+        except FormatError as error:
+            log.warning("%s; the link is shown without it", error)
+            return []
         names = [name] if len(parts) == 1 else [f"{name}.{k}" for k in range(len(parts))]
         return [Geometry(n, p.mesh, pose, color or p.color) for n, p in zip(names, parts, strict=True)]
 
@@ -79,13 +82,10 @@ class LinkReader:
         return [Geometry(n, s, pose) for n, s in zip(names, shapes, strict=True)]
 
     def _mesh(self, element: Element) -> tuple[MeshPart, ...]:
-        scale = element.vector("scale", 3, (1.0, 1.0, 1.0))
-        if any(s <= 0.0 for s in scale):
-            raise element.error(f"<mesh> scale={element.attributes['scale']!r}, expected numbers above zero")
-        key = (element.text("filename"), scale)
+        key = _mesh_key(element)
         if key not in self._meshes:
             try:
-                self._meshes[key] = read_mesh(self._lookup.find(key[0]), scale)
+                self._meshes[key] = read_mesh(self._lookup.find(key[0]), key[1])
             except InputError as error:
                 raise element.error(str(error)) from error
         return self._meshes[key]
@@ -110,21 +110,23 @@ class LinkReader:
         color = _rgba(material)
         name = material.attributes.get("name", "")
         if color is None and name and name not in self._materials:
-            log.warning("%s:%d: material %r is nowhere defined, the default colour is used", *_at(material), name)
+            log.warning("%s:%d: material %r is nowhere defined, the default colour is used", *material.at, name)
         return color or self._materials.get(name)
-
-
-def _at(element: Element) -> tuple[str, int]:
-    return element.file or "URDF", element.line
 
 
 def _rgba(material: Element) -> Color | None:
     color = material.child("color")
     if color is None:
         return None
-    r, g, b, a = color.vector("rgba", 4)
+    try:
+        r, g, b, a = color.vector("rgba", 4)
+    except FormatError as error:
+        log.warning("%s; the default colour is used", error)
+        return None
     if not all(0.0 <= c <= 1.0 for c in (r, g, b, a)):
-        raise color.error(f"<color> rgba={color.attributes['rgba']!r}, expected numbers from 0 to 1")
+        written = color.attributes["rgba"]
+        log.warning("%s:%d: <color> rgba=%r, expected numbers from 0 to 1; they are cut", *color.at, written)
+    r, g, b, a = (min(max(c, 0.0), 1.0) for c in (r, g, b, a))
     return r, g, b, a
 
 
@@ -134,6 +136,14 @@ def _shape_element(element: Element) -> Element:
         got = ", ".join(f"<{e.tag}>" for e in geometry.children) or "nothing"
         raise geometry.error(f"<geometry> holds {got}, expected one of {', '.join(_SHAPES)}")
     return geometry.children[0]
+
+
+def _mesh_key(element: Element) -> tuple[str, tuple[float, ...]]:
+    """The name and the scale of a mesh; a negative scale mirrors it."""
+    scale = element.vector("scale", 3, (1.0, 1.0, 1.0))
+    if 0.0 in scale:
+        raise element.error(f"<mesh> scale={element.attributes['scale']!r}, expected numbers other than zero")
+    return element.text("filename"), scale
 
 
 def _primitive(element: Element) -> Shape:
@@ -153,7 +163,7 @@ def _inertial(element: Element, link: str) -> Inertial | None:
     """Mass, centre and inertia, turned into the link's axes; a mass of zero marks a mere frame.
 
     An inertia that is zero in all is that of a point; any other has to be positive definite, which one
-    of a rod or written with few digits may miss by rounding.
+    of a rod or written with few digits may miss by rounding. One that misses it by more makes the link a point.
     """
     pose = read_origin(element)
     mass = element.required("mass").number("value")
@@ -162,16 +172,23 @@ def _inertial(element: Element, link: str) -> Inertial | None:
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if mass == 0.0:
         if inertia.any():
-            log.warning("%s:%d: link %r has an inertia but no mass, both are left out", *_at(tensor), link)
+            log.warning("%s:%d: link %r has an inertia but no mass, both are left out", *tensor.at, link)
         return None
     if mass < 0.0:
         raise element.error(f"link {link!r} has mass {mass}, expected a number above zero")
     inertia = _clipped(inertia)
     moments = np.linalg.eigvalsh(inertia)
     if moments[0] <= 0.0 and inertia.any():
-        raise tensor.error(f"link {link!r} has an inertia that is not positive definite: moments {moments.tolist()}")
-    if moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
-        log.warning("%s:%d: link %r has an inertia no body can have: %s", *_at(tensor), link, moments.tolist())
+        found = ", ".join(f"{moment:.3g}" for moment in moments)
+        log.warning(
+            "%s:%d: link %r has an inertia that is not positive definite, moments %s; it is taken as a point",
+            *tensor.at,
+            link,
+            found,
+        )
+        inertia = np.zeros((3, 3))
+    elif moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
+        log.warning("%s:%d: link %r has an inertia no body can have: %s", *tensor.at, link, moments.tolist())
     R = pose[:3, :3]
     return Inertial(mass, read_only(pose[:3, 3].copy()), read_only(R @ inertia @ R.T))
 

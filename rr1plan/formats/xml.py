@@ -33,6 +33,11 @@ class Element:
         """A `FormatError` at this element's place, to be raised by the caller."""
         return FormatError(message, self.file, self.line)
 
+    @property
+    def at(self) -> tuple[str, int]:
+        """Its file and line, for messages in the log."""
+        return self.file or "the document", self.line
+
     def all(self, tag: str) -> Iterator[Element]:
         """The children with a tag, in order."""
         return (child for child in self.children if child.tag == tag)

@@ -21,6 +21,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
+from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.validation.clouds import BodyBox, CellBlocks
 
@@ -119,13 +120,16 @@ def _coal_geometry(body: Solid) -> Any:
 def _coal_mesh(mesh: Mesh, convex: bool) -> Any:
     import coal
 
+    if convex:
+        # A hull of its own: it holds the mesh even where the flag is wrong.
+        mesh = convex_hull(mesh.vertices)
     points = coal.StdVec_Vec3s()
     points.extend(list(np.array(mesh.vertices)))
     try:
-        if convex:
-            return coal.Convex.convexHull(points, True, "Qt")
         triangles = coal.StdVec_Triangle()
         triangles.extend([coal.Triangle(int(a), int(b), int(c)) for a, b, c in mesh.faces])
+        if convex:
+            return coal.Convex(points, triangles)
         surface = coal.BVHModelOBBRSS()
         surface.beginModel(len(mesh.faces), len(mesh.vertices))
         surface.addSubModel(points, triangles)

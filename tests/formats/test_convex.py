@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import rr1plan as rp
 from rr1plan.errors import BackendError, InputError, UnknownNameError
 from rr1plan.formats import convex
 from rr1plan.formats.cache import cache_folder, cache_key, load_cached, store_cached
@@ -228,3 +229,27 @@ def test_the_key_knows_content_kind_and_shape() -> None:
     assert len(keys) == 5
     assert cache_key("x", a) == cache_key("x", a.copy())
     assert os.sep not in cache_key("x")
+
+
+def test_a_disc_of_many_corners_is_no_fan_that_coal_cannot_count() -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 601)[:-1]
+    rim = 0.1 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points = np.concatenate([np.insert(rim, 2, z, axis=1) for z in (0.0, 0.05)])
+    hull = convex_hull(points)
+    a, b, c = (hull.vertices[hull.faces[:, k]] for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    side = np.linalg.norm(rim[1] - rim[0])
+    disc = 0.5 * 600 * 0.01 * np.sin(2.0 * np.pi / 600)
+    assert area == pytest.approx(2.0 * disc + 600 * side * 0.05)
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0 == pytest.approx(disc * 0.05)
+    scene = rp.load_scene("rr1_table").with_obstacle("drum", hull, [0.3, 0.3, 0.1])
+    assert rp.CollisionChecker(scene).is_free(scene.configuration())
+    waypoints = np.array([scene.configuration(), scene.configuration() + 0.05])
+    assert rp.certify_path(rp.Path(scene.joint_names(), waypoints), scene).valid
+
+
+def test_a_corner_that_coal_cannot_hold_is_an_input_error() -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 301)[:-1]
+    rim = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+    with pytest.raises(InputError, match="neighbours"):
+        convex_hull(np.concatenate([rim, [[0.0, 0.0, 1.0]]]))

@@ -301,6 +301,19 @@ def test_the_home_folder_is_not_searched(tmp_path: Path, block: Mesh, monkeypatc
         MeshLookup((), tmp_path / "robot" / "r.urdf").find("../a.stl")
 
 
+def test_a_negative_scale_mirrors_a_mesh_and_leaves_its_outside_outside(package: Path) -> None:
+    file = package / "meshes" / "a.stl"
+    plain, mirrored = (read_mesh(file, (1.0, y, 1.0))[0].mesh for y in (1.0, -1.0))
+    volumes = []
+    for mesh in (plain, mirrored):
+        a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+        volumes.append(float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6.0)
+    assert volumes[0] != 0.0
+    assert volumes[1] == pytest.approx(volumes[0])
+    image = mirrored.vertices * [1.0, -1.0, 1.0]
+    assert sorted(map(tuple, image)) == sorted(map(tuple, plain.vertices))
+
+
 def test_a_urdf_places_scales_and_hulls_its_meshes(package: Path) -> None:
     geometry = '<geometry><mesh filename="package://pkg/meshes/a.stl" scale="0.1 0.1 0.1"/></geometry>'
     text = f'<robot name="r"><link name="a"><visual>{geometry}</visual><collision>{geometry}</collision></link></robot>'

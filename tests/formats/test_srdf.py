@@ -11,7 +11,7 @@ import rr1plan as rp
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.robots import Choice, assemble
 from rr1plan.formats.srdf import read_srdf
-from rr1plan.formats.srdf_proposal import LinkBodies, free_configuration, propose_never_collide
+from rr1plan.formats.srdf_proposal import LinkBodies, free_configuration, propose_never_collide, touching_links
 from rr1plan.formats.urdf import Tree, read_urdf
 
 LIMIT = '<limit lower="-1" upper="1" velocity="2" effort="3"/>'
@@ -49,11 +49,8 @@ def srdf_text(*parts: str, name: str = "chain") -> str:
 ARM = '<group name="arm"><chain base_link="l0" tip_link="l3"/></group>'
 
 BAD = {
-    "unknown link": ('<disable_collisions link1="l0" link2="x"/>', "unknown link 'x'"),
     "one link twice": ('<disable_collisions link1="l0" link2="l0"/>', "twice"),
     "no second link": ('<disable_collisions link1="l0"/>', "link2"),
-    "unknown joint in a group": ('<group name="g"><joint name="x"/></group>', "unknown joint 'x'"),
-    "unknown link in a group": ('<group name="g"><link name="x"/></group>', "unknown link 'x'"),
     "unknown subgroup": ('<group name="g"><group name="x"/></group>', "unknown group 'x'"),
     "group in itself": ('<group name="g"><group name="g"/></group>', "contains itself"),
     "group twice": ('<group name="g"/><group name="g"/>', "twice"),
@@ -67,15 +64,69 @@ BAD = {
         ARM + '<group_state name="s" group="arm"><joint name="j1" value="nan"/></group_state>',
         "finite",
     ),
-    "state of an unknown joint": (
-        ARM + '<group_state name="s" group="arm"><joint name="x" value="0"/></group_state>',
-        "unknown joint 'x'",
-    ),
     "state twice": (ARM + '<group_state name="s" group="arm"/><group_state name="s" group="arm"/>', "twice"),
-    "hand on an unknown link": (ARM + '<end_effector name="e" group="arm" parent_link="x"/>', "unknown link 'x'"),
-    "unknown passive joint": ('<passive_joint name="x"/>', "unknown joint 'x'"),
     "doctype": ("<!DOCTYPE x>", "well-formed"),
 }
+
+STRANGE = {
+    "pair": '<disable_collisions link1="l0" link2="x"/>',
+    "pair switched on": '<enable_collisions link1="x" link2="l0"/>',
+    "off by default": '<disable_default_collisions link="x"/>',
+    "joint in a group": '<group name="g"><joint name="x"/><joint name="j2"/></group>',
+    "link in a group": '<group name="g"><link name="x"/><link name="l2"/></group>',
+    "chain": '<group name="g"><chain base_link="x" tip_link="l3"/></group>',
+    "state": '<group_state name="s" group="arm"><joint name="x" value="0 0 0"/></group_state>',
+    "hand": '<end_effector name="e" group="arm" parent_link="x"/>',
+    "passive joint": '<passive_joint name="x"/>',
+}
+
+
+@pytest.mark.parametrize("name", STRANGE)
+def test_links_and_joints_of_another_variant_are_passed_over_with_a_warning(
+    chain: Tree, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    own = '<disable_collisions link1="l0" link2="l2"/>'
+    found = read_srdf(srdf_text(ARM, STRANGE[name], own), chain)
+    assert "'x' (line 3)" in caplog.text
+    assert found.groups["arm"] == ("j1", "j2", "j3")
+    assert found.groups.get("g", ()) in ((), ("j2",))
+    assert "g" not in found.chains
+    assert found.disabled == {frozenset(("l0", "l2"))}
+    assert not found.end_effectors
+    assert not found.passive
+    assert found.states.get(("arm", "s"), {}) == {}
+
+
+def test_the_joint_to_the_world_is_no_strange_one(chain: Tree, caplog: pytest.LogCaptureFixture) -> None:
+    world = '<virtual_joint name="world" type="planar" parent_frame="odom" child_link="l0"/>'
+    values = '<joint name="world" value="0 0 0"/><joint name="j1" value="1"/>'
+    state = f'<group_state name="s" group="arm">{values}</group_state>'
+    found = read_srdf(srdf_text(ARM, world, state), chain)
+    assert found.states["arm", "s"] == {"j1": 1.0}
+    assert not caplog.text
+
+
+def test_pairs_that_an_srdf_forgot_and_that_always_touch_are_not_checked(caplog: pytest.LogCaptureFixture) -> None:
+    hub = '<collision><geometry><sphere radius="1"/></geometry></collision>'
+    text = chain_text(5).replace('<link name="l0">', f'<link name="l0">{hub}')
+    tree = read_urdf(text)
+    robot = assemble(tree, read_srdf(srdf_text('<disable_collisions link1="l0" link2="l1"/>'), tree), Choice())
+    assert frozenset(("l0", "l2")) in robot.never_collide
+    assert "l0 - l2" in caplog.text
+    assert frozenset(("l0", "l4")) not in robot.never_collide
+
+
+def test_a_state_that_stands_in_for_home_is_left_where_links_touch_in_it() -> None:
+    tree = read_urdf(chain_text(5))
+    values = "".join(f'<joint name="j{i}" value="2"/>' for i in range(1, 5))
+    pairs = "".join(f'<disable_collisions link1="l{i}" link2="l{i + 1}"/>' for i in range(4))
+    for state, stays in (("folded", False), ("home", True)):
+        group = '<group name="arm"><chain base_link="l0" tip_link="l4"/></group>'
+        text = srdf_text(group, f'<group_state name="{state}" group="arm">{values}</group_state>', pairs)
+        robot = assemble(tree, read_srdf(text, tree), Choice())
+        assert robot.configurations[state].tolist() == [2.0] * 4
+        assert (robot.home.tolist() == [2.0] * 4) == stays
+        assert bool(touching_links(robot, robot.home)) == stays
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -87,3 +87,12 @@ def test_without_xacrodoc_the_extra_is_named(stack: Path, monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, "xacrodoc", None)
     with pytest.raises(MissingPackageError, match=r"rr1plan\[xacro\]"):
         rp.load_robot(stack)
+
+
+def test_a_urdf_that_is_a_xacro_is_expanded_when_arguments_say_so(tmp_path: Path) -> None:
+    file = tmp_path / "stack.urdf"
+    file.write_text(XACRO)
+    pytest.importorskip("xacrodoc")
+    with pytest.raises(FormatError, match=r"xacro_arguments=\{\}"):
+        rp.load_robot(file)
+    assert rp.load_robot(file, xacro_arguments={}).nq == 2
