@@ -6,12 +6,17 @@ They know an edge function and a context they pass on unread, nothing else of th
 
 from __future__ import annotations
 
+from numba import boolean
+
 from rr1plan._kernels.cover import RECORD
 from rr1plan._kernels.jit import FLOATS1, I64, jit
 from rr1plan._kernels.swept import sweep_edge
 
 # Arguments of `sweep_edge` after the ends of the edge.
 CONTEXT = RECORD
+
+# What is known of a start and a goal: one of them may be none, both are fine, so is the straight line between them.
+DOUBTFUL, APART, IN_SIGHT = range(3)
 
 
 @jit(I64(FLOATS1, FLOATS1, CONTEXT), allocates=False)
@@ -25,3 +30,30 @@ def edge_code(begin, end, context):
     """
     status, _, _ = sweep_edge(begin, end, context)
     return status
+
+
+@jit(boolean(FLOATS1, FLOATS1, FLOATS1), allocates=False)
+def _holds(lower, upper, q):
+    """Whether a configuration is within bounds."""
+    inside = True
+    for j in range(len(q)):
+        inside = inside and lower[j] <= q[j] <= upper[j]
+    return inside
+
+
+@jit(I64(FLOATS1, FLOATS1, FLOATS1, FLOATS1, CONTEXT), allocates=False)
+def look_at_ends(start, goal, lower, upper, context):
+    """DOUBTFUL, APART or IN_SIGHT.
+
+    Args:
+        start: Configuration, shape (nq,).
+        goal: Configuration, shape (nq,).
+        lower: Bounds of both, shape (nq,).
+        upper: Bounds of both, shape (nq,).
+        context: See `sweep_edge`.
+    """
+    if not (_holds(lower, upper, start) and _holds(lower, upper, goal)):
+        return DOUBTFUL
+    if edge_code(start, start, context) != 0 or edge_code(goal, goal, context) != 0:
+        return DOUBTFUL
+    return IN_SIGHT if edge_code(start, goal, context) == 0 else APART

@@ -201,8 +201,8 @@ def _connect(trees, parents, lengths, counts, side, index, distance, target, ste
 
 
 @jit(types.void(_TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, FLOATS1, FLOATS2), allocates=False)
-def plant(trees, parents, lengths, blocked, counts, start, goals):
-    """Two trees that are nothing but their roots; see `grow`."""
+def _plant(trees, parents, lengths, blocked, counts, start, goals):
+    """Two trees that are nothing but their roots."""
     for i in range(len(counts)):
         counts[i] = 0
     for i in range(blocked.shape[1]):
@@ -217,9 +217,13 @@ def plant(trees, parents, lengths, blocked, counts, start, goals):
             trees[1, j, i] = goals[i, j]
 
 
-@jit(I64(_TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, STATE, FLOATS1, FLOATS1, F64, F64, F64, I64, CONTEXT))
+@jit(
+    I64(
+        _TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, FLOATS1, FLOATS2, STATE, FLOATS1, FLOATS1, F64, F64, F64, I64, CONTEXT
+    )
+)
 def grow(
-    trees, parents, lengths, blocked, counts, state, lower, extent, step, domain, bound, samples, context
+    trees, parents, lengths, blocked, counts, start, goals, state, lower, extent, step, domain, bound, samples, context
 ):  # fmt: skip
     """Grow both trees by so many samples, or until they meet in a path no longer than a bound.
 
@@ -228,7 +232,9 @@ def grow(
         parents: Index of each vertex's parent, -1 for a root, shape (2, capacity).
         lengths: Of the way to each vertex from its root, shape (2, capacity).
         blocked: Whether a step from a vertex towards a sample was blocked, shape (2, capacity).
-        counts: See the constants of this file, shape (9,).
+        counts: See the constants of this file, shape (9,); zeros before there are trees.
+        start: Root of the one, shape (nq,).
+        goals: Roots of the other, shape (k, nq), 2 k <= capacity.
         state: Of the generator, shape (1,).
         lower: Corner of the box to sample, shape (nq,).
         extent: Its sides, shape (nq,).
@@ -243,6 +249,8 @@ def grow(
     """
     nq, capacity = trees.shape[1], trees.shape[2]
     q, a, b, squares = np.empty(nq), np.empty(nq), np.empty(nq), np.empty(_BLOCK)
+    if counts[SIZE_START] == 0:
+        _plant(trees, parents, lengths, blocked, counts, start, goals)
     longest_walk = 3.0
     for j in range(nq):
         longest_walk += extent[j] / step

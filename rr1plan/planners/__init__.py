@@ -40,6 +40,7 @@ _ROWS = (
     *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
     PlannerInfo("cartesian", "the tool moves on a straight line to a pose, the joints follow"),
 )
+_NAMES = tuple(row.name for row in _ROWS)
 # Our own planners, and their settings.
 _OWN: Mapping[str, tuple[Callable[..., Planner], tuple[str, ...]]] = MappingProxyType(
     {
@@ -53,7 +54,7 @@ _OWN: Mapping[str, tuple[Callable[..., Planner], tuple[str, ...]]] = MappingProx
 
 def planner_names() -> tuple[str, ...]:
     """Names of all planners."""
-    return tuple(row.name for row in _ROWS)
+    return _NAMES
 
 
 def planner_table() -> tuple[PlannerInfo, ...]:
@@ -72,7 +73,7 @@ def make_planner(name: str, **settings: float) -> Planner:
         UnknownNameError: no such planner or setting; the message lists them.
         InputError: a setting of the wrong kind.
     """
-    if known_name("planner", name, planner_names()) in KINDS:
+    if known_name("planner", name, _NAMES) in KINDS:
         return OmplPlanner(name, **settings)  # type: ignore[arg-type]  # `tree` is among the settings
     kind, known = _OWN[name]
     for setting in settings:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
 
+from rr1plan._kernels import edges
 from rr1plan._kernels.jit import Kernel
 from rr1plan._kernels.swept import sweep_edge
 from rr1plan.checks import Array, Seed
@@ -19,6 +20,9 @@ from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.space import Space, joint_space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
+
+# The kernel is not typed.
+_look_at_ends: Callable[..., int] = edges.look_at_ends
 
 _NO_WISHES = Budget()
 _REPORTS = 0.1  # time between two reports of progress [s]
@@ -34,7 +38,7 @@ def prepare(*kernels: Kernel) -> None:
     Args:
         kernels: What a planner calls, besides the edge's.
     """
-    for needed in (sweep_edge, *kernels):
+    for needed in (sweep_edge, edges.look_at_ends, *kernels):
         needed.build()
 
 
@@ -92,6 +96,7 @@ class Query:
         self.goals = self.plain_goals = np.empty((0, problem.nq))
         self.iterations, self.edges = 0, 0
         self._space: Space | None = None
+        self._first_line: bool | None = None
         self.history: list[tuple[float, float]] = []
         self._reported = began - _REPORTS
         self._cancelled = False
@@ -107,7 +112,7 @@ class Query:
                 return self.result(found.status, reason=found.reason)
             self.plain_goals = found.configurations
             self.goals = np.ascontiguousarray(with_copies(self.problem, found.configurations))
-        if (self.goals[0] == self.problem.start).all():
+        if self._first_line is not False and (self.goals[0] == self.problem.start).all():
             return self.result(PlanStatus.SOLVED, self.goals[:1].copy())
         if not self.space.can_move:
             return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
@@ -116,13 +121,14 @@ class Query:
     def _has_plain_ends(self) -> bool:
         """Whether one configuration is the goal and both ends can be had; else it takes a closer look, and words."""
         space, goal = joint_space(self.problem), only_configuration(self.problem)
-        if goal is None or not space.is_bounded:
+        # Where two resting elements collide no edge is free, and the kernel does not look at those.
+        if goal is None or not space.is_bounded or not self.motion.checker.resting_is_free:
             return False
-        ends = np.array([self.problem.start, goal])
-        if not space.holds(ends) or not all(self.motion.edge_is_free(q, q) for q in ends):
+        seen = _look_at_ends(self.problem.start, goal, space.lower, space.upper, self.motion.context)
+        if seen == edges.DOUBTFUL:
             return False
-        self.goals = self.plain_goals = ends[1:]
-        self._space = space
+        self.goals = self.plain_goals = goal[None]
+        self._space, self._first_line = space, seen == edges.IN_SIGHT
         return True
 
     @property
@@ -140,7 +146,8 @@ class Query:
         """The answer where the straight line to one of so many nearest goals is free; a tree of it when asked for."""
         for k in range(min(most, len(self.goals))):
             self.edges += 1
-            if self.motion.edge_is_free(self.problem.start, self.goals[k]):
+            known = self._first_line if k == 0 else None
+            if known or (known is None and self.motion.edge_is_free(self.problem.start, self.goals[k])):
                 waypoints = np.array([self.problem.start, self.goals[k]])
                 explored = SearchTree(waypoints, np.array([[0, 1]])) if tree else None
                 return self.result(PlanStatus.SOLVED, waypoints, tree=explored)

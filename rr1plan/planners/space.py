@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.problem import Problem
+from rr1plan.robot import Robot
 
 _WINDOW = 2.5 * np.pi  # how far from its start a continuous joint is searched [rad]
 _MOST_GOALS = 64  # copies of goals in all
@@ -89,10 +90,6 @@ class Space:
         extents = np.where(self.continuous, 2.0 * np.pi, self.extent)
         return float(np.sqrt(extents.dot(extents)))
 
-    def holds(self, q: Array) -> bool:
-        """All of some configurations are within the bounds, shape (..., nq)."""
-        return bool(((q >= self.lower) & (q <= self.upper)).all())
-
     def reduce(self, q: Array) -> Array:
         """The movable columns."""
         return np.asarray(q[..., self.movable])
@@ -107,16 +104,16 @@ class Space:
 
 
 def joint_space(problem: Problem) -> Space:
-    """The limits of a problem's columns as they are, kept with its scene."""
-    kept, key = problem.scene.kept_for_any_padding, ("joint space", problem.arms)
-    space = kept.get(key)
-    if space is None:
-        robots = [problem.scene.arms[name].robot for name in problem.arms]
-        limits = Limits.stack([robot.limits for robot in robots])
-        continuous = np.concatenate([robot.continuous for robot in robots]) > 0.0
-        space = kept[key] = Space(limits.lower, limits.upper, continuous)
-    assert isinstance(space, Space)
-    return space
+    """The limits of a problem's columns as they are; all scenes with the same robots share it."""
+    arms = problem.scene.arms
+    return _joint_space(tuple([arms[name].robot for name in problem.arms]))
+
+
+@lru_cache(maxsize=64)
+def _joint_space(robots: tuple[Robot, ...]) -> Space:
+    limits = Limits.stack([robot.limits for robot in robots])
+    continuous = np.concatenate([robot.continuous for robot in robots]) > 0.0
+    return Space(limits.lower, limits.upper, continuous)
 
 
 def with_copies(problem: Problem, goals: Array) -> Array:

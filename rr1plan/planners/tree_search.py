@@ -16,12 +16,11 @@ from rr1plan.planners.seeds import generator_state
 from rr1plan.planning import SearchTree
 
 # The kernels are not typed.
-_plant: Callable[..., None] = kernel.plant
 _grow: Callable[..., int] = kernel.grow
 _trace: Callable[..., Array] = kernel.trace
 
 # What a search calls.
-KERNELS = (kernel.plant, kernel.grow, kernel.trace)
+KERNELS = (kernel.grow, kernel.trace)
 
 _STEP = 0.06  # longest edge of a tree, as a part of the space's diagonal
 _SHORTEST = 1e-4  # the least that may be set, the same way
@@ -62,7 +61,7 @@ class TreeSearch:
             samples: How many at most.
         """
         query, trees, counts = self.query, self.trees, self.trees.counts
-        trees.plant()
+        counts[:] = 0
         settings = (query.space.lower, query.space.extent, self._step, self._domain, bound)
         begin = query.iterations
         last = begin + min(samples, query.most - begin)
@@ -95,13 +94,10 @@ class Trees:
         self.blocked = np.empty((2, capacity), np.bool_)
         self.counts = np.zeros(kernel.ROOTS_GOAL + 1, np.int64)
 
-    def plant(self) -> None:
-        """Nothing but the roots."""
-        _plant(self.vertices, self.parents, self.lengths, self.blocked, self.counts, *self._roots)
-
     def grow(self, state: NDArray[np.uint64], *settings: object) -> int:
         """Let the kernel grow them; it says what the settings are."""
-        return _grow(self.vertices, self.parents, self.lengths, self.blocked, self.counts, state, *settings)
+        trees = (self.vertices, self.parents, self.lengths, self.blocked, self.counts)
+        return _grow(*trees, *self._roots, state, *settings)
 
     def enlarge(self) -> None:
         """Twice the room."""

@@ -100,7 +100,7 @@ def test_trees_under_a_bound_meet_within_it(shelf):
     box = limits.lower, limits.upper - limits.lower
     met = 0
     for seed in range(20):
-        trees.plant()
+        trees.counts[:] = 0
         code = trees.grow(generator_state(seed), *box, 0.6, 2.0, bound, 800, motion.context)
         if code != kernel.SOLVED:
             continue
@@ -115,7 +115,7 @@ def test_each_vertex_knows_the_length_of_its_way(shelf):
     trees = Trees(shelf.start, np.array([shelf.goal[shelf.arms[0]][0].q]))
     limits = shelf.scene.limits(shelf.arms)
     context = MotionChecker(shelf.scene, shelf.arms).context
-    trees.plant()
+    trees.counts[:] = 0
     trees.grow(generator_state(1), limits.lower, limits.upper - limits.lower, 0.5, 2.0, 7.0, 600, context)
     for side, size in enumerate(trees.counts[:2]):
         assert size > 2
