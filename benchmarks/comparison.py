@@ -49,11 +49,17 @@ class Run:
     def times(self, column: str, group: str = "") -> Array:
         """CPU milliseconds of a column of `COLUMNS` for every problem (of one set), endless where it was not solved.
 
-        Empty where the planner has no such stage.
+        Answers without such a stage do not count.
         """
         stages = COLUMNS[column]
-        mine = [a["seconds"] if "raw" in a else {} for a in self.answers if a["name"].startswith(group)]
-        found = np.array([1e3 * sum(s[stage] for stage in stages) if s.keys() >= set(stages) else np.inf for s in mine])
+        mine = [a for a in self.answers if a["name"].startswith(group)]
+        found = np.array(
+            [
+                1e3 * sum(a["seconds"][stage] for stage in stages) if "raw" in a else np.inf
+                for a in mine
+                if "raw" not in a or a["seconds"].keys() >= set(stages)
+            ]
+        )
         return found if np.isfinite(found).any() else np.empty(0)
 
     def lengths(self, kind: str) -> list[float]:

@@ -6,8 +6,10 @@
 Problems are MotionBenchMaker's, or the queries of scenes that ship with rr1plan. Every one goes through rr1plan's
 whole line (RRT-Connect, shortening, retiming, the referee), and with `--peers` through every other planner that can be
 installed with pip, each in an environment of its own in that folder, on the same core, with the same convex
-hulls. The raw path, the short path and the timed motion of each are sampled so finely that no point of the robot moves
-more than a millimetre, and every sample is asked of Coal and of python-fcl.
+hulls. Each problem is asked several times, with a seed of its own each: a planner's first answer in a scene has cold
+caches, the next ones have not, and all of them count. The raw path, the short path and the timed motion of the first
+answer are sampled so finely that no point of the robot moves more than a millimetre, and every sample is asked of Coal
+and of python-fcl.
 """
 
 from __future__ import annotations
@@ -33,6 +35,8 @@ from rr1plan.formats.motion_bench import read_problem_set
 
 _STEP = 0.002  # of the samples whose speed and acceleration are looked at [s]
 _REFERENCE = peers.PEERS[0].name
+# By the question's name and the kind of what was judged.
+_Verdicts = Mapping[str, Mapping[str, Verdict]]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -43,25 +47,33 @@ def main(argv: Sequence[str] | None = None) -> int:
         problems = _problems(args)
     except rp.Rr1PlanError as error:
         parser.error(str(error))
-    seeds = {name: args.seed + i for i, name in enumerate(problems)}
-    chosen = {name: problems[name] for name in list(problems)[:: args.every]}
+    chosen, seeds = _ask_again(problems, args)
+    firsts = {name: problem for name, problem in chosen.items() if name in problems}
     warm_up()
     settings = {"planner": args.planner, "margin": args.margin, "seconds": args.seconds}
     first = next(iter(chosen))
     run_line(first, chosen[first], seeds[first], **settings)  # not counted, as the peers' first is not
     outcomes = [run_line(name, chosen[name], seeds[name], **settings) for name in track(list(chosen), "rr1plan")]
     others = _ask_peers(args, chosen, seeds)
-    opinions = {name: Opinions(problem.scene) for name, problem in chosen.items()}
-    verdicts = [_judge(out, opinions[out.name]) for out in track(outcomes, "rr1plan at a millimetre")]
+    opinions = {name: Opinions(problem.scene) for name, problem in firsts.items()}
+    judged = [o for o in outcomes if o.name in firsts]
+    # What a scene needs is made for its first question.
+    clocks = [(o.name, o.clock.cpu) for o in outcomes]
+    clocks += [(answer["name"], answer["seconds"]) for run in others for answer in run.answers]
+    for name, seconds in clocks:
+        if name not in firsts:
+            seconds.pop("set up", None)
+    verdicts = {o.name: _judge(o, opinions[o.name]) for o in track(judged, "rr1plan at a millimetre")}
     for run in others:
-        for answer in track(run.solved, f"{run.name} at a millimetre") if run.solved else ():
+        answers = [answer for answer in run.solved if answer["name"] in firsts]
+        for answer in track(answers, f"{run.name} at a millimetre") if answers else ():
             answer |= _judge_peer(answer, opinions[answer["name"]], chosen[answer["name"]].scene.limits())
     runs = [_own_run(args.planner, chosen, outcomes, verdicts), *others]
-    facts = {"problems": len(chosen), "seed": args.seed, "margin": f"{1e3 * args.margin:g} mm"}
+    facts = {"problems": len(firsts), "asked": len(chosen), "seed": args.seed, "margin": f"{1e3 * args.margin:g} mm"}
     text = "\n\n".join(_report(facts, runs, outcomes, verdicts))
     save(args.out, "panda_problems", _data(facts, runs, outcomes, verdicts), text)
-    draw(args.out / "panda_problems.png", runs, f"{len(chosen)} {_title(args)}, one core")
-    touching = sum(not v.free for found in verdicts for v in found.values())
+    draw(args.out / "panda_problems.png", runs, f"{len(firsts)} {_title(args)}, one core")
+    touching = sum(not v.free for found in verdicts.values() for v in found.values())
     return 0 if touching == 0 and all(o.certified for o in outcomes) else 1
 
 
@@ -72,6 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--srdf", type=Path, help="its SRDF (default: beside the URDF)")
     parser.add_argument("--scene", nargs="+", default=[], help="shipped scenes of one arm, in place of a file")
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem")
+    parser.add_argument("--seeds", type=int, default=3, help="how often each problem is asked")
     parser.add_argument("--planner", default="rrt_connect", help="a name of planner_names()")
     parser.add_argument("--margin", type=float, default=0.002, help="distance to keep while planning [m]")
     parser.add_argument("--seconds", type=float, default=30.0, help="longest search of any planner [s]")
@@ -105,6 +118,19 @@ def _problems(args: argparse.Namespace) -> Mapping[str, rp.Problem]:
     if args.robot is None:
         raise rp.InputError("a file of problems needs --robot, the URDF of their robot")
     return read_problem_set(args.file, rp.load_robot(args.robot, srdf=args.srdf))
+
+
+def _ask_again(
+    problems: Mapping[str, rp.Problem], args: argparse.Namespace
+) -> tuple[dict[str, rp.Problem], dict[str, int]]:
+    """Every n-th problem as often as wanted, one after the other, by names of their own; and their seeds."""
+    chosen, seeds = {}, {}
+    for i, (name, problem) in enumerate(problems.items()):
+        if i % args.every == 0:
+            for k in range(args.seeds):
+                asked = f"{name}, again {k}" if k else name
+                chosen[asked], seeds[asked] = problem, args.seed + i + k * len(problems)
+    return chosen, seeds
 
 
 def _title(args: argparse.Namespace) -> str:
@@ -153,17 +179,13 @@ def _judge_peer(answer: dict[str, Any], opinions: Opinions, limits: rp.Limits) -
     return judged
 
 
-def _own_run(
-    planner: str, problems: Mapping[str, rp.Problem], outcomes: list[Outcome], verdicts: list[dict[str, Verdict]]
-) -> Run:
+def _own_run(planner: str, problems: Mapping[str, rp.Problem], outcomes: list[Outcome], verdicts: _Verdicts) -> Run:
     name = "rr1plan" if planner == "rrt_connect" else f"rr1plan {planner}"
-    answers = [
-        _answer(out, found, problems[out.name].scene.limits()) for out, found in zip(outcomes, verdicts, strict=True)
-    ]
+    answers = [_answer(out, verdicts.get(out.name, {}), problems[out.name].scene.limits()) for out in outcomes]
     return Run(name, answers, "every edge certified; set up builds its checker for a new scene")
 
 
-def _answer(out: Outcome, verdicts: dict[str, Verdict], limits: rp.Limits) -> dict[str, Any]:
+def _answer(out: Outcome, verdicts: Mapping[str, Verdict], limits: rp.Limits) -> dict[str, Any]:
     """What the comparison asks of an answer, of rr1plan's."""
     answer: dict[str, Any] = {"name": out.name, "seconds": out.clock.cpu}
     if out.raw is None or out.path is None:
@@ -178,32 +200,30 @@ def _answer(out: Outcome, verdicts: dict[str, Verdict], limits: rp.Limits) -> di
 # ---- telling ---------------------------------------------------------------------------------------
 
 
-def _report(
-    facts: dict[str, Any], runs: list[Run], outcomes: list[Outcome], verdicts: list[dict[str, Verdict]]
-) -> list[str]:
+def _report(facts: dict[str, Any], runs: list[Run], outcomes: list[Outcome], verdicts: _Verdicts) -> list[str]:
     solved = [o for o in outcomes if o.solved]
+    first, later = ([o.clock for o in solved if (o.name in verdicts) == is_first] for is_first in (True, False))
     parts = [heading("The same problems for rr1plan and its peers", facts), *compare(runs, _REFERENCE)]
     parts += ["## rr1plan in detail", _counts(outcomes, verdicts)]
-    parts += [table(STAGE_HEADER, stage_rows([o.clock for o in solved], STAGES))]
+    parts += ["A scene's first question:", table(STAGE_HEADER, stage_rows(first, STAGES))]
+    if later:
+        parts += ["Those after it:", table(STAGE_HEADER, stage_rows(later, STAGES[1:]))]
     clearances = [1e3 * float(o.report.margins["clearance"]) for o in solved if o.report and o.report.valid]
     parts.append(f"Least clearance of a timed motion: median {number(spread(clearances, 1.0)['median'])} mm.")
     faults = [f"- {o.name}: {o.status} {o.reason} {_violations(o)}".rstrip() for o in outcomes if not o.certified]
     faults += [
-        f"- {o.name} {k}: {v.touches}"
-        for o, vs in zip(outcomes, verdicts, strict=True)
-        for k, v in vs.items()
-        if not v.free
+        f"- {o.name} {k}: {v.touches}" for o in outcomes for k, v in verdicts.get(o.name, {}).items() if not v.free
     ]
     return [*parts, "\n".join(["What went wrong:", "", *faults])] if faults else parts
 
 
-def _counts(outcomes: list[Outcome], verdicts: list[dict[str, Verdict]]) -> str:
+def _counts(outcomes: list[Outcome], verdicts: _Verdicts) -> str:
     rows = [
         ["solved", f"{sum(o.solved for o in outcomes)} / {len(outcomes)}"],
         ["certified by the referee", f"{sum(o.certified for o in outcomes)} / {len(outcomes)}"],
     ]
     for kind in KINDS:
-        found = [v[kind] for v in verdicts if v]
+        found = [v[kind] for v in verdicts.values() if v]
         samples = sum(v.samples for v in found)
         for opinion in ("Coal", "FCL"):
             touching = sum(v.touches[opinion] is not None for v in found)
@@ -211,12 +231,11 @@ def _counts(outcomes: list[Outcome], verdicts: list[dict[str, Verdict]]) -> str:
     return table(["what", "count"], rows)
 
 
-def _data(
-    facts: dict[str, Any], runs: list[Run], outcomes: list[Outcome], verdicts: list[dict[str, Verdict]]
-) -> dict[str, Any]:
+def _data(facts: dict[str, Any], runs: list[Run], outcomes: list[Outcome], verdicts: _Verdicts) -> dict[str, Any]:
     problems = [
-        out.to_dict() | {"opinions": {k: {"samples": v.samples, "asked": v.asked} for k, v in found.items()}}
-        for out, found in zip(outcomes, verdicts, strict=True)
+        out.to_dict()
+        | {"opinions": {k: {"samples": v.samples, "asked": v.asked} for k, v in verdicts.get(out.name, {}).items()}}
+        for out in outcomes
     ]
     return {"settings": facts, "problems": problems, "runs": [run.to_dict() for run in runs]}
 

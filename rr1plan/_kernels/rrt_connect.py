@@ -219,7 +219,8 @@ def _plant(trees, parents, lengths, blocked, counts, start, goals):
 
 @jit(
     I64(
-        _TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, FLOATS1, FLOATS2, STATE, FLOATS1, FLOATS1, F64, F64, F64, I64, CONTEXT
+        *(_TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, FLOATS1, FLOATS2),
+        *(STATE, FLOATS1, FLOATS1, F64, F64, F64, I64, CONTEXT),
     )
 )
 def grow(

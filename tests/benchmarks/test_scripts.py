@@ -35,12 +35,17 @@ def problem_file(tmp_path):
 def test_problems_of_a_file_are_solved_and_judged(script, problem_file, tmp_path):
     folder = robot_folder("rr1")
     arguments = [problem_file, "--robot", folder / "rr1.urdf", "--srdf", folder / "rr1.srdf", "--out", tmp_path]
-    assert script("panda_problems").main(list(map(str, arguments))) == 0
+    assert script("panda_problems").main([*map(str, arguments), "--seeds", "2"]) == 0
     results = json.loads((tmp_path / "panda_problems.json").read_text())
-    assert [p["status"] for p in results["problems"]] == ["solved", "solved"]
-    for answer in results["problems"]:
+    assert [p["status"] for p in results["problems"]] == ["solved"] * 4
+    for answer, again in zip(results["problems"][::2], results["problems"][1::2], strict=True):
+        assert again["name"] == f"{answer['name']}, again 1"
         assert answer["certified"]
+        assert again["certified"]
         assert set(answer["opinions"]) == {"raw", "path", "timed"}
+        assert again["opinions"] == {}
+        assert "set up" in answer["cpu"]
+        assert "set up" not in again["cpu"]
         assert all(o["samples"] > 100 for o in answer["opinions"].values())
     (run,) = results["runs"]
     assert run["touching"] == {"raw": [0, 2], "path": [0, 2], "timed": [0, 2]}
@@ -74,7 +79,7 @@ serve(lambda robot, task: robot, solve)
     pair = (peers.Peer("straight", "straight", (), str(straight)), peers.Peer("absent", "absent", (), "none.py"))
     monkeypatch.setattr(peers, "PEERS", pair)
     monkeypatch.setattr(script("panda_problems"), "_REFERENCE", "straight")
-    arguments = ["--scene", "rr1_table", "--every", "3", "--python", f"straight={sys.executable}"]
+    arguments = ["--scene", "rr1_table", "--every", "3", "--seeds", "1", "--python", f"straight={sys.executable}"]
     assert script("panda_problems").main([*arguments, "--out", str(tmp_path)]) == 0
     text = (tmp_path / "panda_problems.md").read_text()
     assert "**absent did not run**: no folder for its environment." in text
