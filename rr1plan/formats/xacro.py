@@ -28,6 +28,7 @@ def expand_xacro(
         FormatError: the file cannot be read or expanded.
     """
     try:
+        import xacro
         import xacrodoc
         from xacrodoc import packages
     except ImportError as error:
@@ -37,6 +38,7 @@ def expand_xacro(
         raise FormatError("there is no such file", file)
     try:
         _find_packages(packages, package_dirs)
+        xacro.init_stacks(str(file))  # what it includes by a plain name is beside it
         document = xacrodoc.XacroDoc.from_file(file, subargs=dict(arguments or {}), resolve_packages=False)
         return str(document.dom.toxml())
     except Exception as error:  # xacro evaluates Python expressions, which may raise anything, RecursionError too

@@ -96,3 +96,18 @@ def test_a_urdf_that_is_a_xacro_is_expanded_when_arguments_say_so(tmp_path: Path
     with pytest.raises(FormatError, match=r"xacro_arguments=\{\}"):
         rp.load_robot(file)
     assert rp.load_robot(file, xacro_arguments={}).nq == 2
+
+
+def test_what_a_xacro_includes_by_a_plain_name_is_beside_it(
+    tmp_path: Path, stack: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("xacrodoc")
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    stack.rename(tmp_path / "parts" / "stack.xacro")
+    outer = tmp_path / "outer.xacro"
+    outer.write_text('<robot name="r" xmlns:xacro="http://x"><xacro:include filename="parts/stack.xacro"/></robot>')
+    for folder in (tmp_path, tmp_path / "elsewhere"):
+        monkeypatch.chdir(folder)
+        assert rp.load_robot(outer).nq == 2
+        assert rp.load_robot(Path("../outer.xacro") if folder != tmp_path else Path("outer.xacro")).nq == 2
