@@ -88,22 +88,26 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     if not any(state == "home" and set(names) <= set(values) for (_, state), values in known.states.items()):
         home = free_configuration(robot, robot.home, rng=0)
         robot = replace(robot, configurations={**robot.configurations, "home": home})
-    _warn_of_touching_home(robot)
+    touching = touching_links(robot, robot.home)
+    if touching and known.disabled:
+        log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, _listed(touching))
+    elif touching:
+        # As MoveIt's setup assistant has it; without this no configuration of the robot would be free.
+        log.warning("%s: touching at home and nearly everywhere, not checked: %s", robot.name, _listed(touching))
+        robot = replace(robot, never_collide=robot.never_collide | touching)
     return robot
 
 
-def _warn_of_touching_home(robot: Robot) -> None:
-    touching = sorted(" - ".join(sorted(pair)) for pair in touching_links(robot, robot.home))
-    if touching:
-        log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, ", ".join(touching))
+def _listed(pairs: Iterable[frozenset[str]]) -> str:
+    return ", ".join(sorted(" - ".join(sorted(pair)) for pair in pairs))
 
 
 def _sampled_pairs(robot: Robot) -> frozenset[frozenset[str]]:
     """The pairs a robot without an SRDF needs no check of: neighbours, and links that always touch."""
     proposal = propose_never_collide(robot, SAMPLES, rng=0)
-    always = sorted(" - ".join(sorted(pair)) for pair, reason in proposal.items() if reason == "Always")
+    always = [pair for pair, reason in proposal.items() if reason == "Always"]
     if always:
-        log.info("%s: always touching, not checked: %s", robot.name, ", ".join(always))
+        log.info("%s: always touching, not checked: %s", robot.name, _listed(always))
     return frozenset(pair for pair, reason in proposal.items() if reason != "Never")
 
 
@@ -111,8 +115,9 @@ def _jammed_pairs(robot: Robot) -> frozenset[frozenset[str]]:
     """The pairs that an SRDF forgot: with them no configuration would ever be free."""
     jammed = jammed_pairs(robot, SAMPLES, rng=0)
     if jammed:
-        listed = ", ".join(sorted(" - ".join(sorted(pair)) for pair in jammed))
-        log.warning("%s: touching wherever it is, not checked though the SRDF asks for it: %s", robot.name, listed)
+        log.warning(
+            "%s: touching wherever it is, not checked though the SRDF asks for it: %s", robot.name, _listed(jammed)
+        )
     return jammed
 
 

@@ -74,8 +74,9 @@ class LinkReader:
         shape = _shape_element(element)
         if shape.tag != "mesh":
             return [Geometry(name, _primitive(shape), pose)]
+        meshes = [part.mesh for part in self._mesh(shape)]
         try:
-            shapes = convex_shapes([p.mesh for p in self._mesh(shape)], self._convex)
+            shapes = convex_shapes(meshes, self._convex)
         except InputError as error:
             raise shape.error(str(error)) from error
         names = [name] if len(shapes) == 1 else [f"{name}.{k}" for k in range(len(shapes))]

@@ -9,6 +9,9 @@ import numpy as np
 
 from rr1plan.checks import Array, read_only
 
+# A joint that is farther than this behind lost its way, not some accuracy [rad or m].
+_LEFT_BEHIND = 0.01
+
 
 @dataclass(frozen=True)
 class ReplayContact:
@@ -80,6 +83,11 @@ class Replay:
         """No contact that the scene forbids."""
         return not self.contacts
 
+    @property
+    def _is_spent(self) -> bool:
+        """A motor gave all it had, and its joint was left behind."""
+        return bool(((self.peak_effort > 0.999) & (self.max_error > _LEFT_BEHIND)).any())
+
     def __str__(self) -> str:
         lines = [
             f"{self.mode} replay: {self.steps} steps of {self.timestep * 1e3:g} ms, "
@@ -91,6 +99,7 @@ class Replay:
             busiest = int(np.argmax(self.peak_effort))
             lines.append(
                 f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
+                + ("; try torque_limits=True, or lower limits of acceleration" if self._is_spent else "")
             )
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"

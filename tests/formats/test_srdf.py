@@ -240,6 +240,23 @@ def test_a_robot_whose_middle_collides_gets_a_free_home() -> None:
     assert np.array_equal(free_configuration(robot, robot.home, rng=0), robot.home)
 
 
+def test_pairs_that_leave_a_robot_without_an_srdf_no_free_place_are_not_checked(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    # Balls that let the next link but one out in a fifth of its range: all are free together hardly ever.
+    ball = f'<collision><geometry><sphere radius="{1.9 * LENGTH}"/></geometry></collision>'
+    text = chain_text(15, lower=0.05, upper=3.0)
+    for i in range(0, 15, 3):
+        text = text.replace(f'<link name="l{i}">', f'<link name="l{i}">{ball}')
+    tree = read_urdf(text)
+    proposal = propose_never_collide(assemble(tree, None, Choice()), 200, rng=0)
+    assert frozenset(("l0", "l2")) not in proposal
+    robot = assemble(tree, None, Choice())
+    assert frozenset(("l0", "l2")) in robot.never_collide
+    assert "l0 - l2" in caplog.text
+    assert not touching_links(robot, robot.home)
+
+
 def test_rr1_has_an_end_effector_group_and_its_states(rr1: rp.Robot) -> None:
     assert set(rr1.configurations) == {"home", "zero", "raised"}
     assert set(rr1.named_held) == {"open", "closed"}

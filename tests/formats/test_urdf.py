@@ -170,6 +170,13 @@ def test_the_error_names_the_line(tmp_path: Path) -> None:
     assert f"{file}:4:" in str(caught.value)
 
 
+def test_a_missing_mesh_is_named_once_with_its_line() -> None:
+    with pytest.raises(FormatError) as caught:
+        read_urdf(one_shape('<mesh filename="package://nowhere/a.stl"/>'), file="r.urdf")
+    assert str(caught.value).count("r.urdf:2") == 1
+    assert "package_dirs" in str(caught.value)
+
+
 def test_a_missing_file_is_a_format_error(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="cannot be read"):
         read_urdf(tmp_path / "none.urdf")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -92,6 +94,17 @@ def test_tracking_of_a_gentle_move_is_within_a_milliradian(rr1_table: rp.Scene) 
     np.testing.assert_allclose(replay.actual[-1], goal, atol=1e-3)
     assert "tracking error" in str(replay)
     assert replay.to_dict()["joints"].keys() == set(rr1_table.joint_names())
+
+
+def test_a_motor_that_is_too_weak_is_told_with_what_to_try(rr1: rp.Robot) -> None:
+    joints = tuple(replace(j, effort=0.02) if j.kind == "revolute" else j for j in rr1.joints)
+    weak = replace(rr1, joints=joints, limits=replace(rr1.limits, effort=np.full(rr1.nq, 0.02)))
+    for robot, told in ((rr1, False), (weak, True)):
+        scene = rp.Scene().with_arm("arm", robot)
+        q = scene.configuration()
+        replay = rp.simulate(quintic(scene, q, q + 0.2, 1.0), scene)
+        assert (replay.worst_error > 0.01) == told
+        assert ("torque_limits=True" in str(replay)) == told
 
 
 def test_an_arm_that_is_driven_into_a_wall_reports_the_contact_with_time_and_pair(rr1: rp.Robot) -> None:
