@@ -170,3 +170,14 @@ def as_generator(rng: Seed) -> np.random.Generator:
     if rng is None or (isinstance(rng, int | np.integer) and not isinstance(rng, bool) and rng >= 0):
         return np.random.default_rng(rng)
     raise InputError(f"rng is {rng!r}, expected a numpy Generator, a seed >= 0 or None")
+
+
+def as_seed(rng: Seed) -> int:
+    """The seed itself, or one drawn from a generator or fresh entropy.
+
+    Raises:
+        InputError: a negative seed or something else.
+    """
+    if isinstance(rng, int | np.integer) and not isinstance(rng, bool) and rng >= 0:
+        return int(rng)
+    return int(as_generator(rng).integers(2**32))

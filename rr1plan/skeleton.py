@@ -201,6 +201,13 @@ def _joint_model(joint: Joint) -> Any:
     return aligned[_AXES.index(axis)]() if axis in _AXES else unaligned(np.array(axis))
 
 
+def joint_twist(joint: Any) -> Array:
+    """The velocity of a joint of one number in its own frame, linear and angular, shape (6,)."""
+    state = joint.createData()
+    joint.calc(state, np.zeros(1))
+    return np.asarray(state.S).ravel()
+
+
 def _drive(robot: Robot, joint: Joint, first: int | None, rest: Array) -> tuple[int, float, float]:
     """What drives a joint: (column, gain, offset). `first` is the arm's first column, None for a resting arm."""
     gain, offset, seen = 1.0, 0.0, {joint.name}

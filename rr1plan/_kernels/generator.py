@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import types, uint64
+from numpy.typing import NDArray
 
 from rr1plan._kernels.jit import F64, FLOATS1, I64, OUT1, jit
 
@@ -19,6 +20,11 @@ _STEP = np.uint64(0x9E3779B97F4A7C15)
 _FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _THIRTY, _TWENTY_SEVEN, _THIRTY_ONE, _ELEVEN = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
 _UNIT = 2.0**-53
+
+
+def generator_state(seed: int) -> NDArray[np.uint64]:
+    """The state that belongs to a seed >= 0, shape (1,)."""
+    return np.array([seed % 2**64], np.uint64)
 
 
 @jit(F64(STATE))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +21,7 @@ from rr1plan.collision.body_rows import FAR, BodyRows, flat, rows_of
 from rr1plan.collision.carried import Carried
 from rr1plan.collision.layout import Layout
 from rr1plan.collision.standing import Standing
-from rr1plan.skeleton import Skeleton
+from rr1plan.skeleton import Skeleton, joint_twist
 from rr1plan.transforms import rotation_about
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ def _joint_tables(skeleton: Skeleton) -> tuple[_INTS, Array, Array]:
     joints, values, poses = np.zeros((count, 4), np.int64), np.zeros((count, 17)), np.zeros((count, 12))
     poses[0] = flat(np.eye(4))
     for j in range(1, count):
-        twist = _twist(model.joints[j])
+        twist = joint_twist(model.joints[j])
         prismatic = float(np.abs(twist[:3]).max()) > 0.5
         gain = float(skeleton.gains[j - 1])
         column = int(skeleton.columns[j - 1]) if gain != 0.0 else -1
@@ -193,13 +193,6 @@ def _joint_tables(skeleton: Skeleton) -> tuple[_INTS, Array, Array]:
         values[j, 15:] = gain, skeleton.offsets[j - 1]
         poses[j] = flat(data.oMi[j].homogeneous)
     return joints, values, poses
-
-
-def _twist(joint: Any) -> Array:
-    """The velocity of a joint of one number in its own frame, linear and angular, shape (6,)."""
-    state = joint.createData()
-    joint.calc(state, np.zeros(1))
-    return np.asarray(state.S).ravel()
 
 
 def chain_reach(joints: _INTS, values: Array, poses: Array, chain: tuple[int, ...], centre: Array) -> list[float]:

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rr1plan._kernels.clearance import least_clearance as _least_clearance_untyped
 from rr1plan._kernels.exact import EXACT
-from rr1plan._kernels.motion import FREE
+from rr1plan._kernels.motion import CONTACT, FREE
 from rr1plan._kernels.motion import certify as _certify_untyped
 from rr1plan._kernels.record import pack
 from rr1plan.checks import Array, finite_array, finite_number, of_kind, positive_number, read_only
@@ -27,8 +28,10 @@ from rr1plan.errors import InputError
 from rr1plan.scene import Scene
 
 TOLERANCE = 1e-6
+_NEAR = 1e-9  # a gap that counts as one [m]
 
 _certify: Callable[..., tuple[int, float, int, int, int]] = _certify_untyped
+_least_clearance: Callable[..., float] = _least_clearance_untyped
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +83,7 @@ class MotionChecker:
         self.tolerance = positive_number("tolerance", tolerance)
         self._tables = build_tables(checker)
         self._exact = pack(self._tables, EXACT)
+        self._without: dict[frozenset[str], NDArray[np.int64]] = {}
         self._swept: SweptEdges | None = None
         self._edge = np.zeros((2, checker.nq))
         self.edges_checked = 0
@@ -121,7 +125,38 @@ class MotionChecker:
             InputError: wrong shape or not finite.
         """
         q = self.checker.checked(q)
-        return self._straight().look_along(q, q)[0] == FREE or self.checker.is_free(q)
+        status = self._straight().look_along(q, q)[0]
+        return status == FREE or (status != CONTACT and self.checker.is_free(q))
+
+    def is_free_but_for(self, q: Any, arms: frozenset[str]) -> bool:
+        """The same, but that pairs do not count in which some arms have a part; nothing is nearer than a nanometre.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+            arms: Those arms.
+
+        Raises:
+            InputError: wrong shape or not finite, or elements that cannot be measured against each other.
+        """
+        q = self.checker.checked(q)
+        if self.is_free(q):
+            return True
+        return (
+            bool(arms)
+            and self.checker.resting_is_free
+            and _least_clearance(q, _NEAR, self._record_without(arms)) >= _NEAR
+        )
+
+    def _record_without(self, arms: frozenset[str]) -> NDArray[np.int64]:
+        """What the exact kernel knows of the pairs in which none of some arms has a part."""
+        if arms not in self._without:
+            owner = self.checker.scene.owner
+            counts = np.array([owner(a) not in arms and owner(b) not in arms for a, b in self.checker.pairs], np.bool_)
+            chosen = counts[self.checker.solid_owner]
+            tables, directions = self._tables, np.zeros((int(chosen.sum()), 3))
+            tables = tables._replace(pairs=tables.pairs[chosen], padding=tables.padding[chosen], directions=directions)
+            self._without[arms] = pack(tables, EXACT)
+        return self._without[arms]
 
     def edge_is_free(self, q0: Any, q1: Any) -> bool:
         """Every configuration on the straight line from q0 to q1 is free.

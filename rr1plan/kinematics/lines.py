@@ -52,7 +52,7 @@ class Line:
         """Where the frame has to be after the part s (0..1) of the way."""
         p = self.p0 + s * (self.p1 - self.p0) if s < 1.0 else self.p1
         R = None if self.turn is None else self.R0 @ pin.exp3(s * self.turn)
-        return Target(self.index, p, p, R)
+        return Target(p, p, R)
 
 
 class EdgeBound:

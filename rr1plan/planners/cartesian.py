@@ -12,11 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rr1plan._kernels.chain import Chain
 from rr1plan.checks import Array, Seed, positive_number
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
-from rr1plan.kinematics.descent import descend
-from rr1plan.kinematics.inverse import describe_excess, target_of
+from rr1plan.kinematics.chain import chain_of
+from rr1plan.kinematics.descent import descend, errors_at
+from rr1plan.kinematics.inverse import describe_excess
 from rr1plan.kinematics.lines import EdgeBound, Line
 from rr1plan.planners.goals import check_start, describe_contacts, goal_configurations
 from rr1plan.planners.query import Query, asked
@@ -130,7 +132,7 @@ class _Walk:
 
     def along(self, goal: PoseGoal) -> Array | _Stop:
         """Follow the line to one goal: waypoints, shape (n, nq)."""
-        index = target_of(self.kinematics, goal).index
+        index = self.kinematics.scene_model.frame_id(self.kinematics.frame(goal.frame))
         start = self.problem.start
         line = Line.between(self.kinematics, start, index, goal.position, goal.rotation)
         bound = EdgeBound(self.kinematics, index)
@@ -157,13 +159,11 @@ class _Walk:
     def correct(self, line: Line, part: float, q: Array, goal: PoseGoal) -> Array | None:
         """The configuration on the line next to q, or None where there is none within the limits."""
         limits = self.robot.limits
-        target = line.at(part)
-        q, _ = descend(lambda x: target.residual(self.kinematics, x), q, limits.lower, limits.upper, steps=30)
-        p, R, _ = self.kinematics.pose_and_jacobian(q, line.index)
-        off, turn = target.errors(p, R)
-        metres, radians = self.waypoint_tolerances(goal)
-        near = np.linalg.norm(off) <= metres and (turn is None or np.linalg.norm(turn) <= radians)
-        return q if near else None
+        target, chain = line.at(part), self.chain_of(line)
+        q, _ = descend(chain, target, q, limits.lower, limits.upper, steps=30)
+        metres, radians = errors_at(chain, target, q)
+        most_metres, most_radians = self.waypoint_tolerances(goal)
+        return q if metres <= most_metres and radians <= most_radians else None
 
     def waypoint_tolerances(self, goal: PoseGoal) -> tuple[float, float]:
         """How far a waypoint itself may be from the line [m], [rad]."""
@@ -205,7 +205,7 @@ class _Walk:
         if blocked is not None:
             return f"going on needs a jump of the joints; {self.singularity(line, q)}"
         target, free = line.at(part), np.full(len(q), np.inf)
-        unlimited, cost = descend(lambda x: target.residual(self.kinematics, x), q, -free, free)
+        unlimited, cost = descend(self.chain_of(line), target, q, -free, free)
         excess = describe_excess(self.robot, unlimited)
         if excess and cost < _REACHED and float(np.abs(unlimited - q).sum()) < _LARGEST_EDGE:
             return f"joint limit: {excess}"
@@ -231,6 +231,10 @@ class _Walk:
             if contacts:
                 return describe_contacts(contacts)
         return " and ".join(repr(name) for name in self.checker.nearest(blocked).pair)
+
+    def chain_of(self, line: Line) -> Chain:
+        """The joints that move the frame."""
+        return chain_of(self.kinematics.scene_model.skeleton, self.frame_name(line))
 
     def frame_name(self, line: Line) -> str:
         """Name of the frame that moves, "arm/link"."""

@@ -3,7 +3,7 @@
 Joint goals are checked, pose and region goals go through inverse kinematics, sets of goals are
 united. Several arms combine: composites are tried nearest to the start first and kept if they are
 free as a whole. Continuous joints get the copy nearest to the start, so no plan goes the long way
-around.
+around. A search that does not get on may ask for more of them.
 """
 
 from __future__ import annotations
@@ -13,20 +13,28 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Seed, as_generator, read_only
+from rr1plan._kernels.generator import generator_state
+from rr1plan._kernels.inverse import search as _search_kernel
+from rr1plan._kernels.jit import Kernel
+from rr1plan.checks import Array, Seed, as_seed, read_only
 from rr1plan.collision import Contact, MotionChecker
-from rr1plan.kinematics import Kinematics, nearest_copy, solve_ik
-from rr1plan.kinematics.inverse import describe_excess
+from rr1plan.errors import InputError
+from rr1plan.kinematics import nearest_copy
+from rr1plan.kinematics.chain import chain_of
+from rr1plan.kinematics.inverse import describe_excess, why_none
+from rr1plan.kinematics.search import IkSearch
 from rr1plan.planning import PlanStatus
-from rr1plan.problem import Goal, JointGoal, Problem
+from rr1plan.problem import Goal, JointGoal, Problem, frame_link
 from rr1plan.robot import Robot
-from rr1plan.scene import Scene
 
 # Composites of several arms that are tried before giving up.
 _MOST_COMPOSITES = 2000
 # Starts of inverse kinematics in a row without another free configuration, after which those found will do.
-_PATIENCE = 12
+_PATIENCE = 20
+# Sets their random numbers apart from those of a planner with the same seed.
+_STREAM = 0x5DEECE66D
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,19 +91,97 @@ def goal_configurations(
     Raises:
         InputError: numbers that make no sense.
     """
-    # Making a generator from a seed takes longer than checking a joint goal.
-    generator = None if all(isinstance(g, JointGoal) for gs in problem.goal.values() for g in gs) else as_generator(rng)
-    choices: list[list[Array]] = []
-    for arm in problem.arms:
-        finder = _Finder(problem, motion, arm)
-        for goal in problem.goal[arm]:
-            finder.add(goal, generator, max_per_goal, attempts)
-        if not finder.found:
-            invalid = PlanStatus.INVALID_GOAL in finder.statuses
-            status = PlanStatus.INVALID_GOAL if invalid else PlanStatus.INFEASIBLE
-            return GoalSet(np.empty((0, problem.nq)), status, "; ".join(finder.reasons))
-        choices.append(finder.found)
-    return _combine(problem, motion, choices, max_composites)
+    search = GoalSearch(
+        problem, motion, rng, max_per_goal=max_per_goal, max_composites=max_composites, attempts=attempts
+    )
+    return search.find()
+
+
+class GoalSearch:
+    """The search for goal configurations, which can go on.
+
+    Args: see `goal_configurations`.
+
+    Raises:
+        InputError: numbers that make no sense.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        motion: MotionChecker,
+        rng: Seed = None,
+        *,
+        max_per_goal: int = 8,
+        max_composites: int = 32,
+        attempts: int = 100,
+    ) -> None:
+        for name, number in (("attempts", attempts), ("max_per_goal", max_per_goal)):
+            if number < 1:
+                raise InputError(f"{name} is {number!r}, expected at least one")
+        self._problem, self._motion = problem, motion
+        self._most, self._most_composites, self._attempts = max_per_goal, max_composites, attempts
+        state = generator_state(as_seed(rng) ^ _STREAM)
+        self._finders = [_Finder(problem, motion, arm, state) for arm in problem.arms]
+        self._tried: set[bytes] = set()
+
+    def find(self) -> GoalSet:
+        """The first configurations, or why there are none."""
+        for finder in self._finders:
+            for goal in self._problem.goal[finder.arm]:
+                finder.add(goal, self._most, self._attempts)
+            if not finder.found:
+                invalid = PlanStatus.INVALID_GOAL in finder.statuses
+                status = PlanStatus.INVALID_GOAL if invalid else PlanStatus.INFEASIBLE
+                return GoalSet(np.empty((0, self._problem.nq)), status, "; ".join(finder.reasons))
+        if all(len(finder.found) == 1 for finder in self._finders) and len(self._finders) == 1:
+            return GoalSet(read_only(np.array(self._finders[0].found)))
+        free, blocked = self._combine()
+        if free:
+            return GoalSet(read_only(np.array(free)))
+        contacts = describe_contacts(self._motion.checker.contacts(blocked))
+        tried = len(self._tried)
+        reason = f"the arms' goals collide with each other in all {tried} combinations tried: {contacts}"
+        return GoalSet(np.empty((0, self._problem.nq)), PlanStatus.INVALID_GOAL, reason)
+
+    def more(self) -> Array:
+        """Others, after `find` has found some: as many of each goal as then, those that there are, shape (k, nq)."""
+        known = [len(finder.found) for finder in self._finders]
+        for finder in self._finders:
+            finder.go_on(self._most, self._attempts)
+        if known == [len(finder.found) for finder in self._finders]:
+            return np.empty((0, self._problem.nq))
+        return np.array(self._combine()[0]).reshape(-1, self._problem.nq)
+
+    def _combine(self) -> tuple[list[Array], Array]:
+        """Composites of what each arm has found that are free as a whole and new; and one that is not free."""
+        ranked, costs = [], []
+        for finder in self._finders:
+            far = np.linalg.norm(np.array(finder.found) - finder.start, axis=1) ** 2
+            order = np.argsort(far, kind="stable")
+            ranked.append([finder.found[i] for i in order])
+            costs.append([float(far[i]) for i in order])
+        free: list[Array] = []
+        blocked, tried = self._problem.start, 0
+        for index in _cheapest_first(costs):
+            if tried == _MOST_COMPOSITES or len(free) == self._most_composites:
+                break
+            q = np.concatenate([found[i] for found, i in zip(ranked, index, strict=True)])
+            if q.tobytes() in self._tried:
+                continue
+            self._tried.add(q.tobytes())
+            tried += 1
+            if len(ranked) == 1 or self._motion.is_free(q):
+                free.append(q)
+            elif tried == 1:
+                blocked = q
+        return free, blocked
+
+
+def goal_kernels(problem: Problem) -> tuple[Kernel, ...]:
+    """What finding the goals of a problem calls."""
+    posed = any(not isinstance(goal, JointGoal) for goals in problem.goal.values() for goal in goals)
+    return (_search_kernel,) if posed else ()
 
 
 def only_configuration(problem: Problem) -> Array | None:
@@ -111,6 +197,9 @@ def only_configuration(problem: Problem) -> Array | None:
 
 def describe_contacts(contacts: Sequence[Contact]) -> str:
     """Which elements touch which and how deep, in words, deepest first."""
+    if not contacts:
+        # The kernel refuses what Coal, which errs by as much, need not see.
+        return "something is less than a micrometre away"
     deepest = sorted(contacts, key=lambda c: -c.depth)
     parts = [f"{c.a!r} and {c.b!r} by {c.depth:.3g} m" for c in deepest[:3]]
     more = f" and {len(deepest) - 3} more pairs" if len(deepest) > 3 else ""
@@ -127,47 +216,48 @@ def _composite_excess(problem: Problem, q: Array) -> str:
 class _Finder:
     """Configurations of one arm that fulfil one of its goals, free as far as this arm alone goes."""
 
-    def __init__(self, problem: Problem, motion: MotionChecker, arm: str) -> None:
-        self.problem, self.motion, self.arm = problem, motion, arm
+    def __init__(self, problem: Problem, motion: MotionChecker, arm: str, state: NDArray[np.uint64]) -> None:
+        self.problem, self.motion, self.arm, self.state = problem, motion, arm, state
         self.robot: Robot = problem.scene.arms[arm].robot
-        self.start = problem.scene.split(problem.start, problem.arms)[arm]
         before = problem.arms[: problem.arms.index(arm)]
-        first = sum(problem.scene.arms[name].robot.nq for name in before)
-        self.columns = slice(first, first + self.robot.nq)
-        self.others = set(problem.arms) - {arm}
+        self.first = sum(problem.scene.arms[name].robot.nq for name in before)
+        self.columns = slice(self.first, self.first + self.robot.nq)
+        self.start = problem.start[self.columns]
+        self.others = frozenset(problem.arms) - {arm}
         self.found: list[Array] = []
         self.reasons: list[str] = []
         self.statuses: list[PlanStatus] = []
-        self.rejected: list[Array] = []
+        self.searches: list[IkSearch] = []
 
-    def add(self, goal: Goal, rng: np.random.Generator | None, most: int, attempts: int) -> None:
+    def add(self, goal: Goal, most: int, attempts: int) -> None:
         """Find the configurations of one goal, or note why there is none."""
         if isinstance(goal, JointGoal):
             self._add_configuration(goal.q)
             return
-        self.rejected = []
-        seeds = np.array([self.start, self.robot.home])
-        result = solve_ik(
-            Kinematics(Scene({self.arm: self.problem.scene.arms[self.arm]})),
-            goal,
-            seeds=seeds,
-            rng=rng,
-            attempts=attempts,
-            accept=self._accept,
-            max_solutions=most,
-            patience=_PATIENCE,
-        )
-        self.found += list(result.solutions)
-        if result.rejected and not result.solved:
+        link = f"{self.arm}/{frame_link(self.robot, goal.frame)}"
+        chain = chain_of(self.motion.checker.model.skeleton, link, self.first)
+        limits = self.robot.limits
+        seeds = np.clip([self.start, self.robot.home], limits.lower, limits.upper)
+        search = IkSearch(chain, self.robot, goal, seeds, self.state)
+        self.searches.append(search)
+        self.found += search.collect(attempts, self._is_free, most, _PATIENCE)
+        if search.accepted:
+            return
+        if search.rejected:
             # Coal is asked what touches only when somebody has to be told.
-            least = min((self._own_contacts(q) for q in self.rejected), key=_depth)
+            least = min((self._own_contacts(q) for q in search.rejected), key=_depth)
             self._refuse(
                 PlanStatus.INVALID_GOAL,
-                f"all {result.rejected} configurations found that reach the goal of {self.arm!r} are in collision; "
-                f"the best of them: {describe_contacts(least)}",
+                f"all {len(search.rejected)} configurations found that reach the goal of {self.arm!r} are in "
+                f"collision; the best of them: {describe_contacts(least)}",
             )
-        elif not result.solved:
-            self._refuse(PlanStatus.INFEASIBLE, result.reason)
+        else:
+            self._refuse(PlanStatus.INFEASIBLE, why_none(search, link))
+
+    def go_on(self, most: int, attempts: int) -> None:
+        """Look for more of them."""
+        for search in self.searches:
+            self.found += search.collect(attempts, self._is_free, most, _PATIENCE)
 
     def _add_configuration(self, q: Array) -> None:
         continuous = self.robot.continuous > 0.0
@@ -176,19 +266,21 @@ class _Finder:
         excess = describe_excess(self.robot, q)
         if excess:
             self._refuse(PlanStatus.INVALID_GOAL, f"the goal of {self.arm!r} is out of limits: {excess}")
-            return
-        contacts = self._own_contacts(q)
-        if contacts:
-            text = describe_contacts(contacts)
+        elif self._is_free(q):
+            self.found.append(q)
+        else:
+            text = describe_contacts(self._own_contacts(q))
             self._refuse(PlanStatus.INVALID_GOAL, f"the goal of {self.arm!r} is in collision: {text}")
-            return
-        self.found.append(q)
 
-    def _accept(self, q: Array) -> bool:
-        if self.motion.is_free(self._composite(q)) or (self.others and not self._own_contacts(q)):
-            return True
-        self.rejected.append(q)
-        return False
+    def _is_free(self, q: Array) -> bool:
+        """Nothing touches at q that no other moving arm has a part in."""
+        return self.motion.is_free_but_for(self._composite(q), self.others)
+
+    def _own_contacts(self, q: Array) -> list[Contact]:
+        """What touches at q that no other moving arm has a part in."""
+        owner = self.problem.scene.owner
+        contacts = self.motion.checker.contacts(self._composite(q))
+        return [c for c in contacts if not {owner(c.a), owner(c.b)} & self.others]
 
     def _composite(self, q: Array) -> Array:
         """All arms at their starts but for this one."""
@@ -196,50 +288,13 @@ class _Finder:
         composite[self.columns] = q
         return composite
 
-    def _own_contacts(self, q: Array) -> list[Contact]:
-        """What touches at q that no other moving arm has a part in."""
-        composite = self._composite(q)
-        if self.motion.is_free(composite):
-            return []
-        owner = self.problem.scene.owner
-        return [c for c in self.motion.checker.contacts(composite) if not {owner(c.a), owner(c.b)} & self.others]
-
     def _refuse(self, status: PlanStatus, reason: str) -> None:
         self.statuses.append(status)
         self.reasons.append(reason)
 
 
 def _depth(contacts: Sequence[Contact]) -> float:
-    return max(float(c.depth) for c in contacts)
-
-
-def _combine(problem: Problem, motion: MotionChecker, choices: list[list[Array]], most: int) -> GoalSet:
-    """Composites of the arms' choices that are free as a whole."""
-    if len(choices) == len(choices[0]) == 1:
-        return GoalSet(read_only(np.array(choices[0])))
-    postures = problem.scene.split(problem.start, problem.arms)
-    ranked, costs = [], []
-    for arm, found in zip(problem.arms, choices, strict=True):
-        far = np.linalg.norm(np.array(found) - postures[arm], axis=1) ** 2
-        order = np.argsort(far, kind="stable")
-        ranked.append([found[i] for i in order])
-        costs.append([float(far[i]) for i in order])
-    free: list[Array] = []
-    blocked: list[Contact] = []
-    tried = 0
-    for index in _cheapest_first(costs):
-        if tried == _MOST_COMPOSITES or len(free) == most:
-            break
-        tried += 1
-        q = np.concatenate([found[i] for found, i in zip(ranked, index, strict=True)])
-        if len(choices) == 1 or motion.is_free(q):
-            free.append(q)
-        elif not blocked:
-            blocked = list(motion.checker.contacts(q))
-    if free:
-        return GoalSet(read_only(np.array(free)))
-    reason = f"the arms' goals collide with each other in all {tried} combinations tried: {describe_contacts(blocked)}"
-    return GoalSet(np.empty((0, problem.nq)), PlanStatus.INVALID_GOAL, reason)
+    return max((float(c.depth) for c in contacts), default=0.0)
 
 
 def _cheapest_first(costs: list[list[float]]) -> Iterator[tuple[int, ...]]:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from rr1plan._kernels import roadmap as kernel
 from rr1plan._kernels import ways
+from rr1plan._kernels.generator import generator_state
 from rr1plan.checks import Array
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.planners.query import Pace
-from rr1plan.planners.seeds import generator_state
 from rr1plan.planning import SearchTree
 from rr1plan.scene import Scene
 

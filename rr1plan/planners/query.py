@@ -11,12 +11,11 @@ import numpy as np
 from rr1plan._kernels import edges
 from rr1plan._kernels.jit import Kernel
 from rr1plan._kernels.swept import sweep_edge
-from rr1plan.checks import Array, Seed
+from rr1plan.checks import Array, Seed, as_seed
 from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.path import Path
 from rr1plan.planners.goals import check_start, goal_configurations, only_configuration
-from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.space import Space, joint_space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem

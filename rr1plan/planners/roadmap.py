@@ -12,14 +12,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rr1plan.checks import Seed, of_kind
+from rr1plan.checks import Seed, as_seed, of_kind
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners import tree_search
 from rr1plan.planners.graph import KERNELS, Graph
 from rr1plan.planners.query import Query, asked, prepare
-from rr1plan.planners.seeds import as_seed
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem

@@ -18,11 +18,11 @@ from itertools import pairwise
 import numpy as np
 
 from rr1plan._kernels import shortcut as kernel
-from rr1plan.checks import Array, Seed, of_kind, positive_number
+from rr1plan._kernels.generator import generator_state
+from rr1plan.checks import Array, Seed, as_seed, of_kind, positive_number
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
-from rr1plan.planners.seeds import as_seed, generator_state
 
 # The kernel is not typed.
 _shorten: Callable[..., bool] = kernel.shorten

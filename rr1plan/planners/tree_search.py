@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan._kernels import rrt_connect as kernel
+from rr1plan._kernels.generator import generator_state
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.planners.query import NO_LIMIT, Pace, Query
-from rr1plan.planners.seeds import generator_state
 from rr1plan.planning import SearchTree
 
 # The kernels are not typed.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.kinematics import Kinematics
+from rr1plan.kinematics.forward import Kinematics
 from rr1plan.report import Margin, Violation
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory

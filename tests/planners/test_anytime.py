@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 import rr1plan as rp
 from rr1plan._kernels import rrt_connect as kernel
+from rr1plan._kernels.generator import generator_state
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
 from rr1plan.planners import AnytimePlanner, RrtConnect
 from rr1plan.planners.anytime import luby
-from rr1plan.planners.seeds import generator_state
 from rr1plan.planners.tree_search import Trees
 from rr1plan.planning import Budget, PlanStatus
 

@@ -1,0 +1,64 @@
+"""The joints between the world and a link, as compiled kernels take them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from rr1plan._kernels.chain import Chain
+from rr1plan.checks import Array, read_only
+from rr1plan.skeleton import Skeleton, joint_twist
+from rr1plan.transforms import inverse, rotation_about
+
+
+@lru_cache(maxsize=256)
+def chain_of(skeleton: Skeleton, link: str, first: int = 0) -> Chain:
+    """The chain of joints that moves a link.
+
+    Joints that nothing drives are part of the fixed transforms between the others.
+
+    Args:
+        skeleton: Of a scene.
+        link: "arm/link".
+        first: The column of q that the chain's columns are counted from.
+    """
+    model, body = skeleton.model, skeleton.bodies[link]
+    joints, values, T = [], [], np.eye(4)
+    for j in [j for j in model.supports[body.joint] if j > 0]:
+        twist = joint_twist(model.joints[j])
+        slides = float(np.abs(twist[:3]).max()) > 0.5
+        turned = _turned_to(twist[:3] if slides else twist[3:])
+        gain, offset = float(skeleton.gains[j - 1]), float(skeleton.offsets[j - 1])
+        T = T @ model.jointPlacements[j].homogeneous @ turned
+        if skeleton.columns[j - 1] >= 0 and gain != 0.0:
+            joints.append([int(slides), int(skeleton.columns[j - 1]) - first])
+            values.append([*T[:3, :3].ravel(), *T[:3, 3], gain, offset])
+            T = inverse(turned)
+        else:
+            T = T @ _moved(slides, offset) @ inverse(turned)
+    T = T @ body.placement
+    values.append([*T[:3, :3].ravel(), *T[:3, 3], 0.0, 0.0])
+    return Chain(read_only(np.array(joints, np.int64).reshape(-1, 2)), read_only(np.array(values)))
+
+
+def _turned_to(axis: Array) -> Array:
+    """A pose without shift that turns z to an axis."""
+    T = np.eye(4)
+    if axis[2] != 1.0:
+        other = np.zeros(3)
+        other[np.argmin(np.abs(axis))] = 1.0
+        x = np.cross(other, axis)
+        x /= np.linalg.norm(x)
+        T[:3, :3] = np.column_stack([x, np.cross(axis, x), axis])
+    return T
+
+
+def _moved(slides: bool, value: float) -> Array:
+    """The motion of a joint along or about z."""
+    T = np.eye(4)
+    if slides:
+        T[2, 3] = value
+    else:
+        T[:3, :3] = rotation_about(np.array([0.0, 0.0, 1.0]), value)
+    return T

@@ -1,0 +1,161 @@
+"""The search for all configurations that bring a frame to its goal; it may stop anywhere and go on later."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan._kernels import inverse as kernel
+from rr1plan._kernels.chain import Chain
+from rr1plan.checks import Array, positive_number
+from rr1plan.kinematics.descent import Target, errors_at
+from rr1plan.kinematics.turns import rotary
+from rr1plan.problem import PoseGoal, RegionGoal
+from rr1plan.robot import Robot
+from rr1plan.transforms import rotation_from_quaternion
+
+# A solution uses at most this part of the goal's tolerance, so that another kinematics agrees.
+_SHARE = 0.9
+# A region's faces are kept this far away where it is thick enough, and met this exactly where it is flat [m].
+_REGION_MARGIN, _REGION_TOLERANCE = 1e-6, 1e-9
+_DISTINCT, _DISTINCT_REDUNDANT = 1e-3, 0.2
+# Starts between two looks at what Python may want, Ctrl-C say.
+_CHUNK = 256
+_CAPACITY = 16
+
+# The kernel is not typed.
+_search: Callable[..., bool] = kernel.search
+
+
+def _target_of(goal: PoseGoal | RegionGoal) -> Target:
+    """Where a goal's frame has to be."""
+    if isinstance(goal, PoseGoal):
+        return Target(goal.position, goal.position, goal.rotation)
+    rotation = None if goal.quaternion is None else rotation_from_quaternion(goal.quaternion)
+    margin = np.minimum(_REGION_MARGIN, 0.25 * (goal.upper - goal.lower))
+    return Target(goal.lower + margin, goal.upper - margin, rotation)
+
+
+class IkSearch:
+    """Descents from one start after the other, first the seeds, then random ones.
+
+    Args:
+        chain: Moves the frame.
+        robot: Whose joints these are.
+        goal: Where the frame has to get.
+        seeds: Where to start first, within the limits, shape (k, nq), k >= 1. Of all copies of a solution that are
+            whole turns apart the nearest to the first seed counts.
+        state: Of the generator, shape (1,); it goes on.
+        separation: See `solve_ik`.
+
+    Attributes:
+        target: Where the frame has to get.
+        accepted: Solutions that were accepted so far.
+        rejected: Those that were not.
+
+    Raises:
+        InputError: a separation that is not above zero.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        robot: Robot,
+        goal: PoseGoal | RegionGoal,
+        seeds: Array,
+        state: NDArray[np.uint64],
+        separation: float | None = None,
+    ) -> None:
+        self.chain, self.robot, self.target = chain, robot, _target_of(goal)
+        self.accepted: list[Array] = []
+        self.rejected: list[Array] = []
+        if separation is None:
+            fixed = int((self.target.lower == self.target.upper).sum()) + 3 * (self.target.rotation is not None)
+            separation = _DISTINCT_REDUNDANT if robot.nq > fixed else _DISTINCT
+        tolerance = goal.position_tolerance if isinstance(goal, PoseGoal) else _REGION_TOLERANCE
+        self.position_tolerance = _SHARE * tolerance
+        self.orientation_tolerance = _SHARE * goal.orientation_tolerance
+        self._tolerances = np.array(
+            [self.position_tolerance, self.orientation_tolerance, positive_number("separation", separation)]
+        )
+        self._seeds, self._state = seeds, state
+        lower, upper = robot.limits.lower, robot.limits.upper
+        corner, end = sampling_box(robot)
+        self._joints = np.array([lower, upper, corner, end - corner, rotary(robot), seeds[0]])
+        self._found = np.empty((_CAPACITY, robot.nq))
+        self._nearest = np.concatenate([seeds[0], [np.inf]])
+        self._counts = np.zeros(2, np.int64)
+        self._last = 0
+
+    @property
+    def tried(self) -> int:
+        """Starts so far."""
+        return int(self._counts[kernel.TRIED])
+
+    @property
+    def nearest(self) -> Array:
+        """Where a descent came nearest to the goal, shape (nq,)."""
+        return self._nearest[:-1].copy()
+
+    def is_reached(self, q: Array) -> bool:
+        """The frame is within the goal's tolerances at q (nq,)."""
+        position, orientation = errors_at(self.chain, self.target, q)
+        return position <= self.position_tolerance and orientation <= self.orientation_tolerance
+
+    def collect(
+        self,
+        attempts: int,
+        accept: Callable[[Array], bool] | None = None,
+        most: int | None = None,
+        patience: int | None = None,
+    ) -> list[Array]:
+        """Go on for so many starts; what is new and accepted.
+
+        Args:
+            attempts: How many starts.
+            accept: See `solve_ik`.
+            most: Stop after so many accepted ones.
+            patience: Stop after so many starts in a row that led to no other accepted one, once there is one.
+        """
+        begin, self._last = len(self.accepted), self.tried
+        end = self.tried + attempts
+        while len(self.accepted) - begin < (most or np.inf):
+            stop = min(end, self._last + patience) if patience and self.accepted else end
+            if self.tried >= stop:
+                break
+            q = self._advance(min(stop, self.tried + _CHUNK))
+            if q is None:
+                continue
+            if accept is None or accept(q.copy()):
+                self.accepted.append(q)
+                self._last = self.tried
+            else:
+                self.rejected.append(q)
+        return self.accepted[begin:]
+
+    def _advance(self, starts: int) -> Array | None:
+        """The next solution, or None when there were so many starts in all."""
+        count = int(self._counts[kernel.FOUND])
+        if count == len(self._found):
+            self._found = np.concatenate([self._found, np.empty_like(self._found)])
+        found = _search(
+            self.chain,
+            self.target.row,
+            self._joints,
+            self._tolerances,
+            self._seeds,
+            self._found,
+            self._nearest,
+            self._counts,
+            self._state,
+            starts,
+        )
+        return self._found[count].copy() if found else None
+
+
+def sampling_box(robot: Robot) -> tuple[Array, Array]:
+    """Where random starts come from: the limits, one turn where there are none."""
+    lower, upper = robot.limits.lower, robot.limits.upper
+    return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
