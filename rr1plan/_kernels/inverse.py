@@ -31,7 +31,7 @@ from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INT1, OUT1, OUT2, j
 
 _CONVERGED = 1e-20  # squared error: 1e-10 m
 _PATIENCE = 5  # steps in which the squared error has to halve
-_STEPS = 60  # of a descent
+_STEPS = 40  # of a descent
 _FIRST_MU, _LEAST_MU, _MOST_MU = 0.1, 1e-9, 1e9
 _TURN = 2.0 * np.pi
 _SLACK = 1e-12

@@ -66,7 +66,7 @@ def solve_ik(
     *,
     seeds: Any = None,
     rng: Seed = None,
-    attempts: int = 100,
+    attempts: int = 200,
     accept: Callable[[Array], bool] | None = None,
     max_solutions: int | None = None,
     patience: int | None = None,

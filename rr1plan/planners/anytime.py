@@ -81,8 +81,11 @@ class _Rounds:
         self.search = TreeSearch(query, step)
         self.best: Array | None = None
         self.length = math.inf
-        # No path is shorter than the straight line to the nearest goal.
-        self.straight = float(np.linalg.norm(query.goals[0] - query.problem.start))
+
+    @property
+    def straight(self) -> float:
+        """Length of the straight line to the nearest goal; no path is shorter."""
+        return float(np.linalg.norm(self.query.goals[0] - self.query.problem.start))
 
     def run(self) -> PlanResult:
         """The best path when the budget ends."""

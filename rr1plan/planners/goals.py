@@ -31,6 +31,8 @@ from rr1plan.robot import Robot
 
 # Composites of several arms that are tried before giving up.
 _MOST_COMPOSITES = 2000
+# How often more configurations of each arm are looked for when none of them go together.
+_ROUNDS = 3
 # Starts of inverse kinematics in a row without another free configuration, after which those found will do.
 _PATIENCE = 20
 # Sets their random numbers apart from those of a planner with the same seed.
@@ -76,7 +78,7 @@ def goal_configurations(
     *,
     max_per_goal: int = 8,
     max_composites: int = 32,
-    attempts: int = 100,
+    attempts: int = 200,
 ) -> GoalSet:
     """Free configurations of all moving arms that fulfil their goals.
 
@@ -114,7 +116,7 @@ class GoalSearch:
         *,
         max_per_goal: int = 8,
         max_composites: int = 32,
-        attempts: int = 100,
+        attempts: int = 200,
     ) -> None:
         for name, number in (("attempts", attempts), ("max_per_goal", max_per_goal)):
             if number < 1:
@@ -134,9 +136,10 @@ class GoalSearch:
                 invalid = PlanStatus.INVALID_GOAL in finder.statuses
                 status = PlanStatus.INVALID_GOAL if invalid else PlanStatus.INFEASIBLE
                 return GoalSet(np.empty((0, self._problem.nq)), status, "; ".join(finder.reasons))
-        if all(len(finder.found) == 1 for finder in self._finders) and len(self._finders) == 1:
-            return GoalSet(read_only(np.array(self._finders[0].found)))
         free, blocked = self._combine()
+        rounds = _ROUNDS
+        while not free and rounds > 0:
+            free, rounds = list(self.more()), rounds - 1
         if free:
             return GoalSet(read_only(np.array(free)))
         contacts = describe_contacts(self._motion.checker.contacts(blocked))
@@ -145,12 +148,9 @@ class GoalSearch:
         return GoalSet(np.empty((0, self._problem.nq)), PlanStatus.INVALID_GOAL, reason)
 
     def more(self) -> Array:
-        """Others, after `find` has found some: as many of each goal as then, those that there are, shape (k, nq)."""
-        known = [len(finder.found) for finder in self._finders]
+        """Others, after `find` has found some: as many of each goal as then if there are, shape (k, nq)."""
         for finder in self._finders:
             finder.go_on(self._most, self._attempts)
-        if known == [len(finder.found) for finder in self._finders]:
-            return np.empty((0, self._problem.nq))
         return np.array(self._combine()[0]).reshape(-1, self._problem.nq)
 
     def _combine(self) -> tuple[list[Array], Array]:

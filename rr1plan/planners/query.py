@@ -15,7 +15,7 @@ from rr1plan.checks import Array, Seed, as_seed
 from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.path import Path
-from rr1plan.planners.goals import check_start, goal_configurations, only_configuration
+from rr1plan.planners.goals import GoalSearch, check_start, goal_kernels, only_configuration
 from rr1plan.planners.space import Space, joint_space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
@@ -96,6 +96,7 @@ class Query:
         self.iterations, self.edges = 0, 0
         self._space: Space | None = None
         self._first_line: bool | None = None
+        self._goal_search: GoalSearch | None = None
         self.history: list[tuple[float, float]] = []
         self._reported = began - _REPORTS
         self._cancelled = False
@@ -106,7 +107,8 @@ class Query:
             blocked = check_start(self.problem, self.motion)
             if blocked:
                 return self.result(PlanStatus.INVALID_START, reason=blocked)
-            found = goal_configurations(self.problem, self.motion, self.seed)
+            self._goal_search = GoalSearch(self.problem, self.motion, self.seed)
+            found = self._goal_search.find()
             if found.status is not None:
                 return self.result(found.status, reason=found.reason)
             self.plain_goals = found.configurations
@@ -129,6 +131,17 @@ class Query:
         self.goals = self.plain_goals = goal[None]
         self._space, self._first_line = space, seen == edges.IN_SIGHT
         return True
+
+    def more_goals(self) -> Array:
+        """Goals that were not known before, with their copies, where there are others; shape (k, nq)."""
+        if self._goal_search is None:
+            return self.goals[:0]
+        found = self._goal_search.more()
+        new = with_copies(self.problem, found) if len(found) else found
+        self.plain_goals = np.concatenate([self.plain_goals, found])
+        goals = np.concatenate([self.goals, new])
+        self.goals = goals[np.argsort(np.linalg.norm(goals - self.problem.start, axis=1), kind="stable")]
+        return new
 
     @property
     def space(self) -> Space:
@@ -231,7 +244,7 @@ def asked(
         InputError: what is no question, or a scene that cannot be checked.
     """
     check_question(problem, budget, progress)
-    prepare(*kernels)
+    prepare(*kernels, *goal_kernels(problem))
     began = time.perf_counter()
     with borrowed_checker(problem.scene, problem.arms) as motion:
         yield Query(planner, problem, motion, budget, as_seed(rng), progress, began)

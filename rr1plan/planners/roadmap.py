@@ -17,6 +17,7 @@ from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners import tree_search
+from rr1plan.planners.goals import goal_kernels
 from rr1plan.planners.graph import KERNELS, Graph
 from rr1plan.planners.query import Query, asked, prepare
 from rr1plan.planners.shortcut import shorten
@@ -106,7 +107,7 @@ class Roadmap:
         """
         check_question(problem, budget, progress)
         self._check_fits(problem)
-        prepare(*_KERNELS)
+        prepare(*_KERNELS, *goal_kernels(problem))
         began = time.perf_counter()
         with self._lock, borrowed_checker(self.scene, self.arms) as motion:
             query = Query(_NAME, problem, motion, budget, as_seed(rng), progress, began)

@@ -26,6 +26,7 @@ _STEP = 0.06  # longest edge of a tree, as a part of the space's diagonal
 _SHORTEST = 1e-4  # the least that may be set, the same way
 _DOMAIN = 0.3  # how near to a vertex that has met an obstacle samples have to be, the same way
 _CAPACITY = 256  # vertices of each tree to begin with
+_SLICE = 500  # samples before the first look for more goals; before each other one twice as many as were drawn
 
 
 class TreeSearch:
@@ -52,6 +53,7 @@ class TreeSearch:
         self.state = generator_state(query.seed)
         self.trees = Trees(query.problem.start, query.goals)
         self._pace = Pace()
+        self._slice = query.iterations + _SLICE
 
     def meets(self, bound: float = math.inf, samples: int = NO_LIMIT) -> bool:
         """Whether trees meet within a bound, so many samples, and the budget of the query.
@@ -67,14 +69,23 @@ class TreeSearch:
         last = begin + min(samples, query.most - begin)
         code = kernel.GOING
         while code != kernel.SOLVED and query.iterations < last and not query.over and not query.cancelled():
-            stop = min(self._pace.steps, last - query.iterations) + query.iterations - begin
+            stop = min(query.iterations + self._pace.steps, last)
+            if bound == math.inf:
+                self._look_for_goals()
+                stop = min(stop, self._slice)
             with self._pace:
-                code = trees.grow(self.state, *settings, stop, query.motion.context)
+                code = trees.grow(self.state, *settings, stop - begin, query.motion.context)
             query.iterations = begin + int(counts[kernel.SAMPLES])
             if code == kernel.FULL:
                 trees.enlarge()
         query.edges += int(counts[kernel.EDGES])
         return bool(code == kernel.SOLVED)
+
+    def _look_for_goals(self) -> None:
+        """Aim at more configurations where those known may all lie where the start cannot get to."""
+        if self.query.iterations >= self._slice:
+            self._slice = 2 * self.query.iterations
+            self.trees.add_goals(self.query.more_goals())
 
     def describe(self) -> str:
         """How far the last search got, in words."""
@@ -105,6 +116,17 @@ class Trees:
         self.parents = np.concatenate([self.parents, np.empty_like(self.parents)], axis=1)
         self.lengths = np.concatenate([self.lengths, np.empty_like(self.lengths)], axis=1)
         self.blocked = np.concatenate([self.blocked, np.zeros_like(self.blocked)], axis=1)
+
+    def add_goals(self, goals: Array) -> None:
+        """More roots of the goals' tree, shape (k, nq)."""
+        self._roots = (self._roots[0], np.concatenate([self._roots[1], goals]))
+        size = int(self.counts[kernel.SIZE_GOAL])
+        end = size + len(goals)
+        while max(end, len(self._roots[1])) > self.parents.shape[1]:
+            self.enlarge()
+        self.vertices[1, :, size:end] = goals.T
+        self.parents[1, size:end], self.lengths[1, size:end], self.blocked[1, size:end] = -1, 0.0, False
+        self.counts[kernel.SIZE_GOAL] = end
 
     def path(self) -> Array:
         """The way from the start to a goal, shape (n, nq)."""

@@ -324,6 +324,36 @@ def test_the_first_contact_divides_free_from_not(scenes):
     assert found > 5
 
 
+@pytest.mark.parametrize("name", ["cluttered", "two arms", "padded"])
+def test_a_configuration_is_free_when_coal_says_so(scenes, name):
+    motion, rng = MotionChecker(scenes[name][0]), np.random.default_rng(8)
+    checker = motion.checker
+    low, high = np.maximum(checker.limits.lower, -3.0), np.minimum(checker.limits.upper, 3.0)
+    answers = []
+    for _ in range(300):
+        q = rng.uniform(low, high)
+        answers.append(motion.is_free(q))
+        assert answers[-1] == checker.is_free(q)
+    assert 20 < sum(answers) < 280
+
+
+def test_pairs_of_some_arms_can_be_left_out(scenes):
+    motion, rng = MotionChecker(scenes["two arms"][0]), np.random.default_rng(9)
+    checker = motion.checker
+    owner, (one, other) = checker.scene.owner, checker.arms
+    low, high = np.maximum(checker.limits.lower, -3.0), np.minimum(checker.limits.upper, 3.0)
+    only_thanks_to_that = 0
+    for _ in range(300):
+        q = rng.uniform(low, high)
+        contacts = [{owner(c.a), owner(c.b)} for c in checker.contacts(q)]
+        for left_out in (frozenset({one}), frozenset({other}), frozenset({one, other})):
+            expected = not [owners for owners in contacts if not owners & left_out]
+            assert motion.is_free_but_for(q, left_out) == expected
+            only_thanks_to_that += expected and bool(contacts)
+        assert motion.is_free_but_for(q, frozenset()) == (not contacts)
+    assert only_thanks_to_that > 20
+
+
 def test_contacts_that_no_joint_can_undo_block_every_motion(planar):
     scene = (
         Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0, 0]).with_obstacle("b", Sphere(0.1), [3.4, 0, 0])

@@ -5,7 +5,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker, MotionChecker
-from rr1plan.planners.goals import check_start, goal_configurations
+from rr1plan.planners.goals import GoalSearch, check_start, goal_configurations
 from rr1plan.planning import PlanStatus
 from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal
 from rr1plan.scene import Arm, Scene
@@ -157,6 +157,52 @@ def test_many_arms_with_many_goals_are_combined_in_bounded_time(planar2r):
     goals = goals_of(Problem(Scene(arms), None, goal), attempts=10, max_composites=6)
     assert goals.configurations.shape == (6, 24)
     assert len(np.unique(goals.configurations.round(6), axis=0)) == 6
+
+
+def test_a_search_for_goals_goes_on_to_others(rr1):
+    T = rr1.link_poses(FREE)["tool"]
+    problem = Problem(alone(rr1), "home", PoseGoal("tool", T[:3, 3]))
+    checker = CollisionChecker(problem.scene)
+    search = GoalSearch(problem, MotionChecker(checker), 0)
+    goals = np.concatenate([search.find().configurations, search.more(), search.more()])
+    assert len(goals) == 24
+    assert len(np.unique(goals.round(3), axis=0)) == 24
+    for q in goals:
+        assert checker.is_free(q)
+        np.testing.assert_allclose(rr1.link_poses(q)["tool"][:3, 3], T[:3, 3], atol=1e-4)
+
+
+def test_there_are_no_more_goals_than_there_are(planar2r):
+    problem = Problem(alone(planar2r), "home", [PoseGoal("tool", [1.0, 0.5, 0.0]), JointGoal([1.0, 1.0])])
+    search = GoalSearch(problem, MotionChecker(problem.scene), 0)
+    assert search.find().configurations.shape == (3, 2)
+    assert search.more().shape == (0, 2)
+
+
+def test_more_goals_of_several_arms_are_other_combinations(planar2r):
+    scene = two_planar_arms(planar2r)
+    goal = {"left": RegionGoal("tool", [0.5, 0.4, 0.0], [0.9, 0.6, 0.0]), "right": PoseGoal("tool", [1.1, 0.4, 0.0])}
+    problem = Problem(scene, None, goal)
+    checker = CollisionChecker(scene)
+    search = GoalSearch(problem, MotionChecker(checker), 0, max_per_goal=3, max_composites=4)
+    goals = np.concatenate([search.find().configurations, *(search.more() for _ in range(3))])
+    assert len(goals) > 8
+    assert len(np.unique(goals, axis=0)) == len(goals)
+    assert all(checker.is_free(q) for q in goals)
+
+
+def test_goals_that_collide_with_each_other_are_followed_by_others(planar2r):
+    scene = two_planar_arms(planar2r)
+    goal = {"left": RegionGoal("tool", [1.2, -0.3, 0.0], [1.65, 0.3, 0.0]), "right": PoseGoal("tool", [1.0, 0.1, 0.0])}
+    problem = Problem(scene, {"left": [2.0, 0.5], "right": [1.0, 0.5]}, goal)
+    motion = MotionChecker(scene)
+    search = GoalSearch(problem, motion, 0, max_per_goal=1)
+    # The first configurations of both, each free by itself, touch each other.
+    first = [finder for finder in search._finders if finder.add(problem.goal[finder.arm][0], 1, 100) is None]
+    assert not motion.is_free(np.concatenate([finder.found[0] for finder in first]))
+    goals = goal_configurations(problem, motion, 0, max_per_goal=1)
+    assert goals.status is None
+    assert all(motion.is_free(q) for q in goals.configurations)
 
 
 def test_a_good_start_is_no_reason(rr1):

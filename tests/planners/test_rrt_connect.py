@@ -14,8 +14,11 @@ from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
-from rr1plan.planners import RrtConnect
+from rr1plan.planners import RrtConnect, tree_search
+from rr1plan.planners.goals import goal_configurations
+from rr1plan.planners.query import asked
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.shapes import Sphere
 
 COUNTED = Budget(seconds=float("inf"), iterations=100_000)
 
@@ -95,3 +98,49 @@ def test_what_is_kept_with_a_scene_is_not_pickled(cage):
         pass
     assert len(pickle.dumps(scene)) == before
     assert pickle.loads(pickle.dumps(scene)).kept == {}
+
+
+def shut_in():
+    """An arm between two posts, and a region that it hardly reaches from there, though easily from elsewhere."""
+    scene = rp.Scene({"arm": rp.Arm(rp.load_robot("planar2r"))})
+    for name, angle in (("left", 0.8), ("right", -0.8)):
+        scene = scene.with_obstacle(name, Sphere(0.05), [0.6 * np.cos(angle), 0.6 * np.sin(angle), 0.0])
+    return rp.Problem(scene, [0.0, 0.0], rp.RegionGoal("tool", [-1.6, -1.6, 0.0], [0.3, -0.9, 0.0]))
+
+
+@pytest.mark.parametrize("planner", ["rrt_connect", "anytime", "roadmap"])
+def test_goals_that_cannot_be_got_to_are_followed_by_others(planner):
+    problem = shut_in()
+    budget = Budget(seconds=np.inf, iterations=20_000 if planner == "rrt_connect" else 8_000)
+    for seed in (0, 1, 3):
+        with borrowed_checker(problem.scene) as motion:
+            first = goal_configurations(problem, motion, seed).configurations
+        assert len(first) > 0
+        assert (np.abs(np.angle(np.exp(1j * first[:, 0]))) > 0.8).all()
+        results = [rp.plan(problem, planner, budget, rng=seed) for _ in range(2)]
+        assert results[0].status is PlanStatus.SOLVED
+        assert abs(results[0].path.waypoints[-1, 0]) < 0.8
+        np.testing.assert_array_equal(results[0].path.waypoints, results[1].path.waypoints)
+        with borrowed_checker(problem.scene) as motion:
+            assert motion.path_is_free(results[0].path.waypoints)
+
+
+def test_no_end_of_more_goals_has_room(monkeypatch):
+    monkeypatch.setattr(tree_search, "_CAPACITY", 4)
+    problem = shut_in()
+    with asked("rrt_connect", problem, Budget(iterations=100), 0, None) as query:
+        assert query.refusal() is None
+        trees = tree_search.Trees(problem.start, query.goals)
+        trees.plant()
+        known = {q.tobytes() for q in query.goals}
+        for _ in range(5):
+            new = query.more_goals()
+            assert not known & {q.tobytes() for q in new}
+            known |= {q.tobytes() for q in new}
+            trees.add_goals(new)
+            assert (np.diff(np.linalg.norm(query.goals - problem.start, axis=1)) >= 0.0).all()
+        assert len(query.goals) == len(known)
+        size = trees.counts[1]
+        assert {q.tobytes() for q in np.ascontiguousarray(trees.vertices[1, :, :size].T)} == known
+        trees.plant()
+        assert trees.counts[1] == size
