@@ -92,7 +92,8 @@ def plan(
 
     Args:
         problem: The question. What aims at configurations (all planners but "cartesian") looks for eight of each
-            pose or region goal; where many reach it, the nearest of all may not be among them.
+            pose or region goal; where many reach it, the nearest of all may not be among them. Our own planners
+            look for others where they do not get on.
         planner: A name of `planner_names()`, or a planner with settings of its own.
         budget: When to stop (default: 10 s). Under a budget of iterations alone the same seed gives the
             same path to the byte.

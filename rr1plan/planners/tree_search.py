@@ -122,7 +122,7 @@ class Trees:
         self._roots = (self._roots[0], np.concatenate([self._roots[1], goals]))
         size = int(self.counts[kernel.SIZE_GOAL])
         end = size + len(goals)
-        while max(end, len(self._roots[1])) > self.parents.shape[1]:
+        while max(end, 2 * len(self._roots[1])) > self.parents.shape[1]:
             self.enlarge()
         self.vertices[1, :, size:end] = goals.T
         self.parents[1, size:end], self.lengths[1, size:end], self.blocked[1, size:end] = -1, 0.0, False

@@ -130,17 +130,23 @@ def test_no_end_of_more_goals_has_room(monkeypatch):
     problem = shut_in()
     with asked("rrt_connect", problem, Budget(iterations=100), 0, None) as query:
         assert query.refusal() is None
-        trees = tree_search.Trees(problem.start, query.goals)
-        trees.plant()
+        search = tree_search.TreeSearch(query)
+        assert not search.meets(samples=5)
         known = {q.tobytes() for q in query.goals}
         for _ in range(5):
             new = query.more_goals()
             assert not known & {q.tobytes() for q in new}
             known |= {q.tobytes() for q in new}
-            trees.add_goals(new)
+            search.trees.add_goals(new)
             assert (np.diff(np.linalg.norm(query.goals - problem.start, axis=1)) >= 0.0).all()
         assert len(query.goals) == len(known)
-        size = trees.counts[1]
-        assert {q.tobytes() for q in np.ascontiguousarray(trees.vertices[1, :, :size].T)} == known
-        trees.plant()
-        assert trees.counts[1] == size
+        assert roots_of_goals(search.trees) == known
+        # And trees that are planted anew have them all.
+        assert not search.meets(samples=5)
+        assert roots_of_goals(search.trees) == known
+
+
+def roots_of_goals(trees):
+    size = trees.counts[1]
+    vertices = np.ascontiguousarray(trees.vertices[1, :, :size].T)
+    return {q.tobytes() for q in vertices[trees.parents[1, :size] < 0]}
