@@ -53,6 +53,16 @@ def test_all_driven_joints_are_planned_for_by_default(arm: Path) -> None:
     assert robot.source == str(arm)
 
 
+def test_a_robot_without_shapes_says_so_and_goes_the_whole_line(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
+    robot = rp.load_robot(arm)
+    assert "no link has a <collision>" in caplog.text
+    scene = rp.Scene().with_arm("arm", robot).with_obstacle("box", rp.Box((1.0, 1.0, 1.0)))
+    motion = rp.plan_motion(rp.Problem(scene, "home", [0.5, 0.7, -1.8]), rng=0)
+    assert motion.solved
+    assert motion.report.certified
+    assert rp.simulate(motion.trajectory, scene).free
+
+
 def test_chosen_joints_keep_their_order_and_the_others_are_held_near_zero(arm: Path) -> None:
     robot = rp.load_robot(arm, joints=["b", "a"], tool="l1", name="mine")
     assert robot.joint_names == ("b", "a")

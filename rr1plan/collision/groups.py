@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +28,7 @@ def group_rows(frames: list[int], chains: list[list[int]], reaches: list[list[fl
     rows = []
     chain: list[int] = []
     reach: list[float] = []
-    for first, last in zip(begins, [*begins[1:], len(frames)], strict=True):
+    for first, last in pairwise([*begins, len(frames)]):
         rows.append((frames[first], -1, first, last, len(chain), len(chain) + len(chains[first])))
         chain += chains[first]
         reach += np.max(reaches[first:last], axis=0).tolist()

@@ -95,6 +95,8 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         # As MoveIt's setup assistant has it; without this no configuration of the robot would be free.
         log.warning("%s: touching at home and nearly everywhere, not checked: %s", robot.name, _listed(touching))
         robot = replace(robot, never_collide=robot.never_collide | touching)
+    if not any(link.collisions for link in robot.links):
+        log.warning("%s: no link has a <collision>, nothing will ever be in its way", robot.name)
     return robot
 
 

@@ -11,7 +11,7 @@ from rr1plan._kernels.jit import FLOATS1, OUT1
 from rr1plan._kernels.lanes import WIDTH, fill, load
 from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres, take_edge
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.groups import ball_around, families_of
+from rr1plan.collision.groups import ball_around, families_of, group_rows
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.library import load_scene
 from rr1plan.scene import Scene
@@ -95,6 +95,11 @@ def test_families_hold_each_meeting_once(swept):
         assert (cover.bodies[rows[:, 1], 3] == other).all()
         assert (rows[:, 2] == shared).all()
     assert begin == len(cover.meetings)
+
+
+def test_without_bodies_there_are_no_groups():
+    groups, chain, reach = group_rows([], [], [])
+    assert (groups.shape, len(chain), len(reach)) == ((0, 6), 0, 0)
 
 
 def test_without_meetings_there_are_no_families():
