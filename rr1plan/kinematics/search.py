@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan._kernels import inverse as kernel
 from rr1plan._kernels.chain import Chain
-from rr1plan.checks import Array, positive_number
+from rr1plan.checks import Array, positive_number, read_only
 from rr1plan.kinematics.descent import Target, errors_at
 from rr1plan.kinematics.turns import rotary
 from rr1plan.problem import PoseGoal, RegionGoal
@@ -81,9 +82,8 @@ class IkSearch:
             [self.position_tolerance, self.orientation_tolerance, positive_number("separation", separation)]
         )
         self._seeds, self._state = seeds, state
-        lower, upper = robot.limits.lower, robot.limits.upper
-        corner, end = sampling_box(robot)
-        self._joints = np.array([lower, upper, corner, end - corner, rotary(robot), seeds[0]])
+        self._joints = _joint_rows(robot).copy()
+        self._joints[kernel.NEAR] = seeds[0]
         self._found = np.empty((_CAPACITY, robot.nq))
         self._nearest = np.concatenate([seeds[0], [np.inf]])
         self._counts = np.zeros(2, np.int64)
@@ -159,3 +159,11 @@ def sampling_box(robot: Robot) -> tuple[Array, Array]:
     """Where random starts come from: the limits, one turn where there are none."""
     lower, upper = robot.limits.lower, robot.limits.upper
     return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
+
+
+@lru_cache(maxsize=64)
+def _joint_rows(robot: Robot) -> Array:
+    """What the kernel knows of the joints but for the last row, shape (6, nq)."""
+    corner, end = sampling_box(robot)
+    limits = robot.limits
+    return read_only(np.array([limits.lower, limits.upper, corner, end - corner, rotary(robot), corner]))

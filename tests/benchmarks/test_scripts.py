@@ -139,6 +139,18 @@ def test_cells_of_the_picture_are_those_of_coal(script, tmp_path):
     assert [(s["cells"], s["wrong"]) for s in scenes] == [(576, 0)] * 2
 
 
+def test_inverse_kinematics_is_timed_beside_the_plain_method(script, tmp_path):
+    arguments = ["--robot", "planar2r_limited", "--poses", "6", "--plain", "3", "--out", str(tmp_path)]
+    assert script("inverse_kinematics").main(arguments) == 0
+    robots = json.loads((tmp_path / "inverse_kinematics.json").read_text())["robots"]
+    assert [r["robot"] for r in robots] == ["rr1", "planar2r_limited"]
+    for robot in robots:
+        assert robot["wrong"] == 0
+        assert [len(robot[method]["counts"]) for method in ("ours", "plain", "goals")] == [6, 3, 6]
+        assert all(min(robot[method]["counts"]) > 0 for method in ("ours", "plain", "goals"))
+    assert "one solution: solved" in (tmp_path / "inverse_kinematics.md").read_text()
+
+
 def test_the_same_seed_draws_the_same_feasible_queries(script):
     queries = script("queries")
     first, second = (queries.draw_queries(["rr1_bin"], 4, 3, 40) for _ in range(2))
