@@ -32,6 +32,7 @@ from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, INT1, OUT1, OUT2, j
 _CONVERGED = 1e-20  # squared error: 1e-10 m
 _PATIENCE = 5  # steps in which the squared error has to halve
 _STEPS = 40  # of a descent
+_HOPE = 0.05  # of a search's descents: most of them end in a dead end, and this is how it shows
 _FIRST_MU, _LEAST_MU, _MOST_MU = 0.1, 1e-9, 1e9
 _TURN = 2.0 * np.pi
 _SLACK = 1e-12
@@ -130,9 +131,12 @@ def _linearize(q, lower, upper, rows, memory):
     return count
 
 
-@jit(boolean(FLOATS1, FLOATS1, FLOATS1, I64, F64, MEMORY), allocates=False)
+@jit(F64(FLOATS1, FLOATS1, FLOATS1, I64, F64, MEMORY), allocates=False)
 def _try_step(q, lower, upper, count, damping, memory):
-    """A damped step within the limits, into `trial`; False if there is none."""
+    """A damped step within the limits, into `trial`; about how much it promises to take off the error's square.
+
+    Below zero if there is none.
+    """
     normal, factor, step, trial = memory.normal, memory.factor, memory.step, memory.trial
     for i in range(count):
         step[i] = memory.slope[i]
@@ -140,18 +144,20 @@ def _try_step(q, lower, upper, count, damping, memory):
             factor[i, j] = normal[i, j]
         factor[i, i] = normal[i, i] + damping
     if not solve(factor, step, count):
-        return False
+        return -1.0
+    promise = 0.0
     for j in range(len(q)):
         trial[j] = q[j]
     for i in range(count):
         j = memory.free[i]
         trial[j] = min(max(q[j] - step[i], lower[j]), upper[j])
-    return True
+        promise += memory.slope[i] * step[i]
+    return promise
 
 
-@jit(F64(OUT1, CHAIN, FLOATS1, FLOATS1, FLOATS1, I64, MEMORY), allocates=False)
-def _descend(q, chain, target, lower, upper, steps, memory):
-    """See `descend`."""
+@jit(F64(OUT1, CHAIN, FLOATS1, FLOATS1, FLOATS1, I64, F64, MEMORY), allocates=False)
+def _descend(q, chain, target, lower, upper, steps, hope, memory):
+    """See `descend`; it gives up where a step promises less than a part `hope` of what is left."""
     cost = miss(q, chain, target, memory.chain)
     mu, past, is_new, count, trace = _FIRST_MU, np.inf, True, 0, 0.0
     for k in range(steps):
@@ -169,7 +175,10 @@ def _descend(q, chain, target, lower, upper, steps, memory):
         if count == 0:
             break
         is_new = False
-        if _try_step(q, lower, upper, count, mu * min(cost, 1.0) + 1e-12 * (1.0 + trace), memory):
+        promise = _try_step(q, lower, upper, count, mu * min(cost, 1.0) + 1e-12 * (1.0 + trace), memory)
+        if 0.0 <= promise < hope * cost:
+            break
+        if promise >= 0.0:
             after = miss(memory.trial, chain, target, memory.chain)
             if after < cost:
                 for j in range(len(q)):
@@ -191,7 +200,7 @@ def descend(q, chain, target, lower, upper, steps):
         upper: Upper limits, shape (nq,).
         steps: Most evaluations.
     """
-    return _descend(q, chain, target, lower, upper, steps, make_memory(chain.joints.shape[0], len(q)))
+    return _descend(q, chain, target, lower, upper, steps, 0.0, make_memory(chain.joints.shape[0], len(q)))
 
 
 @jit(types.UniTuple(F64, 2)(FLOATS1, CHAIN, FLOATS1, SCRATCH), allocates=False)
@@ -291,9 +300,9 @@ def search(chain, target, joints, tolerances, seeds, found, nearest, counts, sta
     while counts[TRIED] < starts:
         narrower = _take_start(q, aim, target, joints, seeds, counts[TRIED], state)
         counts[TRIED] += 1
-        cost = _descend(q, chain, aim, lower, upper, _STEPS, memory)
+        cost = _descend(q, chain, aim, lower, upper, _STEPS, _HOPE, memory)
         if narrower and not _is_reached(q, chain, target, tolerances, memory.chain):
-            cost = _descend(q, chain, target, lower, upper, _STEPS, memory)
+            cost = _descend(q, chain, target, lower, upper, _STEPS, _HOPE, memory)
         if cost < nearest[nq]:
             nearest[nq] = cost
             for j in range(nq):

@@ -109,13 +109,14 @@ def solve_ik(
     solutions = np.array(search.collect(attempts, accept, max_solutions, patience)).reshape(-1, robot.nq)
     order = np.argsort(np.linalg.norm(solutions - starts[0], axis=1), kind="stable")
     reason = "" if len(solutions) else why_none(search, link)
+    nearest = search.nearest()
     return IkResult(
         read_only(solutions[order]),
         reason,
         search.tried,
         len(search.rejected),
-        read_only(search.nearest),
-        *errors_at(chain, search.target, search.nearest),
+        read_only(nearest),
+        *errors_at(chain, search.target, nearest),
     )
 
 
@@ -129,22 +130,22 @@ def why_none(search: IkSearch, link: str) -> str:
     tried = f"({search.tried} starts)"
     if search.rejected:
         return f"{link} reaches the goal in {len(search.rejected)} configuration(s), all of them rejected {tried}"
-    rng = np.random.default_rng(search.tried)
-    outside = _outside_limits(search, rng)
+    rng, nearest = np.random.default_rng(search.tried), search.nearest()
+    outside = _outside_limits(search, nearest, rng)
     if outside:
         return f"{link} reaches the goal only outside the joint limits: {outside} {tried}"
-    position, orientation = errors_at(search.chain, search.target, search.nearest)
-    at = np.array2string(position_at(search.chain, search.nearest), precision=4, separator=", ")
+    position, orientation = errors_at(search.chain, search.target, nearest)
+    at = np.array2string(position_at(search.chain, nearest), precision=4, separator=", ")
     miss = f"the goal is out of reach of {link}: the nearest it gets is {position:.4g} m away, at {at}"
     if search.target.rotation is None:
         return f"{miss} {tried}"
-    alone = "can" if _position_alone(search, rng) else "cannot"
+    alone = "can" if _position_alone(search, nearest, rng) else "cannot"
     return f"{miss}, turned by {orientation:.4g} rad; the position alone {alone} be reached {tried}"
 
 
-def _outside_limits(search: IkSearch, rng: np.random.Generator) -> str:
+def _outside_limits(search: IkSearch, nearest: Array, rng: np.random.Generator) -> str:
     """Which joints would have to leave their limits by how much; empty if that does not help either."""
-    robot, limits, nearest = search.robot, search.robot.limits, search.nearest
+    robot, limits = search.robot, search.robot.limits
     lower, upper = sampling_box(robot)
     free = np.full(robot.nq, np.inf)
     best, least = None, np.inf
@@ -160,12 +161,12 @@ def _outside_limits(search: IkSearch, rng: np.random.Generator) -> str:
     return describe_excess(robot, best)
 
 
-def _position_alone(search: IkSearch, rng: np.random.Generator) -> bool:
+def _position_alone(search: IkSearch, nearest: Array, rng: np.random.Generator) -> bool:
     limits = search.robot.limits
     aim = Target(search.target.lower, search.target.upper, None)
     lower, upper = sampling_box(search.robot)
     for i in range(_POSITION_STARTS):
-        start = search.nearest if i == 0 else rng.uniform(lower, upper)
+        start = nearest if i == 0 else rng.uniform(lower, upper)
         _, square = descend(search.chain, aim, start, limits.lower, limits.upper)
         if square <= search.position_tolerance**2:
             return True

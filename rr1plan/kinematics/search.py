@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rr1plan._kernels import inverse as kernel
 from rr1plan._kernels.chain import Chain
 from rr1plan.checks import Array, positive_number, read_only
-from rr1plan.kinematics.descent import Target, errors_at
+from rr1plan.kinematics.descent import Target, descend, errors_at
 from rr1plan.kinematics.turns import rotary
 from rr1plan.problem import PoseGoal, RegionGoal
 from rr1plan.robot import Robot
@@ -94,10 +94,11 @@ class IkSearch:
         """Starts so far."""
         return int(self._counts[kernel.TRIED])
 
-    @property
     def nearest(self) -> Array:
-        """Where a descent came nearest to the goal, shape (nq,)."""
-        return self._nearest[:-1].copy()
+        """The configuration within the limits that comes nearest to the goal, of those at hand, shape (nq,)."""
+        limits = self.robot.limits
+        # Descents that get nowhere are given up early.
+        return descend(self.chain, self.target, self._nearest[:-1], limits.lower, limits.upper)[0]
 
     def is_reached(self, q: Array) -> bool:
         """The frame is within the goal's tolerances at q (nq,)."""
