@@ -25,7 +25,7 @@ from shared import heading, make_parser, number, pin_to_core, save, table, track
 
 import rr1plan as rp
 from rr1plan.collision.shelf import borrowed_checker
-from rr1plan.formats.motion_bench import read_problem_set
+from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
 from rr1plan.planners import planner_table
 
 _BASELINE = "rrt_connect + shorten"
@@ -91,7 +91,7 @@ def _problems(args: argparse.Namespace) -> dict[str, rp.Problem]:
         if args.robot is None:
             raise rp.InputError("a file of problems needs --robot, the URDF of their robot")
         srdf = args.srdf or args.robot.with_suffix(".srdf")
-        file = read_problem_set(args.file, rp.load_robot(args.robot, srdf=srdf))
+        file = read_problem_set(args.file, rp.load_robot(args.robot, srdf=srdf, joints=problem_set_joints(args.file)))
         found |= dict(list(file.items())[:: args.every_problem])
     return {name: p for name, p in found.items() if not _is_straight(p)}
 

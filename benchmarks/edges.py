@@ -24,7 +24,7 @@ from rr1plan._kernels.placing import take_edge
 from rr1plan._kernels.swept import sweep_edge
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.swept import SweptEdges
-from rr1plan.formats.motion_bench import read_problem_set
+from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
 
 _TOLERANCE = 1e-6
 
@@ -85,7 +85,9 @@ def _scenes(args: argparse.Namespace) -> Iterator[tuple[str, rp.Scene]]:
     for name in ("rr1_cluttered", "rr1_pair"):
         yield name, rp.load_scene(name)
     if args.file is not None:
-        problems = read_problem_set(args.file, rp.load_robot(args.robot, srdf=args.robot.with_suffix(".srdf")))
+        joints = problem_set_joints(args.file)
+        robot = rp.load_robot(args.robot, srdf=args.robot.with_suffix(".srdf"), joints=joints)
+        problems = read_problem_set(args.file, robot)
         for name in list(problems)[:: args.every]:
             yield name, problems[name].scene
 

@@ -31,7 +31,7 @@ from plain import describe_problem, settle
 from shared import STAGE_HEADER, heading, make_parser, number, pin_to_core, save, spread, stage_rows, table, track
 
 import rr1plan as rp
-from rr1plan.formats.motion_bench import read_problem_set
+from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
 
 _STEP = 0.002  # of the samples whose speed and acceleration are looked at [s]
 _REFERENCE = peers.PEERS[0].name
@@ -117,7 +117,8 @@ def _problems(args: argparse.Namespace) -> Mapping[str, rp.Problem]:
         return {f"{s}/{name}": settle(query, args.seed) for s, own in queries.items() for name, query in own.items()}
     if args.robot is None:
         raise rp.InputError("a file of problems needs --robot, the URDF of their robot")
-    return read_problem_set(args.file, rp.load_robot(args.robot, srdf=args.srdf))
+    robot = rp.load_robot(args.robot, srdf=args.srdf, joints=problem_set_joints(args.file))
+    return read_problem_set(args.file, robot)
 
 
 def _ask_again(

@@ -7,7 +7,12 @@ boxes have full sides, cylinders radius and length, quaternions are xyzw, poses 
         {"i": 1, "start": [q], "goals": [[q], ...], "other": {joint: value},
          "boxes": [[name, [sx, sy, sz], [x, y, z], [qx, qy, qz, qw]], ...],
          "cylinders": [[name, radius, length, [x, y, z], [qx, qy, qz, qw]], ...],
+         "capsules": [[name, radius, length, [x, y, z], [qx, qy, qz, qw]], ...],
+         "meshes": [[name, [[x, y, z], ...], [[corner, corner, corner], ...], [x, y, z], [qx, qy, qz, qw]], ...],
          "spheres": [[name, radius, [x, y, z]], ...]}, ...]}}
+
+Only joints, problems, start and goals have to be there; a problem without a number has that of its place, one
+with `"valid": false` is passed over. Lists by other names are refused: they may be obstacles.
 """
 
 from __future__ import annotations
@@ -30,7 +35,7 @@ from rr1plan.formats.tables import Table
 from rr1plan.problem import JointGoal, Problem
 from rr1plan.robot import Geometry, Robot
 from rr1plan.scene import Obstacle, Scene
-from rr1plan.shapes import Box, Cylinder, Mesh, Shape, Sphere
+from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from rr1plan.transforms import identity, pose
 
 _log = logging.getLogger(__name__)
@@ -113,20 +118,40 @@ def read_problem_set(file: str | Path, robot: Robot) -> dict[str, Problem]:
     top = _read_json(file)
     joints = top.strings("joints")
     if sorted(joints) != sorted(robot.joint_names):
-        raise top.error(f"has the joints {', '.join(joints)}, but {robot.name!r} has {', '.join(robot.joint_names)}")
+        raise top.error(
+            f"has the joints {', '.join(joints)}, but {robot.name!r} has {', '.join(robot.joint_names)}; "
+            "try load_robot(..., joints=problem_set_joints(file))"
+        )
     order = [joints.index(name) for name in robot.joint_names]
     problems: dict[str, Problem] = {}
     robots: dict[tuple[tuple[str, float], ...], Robot] = {}
     sets = top.table("problems")
     for group in sets.names():
-        for entry in sets.tables(group):
+        for place, entry in enumerate(sets.tables(group), 1):
+            name = f"{group}/{int(entry.number('i', place))}"
+            if not entry.boolean("valid", default=True):
+                _log.info("%s says that it is not valid, it is passed over", name)
+                continue
+            if name in problems:
+                raise entry.error(f"is the second problem {name!r}", "i")
             other = entry.table("other")
-            held = tuple((name, other.number(name)) for name in other.names())
+            held = tuple((joint, other.number(joint)) for joint in other.names())
             if held not in robots:
                 robots[held] = hold(robot, dict(held))
-            name = f"{group}/{int(entry.number('i'))}"
             problems[name] = _read_problem(entry, robots[held], order, name)
     return problems
+
+
+def problem_set_joints(file: str | Path) -> tuple[str, ...]:
+    """The joints that a set of problems (JSON) is about, for `load_robot`.
+
+    Raises:
+        FormatError: not JSON, or not such a set.
+    """
+    joints = _read_json(file).strings("joints")
+    if not joints:
+        raise FormatError("has no joints, expected a list of names", file)
+    return joints
 
 
 def hold(robot: Robot, values: Mapping[str, float]) -> Robot:
@@ -279,25 +304,42 @@ def _read_problem(entry: Table, robot: Robot, order: list[int], name: str) -> Pr
         scene = Scene(arms=scene.arms, obstacles=_read_obstacles(entry), name=name)
         start = entry.numbers("start", (robot.nq,))[order]
         goals = entry.numbers("goals", (None, robot.nq))[:, order]
+        unknown = [key for key in entry.unasked() if isinstance(entry.raw(key), list | dict)]
+        if unknown:
+            raise entry.error(f"is not known, expected one of {', '.join(_MAKERS)}", unknown[0])
         return Problem(scene, start, [JointGoal(goal) for goal in goals])
+
+
+def _mesh_of(row: Sequence[Any]) -> list[Shape]:
+    return list(convex_shapes([Mesh(row[1], row[2])], "pieces"))
+
+
+# The length of a row, and the shapes it stands for.
+_MAKERS: dict[str, tuple[int, Callable[[Sequence[Any]], list[Shape]]]] = {
+    "boxes": (4, lambda row: [Box(row[1])]),
+    "cylinders": (5, lambda row: [Cylinder(row[1], row[2])]),
+    "capsules": (5, lambda row: [Capsule(row[1], row[2])]),
+    "meshes": (5, _mesh_of),
+    "spheres": (3, lambda row: [Sphere(row[1])]),
+}
 
 
 def _read_obstacles(entry: Table) -> dict[str, Obstacle]:
     obstacles: dict[str, Obstacle] = {}
-    makers: dict[str, tuple[int, Callable[[Sequence[Any]], Shape]]] = {
-        "boxes": (4, lambda row: Box(row[1])),
-        "cylinders": (5, lambda row: Cylinder(row[1], row[2])),
-        "spheres": (3, lambda row: Sphere(row[1])),
-    }
-    for kind, (length, make) in makers.items():
+    for kind, (length, make) in _MAKERS.items():
         for row in entry.rows(kind):
             if not isinstance(row, list) or len(row) != length or not isinstance(row[0], str):
                 raise entry.error(f"expected a name and {length - 1} values, got {row!r}", kind)
             if row[0] in obstacles:
                 raise entry.error(f"has two obstacles named {row[0]!r}", kind)
             place = row[-1:] if kind == "spheres" else row[-2:]
-            obstacles[row[0]] = Obstacle((Geometry(row[0], make(row)),), _world_pose(place))
+            obstacles[row[0]] = Obstacle(_geometries(row[0], make(row)), _world_pose(place))
     return obstacles
+
+
+def _geometries(name: str, shapes: Sequence[Shape]) -> tuple[Geometry, ...]:
+    names = [name] if len(shapes) == 1 else [f"{name}_{i}" for i in range(len(shapes))]
+    return tuple(Geometry(n, shape) for n, shape in zip(names, shapes, strict=True))
 
 
 def _world_pose(place: Sequence[Any]) -> Array:

@@ -125,15 +125,18 @@ class Table:
             raise self.error(f"expected exactly one of {', '.join(kinds)}; got {got}")
         return present[0]
 
+    def unasked(self) -> tuple[str, ...]:
+        """The keys that nobody asked for."""
+        return tuple(key for key in self._data if key not in self._asked)
+
     def finish(self) -> None:
         """Refuse keys that nobody asked for.
 
         Raises:
             FormatError: names the first of them and the near ones that are known.
         """
-        for key in self._data:
-            if key not in self._asked:
-                raise self.error(str(UnknownNameError("key", key, sorted(self._asked))), key)
+        for key in self.unasked():
+            raise self.error(str(UnknownNameError("key", key, sorted(self._asked))), key)
 
     def error(self, message: str, key: str | None = None) -> FormatError:
         """A FormatError that says where."""

@@ -12,12 +12,18 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.motion_bench import hold, read_bench_request, read_bench_scene, read_problem_set
-from rr1plan.library import load_scene
+from rr1plan.formats.motion_bench import (
+    hold,
+    problem_set_joints,
+    read_bench_request,
+    read_bench_scene,
+    read_problem_set,
+)
+from rr1plan.library import load_robot, load_scene, robot_folder
 from rr1plan.problem import JointGoal
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
-from rr1plan.shapes import Box, Cylinder, Mesh, Sphere
+from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from rr1plan.transforms import pose
 
 HALF = 0.7071067811865476
@@ -170,6 +176,45 @@ def test_a_problem_set_gives_named_problems_in_the_robot_s_order(tmp_path: Path,
     assert obstacles["s"].geometries[0].shape == Sphere(0.5)
 
 
+def test_a_set_need_not_hold_more_than_it_has_to(tmp_path: Path, planar2r: Robot) -> None:
+    data = problem_set()
+    least = {"start": [0.2, 0.1], "goals": [[1.0, 0.5]]}
+    data["problems"] = {"a": [least, {**least, "valid": False}, {**least, "seconds": 3, "comment": "short"}], "b": []}
+    problems = read_set(tmp_path, data, planar2r)
+    assert list(problems) == ["a/1", "a/3"]
+    assert not problems["a/1"].scene.obstacles
+    data["problems"] = {"a": [{**least, "i": 2}, least]}
+    with pytest.raises(FormatError, match="second problem 'a/2'"):
+        read_set(tmp_path, data, planar2r)
+
+
+def test_capsules_and_meshes_are_read_too(tmp_path: Path, planar2r: Robot) -> None:
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    capsule, mesh = ["c", 0.05, 0.4, [3, 0, 0], [0, 0, 0, 1]], ["m", corners, faces, [5, 5, 5], [0, 0, HALF, HALF]]
+    data = problem_set(cylinders=[], capsules=[capsule], meshes=[mesh])
+    obstacles = read_set(tmp_path, data, planar2r)["set/3"].scene.obstacles
+    assert obstacles["c"].geometries[0].shape == Capsule(0.05, 0.4)
+    (solid,) = obstacles["m"].geometries
+    assert isinstance(solid.shape, Mesh)
+    assert sorted(solid.shape.vertices.tolist()) == sorted(corners)
+    assert np.allclose(obstacles["m"].pose, pose((5, 5, 5), rpy=(0, 0, np.pi / 2)))
+
+
+def test_a_set_tells_which_joints_to_load_a_robot_with(tmp_path: Path) -> None:
+    data = problem_set()
+    read_set(tmp_path, data, load_robot("planar2r"))
+    file = tmp_path / "set.json"
+    assert problem_set_joints(file) == ("joint2", "joint1")
+    urdf = robot_folder("planar2r") / "planar2r.urdf"
+    robot = load_robot(urdf, joints=problem_set_joints(file))
+    problem = read_problem_set(file, robot)["set/3"]
+    assert problem.start.tolist() == data["problems"]["set"][0]["start"]
+    file.write_text('{"problems": {}}')
+    with pytest.raises(FormatError, match="no joints"):
+        problem_set_joints(file)
+
+
 def test_a_packed_problem_set_is_read_too(tmp_path: Path, planar2r: Robot) -> None:
     (tmp_path / "set.json.gz").write_bytes(gzip.compress(json.dumps(problem_set()).encode()))
     assert len(read_problem_set(tmp_path / "set.json.gz", planar2r)) == 1
@@ -204,6 +249,11 @@ def test_held_joints_beyond_their_limits_are_held_at_them_and_logged(
         ({"spheres": [["s", 1, [0, 0, 0]], ["s", 1, [0, 0, 0]]]}, "two obstacles named 's'"),
         ({"spheres": [["planar2r", 1, [5, 5, 5]]]}, "two elements named"),
         ({"spheres": 5}, "expected a list"),
+        ({"cones": [["c", 0.1, 0.2, [0, 0, 0], [0, 0, 0, 1]]]}, "cones: is not known, expected one of boxes"),
+        ({"capsules": [["k", 0.1, -0.2, [0, 0, 0], [0, 0, 0, 1]]]}, "capsule length is -0.2"),
+        ({"meshes": [["m", [[0, 0, 0]], [[0, 0, 0]], [0, 0, 0], [0, 0, 0, 1]]]}, "mesh has 1 vertices"),
+        ({"meshes": [["m", "abc", [[0, 0, 0]], [0, 0, 0], [0, 0, 0, 1]]]}, "mesh vertices"),
+        ({"valid": "no"}, "expected true or false"),
     ],
 )
 def test_a_wrong_problem_is_refused(tmp_path: Path, planar2r: Robot, changes: dict[str, Any], message: str) -> None:
@@ -212,7 +262,7 @@ def test_a_wrong_problem_is_refused(tmp_path: Path, planar2r: Robot, changes: di
 
 
 def test_a_set_for_another_robot_or_of_another_kind_is_refused(tmp_path: Path, rr1: Robot, planar2r: Robot) -> None:
-    with pytest.raises(FormatError, match="has the joints joint2, joint1, but 'rr1' has shoulder_joint"):
+    with pytest.raises(FormatError, match=r"'rr1' has shoulder_joint.*joints=problem_set_joints"):
         read_set(tmp_path, problem_set(), rr1)
     with pytest.raises(FormatError, match="expected a table"):
         read_set(tmp_path, [1], planar2r)
