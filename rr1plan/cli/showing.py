@@ -14,6 +14,9 @@ from rr1plan.formats import plan_files
 from rr1plan.library import load_problems, load_scene
 from rr1plan.pipeline import MotionPlan, plan_motion
 
+# Short edges [rad] make a tree that shows how it grew.
+_TREE: dict[str, Any] = {"tree": True, "range": 0.15}
+
 
 def demo(options: Namespace, console: Console) -> int:
     """From a question to a certified, replayed, visible motion, saying what was done and how long it took."""
@@ -97,7 +100,7 @@ def _what(name: str) -> tuple[rp.Scene, dict[str, Any]]:
 def _with_tree(name: str) -> rp.Planner:
     """A planner that keeps what it explored, where it can."""
     planner = rp.make_planner(name)
-    return rp.make_planner(name, tree=True) if hasattr(planner, "tree") else planner
+    return rp.make_planner(name, **{key: value for key, value in _TREE.items() if hasattr(planner, key)})
 
 
 def cspace(options: Namespace, console: Console) -> int:

@@ -75,3 +75,24 @@ def _neighbour(
     if not free[i, j] or (step[0] and step[1] and not (free[cell[0], j] and free[i, cell[1]])):
         return None
     return i, j
+
+
+def widest_spot(mask: Mask, periodic: tuple[bool, bool], rim: tuple[int, int] = (0, 0)) -> tuple[int, int, float]:
+    """The cell of a mask that is farthest from all cells outside of it, and how far [cells]; 0 where there is none.
+
+    Args:
+        mask: The cells, shape (n, m).
+        periodic: Whether the ends of each axis are the same place.
+        rim: As many cells at both ends of each axis are not chosen.
+    """
+    turns = [(3 if closes else 1) for closes in periodic]
+    around = np.pad(np.tile(mask, turns), 1)
+    n, m = mask.shape
+    far = ndimage.distance_transform_edt(around)[1:-1, 1:-1]
+    i0, j0 = (n if periodic[0] else 0), (m if periodic[1] else 0)
+    own = far[i0 : i0 + n, j0 : j0 + m]
+    inside = np.zeros_like(mask)
+    inside[rim[0] : n - rim[0], rim[1] : m - rim[1]] = True
+    own = np.where(inside, own, 0.0)
+    i, j = np.unravel_index(int(np.argmax(own)), own.shape)
+    return int(i), int(j), float(own[i, j])

@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, finite_array, known_name, read_only
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.playback.cspace_cells import Mask, label_components, shortest_way
+from rr1plan.playback.cspace_cells import Mask, label_components, shortest_way, widest_spot
 from rr1plan.playback.cspace_images import Images
 from rr1plan.scene import Scene
 
 LIMITS = "joint limits"
+# Half the length and half the height of a short name, as parts of the picture.
+_HALF_NAME, _ROOM = 0.07, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +92,16 @@ class CSpaceGrid:
         """Names of the layers that forbid the cell of a configuration (2,)."""
         cell = self.cell(q)
         return tuple(name for name, mask in self.layers.items() if mask[cell])
+
+    def name_spots(self) -> dict[str, tuple[float, float]]:
+        """For each layer with room for a name the configuration [rad] in the middle of its widest part."""
+        count = sum((mask.astype(int) for mask in self.layers.values()), np.zeros(self.labels.shape, dtype=int))
+        n, m = self.labels.shape
+        rim, room = (int(_HALF_NAME * n), int(_ROOM * m)), _ROOM * max(n, m)
+        found = {name: widest_spot(mask & (count == 1), self.periodic, rim) for name, mask in self.layers.items()}
+        return {
+            name: (float(self.axes[0][i]), float(self.axes[1][j])) for name, (i, j, far) in found.items() if far > room
+        }
 
     def shortest_path(self, a: Any, b: Any) -> Array | None:
         """A shortest path over free cells (8 neighbours), unwrapped across the seams.

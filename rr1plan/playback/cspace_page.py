@@ -13,19 +13,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import SearchTree
-from rr1plan.playback.cspace_figure import layer_colors
+from rr1plan.playback.cspace_colors import layer_colors
 from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace_images import SELF
+from rr1plan.playback.outlines import silhouette
+from rr1plan.playback.search_trees import trees_of
 from rr1plan.playback.viewer.document import Document, pack, view_document
 from rr1plan.playback.viewer.live import Viewer, open_viewer
 from rr1plan.playback.viewer.page import Panel, page_html, write_page
+from rr1plan.shapes import HalfSpace
 from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ def _data(cspace: CSpace, names: tuple[str, str], planar: dict[str, Any] | None)
         "start": None if cspace.start is None else cspace.start.tolist(),
         "goals": [goal.tolist() for goal in cspace.goals],
         "waypoints": None if cspace.path is None else pack(cspace.path, "f8"),
-        "tree": None if cspace.tree is None else _tree(cspace.tree, cspace.start),
+        "tree": None if cspace.tree is None else _tree(cspace.tree, cspace),
         "verdict": verdict(cspace),
         "proof": cspace.proves_no_path,
         "planar": planar,
@@ -155,10 +156,11 @@ def _bytes(values: NDArray[np.uint8]) -> dict[str, Any]:
 
 
 def _layers(grid: CSpaceGrid) -> list[dict[str, Any]]:
-    kinds = {SELF: "self", LIMITS: "limits"}
+    kinds, spots = {SELF: "self", LIMITS: "limits"}, grid.name_spots()
     return [
         {
             "name": name,
+            "spot": spots.get(name),
             "color": color,
             "kind": kinds.get(name, "thing"),
             "cells": _bytes(np.packbits(grid.layers[name].ravel(), bitorder="little")),
@@ -179,24 +181,12 @@ def _ranked_components(cspace: CSpace) -> tuple[NDArray[np.uint8], list[float]]:
     return rank[grid.labels], [float(counts[k] / grid.labels.size) for k in order[: _CRUMB - 1]]
 
 
-def _tree(tree: SearchTree, start: Array | None) -> dict[str, Any]:
-    """The tree, its edges in the order of how far along it they are from its roots."""
-    vertices, edges = tree.vertices, np.asarray(tree.edges).reshape(-1, 2)
-    reach = _from_roots(vertices, edges, start)
-    order = np.argsort(reach[edges].max(axis=1, initial=0.0), kind="stable")
-    return {"vertices": pack(vertices), "edges": pack(edges[order], "u4")}
-
-
-def _from_roots(vertices: Array, edges: NDArray[np.int64], start: Array | None) -> Array:
-    """Distance of every vertex along the edges from the first vertex of its tree, or from the start."""
-    lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) + 1e-12
-    graph = coo_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(vertices), len(vertices))).tocsr()
-    reach = np.full(len(vertices), np.inf)
-    first = [] if start is None else np.flatnonzero((vertices == start).all(axis=1))[:1].tolist()
-    for root in [*first, *range(len(vertices))]:
-        if np.isinf(reach[root]):
-            reach = np.minimum(reach, dijkstra(graph, directed=False, indices=root))
-    return reach
+def _tree(tree: SearchTree, cspace: CSpace) -> dict[str, Any]:
+    """The edges in the order of how far along their tree they are from its root, and which tree that is."""
+    sides, reach = trees_of(tree, cspace.start, cspace.goals)
+    order = np.argsort(reach, kind="stable")
+    edges = np.asarray(tree.edges).reshape(-1, 2)[order]
+    return {"vertices": pack(tree.vertices), "edges": pack(edges, "u4"), "sides": pack(sides[order], "u4")}
 
 
 def _ghosts(cspace: CSpace) -> list[dict[str, Any]]:
@@ -240,7 +230,21 @@ def _planar(grid: CSpaceGrid) -> dict[str, Any] | None:
         "bars": [[bar.real, bar.imag] for bar in bars],
         "senses": senses.tolist(),
         "height": float(tool[2]),
+        "names": _names(grid, float(tool[2])),
     }
+
+
+def _names(grid: CSpaceGrid, height: float) -> list[dict[str, Any]]:
+    """Where the names of obstacles are written: their middles, seen from above."""
+    colors, named = layer_colors(grid), []
+    for name, thing in grid.scene.obstacles.items():
+        shadows = [
+            silhouette(g.shape, thing.pose @ g.pose) for g in thing.geometries if not isinstance(g.shape, HalfSpace)
+        ]
+        if shadows and name in colors:
+            middle = np.mean([shadow.mean(axis=0) for shadow in shadows], axis=0)
+            named.append({"name": name, "color": colors[name], "place": [*middle.tolist(), height]})
+    return named
 
 
 def verdict(cspace: CSpace) -> str:

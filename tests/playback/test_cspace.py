@@ -17,10 +17,10 @@ import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.library import load_problems
-from rr1plan.playback.cspace_cells import label_components
-from rr1plan.playback.cspace_figure import layer_image, wrapped_pieces
+from rr1plan.playback.cspace_cells import label_components, widest_spot
 from rr1plan.playback.cspace_grid import LIMITS, compute_grid
 from rr1plan.playback.cspace_images import SELF
+from rr1plan.playback.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.playback.outlines import bounding_radius, silhouette
 
 
@@ -131,6 +131,35 @@ def test_components_are_those_of_a_flood_fill_on_the_torus(free: np.ndarray, clo
         for j in range(9):
             if free[i, j]:
                 assert (_flood(free, (closes_i, closes_j), (i, j)) == (labels == labels[i, j])).all()
+
+
+@settings(deadline=None, max_examples=60)
+@given(arrays(bool, (7, 9)), st.booleans(), st.booleans())
+def test_the_widest_spot_is_as_far_from_the_outside_as_can_be(mask: np.ndarray, closes_i: bool, closes_j: bool) -> None:
+    def distance(i: int, j: int) -> float:
+        ways = [
+            np.hypot(i - a, j - b)
+            for a in range(-7 if closes_i else -1, 14 if closes_i else 8)
+            for b in range(-9 if closes_j else -1, 18 if closes_j else 10)
+            if not ((closes_i or 0 <= a < 7) and (closes_j or 0 <= b < 9) and mask[a % 7, b % 9])
+        ]
+        return float(min(ways, default=np.inf))
+
+    i, j, far = widest_spot(mask, (closes_i, closes_j))
+    if not mask.any():
+        assert far == 0.0
+    elif not mask.all():
+        assert far == pytest.approx(distance(i, j))
+        assert far == pytest.approx(max(distance(a, b) for a, b in np.argwhere(mask).tolist()))
+
+
+def test_names_stand_on_the_image_they_name_and_not_at_the_rim(lesson: rp.Scene) -> None:
+    grid = compute_grid(lesson, resolution=90)
+    spots = grid.name_spots()
+    assert set(spots) == set(lesson.obstacles)
+    for name, spot in spots.items():
+        assert grid.why_not_free(spot) == (name,)
+        assert abs(spot[0]) < 0.9 * np.pi
 
 
 def _flood(free: np.ndarray, periodic: tuple[bool, bool], seed: tuple[int, int]) -> np.ndarray:

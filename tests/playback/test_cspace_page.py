@@ -16,7 +16,7 @@ from rr1plan.errors import InputError
 from rr1plan.library import load_problems
 from rr1plan.planning import SearchTree
 from rr1plan.playback import CSpace
-from rr1plan.playback.cspace_page import _from_roots, _planar, _ranked_components, show_page, verdict
+from rr1plan.playback.cspace_page import _planar, _ranked_components, show_page, verdict
 
 
 @pytest.fixture(scope="module")
@@ -70,13 +70,6 @@ def test_the_sentence_is_true(lesson: rp.CSpace, hopeless: rp.CSpace) -> None:
     assert "no configuration that reaches the goal is free" in verdict(CSpace(grid, lesson.start, (blocked,)))
     assert verdict(CSpace(grid, lesson.start, lesson.goals)).endswith("free space.")
     assert "1 component of free space" in verdict(CSpace(grid))
-
-
-def test_distances_along_a_tree_start_at_its_roots() -> None:
-    vertices = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [5.0, 5.0], [5.0, 7.0]])
-    edges = np.array([[1, 0], [2, 1], [3, 4]])
-    np.testing.assert_allclose(_from_roots(vertices, edges, np.array([1.0, 1.0])), [2.0, 1.0, 0.0, 0.0, 2.0])
-    np.testing.assert_allclose(_from_roots(vertices, edges, None), [0.0, 1.0, 2.0, 0.0, 2.0])
 
 
 def test_a_tree_without_edges_is_no_trouble(lesson: rp.CSpace, tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ def screenshot(
         file: The picture to write.
         size: Width and height [px].
         time: The moment of the motion [s]; None takes it as it opens, at the start.
-        bare: Without the cards around the picture.
+        bare: Without the cards around the picture, which then shows all that stands in the scene.
 
     Returns:
         The file.
@@ -104,7 +104,7 @@ def screenshot(
     with open_browser(check_size(size)) as context:
         page = context.pages[0]
         open_page(page, url + ("#bare" if bare else ""))
-        settle_page(page, time)
+        settle_page(page, time, whole=bare)
         try:
             page.screenshot(path=file)
         except OSError as error:
@@ -126,14 +126,15 @@ def open_page(page: Any, url: str) -> None:
         raise BackendError(f"the page does not come up: {error}") from error
 
 
-def settle_page(page: Any, time: float | None = None) -> None:
-    """Wait until the page stands, stop it at a moment, and wait until that is drawn.
+def settle_page(page: Any, time: float | None = None, *, whole: bool = False) -> None:
+    """Wait until the page stands, stop it at a moment, frame the arms or all that stands, wait until that is drawn.
 
     Raises:
         BackendError: the page does not come up.
     """
     wait_until(page, "Boolean(window.RR1 && RR1.ready)")
-    page.evaluate("t => { RR1.pause(); RR1.seek(t === null ? RR1.player.start : t); RR1.look(); }", time)
+    seek = "([t, whole]) => { RR1.pause(); RR1.seek(t === null ? RR1.player.start : t); RR1.look(null, whole); }"
+    page.evaluate(seek, [time, whole])
     frames = page.evaluate("RR1.frames")
     wait_until(page, f"RR1.frames > {frames} + 3")
 

@@ -215,6 +215,7 @@ class Controls {
     this.rows = [];
     const folds = arms.map((arm, index) => {
       const fold = element("details"), summary = element("summary");
+      if (arms.length > 1) fold.style.setProperty("--accent", css(armColor(index)));
       const swatch = element("span", "", "swatch");
       swatch.style.background = css(armColor(index));
       summary.append(swatch, element("span", arm.name));

@@ -16,6 +16,7 @@ class Lesson {
     this.cells = new Cells();
     this.workspace = data.planar ? new Workspace() : null;
     this.tree = data.tree ? treePieces(data.tree) : [];
+    this.sides = data.tree ? viewer.unpack(data.tree.sides).values : [];
     this.grown = this.tree.length;
     this.showTree = this.tree.length > 0;
     this.tinted = data.proof;
@@ -307,7 +308,7 @@ class Lesson {
     this.still.height = this.canvas.height;
     const pen = this.still.getContext("2d"), { x, y } = this.plot;
     pen.drawImage(this.area, x, y);
-    if (this.showTree) this.inside(pen, () => this.drawTree(pen));
+    this.inside(pen, () => { if (this.showTree) this.drawTree(pen); this.drawNames(pen); });
     drawFrame(pen, this.plot, this.unit);
     this.tools.tree.setAttribute("aria-pressed", String(this.showTree));
     this.reach.value = this.grown;
@@ -339,19 +340,36 @@ class Lesson {
 
   drawTree(pen) {
     const dense = this.tree.length > 800;
-    pen.strokeStyle = INK;
-    pen.lineWidth = (dense ? 0.7 : 1.1) * this.unit;
-    pen.globalAlpha = dense ? 0.42 : 0.6;
-    pen.beginPath();
-    for (let e = 0; e < this.grown; e++) {
-      for (const [a, b] of this.tree[e]) { pen.moveTo(...this.at(...a)); pen.lineTo(...this.at(...b)); }
-    }
-    pen.stroke();
-    if (dense) return;
-    pen.fillStyle = INK;
-    for (let e = 0; e < this.grown; e++) {
-      for (const ends of this.tree[e]) for (const end of ends) { pen.beginPath(); pen.arc(...this.at(...end), 1.9 * this.unit, 0, 7); pen.fill(); }
-    }
+    pen.lineWidth = (dense ? 0.8 : 1.4) * this.unit;
+    pen.globalAlpha = dense ? 0.6 : 0.85;
+    [START, GOAL].forEach((color, side) => {
+      const edges = this.tree.slice(0, this.grown).filter((_, e) => this.sides[e] === side).flat();
+      pen.strokeStyle = pen.fillStyle = color;
+      pen.beginPath();
+      for (const [a, b] of edges) { pen.moveTo(...this.at(...a)); pen.lineTo(...this.at(...b)); }
+      pen.stroke();
+      if (dense) return;
+      for (const end of edges.flat()) { pen.beginPath(); pen.arc(...this.at(...end), 2.2 * this.unit, 0, 7); pen.fill(); }
+    });
+  }
+
+  /** Names on the images, so that nobody has to tell colours apart. */
+  drawNames(pen) {
+    pen.save();
+    pen.font = `600 ${12 * this.unit}px ${getComputedStyle(root).fontFamily}`;
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    pen.lineJoin = "round";
+    pen.lineWidth = 3 * this.unit;
+    data.layers.forEach((layer, k) => {
+      if (!layer.spot || (this.only >= 0 && this.only !== k)) return;
+      const place = this.at(share(0, layer.spot[0]), share(1, layer.spot[1])), light = isLight(layer.color);
+      pen.strokeStyle = light ? "#fff" : layer.color;
+      pen.strokeText(layer.name, ...place);
+      pen.fillStyle = light ? INK : "#fff";
+      pen.fillText(layer.name, ...place);
+    });
+    pen.restore();
   }
 
   draw() {
@@ -455,8 +473,8 @@ function words(answer) {
   for (const layer of answer.layers) if (own[layer.kind]) reasons.push(own[layer.kind]);
   const text = reasons.join(", ");
   if (answer.edge) return { text, color: "#fdf0cf", ink: "#7a5600" };
-  const color = answer.layers[0].color, [r, g, b] = rgb(color);
-  return { text, color, ink: 0.299 * r + 0.587 * g + 0.114 * b > 150 ? INK : "#fff" };
+  const { color } = answer.layers[0];
+  return { text, color, ink: isLight(color) ? INK : "#fff" };
 }
 
 const listed = (names) => (names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names[names.length - 1]}` : names[0]);

@@ -6,6 +6,8 @@ const CRUMBS = "#e6e9ee", INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
 const START = "#2f66c8", GOAL = "#14855a";
 
 const rgb = (color) => [1, 3, 5].map((i) => parseInt(color.slice(i, i + 2), 16));
+/** Whether dark letters are read better on a colour than white ones. */
+const isLight = (color) => { const [r, g, b] = rgb(color); return 0.299 * r + 0.587 * g + 0.114 * b > 150; };
 const modulo = (value, size) => ((value % size) + size) % size;
 const bytes = (packed) => new Uint8Array(viewer.unpack(packed).values.buffer);
 

@@ -50,10 +50,36 @@ class Workspace {
     for (const r of [this.inner, this.outer]) if (r > 0) group.add(flat(new THREE.RingGeometry(r - fine, r + fine, 128), 0x4a74ad, 0.5));
     group.position.set(base[0], base[1], height);
     viewer.add("ring", group);
+    const names = new THREE.Group();
+    for (const { name, color, place } of data.planar.names) names.add(this.nameTag(name, color, place));
+    viewer.add("names", names);
     this.handle = flat(new THREE.RingGeometry(0.042 * this.outer, 0.054 * this.outer, 48), 0xe4500e, 0.85);
     this.handle.material.depthTest = false;
     this.handle.renderOrder = 10;
     viewer.add("handle", this.handle);
+  }
+
+  /** A thing's name on it, so that nobody has to tell colours apart. */
+  nameTag(name, color, place) {
+    const { THREE } = viewer, canvas = document.createElement("canvas"), height = 64;
+    const font = `600 ${0.66 * height}px ${getComputedStyle(root).fontFamily}`;
+    let pen = canvas.getContext("2d");
+    pen.font = font;
+    Object.assign(canvas, { width: Math.ceil(pen.measureText(name).width) + 16, height });
+    pen = canvas.getContext("2d");
+    Object.assign(pen, { font, textAlign: "center", textBaseline: "middle", lineJoin: "round", lineWidth: 8 });
+    pen.strokeStyle = isLight(color) ? "#fff" : color;
+    pen.fillStyle = isLight(color) ? INK : "#fff";
+    pen.strokeText(name, canvas.width / 2, height / 2);
+    pen.fillText(name, canvas.width / 2, height / 2);
+    const map = new THREE.CanvasTexture(canvas);
+    map.encoding = THREE.sRGBEncoding;
+    const tag = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthTest: false }));
+    const tall = 0.075 * this.outer;
+    tag.scale.set((tall * canvas.width) / height, tall, 1);
+    tag.position.set(...place);
+    tag.renderOrder = 12;
+    return tag;
   }
 
   follow(q) {

@@ -64,7 +64,7 @@ class Viewer {
     this.samples = samples;
     this.extent = world.extent(samples);
     const radius = this.extent.near.getSize(new THREE.Vector3()).length() / 2;
-    const thin = Math.min(Math.max(0.0022 * radius, 0.0012), 0.008);
+    const thin = Math.min(Math.max(0.0034 * radius, 0.0018), 0.012);
     if (track) {
       this.toolPath = new ToolPath(kinematics, track, thin);
       world.group("toolpath").add(this.toolPath.group);

@@ -1,0 +1,160 @@
+"""The right half of the figure: the square of two joint angles, its obstacles' images, tree and path in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.patheffects import withStroke
+
+from rr1plan.checks import Array
+from rr1plan.planning import SearchTree
+from rr1plan.playback.cspace_colors import GOAL, INK, START, end_tints, layer_colors
+from rr1plan.playback.cspace_grid import CSpaceGrid
+from rr1plan.playback.cspace_lines import along, gradient, write_name
+from rr1plan.playback.search_trees import trees_of
+
+if TYPE_CHECKING:
+    from rr1plan.playback.configuration_space import CSpace
+
+_STRIPE = 5
+
+
+def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Array:
+    """The layers as an image (rows: second joint upwards, columns: first joint), overlaps striped, (m, n, 3).
+
+    Args:
+        grid: The grid.
+        tints: Colours of components of free space, by number; the others stay white.
+    """
+    n, m = grid.free.shape
+    image = np.ones((n, m, 3))
+    for component, color in (tints or {}).items():
+        image[grid.labels == component] = to_rgb(color)
+    count = np.zeros((n, m), dtype=int)
+    stripe = (np.add.outer(np.arange(n), np.arange(m)) // _STRIPE).astype(int)
+    total = sum((mask.astype(int) for mask in grid.layers.values()), np.zeros((n, m), dtype=int))
+    for (_, mask), color in zip(grid.layers.items(), layer_colors(grid).values(), strict=True):
+        turn = mask & ((stripe % np.maximum(total, 1)) == count)
+        image[turn] = to_rgb(color)
+        count += mask
+    return np.asarray(image.transpose(1, 0, 2))
+
+
+def draw_torus(axes: Any, cspace: CSpace) -> None:
+    """Draw it."""
+    grid = cspace.grid
+    axes.set_title("configuration space", loc="left", color=INK)
+    extent = [*_edges(grid.axes[0]), *_edges(grid.axes[1])]
+    axes.imshow(
+        layer_image(grid, end_tints(cspace)),
+        origin="lower",
+        extent=extent,
+        interpolation="nearest",
+        aspect="auto",
+        zorder=0,
+    )
+    axes.set_box_aspect(1.0)
+    if cspace.tree is not None and len(cspace.tree.edges):
+        _draw_tree(axes, cspace, cspace.tree)
+    if cspace.path is not None:
+        _draw_path(axes, cspace.path, grid)
+    colors = layer_colors(grid)
+    for name, spot in grid.name_spots().items():
+        write_name(axes, name, spot, colors[name])
+    _draw_ends(axes, cspace)
+    _draw_seams(axes, grid)
+    axes.set(xlim=extent[:2], ylim=extent[2:])
+    first, second = grid.joint_names
+    axes.set(xlabel=rf"$\theta_1$ {first} [rad]", ylabel=rf"$\theta_2$ {second} [rad]")
+    for which, values in zip((axes.xaxis, axes.yaxis), grid.axes, strict=True):
+        _pi_ticks(which, *_edges(values))
+
+
+def _edges(centres: Array) -> tuple[float, float]:
+    half = 0.5 * float(centres[1] - centres[0])
+    return float(centres[0]) - half, float(centres[-1]) + half
+
+
+def wrapped_pieces(points: Array, grid: CSpaceGrid) -> list[Array]:
+    """A polyline in angles (k, 2) as pieces inside the picture, broken at the seams of the torus."""
+    dense = along(points, max(2, int(np.ceil(np.abs(np.diff(points, axis=0)).sum() / 0.01))))
+    inside, turns = dense.copy(), np.zeros(dense.shape)
+    for axis, closes in enumerate(grid.periodic):
+        if closes:
+            low, high = _edges(grid.axes[axis])
+            turns[:, axis] = np.floor((dense[:, axis] - low) / (high - low))
+            inside[:, axis] -= turns[:, axis] * (high - low)
+    cuts = np.flatnonzero(np.any(np.diff(turns, axis=0) != 0, axis=1)) + 1
+    return [piece for piece in np.split(inside, cuts) if len(piece) > 1]
+
+
+def _draw_tree(axes: Any, cspace: CSpace, tree: SearchTree) -> None:
+    """The tree of the start and that of the goals, each in its end's colour, a dot at each vertex of small ones."""
+    sides, _ = trees_of(tree, cspace.start, cspace.goals)
+    dense = len(tree.edges) > 800
+    for side, color in enumerate((START, GOAL)):
+        edges = tree.edges[sides == side]
+        lines = [piece for a, b in edges for piece in wrapped_pieces(tree.vertices[[a, b]], cspace.grid)]
+        width, alpha = (0.7, 0.6) if dense else (1.4, 0.85)
+        axes.add_collection(LineCollection(lines, colors=color, linewidths=width, alpha=alpha, zorder=2))
+        dots = [piece[k] for piece in lines for k in (0, -1)]
+        if dots and not dense:
+            axes.plot(*np.array(dots).T, ".", color=color, markersize=4.5, zorder=2)
+
+
+def _draw_path(axes: Any, path: Array, grid: CSpaceGrid) -> None:
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    done = 0.0
+    for piece in wrapped_pieces(path, grid):
+        own = float(np.linalg.norm(np.diff(piece, axis=0), axis=1).sum())
+        axes.add_collection(gradient(piece, 3.4, color="white", zorder=3))
+        axes.add_collection(gradient(piece, 2.0, done / length, (done + own) / length, zorder=4))
+        done += own
+
+
+def _draw_ends(axes: Any, cspace: CSpace) -> None:
+    grid = cspace.grid
+
+    def mark(q: Array, label: str, color: str, **style: Any) -> None:
+        i, j = grid.cell(q)
+        x, y = grid.axes[0][i], grid.axes[1][j]
+        axes.plot(x, y, color=color, markeredgecolor="white", markeredgewidth=1.4, zorder=7, **style)
+        # To the left of what is near the right edge, so that all of it is inside the picture.
+        side = -1 if i > 0.86 * len(grid.axes[0]) else 1
+        text = axes.annotate(
+            label, (x, y), xytext=(11 * side, 8), textcoords="offset points", ha="right" if side < 0 else "left"
+        )
+        text.set(color=color, fontsize=13, fontweight="bold", zorder=8)
+        text.set_path_effects([withStroke(linewidth=4, foreground="white")])
+
+    for k, goal in enumerate(cspace.goals, 1):
+        label = "goal" if len(cspace.goals) == 1 else f"goal {k}"
+        mark(goal, label, GOAL, marker="*", markersize=20)
+    if cspace.start is not None:
+        mark(cspace.start, "start", START, marker="o", markersize=12)
+
+
+def _draw_seams(axes: Any, grid: CSpaceGrid) -> None:
+    """Say which edges of the picture are the same place."""
+    for axis, (closes, sides) in enumerate(zip(grid.periodic, (("left", "right"), ("bottom", "top")), strict=True)):
+        for side in sides:
+            axes.spines[side].set_linestyle((0, (5, 3)) if closes else "-")
+            axes.spines[side].set_linewidth(1.4 if closes else 1.0)
+        if closes:
+            spot = (
+                {"xy": (1.0, 1.015), "ha": "right"}
+                if axis == 0
+                else {"xy": (1.015, 0.5), "va": "center", "rotation": 90}
+            )
+            text = "dashed edges meet: the torus" if axis == 0 else ""
+            axes.annotate(text, xycoords="axes fraction", fontsize=12, color="#59616d", **spot)
+
+
+def _pi_ticks(axis: Any, low: float, high: float) -> None:
+    half_turns = np.arange(np.ceil(low / (np.pi / 2) - 1e-9), np.floor(high / (np.pi / 2) + 1e-9) + 1)
+    names = {-2: "−π", -1: "−π/2", 0: "0", 1: "π/2", 2: "π"}
+    axis.set_ticks(half_turns * np.pi / 2, [names.get(int(k), f"{k / 2:g}π") for k in half_turns])

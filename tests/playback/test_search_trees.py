@@ -1,0 +1,62 @@
+"""Search trees as they are drawn: whose each edge is, and how far along it it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.planning import SearchTree
+from rr1plan.playback.search_trees import trees_of
+
+START, GOAL = np.array([0.0, 0.0]), np.array([5.0, 5.0])
+
+
+def tree_of(vertices: list[list[float]], edges: list[list[int]]) -> SearchTree:
+    return SearchTree(np.array(vertices), np.array(edges, dtype=np.int64).reshape(-1, 2))
+
+
+def test_each_edge_is_its_roots_and_as_far_as_its_farther_end() -> None:
+    tree = tree_of([[0, 0], [1, 0], [1, 1], [5, 5], [5, 7]], [[0, 1], [1, 2], [3, 4]])
+    sides, reach = trees_of(tree, START, (GOAL,))
+    assert sides.tolist() == [0, 0, 1]
+    np.testing.assert_allclose(reach, [1.0, 2.0, 2.0])
+
+
+def test_the_last_edge_joins_two_trees_and_makes_them_no_one_tree() -> None:
+    tree = tree_of([[0, 0], [1, 0], [5, 5], [3, 5], [3, 6]], [[0, 1], [2, 3], [3, 4], [1, 3]])
+    sides, reach = trees_of(tree, START, (GOAL,))
+    assert sides.tolist() == [0, 1, 1, 0]
+    np.testing.assert_allclose(reach, [1.0, 2.0, 3.0, 2.0])
+
+
+def test_a_goal_is_the_same_a_turn_farther_and_may_be_there_twice() -> None:
+    turn = 2.0 * np.pi
+    tree = tree_of([[0, 0], [5 - turn, 5], [5, 5 + turn], [4, 5]], [[2, 3], [0, 1]])
+    sides, _ = trees_of(tree, START, (GOAL,))
+    assert sides.tolist() == [1, 0]
+
+
+def test_a_tree_that_hangs_on_no_known_root_begins_at_its_first_vertex() -> None:
+    sides, reach = trees_of(tree_of([[1, 0], [2, 0], [2, 3]], [[1, 0], [2, 1]]), None, ())
+    assert sides.tolist() == [1, 1]
+    np.testing.assert_allclose(reach, [1.0, 4.0])
+
+
+@pytest.mark.parametrize("name", ["rrt_connect", "ompl_rrt_connect", "rrt"])
+def test_a_planners_trees_hang_together_as_they_grow(name: str) -> None:
+    """In the order of how far they are along their tree, edges begin at its root or at an edge before them."""
+    problem = rp.load_problems("planar2r_path")["over_the_seam"]
+    tree = rp.make_planner(name, tree=True).plan(problem, rp.Budget(iterations=20000), rng=3).tree
+    assert tree is not None
+    goals = [goal.q for goal in problem.goal["arm"]]
+    sides, reach = trees_of(tree, problem.start, goals)
+    assert sides[reach.argmin()] in (0, 1)
+    seen: dict[int, set[int]] = {0: set(), 1: set()}
+    new_roots = 0
+    for edge in np.argsort(reach, kind="stable").tolist():
+        ends = set(tree.edges[edge].tolist())
+        new_roots += not ends & (seen[0] | seen[1])
+        seen[int(sides[edge])] |= ends
+    roots = [q for q in tree.vertices if min(np.abs(np.sin((q - r) / 2)).max() for r in (problem.start, *goals)) < 1e-6]
+    assert new_roots <= len(roots)
