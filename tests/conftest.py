@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -25,3 +27,17 @@ def planar2r() -> rp.Robot:
 @pytest.fixture(scope="session")
 def rr1_table() -> rp.Scene:
     return rp.load_scene("rr1_table")
+
+
+@pytest.fixture(scope="session")
+def foreign_robots() -> Path:
+    """The folder of the robots that nobody here wrote, from the package example-robot-data."""
+    try:
+        files = importlib.metadata.files("example-robot-data") or []
+    except importlib.metadata.PackageNotFoundError:
+        pytest.skip("the package example-robot-data is not installed; try: pip install 'rr1plan[robots]'")
+    for file in files:
+        parts = file.parts
+        if "robots" in parts and file.suffix == ".urdf":
+            return Path(str(file.locate())).parents[len(parts) - 2 - parts.index("robots")]
+    pytest.skip("the package example-robot-data has no robots")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 from pathlib import Path
 
 import numpy as np
@@ -19,21 +18,9 @@ ROBOTS = {
 }
 
 
-def foreign_folder() -> Path:
-    try:
-        files = importlib.metadata.files("example-robot-data") or []
-    except importlib.metadata.PackageNotFoundError:
-        pytest.skip("the package example-robot-data is not installed; try: pip install 'rr1plan[robots]'")
-    for file in files:
-        parts = file.parts
-        if "robots" in parts and file.suffix == ".urdf":
-            return Path(str(file.locate())).parents[len(parts) - 2 - parts.index("robots")]
-    pytest.skip("the package example-robot-data has no robots")
-
-
 @pytest.mark.parametrize("name", ROBOTS)
-def test_a_foreign_robot_goes_the_whole_line(name: str, tmp_path: Path) -> None:
-    robot = rp.load_robot(foreign_folder() / ROBOTS[name])
+def test_a_foreign_robot_goes_the_whole_line(name: str, foreign_robots: Path, tmp_path: Path) -> None:
+    robot = rp.load_robot(foreign_robots / ROBOTS[name])
     scene = rp.Scene().with_arm("arm", robot)
     checker = rp.CollisionChecker(scene)
     assert checker.is_free(robot.home)

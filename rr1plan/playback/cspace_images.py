@@ -18,6 +18,7 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.playback.cspace_cells import Mask
 from rr1plan.playback.outlines import bounding_radius
+from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import PointCloud
 
@@ -113,11 +114,11 @@ def _reach(scene: Scene, arm: str, columns: list[int]) -> tuple[float, float]:
     robot = scene.arms[arm].robot
     size: dict[str, float] = {}
     for joint in reversed(robot.joints):
-        own = max((_radius_of(scene, arm, joint.child, g) for g in robot.link(joint.child).collisions), default=0.0)
+        own = max((_radius_of(g) for g in robot.link(joint.child).collisions), default=0.0)
         held = (a for a in scene.attachments.values() if a.arm == arm and a.link == joint.child)
         for attachment in held:
             start = float(np.linalg.norm(attachment.pose[:3, 3]))
-            own = max(own, *(start + _radius_of(scene, arm, "", g) for g in attachment.geometries))
+            own = max(own, *(start + _radius_of(g) for g in attachment.geometries))
         size[joint.child] = max(own, size.get(joint.child, 0.0))
         slide = max(abs(joint.lower), abs(joint.upper)) if joint.kind == "prismatic" else 0.0
         step = float(np.linalg.norm(joint.origin[:3, 3])) + slide
@@ -127,5 +128,6 @@ def _reach(scene: Scene, arm: str, columns: list[int]) -> tuple[float, float]:
     return first, second
 
 
-def _radius_of(scene: Scene, arm: str, link: str, geometry: Any) -> float:
+def _radius_of(geometry: Geometry) -> float:
+    """How far it reaches from the origin of the frame it stands in [m]."""
     return float(np.linalg.norm(geometry.pose[:3, 3])) + bounding_radius(geometry.shape)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import pickle
 from pathlib import Path
 
@@ -28,17 +27,6 @@ FOREIGN = (
 )
 LEVELS = (0, 1, 2)
 SIZES = st.floats(0.005, 0.5)
-
-
-def foreign_file(name: str) -> Path:
-    try:
-        files = importlib.metadata.files("example-robot-data") or []
-    except importlib.metadata.PackageNotFoundError:
-        pytest.skip("the package example-robot-data is not installed; try: pip install 'rr1plan[robots]'")
-    found = [Path(str(file.locate())) for file in files if str(file).endswith(f"robots/{name}")]
-    if not found:
-        pytest.skip(f"the package example-robot-data has no {name}")
-    return found[0]
 
 
 def surface(shape: rp.shapes.Shape, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -103,8 +91,8 @@ def test_no_point_of_a_shipped_robot_is_outside_its_spheres(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FOREIGN)
-def test_no_point_of_a_foreign_robot_is_outside_its_spheres(name: str) -> None:
-    check_robot(rp.load_robot(foreign_file(name)))
+def test_no_point_of_a_foreign_robot_is_outside_its_spheres(name: str, foreign_robots: Path) -> None:
+    check_robot(rp.load_robot(foreign_robots / name))
 
 
 @st.composite

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 from pathlib import Path
 
 import numpy as np
@@ -24,21 +23,9 @@ ROBOTS = {
 }
 
 
-def robots_folder() -> Path:
-    try:
-        files = importlib.metadata.files("example-robot-data") or []
-    except importlib.metadata.PackageNotFoundError:
-        pytest.skip("the package example-robot-data is not installed; try: pip install 'rr1plan[robots]'")
-    for file in files:
-        parts = file.parts
-        if "robots" in parts and file.suffix == ".urdf":
-            return Path(str(file.locate())).parents[len(parts) - 2 - parts.index("robots")]
-    pytest.skip("the package example-robot-data has no robots")
-
-
 @pytest.fixture(scope="module", params=ROBOTS)
-def foreign(request: pytest.FixtureRequest) -> tuple[str, Path, rp.Robot]:
-    file = robots_folder() / ROBOTS[request.param][0]
+def foreign(request: pytest.FixtureRequest, foreign_robots: Path) -> tuple[str, Path, rp.Robot]:
+    file = foreign_robots / ROBOTS[request.param][0]
     return request.param, file, rp.load_robot(file)
 
 
@@ -80,13 +67,13 @@ def test_every_frame_is_where_pinocchio_puts_it(foreign: tuple[str, Path, rp.Rob
             assert np.abs(pose - reference).max() < 1e-12
 
 
-def test_kinovas_turning_joints_are_continuous() -> None:
-    robot = rp.load_robot(robots_folder() / ROBOTS["kinova"][0])
+def test_kinovas_turning_joints_are_continuous(foreign_robots: Path) -> None:
+    robot = rp.load_robot(foreign_robots / ROBOTS["kinova"][0])
     assert robot.continuous.sum() >= 2
     assert np.isinf(robot.limits.upper).sum() == robot.continuous.sum()
 
 
-def test_pandas_finger_follows_the_other_or_is_held() -> None:
-    robot = rp.load_robot(robots_folder() / ROBOTS["panda"][0])
+def test_pandas_finger_follows_the_other_or_is_held(foreign_robots: Path) -> None:
+    robot = rp.load_robot(foreign_robots / ROBOTS["panda"][0])
     assert "panda_finger_joint1" in robot.held
     assert set(robot.joint_values(robot.home)) == {j.name for j in robot.joints if j.kind != "fixed"}
