@@ -14,6 +14,7 @@ Every name below is loaded on first use, so `import rr1plan` stays light.
 from __future__ import annotations
 
 import logging
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -151,7 +152,7 @@ def __getattr__(name: str) -> Any:
     if name in _SUBMODULES:
         return import_module(f"rr1plan.{name}")
     if name not in _HOME:
-        raise AttributeError(f"module 'rr1plan' has no attribute {name!r}")
+        raise AttributeError(f"module 'rr1plan' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
     value = getattr(import_module(_HOME[name]), name)
     globals()[name] = value
     return value

@@ -137,6 +137,8 @@ def problem_seeds(rng: Seed, count: int) -> list[int]:
 
 
 def _checked(problems: Iterable[Problem], executor: Executor | None, workers: int | None) -> list[Problem]:
+    if not isinstance(problems, Iterable):
+        raise InputError(f"problems is {type(problems).__name__}, expected a list of Problem")
     questions = list(problems)
     for i, problem in enumerate(questions):
         if not isinstance(problem, Problem):

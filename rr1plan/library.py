@@ -22,6 +22,7 @@ from rr1plan.problem import Problem
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 
+_SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml")
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -196,6 +197,9 @@ def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
 def _scene_file(name_or_file: str | Path) -> Path:
     """The file that is meant: anything with a suffix is a file, a bare name is a shipped scene."""
     file = file_path(name_or_file)
-    if not isinstance(name_or_file, str) or file.suffix in (".toml", ".scene", ".yaml", ".yml"):
+    if file.suffix in _SCENE_SUFFIXES:
         return file
+    if not isinstance(name_or_file, str) or len(file.parts) > 1:
+        expected = ", ".join(_SCENE_SUFFIXES)
+        raise InputError(f"scene file {str(file)!r} has the suffix {file.suffix!r}, expected one of {expected}")
     return models_folder() / "scenes" / f"{known_name('scene', name_or_file, scene_names())}.toml"

@@ -71,6 +71,9 @@ class Path(Value):
     def __len__(self) -> int:
         return len(self.waypoints)
 
+    def __repr__(self) -> str:
+        return f"Path({len(self)} waypoints, {self.length:.2f} rad, joints=[{', '.join(self.joint_names)}])"
+
     @cached_property
     def length(self) -> float:
         """Euclidean length in joint space [rad]."""

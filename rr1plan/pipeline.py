@@ -75,6 +75,11 @@ class MotionPlan:
         """The referee's verdict on the trajectory."""
         return _present(self._report, self.result)
 
+    def __repr__(self) -> str:
+        if self._report is None:
+            return f"MotionPlan({self.result!r})"
+        return f"MotionPlan({len(self.path)} waypoints, {self.path.length:.2f} rad, {self._report!r})"
+
     def __str__(self) -> str:
         if self._report is None:
             return f"no plan ({self.result.planner}, {self.status.value}): {self.result.reason}"

@@ -108,6 +108,10 @@ class PlanResult:
     cost_history: tuple[tuple[float, float], ...] = field(default_factory=tuple)
     tree: SearchTree | None = None
 
+    def __repr__(self) -> str:
+        said = self.reason if self.path is None else f"{len(self.path)} waypoints, {self.path.length:.2f} rad"
+        return f"PlanResult({self.planner}, {self.status.value}: {said})"
+
     @property
     def solved(self) -> bool:
         """There is a path."""

@@ -141,6 +141,10 @@ class Problem(Value):
         object.__setattr__(self, "start", read_only(self._start(arms)))
         object.__setattr__(self, "goal", MappingProxyType(self._goals(arms)))
 
+    def __repr__(self) -> str:
+        goals = [f"{arm}: {' or '.join(type(g).__name__ for g in goals)}" for arm, goals in self.goal.items()]
+        return f"Problem({self.scene.name!r}, {', '.join(goals)})"
+
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Column names "arm/joint" of the moving arms."""
@@ -158,6 +162,9 @@ class Problem(Value):
             return self.scene.arm_names([self.arms] if isinstance(self.arms, str) else list(self.arms))
         if isinstance(self.goal, Mapping):
             return self.scene.arm_names(list(self.goal))
+        if len(self.scene.arms) > 1:
+            names = ", ".join(self.scene.arms)
+            raise InputError(f"which arm moves? expected a goal mapping from arm to goal, or arms=[...] of {names}")
         return (self.scene.only_arm(),)
 
     def _start(self, arms: tuple[str, ...]) -> Array:

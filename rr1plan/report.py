@@ -111,6 +111,11 @@ class Report(Value):
         """Valid, and the continuous-time collision certificate was among the checks."""
         return self.valid and "collision" in self.checked
 
+    def __repr__(self) -> str:
+        found = ", ".join(sorted({v.kind for v in self.violations}))
+        verdict = "certified" if self.certified else "valid" if self.valid else f"not valid: {found}"
+        return f"Report({verdict}, {self.duration:.3f} s of motion)"
+
     def __str__(self) -> str:
         if self.valid:
             head = "VALID" + (", certified free of collision in continuous time" if self.certified else "")

@@ -140,7 +140,7 @@ def test_wrong_starts_and_goals_are_refused(one: Scene, start: Any, goal: Any, m
 
 
 def test_several_arms_have_to_be_told_apart(two: Scene) -> None:
-    with pytest.raises(InputError, match="the scene has 2 arms"):
+    with pytest.raises(InputError, match="which arm moves"):
         Problem(two, None, "home")
     with pytest.raises(InputError, match="expected a goal mapping"):
         Problem(two, None, "home", arms=["left", "right"])

@@ -180,6 +180,8 @@ def _read(file: _File, kinds: tuple[str, ...]) -> Table:
     """The content of a file, proven whole."""
     try:
         top = Table(json.loads(read_text(file)), file)
+    except FormatError:
+        raise
     except json.JSONDecodeError as error:
         raise FormatError(f"is not JSON, or was cut off: {error}", file, error.lineno) from error
     except ValueError as error:

@@ -178,14 +178,15 @@ def describe_excess(robot: Robot, q: Array) -> str:
     limits = robot.limits
     if (q >= limits.lower).all() and (q <= limits.upper).all():
         return ""
-    parts = []
+    parts, degrees = [], False
     for j, name in enumerate(robot.joint_names):
         over = max(limits.lower[j] - q[j], q[j] - limits.upper[j])
         if over > 0.0:
             unit = "m" if robot.joint(name).kind == "prismatic" else "rad"
             bounds = f"[{limits.lower[j]:.6g}, {limits.upper[j]:.6g}]"
             parts.append(f"joint {name!r} at {q[j]:.6g} {unit}, outside {bounds} by {over:.3g} {unit}")
-    return "; ".join(parts)
+            degrees |= unit == "rad" and over > np.pi
+    return "; ".join(parts) + (" (angles are in radians: are these degrees?)" if degrees else "")
 
 
 def _seeds(kinematics: Kinematics, robot: Robot, seeds: Any) -> Array:

@@ -94,6 +94,8 @@ class SceneContent(Value):
         if name is not None:
             self.arm(name)
             return name
+        if not self.arms:
+            raise InputError("the scene has no arm; add one with scene.with_arm(name, robot)")
         if len(self.arms) != 1:
             raise InputError(f"the scene has {len(self.arms)} arms ({', '.join(self.arms)}); say which one")
         return next(iter(self.arms))

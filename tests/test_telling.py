@@ -1,0 +1,70 @@
+"""What values show of themselves, and what typical mistakes are answered with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import rr1plan as rp
+
+
+@pytest.fixture(scope="module")
+def motion() -> rp.MotionPlan:
+    return rp.plan_motion(rp.Problem(rp.load_scene("rr1_table"), "home", "zero"), rng=0)
+
+
+def test_every_value_of_the_line_shows_itself_in_a_line(motion: rp.MotionPlan) -> None:
+    for value in (motion, motion.problem, motion.result, motion.path, motion.trajectory, motion.report):
+        assert repr(value).startswith(f"{type(value).__name__}(")
+        assert len(repr(value)) < 250
+        assert "\n" not in repr(value)
+    assert "certified" in repr(motion)
+    assert repr(motion.problem) == "Problem('rr1_table', rr1: JointGoal)"
+    assert f"{motion.path.length:.2f} rad" in repr(motion.result)
+
+
+def test_no_plan_shows_its_reason() -> None:
+    scene = rp.load_scene("rr1_table")
+    motion = rp.plan_motion(rp.Problem(scene, "home", rp.PoseGoal("tool", [3.0, 0.0, 0.0])), rng=0)
+    assert "out of reach" in repr(motion)
+    assert "infeasible" in repr(motion.result)
+
+
+def test_degrees_are_recognised() -> None:
+    scene = rp.load_scene("rr1_table")
+    for start, goal in (("home", [0, 20, -45, 0, 30, 0]), ([0, 20, -45, 0, 30, 0], "home")):
+        assert "are these degrees?" in rp.plan_motion(rp.Problem(scene, start, goal), rng=0).result.reason
+    slightly = rp.plan_motion(rp.Problem(scene, "home", [0, 0.5, 0, 0, 0.5, 0]), rng=0).result.reason
+    assert "out of limits" in slightly
+    assert "degrees" not in slightly
+
+
+def test_a_problem_without_one_arm_says_what_to_do() -> None:
+    with pytest.raises(rp.InputError, match=r"goal mapping from arm to goal.* left, right"):
+        rp.Problem(rp.load_scene("rr1_pair"), "home", "home")
+    with pytest.raises(rp.InputError, match="with_arm"):
+        rp.Problem(rp.Scene(), "home", "home")
+
+
+def test_a_file_that_is_not_there_or_of_another_kind_is_named(tmp_path: Path) -> None:
+    with pytest.raises(rp.FormatError, match="there is no such file") as caught:
+        rp.load_motion(tmp_path / "none.json")
+    assert "number" not in str(caught.value)
+    for name in (tmp_path / "scene.json", str(tmp_path / "scene.json"), Path("scene")):
+        with pytest.raises(rp.InputError, match=r"expected one of \.toml"):
+            rp.load_scene(name)
+
+
+def test_a_single_problem_is_no_batch(motion: rp.MotionPlan) -> None:
+    single: Any = motion.problem
+    with pytest.raises(rp.InputError, match="expected a list of Problem"):
+        rp.plan_many(single)
+
+
+def test_a_misspelt_name_is_told_with_what_python_needs_to_suggest_another() -> None:
+    name = "load_scen"
+    with pytest.raises(AttributeError) as caught:
+        getattr(rp, name)
+    assert (caught.value.name, caught.value.obj) == (name, rp)
