@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from rr1plan._kernels.jit import F64, INT1, INT2, OUT1, OUT2
+from rr1plan._kernels.jit import F64, INT1, INT2, OUT2
 from rr1plan._kernels.lanes import WIDTH
 from rr1plan._kernels.record import reader
+from rr1plan._kernels.tables import floats, whole
 
 # What obstacles are to the kernel.
 ROUNDED_BOX, CYLINDER, HALF_SPACE = range(3)
@@ -143,13 +144,19 @@ class Work(NamedTuple):
 
 COVER = types.NamedTuple(
     [
-        *(INT2, OUT2, INT2, INT2, OUT2, INT1, OUT1, INT2, OUT2, OUT2, INT2, INT2, INT2, INT1, OUT2, OUT1),
-        *(INT2, OUT2, OUT2, OUT2, INT1, OUT1),
+        *(whole(3), floats(13), whole(4), whole(6), floats(6), whole(), floats()),
+        *(whole(2), floats(16), OUT2, INT2),
+        *(whole(8), whole(5), whole(), floats(4), floats()),
+        *(whole(5), floats(5), floats(3), floats(4), whole(), floats()),
     ],
     Cover,
 )
 WORK = types.NamedTuple(
-    [OUT1, OUT1, INT1, INT1, OUT2, OUT2, INT2, OUT2, INT2, OUT2, INT1, OUT1, OUT2, INT1, OUT2, INT1, OUT1, INT1, OUT2],
+    [
+        *(floats(), floats(), whole(), whole(), OUT2, OUT2, whole(2), floats(5)),
+        *(whole(7), floats(2), whole(), floats(), floats(2), whole()),
+        *(floats(3), whole(), floats(), whole(), OUT2),
+    ],
     Work,
 )
 RECORD = INT1

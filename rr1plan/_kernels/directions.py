@@ -66,8 +66,8 @@ def _begin(b, o, near, cover, work):
     if b < 0:
         u, v, w = nearest_in(cover.obstacle_values, cover.obstacles, o, x, y, z)
     elif near[1] == near[2]:
-        middle = cover.core_values[b]
-        u, v, w = to_world(work.frames, cover.cores[b, 0] * FRAME, fill(middle[0]), fill(middle[1]), fill(middle[2]))
+        middle = fill(cover.core_values[b, 0]), fill(cover.core_values[b, 1]), fill(cover.core_values[b, 2])
+        u, v, w = to_world(work.frames, cover.cores[b, 0] * FRAME, *middle)
     else:
         u, v, w = load(centres, to), load(centres, to + WIDTH), load(centres, to + 2 * WIDTH)
     x, y, z = x - u, y - v, z - w

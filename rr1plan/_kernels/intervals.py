@@ -117,7 +117,8 @@ def sweep(record):
     if not is_near(work):
         return _whole(OPEN, 0, work)
     bound_motion(cover, work)
-    work.placed[:] = 0
+    for b in range(cover.bodies.shape[0]):
+        work.placed[b] = 0
     head, tail, count, batch = 0, WIDTH, 0, 0
     for i in range(WIDTH):
         work.spans[i, 0], work.spans[i, 1] = (i + 0.5) / WIDTH, 0.5 / WIDTH

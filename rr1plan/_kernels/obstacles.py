@@ -6,11 +6,14 @@ from __future__ import annotations
 from numba import types
 
 from rr1plan._kernels.cover import CYLINDER, HALF_SPACE, SLACK
-from rr1plan._kernels.jit import FLOATS2, I64, INT2, jit
+from rr1plan._kernels.jit import I64, jit
 from rr1plan._kernels.lanes import LANES, below, choose, greater, lesser, root, size_of
+from rr1plan._kernels.tables import floats, whole
+
+_VALUES, _KINDS = floats(16), whole(2)
 
 
-@jit(LANES(FLOATS2, INT2, I64, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(LANES(_VALUES, _KINDS, I64, LANES, LANES, LANES), inline=True, allocates=False)
 def square_to(values, kinds, o, x, y, z):
     """Square of the distance from points to an obstacle's core, or a bound from below [m^2]; not for a half-space."""
     dx, dy, dz = x - values[o, 9], y - values[o, 10], z - values[o, 11]
@@ -25,13 +28,13 @@ def square_to(values, kinds, o, x, y, z):
     return a * a + b * b + c * c
 
 
-@jit(LANES(FLOATS2, I64, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(LANES(_VALUES, I64, LANES, LANES, LANES), inline=True, allocates=False)
 def height_over(values, o, x, y, z):
     """Signed distance from points to a half-space [m]."""
     return x * values[o, 12] + y * values[o, 13] + z * values[o, 14] - values[o, 15]
 
 
-@jit(LANES(FLOATS2, INT2, I64, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(LANES(_VALUES, _KINDS, I64, LANES, LANES, LANES), inline=True, allocates=False)
 def gap_to(values, kinds, o, x, y, z):
     """Distance from points to an obstacle, or a bound from below [m]."""
     if kinds[o, 0] == HALF_SPACE:
@@ -39,7 +42,7 @@ def gap_to(values, kinds, o, x, y, z):
     return root(square_to(values, kinds, o, x, y, z)) - values[o, 15]
 
 
-@jit(I64(FLOATS2, INT2, I64, LANES, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(I64(_VALUES, _KINDS, I64, LANES, LANES, LANES, LANES), inline=True, allocates=False)
 def within(values, kinds, o, x, y, z, limit):
     """In which lanes points may be nearer to an obstacle than a limit > 0; without a root where that is possible."""
     if kinds[o, 0] == HALF_SPACE:
@@ -48,7 +51,7 @@ def within(values, kinds, o, x, y, z, limit):
     return below(square_to(values, kinds, o, x, y, z), reach * reach)
 
 
-@jit(LANES(FLOATS2, INT2, I64, LANES, LANES, LANES, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(LANES(_VALUES, _KINDS, I64, LANES, LANES, LANES, LANES, LANES, LANES), inline=True, allocates=False)
 def approach_to(values, kinds, o, x, y, z, u, v, w):
     """Speed, without sign, of points along the direction from an obstacle's nearest point to them [m]."""
     if kinds[o, 0] == HALF_SPACE:
@@ -71,7 +74,7 @@ def approach_to(values, kinds, o, x, y, z, u, v, w):
     return size_of(a * p + b * q + c * r) / greater(root(a * a + b * b + c * c), 1e-12) * SLACK
 
 
-@jit(types.UniTuple(LANES, 3)(FLOATS2, INT2, I64, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(types.UniTuple(LANES, 3)(_VALUES, _KINDS, I64, LANES, LANES, LANES), inline=True, allocates=False)
 def nearest_in(values, kinds, o, x, y, z):
     """The points of an obstacle's core that are nearest to points; not for a half-space."""
     dx, dy, dz = x - values[o, 9], y - values[o, 10], z - values[o, 11]
@@ -93,7 +96,7 @@ def nearest_in(values, kinds, o, x, y, z):
     )
 
 
-@jit(types.UniTuple(LANES, 4)(FLOATS2, INT2, I64, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(types.UniTuple(LANES, 4)(_VALUES, _KINDS, I64, LANES, LANES, LANES), inline=True, allocates=False)
 def farthest_in(values, kinds, o, x, y, z):
     """The greatest n.p over an obstacle's core, n a direction, and the point p; not for a half-space."""
     a = x * values[o, 0] + y * values[o, 3] + z * values[o, 6]

@@ -70,6 +70,8 @@ def _append(words: list[int], value: Any, kind: Any) -> None:
     elif isinstance(kind, types.Array):
         if value.dtype != _dtype_of(kind) or value.ndim != kind.ndim or not value.flags.c_contiguous:
             raise TypeError(f"an array of {value.dtype} and shape {value.shape} is no {kind}")
+        if kind.ndim == 2 and getattr(kind, "columns", value.shape[1]) != value.shape[1]:
+            raise TypeError(f"an array of {value.shape[1]} columns is no {kind}")
         # Nobody owns it, as far as kernels know. Numpy's own `ctypes.data` takes five times as long.
         address = value.__array_interface__["data"][0]
         words += (0, 0, value.size, value.itemsize, address, *value.shape, *value.strides)

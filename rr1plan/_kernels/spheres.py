@@ -13,10 +13,11 @@ from __future__ import annotations
 from numba import types
 
 from rr1plan._kernels.cover import COVER, SLACK, SPHERE, WORK
-from rr1plan._kernels.jit import F64, I64, OUT1, jit
+from rr1plan._kernels.jit import F64, I64, jit
 from rr1plan._kernels.lanes import LANES, WIDTH, below, greater, lesser, load, root, size_of
 from rr1plan._kernels.obstacles import approach_to, gap_to, within
 from rr1plan._kernels.placing import place_ball, place_spheres, velocity_of
+from rr1plan._kernels.tables import NUMBERS
 
 _FOUND = types.UniTuple(I64, 4)
 
@@ -85,7 +86,7 @@ def meet_obstacle(b, o, pair, asked, batch, h, cover, work):
     return left, 0, beside, beside
 
 
-@jit(LANES(I64, I64, OUT1), inline=True, allocates=False)
+@jit(LANES(I64, I64, NUMBERS), inline=True, allocates=False)
 def _square_between(i, k, centres):
     """Square of the distance of the centres of two spheres [m^2]."""
     at, to = i * SPHERE, k * SPHERE

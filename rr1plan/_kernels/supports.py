@@ -12,14 +12,15 @@ from __future__ import annotations
 from numba import types
 
 from rr1plan._kernels.cover import BLOCK, COVER, FRAME, ROUND, SLACK, WORK
-from rr1plan._kernels.jit import I64, OUT1, jit
+from rr1plan._kernels.jit import I64, jit
 from rr1plan._kernels.lanes import LANES, WIDTH, below, choose, fill, greater, lesser, load, root, size_of
 from rr1plan._kernels.obstacles import farthest_in
+from rr1plan._kernels.tables import NUMBERS
 
 _LANES3 = types.UniTuple(LANES, 3)
 
 
-@jit(_LANES3(OUT1, I64, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(_LANES3(NUMBERS, I64, LANES, LANES, LANES), inline=True, allocates=False)
 def to_local(frames, at, x, y, z):
     """Directions of the world in a frame."""
     return (
@@ -29,7 +30,7 @@ def to_local(frames, at, x, y, z):
     )
 
 
-@jit(_LANES3(OUT1, I64, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(_LANES3(NUMBERS, I64, LANES, LANES, LANES), inline=True, allocates=False)
 def _to_axes(frames, at, x, y, z):
     """Directions of a frame in the world."""
     return (
@@ -39,14 +40,14 @@ def _to_axes(frames, at, x, y, z):
     )
 
 
-@jit(_LANES3(OUT1, I64, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(_LANES3(NUMBERS, I64, LANES, LANES, LANES), inline=True, allocates=False)
 def to_world(frames, at, x, y, z):
     """Points of a frame in the world."""
     u, v, w = _to_axes(frames, at, x, y, z)
     return u + load(frames, at + 9 * WIDTH), v + load(frames, at + 10 * WIDTH), w + load(frames, at + 11 * WIDTH)
 
 
-@jit(LANES(OUT1, I64, LANES, LANES, LANES), inline=True, allocates=False)
+@jit(LANES(NUMBERS, I64, LANES, LANES, LANES), inline=True, allocates=False)
 def along_origin(frames, at, x, y, z):
     """Where a frame's origin is along directions of the world."""
     return x * load(frames, at + 9 * WIDTH) + y * load(frames, at + 10 * WIDTH) + z * load(frames, at + 11 * WIDTH)
@@ -64,7 +65,7 @@ def _lowest_of_blocks(k, x, y, z, cover):
 @jit(types.UniTuple(LANES, 4)(I64, LANES, LANES, LANES, COVER), inline=True, allocates=False)
 def lowest(k, x, y, z, cover):
     """The least n.p over the core of a body, n a direction of its frame, and the point p where that is."""
-    points = cover.points
+    points, blocks = cover.points, cover.blocks
     first, last = cover.cores[k, 1], cover.cores[k, 2]
     if cover.cores[k, 3] == ROUND:
         # Centre, axis, half length and radius.
@@ -83,7 +84,8 @@ def lowest(k, x, y, z, cover):
     bound, best = _lowest_of_blocks(k, x, y, z, cover), fill(1e300)
     px, py, pz = fill(0.0), fill(0.0), fill(0.0)
     for i in range(first, last, BLOCK):
-        ball = cover.blocks[(i - first) // BLOCK + cover.cores[k, 4]]
+        n = (i - first) // BLOCK + cover.cores[k, 4]
+        ball = blocks[n, 0], blocks[n, 1], blocks[n, 2], blocks[n, 3]
         # What is no lower than a corner at hand is left out, but for equals: all take part, in one order.
         if below(x * ball[0] + y * ball[1] + z * ball[2] - ball[3], bound) == 0:
             continue
@@ -123,16 +125,16 @@ def _speeds_along(k, x, y, z, base, cover, work):
 @jit(LANES(I64, LANES, LANES, LANES, I64, COVER, WORK), inline=True, allocates=False)
 def fastest(k, x, y, z, base, cover, work):
     """A bound of the speed, without sign, of any point of a core along directions, seen from frame `base`."""
-    middle = cover.core_values[k]
+    values = cover.core_values
     speed, mx, my, mz = _speeds_along(k, x, y, z, base, cover, work)
-    centre = size_of(speed + mx * middle[0] + my * middle[1] + mz * middle[2])
-    return (centre + root(mx * mx + my * my + mz * mz) * middle[4]) * SLACK
+    centre = size_of(speed + mx * values[k, 0] + my * values[k, 1] + mz * values[k, 2])
+    return (centre + root(mx * mx + my * my + mz * mz) * values[k, 4]) * SLACK
 
 
 @jit(LANES(I64, LANES, LANES, LANES, I64, LANES, COVER, WORK), inline=True, allocates=False)
 def lowest_within(k, x, y, z, base, h, cover, work):
     """The least n.p - h |n.v| over the core of a body, n a direction of the world, v seen from frame `base`."""
-    frames, points = work.frames, cover.points
+    frames, points, blocks = work.frames, cover.points, cover.blocks
     at = cover.cores[k, 0] * FRAME
     speed, mx, my, mz = _speeds_along(k, x, y, z, base, cover, work)
     lx, ly, lz = to_local(frames, at, x, y, z)
@@ -143,7 +145,8 @@ def lowest_within(k, x, y, z, base, h, cover, work):
         return offset + best - h * fastest(k, x, y, z, base, cover, work)
     best, turn = fill(1e300), root(mx * mx + my * my + mz * mz) * h
     for i in range(first, last, BLOCK):
-        ball = cover.blocks[(i - first) // BLOCK + cover.cores[k, 4]]
+        n = (i - first) // BLOCK + cover.cores[k, 4]
+        ball = blocks[n, 0], blocks[n, 1], blocks[n, 2], blocks[n, 3]
         value = lx * ball[0] + ly * ball[1] + lz * ball[2] - ball[3]
         value = value - h * size_of(speed + mx * ball[0] + my * ball[1] + mz * ball[2]) - turn * ball[3]
         if below(value, best) == 0:
