@@ -47,8 +47,9 @@ class Cover(NamedTuple):
         chain: Joints above each group, root first.
         chain_reach: For each, how far any of its points can be from the joint's axis, prismatic joints at zero [m].
         obstacles: Kind, and 1 if its gap is exact, not only a bound from below; shape (o, 2).
-        obstacle_values: Rotation row by row, centre, half sizes (a cylinder's radius and half length; a
-            half-space's normal), radius around it (a half-space's offset); shape (o, 16).
+        obstacle_values: Rotation row by row, centre, half sizes (of a cylinder its radius twice and half its
+            length), radius around it, low end along the third axis; shape (o, 17). A half-space is all below its
+            centre along its third axis; there are no others.
         boxes: Box around each obstacle, low and high, shape (6, o), o a multiple of `WIDTH`.
         pair_of: Index of the pair of a body and an obstacle, -1 for none, shape (b, o).
         meetings: Body, body, joints that move both, index of the pair, and if it has a map where that begins in
@@ -100,7 +101,7 @@ class Work(NamedTuple):
         frames: Of every joint, `WIDTH` configurations side by side.
         centres: Of every sphere: place, travel.
         placed: The batch each body was placed for last, less than zero if only the ball around it was.
-        masks: Bits of obstacles whose boxes are near a group, for each `WIDTH` of them.
+        listed: Obstacles that are near a group, and in which lanes; shape (o, 2).
         speeds: Greatest speed of a group's points, by the joints that count; shape (g, longest chain + 1).
         pushes: Greatest acceleration, the same.
         near: Spheres of a body that are near another's ball, and in which lanes; shape (n, 2).
@@ -124,7 +125,7 @@ class Work(NamedTuple):
     frames: np.ndarray
     centres: np.ndarray
     placed: np.ndarray
-    masks: np.ndarray
+    listed: np.ndarray
     speeds: np.ndarray
     pushes: np.ndarray
     near: np.ndarray
@@ -145,7 +146,7 @@ class Work(NamedTuple):
 COVER = types.NamedTuple(
     [
         *(whole(3), floats(13), whole(4), whole(6), floats(6), whole(), floats()),
-        *(whole(2), floats(16), OUT2, INT2),
+        *(whole(2), floats(17), OUT2, INT2),
         *(whole(8), whole(5), whole(), floats(4), floats()),
         *(whole(5), floats(5), floats(3), floats(4), whole(), floats()),
     ],
@@ -153,7 +154,7 @@ COVER = types.NamedTuple(
 )
 WORK = types.NamedTuple(
     [
-        *(floats(), floats(), whole(), whole(), OUT2, OUT2, whole(2), floats(5)),
+        *(floats(), floats(), whole(), whole(2), OUT2, OUT2, whole(2), floats(5)),
         *(whole(7), floats(2), whole(), floats(), floats(2), whole()),
         *(floats(3), whole(), floats(), whole(), OUT2),
     ],

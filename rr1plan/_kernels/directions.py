@@ -39,9 +39,9 @@ _NEAR = types.UniTuple(I64, 3)
 def _over_half_space(a, o, padding, push, asked, h, cover, work):
     """See `separate`; there is but one direction."""
     values, at = cover.obstacle_values, cover.cores[a, 0] * FRAME
-    beyond = values[o, 15] + cover.core_values[a, 3]
-    needed = padding + cover.margins[0]
-    x, y, z = fill(values[o, 12]), fill(values[o, 13]), fill(values[o, 14])
+    offset = values[o, 2] * values[o, 9] + values[o, 5] * values[o, 10] + values[o, 8] * values[o, 11]
+    beyond, needed = offset + cover.core_values[a, 3], padding + cover.margins[0]
+    x, y, z = fill(values[o, 2]), fill(values[o, 5]), fill(values[o, 8])
     gap = lowest_within(a, x, y, z, 0, h, cover, work) - beyond - h * h * (0.5 * push)
     left = below(gap, needed) & asked
     if left == 0:

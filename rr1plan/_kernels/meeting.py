@@ -13,7 +13,7 @@ from rr1plan._kernels.cover import ALL, CELLS, COVER, RECORD, SPHERE, WORK, tabl
 from rr1plan._kernels.jit import F64, I64, jit
 from rr1plan._kernels.lanes import LANES, WIDTH, below, least, load, most
 from rr1plan._kernels.placing import place_ball
-from rr1plan._kernels.spheres import approaching, meet_body, meet_obstacle
+from rr1plan._kernels.spheres import approaching, meet_body, meet_obstacle, nearing, ready_ball
 
 # Items from this one on share a bit.
 LAST_BIT = 62
@@ -93,7 +93,7 @@ def touch(pair, lanes, work):
 
 @jit(I64(I64, I64, LANES, RECORD), allocates=False)
 def _meet(k, batch, h, record):
-    """An item in the lanes in which it is open, which become fewer; bits of those with a contact."""
+    """An item whose balls are placed and near in the lanes in which it is open, which become fewer; bits of contacts."""
     cover, work, _, _ = tables_of(record)
     items = work.items
     asked, pair, m = items[k, 4], items[k, 3], items[k, 2]
@@ -112,20 +112,33 @@ def _meet(k, batch, h, record):
     return found[1]
 
 
-@jit(I64(I64, I64, I64, LANES, I64, RECORD), inline=True, allocates=False)
-def _meet_boxes(count, b, o, h, near, record):
-    """Add to so many items those obstacles near a body that spheres do not clear; -1 for a contact."""
-    cover, work, _, _ = tables_of(record)
+@jit(I64(I64, I64, I64, I64, I64, I64, LANES, RECORD), inline=True, allocates=False)
+def _add(count, a, other, m, pair, near, h, record):
+    """Add an item to so many if spheres do not clear it; their number, or -1 for a contact."""
+    _, work, _, _ = tables_of(record)
     items = work.items
-    while near:
-        if near & 1 and cover.pair_of[b, o] >= 0:
-            items[count, 0], items[count, 1], items[count, 2] = b, o, -1
-            items[count, 3], items[count, 4] = cover.pair_of[b, o], ALL
-            if _meet(count, 1, h, record):
-                return -1
-            count += 1 if items[count, 4] else 0
-        near >>= 1
-        o += 1
+    items[count, 0], items[count, 1], items[count, 2], items[count, 3], items[count, 4] = a, other, m, pair, near
+    if _meet(count, 1, h, record):
+        return -1
+    return count + 1 if items[count, 4] else count
+
+
+@jit(I64(I64, LANES, COVER, WORK), inline=True, allocates=False)
+def _list_obstacles(g, h, cover, work):
+    """List the obstacles that the ball around a group may come too near, and in which lanes; how many."""
+    ball, count = cover.groups[g, 1], 0
+    place_ball(g, ball, h, cover, work)
+    box = _box_around(ball, cover, work)
+    for block in range(0, cover.boxes.shape[1], WIDTH):
+        near, o = _boxes_near(box, block, cover), block
+        while near:
+            if near & 1:
+                lanes = nearing(g, ball, o, cover.margins[1], ALL, h, cover, work)
+                if lanes:
+                    work.listed[count, 0], work.listed[count, 1] = o, lanes
+                    count += 1
+            near >>= 1
+            o += 1
     return count
 
 
@@ -136,28 +149,23 @@ def meet_obstacles(h, record):
     The number of items, or -1 for a contact.
     """
     cover, work, _, _ = tables_of(record)
-    count, obstacles = 0, cover.boxes.shape[1]
+    count = 0
     for g in range(cover.groups.shape[0] - 1, -1, -1):
-        place_ball(g, cover.groups[g, 1], h, cover, work)
-        box, found = _box_around(cover.groups[g, 1], cover, work), np.int64(0)
-        for o in range(0, obstacles, WIDTH):
-            work.masks[o // WIDTH] = _boxes_near(box, o, cover)
-            found |= work.masks[o // WIDTH]
-        first, last = cover.groups[g, 2], cover.groups[g, 3]
-        if last - first == 1:
+        listed, first, last = _list_obstacles(g, h, cover, work), cover.groups[g, 2], cover.groups[g, 3]
+        alone = last - first == 1
+        if alone:
             work.placed[first] = -1
-        for b in range(first, last if found else first):
-            if last - first > 1:
-                place_ball(g, cover.bodies[b, 1], h, cover, work)
-                work.placed[b] = -1
-                box = _box_around(cover.bodies[b, 1], cover, work)
-            for o in range(0, obstacles, WIDTH):
-                near = work.masks[o // WIDTH]
-                if near and last - first > 1:
-                    near &= _boxes_near(box, o, cover)
-                count = _meet_boxes(count, b, o, h, near, record)
-                if count < 0:
-                    return -1
+        for b in range(first, last if listed else first):
+            ready_ball(b, 1, h, cover, work)
+            for n in range(listed):
+                o, lanes = work.listed[n, 0], work.listed[n, 1]
+                pair = cover.pair_of[b, o]
+                if pair >= 0 and not alone:
+                    lanes = nearing(g, cover.bodies[b, 1], o, cover.padding[pair], lanes, h, cover, work)
+                if pair >= 0 and lanes:
+                    count = _add(count, b, o, -1, pair, lanes, h, record)
+                    if count < 0:
+                        return -1
     return count
 
 
@@ -165,7 +173,7 @@ def meet_obstacles(h, record):
 def meet_families(count, h, record):
     """Add to so many items the bodies that neither maps nor spheres tell apart on the whole edge; -1 for a contact."""
     cover, work, _, _ = tables_of(record)
-    items, families, groups = work.items, cover.families, cover.groups
+    families, groups = cover.families, cover.groups
     for f in range(families.shape[0]):
         g, other, shared = families[f, 0], families[f, 1], families[f, 2]
         near = ALL
@@ -175,22 +183,41 @@ def meet_families(count, h, record):
         for m in range(families[f, 3], families[f, 4] if near else 0):
             if cover.meetings[m, 4] >= 0 and _mapped(m, 0.0, 1.0, cover, work):
                 continue
-            items[count, 0], items[count, 1], items[count, 2] = cover.meetings[m, 0], cover.meetings[m, 1], m
-            items[count, 3], items[count, 4] = cover.meetings[m, 3], near
-            if _meet(count, 1, h, record):
-                return -1
-            count += 1 if items[count, 4] else 0
+            a, b = cover.meetings[m, 0], cover.meetings[m, 1]
+            ready_ball(a, 1, h, cover, work)
+            ready_ball(b, 1, h, cover, work)
+            pair, one, two = cover.meetings[m, 3], cover.bodies[a, 1], cover.bodies[b, 1]
+            lanes = approaching(g, one, other, two, shared, near, cover.padding[pair], h, cover, work)
+            if lanes:
+                count = _add(count, a, b, m, pair, lanes, h, record)
+                if count < 0:
+                    return -1
     return count
+
+
+@jit(I64(I64, I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
+def _near(k, asked, batch, h, cover, work):
+    """In which of the lanes asked for the balls of an item may be too near."""
+    a, other, m, pair = work.items[k, 0], work.items[k, 1], work.items[k, 2], work.items[k, 3]
+    g, ball, padding = cover.bodies[a, 3], cover.bodies[a, 1], cover.padding[pair]
+    ready_ball(a, batch, h, cover, work)
+    if m < 0:
+        return nearing(g, ball, other, padding, asked, h, cover, work)
+    ready_ball(other, batch, h, cover, work)
+    shared, two = cover.meetings[m, 2], cover.bodies[other, 1]
+    return approaching(g, ball, cover.bodies[other, 3], two, shared, asked, padding, h, cover, work)
 
 
 @jit(I64(I64, I64, I64, I64, LANES, RECORD), inline=True, allocates=False)
 def meet_again(count, head, taken, batch, h, record):
     """The items in the lanes of a later batch in which they are open; their number, or -1 for a contact."""
-    _, work, _, _ = tables_of(record)
+    cover, work, _, _ = tables_of(record)
     for k in range(count):
         asked = 0
         for i in range(taken):
             asked |= (work.span_items[head + i] >> min(k, LAST_BIT) & 1) << i
+        if asked:
+            asked = _near(k, asked, batch, h, cover, work)
         work.items[k, 4] = asked
         if asked and _meet(k, batch, h, record):
             return -1

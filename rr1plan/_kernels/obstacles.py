@@ -5,21 +5,22 @@ from __future__ import annotations
 
 from numba import types
 
-from rr1plan._kernels.cover import CYLINDER, HALF_SPACE, SLACK
+from rr1plan._kernels.cover import CYLINDER, SLACK
 from rr1plan._kernels.jit import I64, jit
-from rr1plan._kernels.lanes import LANES, below, choose, greater, lesser, root, size_of
+from rr1plan._kernels.lanes import LANES, choose, greater, lesser, root, size_of
 from rr1plan._kernels.tables import floats, whole
 
-_VALUES, _KINDS = floats(16), whole(2)
+_VALUES, _KINDS = floats(17), whole(2)
 
 
 @jit(LANES(_VALUES, _KINDS, I64, LANES, LANES, LANES), inline=True, allocates=False)
 def square_to(values, kinds, o, x, y, z):
-    """Square of the distance from points to an obstacle's core, or a bound from below [m^2]; not for a half-space."""
+    """Square of the distance from points to an obstacle's core, or a bound from below [m^2]."""
     dx, dy, dz = x - values[o, 9], y - values[o, 10], z - values[o, 11]
     a = size_of(dx * values[o, 0] + dy * values[o, 3] + dz * values[o, 6])
     b = size_of(dx * values[o, 1] + dy * values[o, 4] + dz * values[o, 7])
-    c = greater(size_of(dx * values[o, 2] + dy * values[o, 5] + dz * values[o, 8]) - values[o, 14], 0.0)
+    c = dx * values[o, 2] + dy * values[o, 5] + dz * values[o, 8]
+    c = greater(greater(c - values[o, 14], values[o, 16] - c), 0.0)
     if kinds[o, 0] == CYLINDER:
         a = greater(root(a * a + b * b) - values[o, 12], 0.0)
         return a * a + c * c
@@ -28,39 +29,14 @@ def square_to(values, kinds, o, x, y, z):
     return a * a + b * b + c * c
 
 
-@jit(LANES(_VALUES, I64, LANES, LANES, LANES), inline=True, allocates=False)
-def height_over(values, o, x, y, z):
-    """Signed distance from points to a half-space [m]."""
-    return x * values[o, 12] + y * values[o, 13] + z * values[o, 14] - values[o, 15]
-
-
-@jit(LANES(_VALUES, _KINDS, I64, LANES, LANES, LANES), inline=True, allocates=False)
-def gap_to(values, kinds, o, x, y, z):
-    """Distance from points to an obstacle, or a bound from below [m]."""
-    if kinds[o, 0] == HALF_SPACE:
-        return height_over(values, o, x, y, z)
-    return root(square_to(values, kinds, o, x, y, z)) - values[o, 15]
-
-
-@jit(I64(_VALUES, _KINDS, I64, LANES, LANES, LANES, LANES), inline=True, allocates=False)
-def within(values, kinds, o, x, y, z, limit):
-    """In which lanes points may be nearer to an obstacle than a limit > 0; without a root where that is possible."""
-    if kinds[o, 0] == HALF_SPACE:
-        return below(height_over(values, o, x, y, z), limit)
-    reach = limit + values[o, 15]
-    return below(square_to(values, kinds, o, x, y, z), reach * reach)
-
-
 @jit(LANES(_VALUES, _KINDS, I64, LANES, LANES, LANES, LANES, LANES, LANES), inline=True, allocates=False)
 def approach_to(values, kinds, o, x, y, z, u, v, w):
-    """Speed, without sign, of points along the direction from an obstacle's nearest point to them [m]."""
-    if kinds[o, 0] == HALF_SPACE:
-        return size_of(u * values[o, 12] + v * values[o, 13] + w * values[o, 14]) * SLACK
+    """Distance to an obstacle's core times speed along the direction from its nearest point, without sign [m^2]."""
     dx, dy, dz = x - values[o, 9], y - values[o, 10], z - values[o, 11]
     a = dx * values[o, 0] + dy * values[o, 3] + dz * values[o, 6]
     b = dx * values[o, 1] + dy * values[o, 4] + dz * values[o, 7]
     c = dx * values[o, 2] + dy * values[o, 5] + dz * values[o, 8]
-    c = c - greater(lesser(c, values[o, 14]), -values[o, 14])
+    c = c - greater(lesser(c, values[o, 14]), values[o, 16])
     if kinds[o, 0] == CYLINDER:
         across = root(a * a + b * b)
         part = greater(across - values[o, 12], 0.0) / greater(across, 1e-12)
@@ -71,7 +47,7 @@ def approach_to(values, kinds, o, x, y, z, u, v, w):
     p = u * values[o, 0] + v * values[o, 3] + w * values[o, 6]
     q = u * values[o, 1] + v * values[o, 4] + w * values[o, 7]
     r = u * values[o, 2] + v * values[o, 5] + w * values[o, 8]
-    return size_of(a * p + b * q + c * r) / greater(root(a * a + b * b + c * c), 1e-12) * SLACK
+    return size_of(a * p + b * q + c * r) * SLACK
 
 
 @jit(types.UniTuple(LANES, 3)(_VALUES, _KINDS, I64, LANES, LANES, LANES), inline=True, allocates=False)

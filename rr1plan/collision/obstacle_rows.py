@@ -71,15 +71,16 @@ def _measured(shapes: list[Shape], poses: Array, bodies: Array) -> tuple[_INTS, 
     R, half = poses[:, :9].reshape(-1, 3, 3), bodies[:, 20:23]
     centres = np.einsum("nij,nj->ni", R, bodies[:, 17:20]) + poses[:, 9:]
     extents = np.einsum("nij,nj->ni", np.abs(R), half)
-    values = np.concatenate([poses[:, :9], centres, measures[:, 2:]], axis=1)
+    values = np.concatenate([poses[:, :9], centres, measures[:, 2:], -measures[:, 4:5]], axis=1)
     around = measures[:, 1] == 0
-    values[around, 12:15] = half[around]
+    values[around, 12:15], values[around, 16] = half[around], -half[around, 2]
     boxes = np.concatenate([centres - extents, centres + extents], axis=1)
     for i, shape in enumerate(shapes):
         if isinstance(shape, HalfSpace):
             normal = R[i] @ np.array(shape.normal)
-            values[i, 9:12] = 0.0
-            values[i, 12:] = *normal, shape.offset + float(normal @ poses[i, 9:])
+            values[i] = 0.0
+            values[i, [2, 5, 8]], values[i, 16] = normal, -np.inf
+            values[i, 9:12] = (shape.offset + float(normal @ poses[i, 9:])) * normal
             boxes[i] = [-np.inf] * 3 + [np.inf] * 3
     return read_only(measures[:, :2].astype(np.int64)), read_only(values), read_only(boxes)
 
@@ -117,7 +118,7 @@ def _measures(shape: Shape) -> tuple[float, ...]:
 # What is not there is nowhere near.
 _NOWHERE = ObstacleRows(
     np.zeros((WIDTH, 2), np.int64),
-    np.zeros((WIDTH, 16)),
+    np.zeros((WIDTH, 17)),
     np.array([[np.inf] * 3 + [-np.inf] * 3] * WIDTH),
     np.full(WIDTH, CLOSED_FORM, np.int64),
     NO_CORES,

@@ -37,7 +37,7 @@ def build_cover(checker: CollisionChecker, tables: ExactTables, tolerance: float
     still = joined_obstacles(
         carried.cores, [resting_links(layout.carried), *standing_obstacles(layout.standing)], met.obstacles
     )
-    scale = float(np.abs(still.values).max(initial=0.0)) + float(np.abs(carried.joint_values[:, 9:12]).sum())
+    scale = float(np.abs(still.values[:, :16]).max(initial=0.0)) + float(np.abs(carried.joint_values[:, 9:12]).sum())
     margins = np.array([2.0 * tolerance + 1e-9 + 1e-12 * scale, float(np.max(tables.padding, initial=0.0))])
     # Rounded up, so that maps serve scenes of other sizes too.
     margin = max(10.0 * tolerance, float(margins[0]))
@@ -61,7 +61,7 @@ def _work(made: Cover, columns: int) -> Work:
         frames.ravel(),
         np.zeros(len(made.spheres) * 4 * WIDTH),
         np.zeros(len(made.bodies), np.int64),
-        np.zeros(made.boxes.shape[1] // WIDTH, np.int64),
+        np.zeros((made.boxes.shape[1], 2), np.int64),
         np.zeros((len(made.groups), longest + 1)),
         np.zeros((len(made.groups), longest + 1)),
         np.zeros((len(made.spheres), 2), np.int64),

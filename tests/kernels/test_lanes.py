@@ -6,9 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rr1plan._kernels.cover import CYLINDER, HALF_SPACE, ROUNDED_BOX
+from rr1plan._kernels.jit import OUT1
 from rr1plan._kernels.lanes import WIDTH, below, floor, greater, least, lesser, load, most, root, size_of, store
-from rr1plan._kernels.obstacles import approach_to, gap_to, within
+from rr1plan._kernels.obstacles import approach_to, square_to
 from rr1plan._kernels.placing import FARTHEST, sine_cosine
+from rr1plan._kernels.tables import floats, whole
 
 numbers = st.lists(st.floats(-1e3, 1e3), min_size=WIDTH, max_size=WIDTH).map(np.array)
 
@@ -29,13 +31,12 @@ def turn(angles, out):
     store(out, WIDTH, c)
 
 
-@numba.njit
-def measure(values, kinds, points, velocities, limit, out):
+@numba.njit(numba.void(floats(17), whole(2), OUT1, OUT1, OUT1))
+def measure(values, kinds, points, velocities, out):
     x, y, z = load(points, 0), load(points, WIDTH), load(points, 2 * WIDTH)
     u, v, w = load(velocities, 0), load(velocities, WIDTH), load(velocities, 2 * WIDTH)
-    store(out, 0, gap_to(values, kinds, 0, x, y, z))
+    store(out, 0, square_to(values, kinds, 0, x, y, z))
     store(out, WIDTH, approach_to(values, kinds, 0, x, y, z, u, v, w))
-    return within(values, kinds, 0, x, y, z, load(limit, 0))
 
 
 @settings(deadline=None, max_examples=100)
@@ -58,12 +59,12 @@ def test_sine_and_cosine_are_within_their_bound(angles):
     assert np.abs(out[WIDTH:] - np.cos(angles)).max() <= 1e-13
 
 
-def reference_gap(kind, half, radius, p):
+def reference_distance(kind, half, p):
     if kind == HALF_SPACE:
-        return p @ half - radius
+        return max(p[2], 0.0)
     if kind == CYLINDER:
         return np.hypot(max(np.hypot(p[0], p[1]) - half[0], 0.0), max(abs(p[2]) - half[2], 0.0))
-    return np.linalg.norm(np.maximum(np.abs(p) - half, 0.0)) - radius
+    return np.linalg.norm(np.maximum(np.abs(p) - half, 0.0))
 
 
 @settings(deadline=None, max_examples=200)
@@ -71,19 +72,19 @@ def reference_gap(kind, half, radius, p):
 def test_a_moving_point_keeps_the_distance_that_the_bound_says(seed, kind, h):
     rng = np.random.default_rng(seed)
     R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    centre, half = rng.normal(size=3), rng.uniform(0.0, 0.5, 3)
-    radius = rng.uniform(0.0, 0.2) if kind != CYLINDER else 0.0
+    centre, half, low = rng.normal(size=3), rng.uniform(0.0, 0.5, 3), -np.inf
+    turn = R.copy()
     if kind == HALF_SPACE:
-        half, R, centre = half / np.linalg.norm(half), np.eye(3), np.zeros(3)
-    values = np.array([[*R.ravel(), *centre, *half, radius]])
-    points, velocities = rng.normal(size=(3, WIDTH)), rng.normal(size=(3, WIDTH))
-    limit, out = rng.uniform(0.01, 2.0, WIDTH), np.empty(2 * WIDTH)
-    bits = measure(values, np.array([[kind, 1]]), points.ravel(), velocities.ravel(), limit, out)
+        half[:], turn[:, :2] = 0.0, 0.0
+    else:
+        low = -half[2]
+    values = np.array([[*turn.ravel(), *centre, *half, 0.0, low]])
+    points, velocities, out = rng.normal(size=(3, WIDTH)), rng.normal(size=(3, WIDTH)), np.empty(2 * WIDTH)
+    measure(values, np.array([[kind, 1]]), points.ravel(), velocities.ravel(), out)
     for i in range(WIDTH):
-        gap = reference_gap(kind, half, radius, R.T @ (points[:, i] - centre))
-        assert abs(out[i] - gap) < 1e-12
-        assert (bits >> i & 1) == (gap < limit[i])
+        distance = reference_distance(kind, half, R.T @ (points[:, i] - centre))
+        assert abs(np.sqrt(out[i]) - distance) < 1e-12
         for time in np.linspace(-h, h, 7):
-            later = reference_gap(kind, half, radius, R.T @ (points[:, i] + time * velocities[:, i] - centre))
-            if gap > 1e-6:
-                assert later >= gap - out[WIDTH + i] * abs(time) - 1e-9
+            later = reference_distance(kind, half, R.T @ (points[:, i] + time * velocities[:, i] - centre))
+            if distance > 1e-6:
+                assert later >= distance - out[WIDTH + i] / distance * abs(time) - 1e-9
