@@ -10,7 +10,7 @@ from numba import types
 from rr1plan._kernels.jit import F64, INT1, INT2, OUT2
 from rr1plan._kernels.lanes import WIDTH
 from rr1plan._kernels.record import reader
-from rr1plan._kernels.tables import floats, whole
+from rr1plan._kernels.tables import floats, small, whole
 
 # What obstacles are to the kernel.
 ROUNDED_BOX, CYLINDER, HALF_SPACE = range(3)
@@ -102,6 +102,7 @@ class Work(NamedTuple):
         centres: Of every sphere: place, travel.
         placed: The batch each body was placed for last, less than zero if only the ball around it was.
         listed: Obstacles that are near a group, and in which lanes; shape (o, 2).
+        beside: In which lanes each body may be near the group it is asked about; shape (b,).
         speeds: Greatest speed of a group's points, by the joints that count; shape (g, longest chain + 1).
         pushes: Greatest acceleration, the same.
         near: Spheres of a body that are near another's ball, and in which lanes; shape (n, 2).
@@ -126,6 +127,7 @@ class Work(NamedTuple):
     centres: np.ndarray
     placed: np.ndarray
     listed: np.ndarray
+    beside: np.ndarray
     speeds: np.ndarray
     pushes: np.ndarray
     near: np.ndarray
@@ -147,14 +149,14 @@ COVER = types.NamedTuple(
     [
         *(whole(3), floats(13), whole(4), whole(6), floats(6), whole(), floats()),
         *(whole(2), floats(17), OUT2, INT2),
-        *(whole(8), whole(5), whole(), floats(4), floats()),
+        *(whole(8), whole(5), small(), floats(4), floats()),
         *(whole(5), floats(5), floats(3), floats(4), whole(), floats()),
     ],
     Cover,
 )
 WORK = types.NamedTuple(
     [
-        *(floats(), floats(), whole(), whole(2), OUT2, OUT2, whole(2), floats(5)),
+        *(floats(), floats(), whole(), whole(2), whole(), OUT2, OUT2, whole(2), floats(5)),
         *(whole(7), floats(2), whole(), floats(), floats(2), whole()),
         *(floats(3), whole(), floats(), whole(), OUT2),
     ],

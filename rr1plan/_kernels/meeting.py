@@ -169,25 +169,41 @@ def meet_obstacles(h, record):
     return count
 
 
+@jit(types.void(I64, I64, I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
+def _ask_each(g, other, shared, asked, h, cover, work):
+    """In which of the lanes asked for each body of a group may come too near the ball around another group."""
+    for b in range(cover.groups[g, 2], cover.groups[g, 3]):
+        ready_ball(b, 1, h, cover, work)
+        one, two = cover.bodies[b, 1], cover.groups[other, 1]
+        work.beside[b] = approaching(g, one, other, two, shared, asked, cover.margins[1], h, cover, work)
+
+
 @jit(I64(I64, LANES, RECORD), inline=True, allocates=False)
 def meet_families(count, h, record):
     """Add to so many items the bodies that neither maps nor spheres tell apart on the whole edge; -1 for a contact."""
     cover, work, _, _ = tables_of(record)
     families, groups = cover.families, cover.groups
     for f in range(families.shape[0]):
-        g, other, shared = families[f, 0], families[f, 1], families[f, 2]
+        g, other, shared, first, last = families[f, 0], families[f, 1], families[f, 2], families[f, 3], families[f, 4]
         near = ALL
-        if families[f, 4] - families[f, 3] > 1:
+        if last - first > 1:
             one, two = groups[g, 1], groups[other, 1]
             near = approaching(g, one, other, two, shared, ALL, cover.margins[1], h, cover, work)
-        for m in range(families[f, 3], families[f, 4] if near else 0):
-            if cover.meetings[m, 4] >= 0 and _mapped(m, 0.0, 1.0, cover, work):
+            if near == 0:
                 continue
+        many = last - first > groups[g, 3] - groups[g, 2] + groups[other, 3] - groups[other, 2]
+        if many:
+            _ask_each(g, other, shared, near, h, cover, work)
+            _ask_each(other, g, shared, near, h, cover, work)
+        for m in range(first, last):
             a, b = cover.meetings[m, 0], cover.meetings[m, 1]
+            lanes = near & work.beside[a] & work.beside[b] if many else near
+            if lanes == 0 or cover.meetings[m, 4] >= 0 and _mapped(m, 0.0, 1.0, cover, work):
+                continue
             ready_ball(a, 1, h, cover, work)
             ready_ball(b, 1, h, cover, work)
             pair, one, two = cover.meetings[m, 3], cover.bodies[a, 1], cover.bodies[b, 1]
-            lanes = approaching(g, one, other, two, shared, near, cover.padding[pair], h, cover, work)
+            lanes = approaching(g, one, other, two, shared, lanes, cover.padding[pair], h, cover, work)
             if lanes:
                 count = _add(count, a, b, m, pair, lanes, h, record)
                 if count < 0:

@@ -88,14 +88,14 @@ def map_gaps(columns, ranges, most, gaps, record):
                 count += 1
 
 
-@jit(types.void(types.float32[:, ::1], F64, types.int64[:, ::1]), allocates=False)
+@jit(types.void(types.float32[:, ::1], F64, types.int16[:, ::1]), allocates=False)
 def count_near(gaps, least, counts):
     """How many cells before each corner of a map may have too small a gap.
 
     Args:
         gaps: Bound of the gap in each cell [m], shape (n, m).
         least: The gap that has to be proven [m].
-        counts: Out: shape (n + 1, m + 1).
+        counts: Out: shape (n + 1, m + 1), small numbers: many maps are to fit the processor's memory.
     """
     rows, width = gaps.shape
     counts[0, :] = 0

@@ -52,6 +52,11 @@ def whole(columns=None):
     return Table(numba.int64, columns)
 
 
+def small(columns=None):
+    """A table of int16."""
+    return Table(numba.int16, columns)
+
+
 # Numbers one after the other.
 NUMBERS = floats()
 

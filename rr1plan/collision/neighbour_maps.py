@@ -45,7 +45,7 @@ class NeighbourMaps:
     """
 
     places: _INTS
-    counts: _INTS
+    counts: NDArray[np.int16]
     ranges: Array
 
 
@@ -90,7 +90,7 @@ def neighbour_maps(carried: Carried, pairs: _INTS, least: Array) -> NeighbourMap
 def _maps(content: _Content) -> NeighbourMaps:
     places = np.zeros((len(content.pairs), 4), np.int64)
     ranges = np.zeros((len(content.pairs), 4))
-    counts, begins, end = [np.zeros(0, np.int64)], dict[tuple[str, float], int](), 0
+    counts, begins, end = [np.zeros(0, np.int16)], dict[tuple[str, float], int](), 0
     for i, (pair, least) in enumerate(zip(content.pairs, content.least, strict=True)):
         between = _between(_Pair(content.carried, pair))
         step = next((s for s in _STEPS if least <= 0.8 * s), None)
@@ -99,7 +99,7 @@ def _maps(content: _Content) -> NeighbourMaps:
             continue
         gaps = _gaps(_Named(f"{between.key} {step}", between, step))
         if (between.key, least) not in begins:
-            made = np.empty((gaps.shape[0] + 1, gaps.shape[1] + 1), np.int64)
+            made = np.empty((gaps.shape[0] + 1, gaps.shape[1] + 1), np.int16)
             _count_near(gaps, least, made)
             begins[between.key, least] = end
             counts.append(made.ravel())

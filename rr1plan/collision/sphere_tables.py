@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.cover import Cover, Work
+from rr1plan._kernels.cover import FRAME, SPHERE, Cover, Work
 from rr1plan._kernels.exact import ExactTables
 from rr1plan._kernels.lanes import WIDTH
 from rr1plan.checks import read_only
@@ -52,16 +52,24 @@ def build_cover(checker: CollisionChecker, tables: ExactTables, tolerance: float
     return made, _work(made, checker.nq)
 
 
+def _aligned(count: int) -> Array:
+    """Zeros that begin where a whole vector of lanes does: vectors across two lines of the cache take twice as long."""
+    room = np.zeros(count + WIDTH)
+    first = -room.__array_interface__["data"][0] // room.itemsize % WIDTH
+    return room[first : first + count]
+
+
 def _work(made: Cover, columns: int) -> Work:
     longest = int((made.groups[:, 5] - made.groups[:, 4]).max(initial=0))
     items = len(made.padding)
-    frames = np.zeros((len(made.joints), 18, WIDTH))
-    frames[0, [0, 4, 8]] = 1.0
+    frames = _aligned(len(made.joints) * FRAME)
+    frames.reshape(-1, 18, WIDTH)[0, [0, 4, 8]] = 1.0
     return Work(
-        frames.ravel(),
-        np.zeros(len(made.spheres) * 4 * WIDTH),
+        frames,
+        _aligned(len(made.spheres) * SPHERE),
         np.zeros(len(made.bodies), np.int64),
         np.zeros((made.boxes.shape[1], 2), np.int64),
+        np.zeros(len(made.bodies), np.int64),
         np.zeros((len(made.groups), longest + 1)),
         np.zeros((len(made.groups), longest + 1)),
         np.zeros((len(made.spheres), 2), np.int64),
@@ -69,12 +77,12 @@ def _work(made: Cover, columns: int) -> Work:
         np.zeros((items + 1, 7), np.int64),
         np.zeros((_SPANS, 2)),
         np.zeros(_SPANS, np.int64),
-        np.zeros(2 * WIDTH),
+        _aligned(2 * WIDTH),
         np.zeros((_SPANS, 2)),
         np.zeros(_SPANS, np.int64),
         np.zeros((items, 3)),
         np.zeros(items, np.int64),
-        np.zeros(3 * WIDTH),
+        _aligned(3 * WIDTH),
         np.zeros(8 + WIDTH, np.int64),
         np.zeros((3, columns)),
     )
