@@ -93,7 +93,7 @@ def touch(pair, lanes, work):
 
 @jit(I64(I64, I64, LANES, RECORD), allocates=False)
 def _meet(k, batch, h, record):
-    """An item whose balls are placed and near in the lanes in which it is open, which become fewer; bits of contacts."""
+    """An item whose balls are placed and near in the lanes in which it is open, which become fewer; contacts."""
     cover, work, _, _ = tables_of(record)
     items = work.items
     asked, pair, m = items[k, 4], items[k, 3], items[k, 2]
@@ -198,7 +198,7 @@ def meet_families(count, h, record):
         for m in range(first, last):
             a, b = cover.meetings[m, 0], cover.meetings[m, 1]
             lanes = near & work.beside[a] & work.beside[b] if many else near
-            if lanes == 0 or cover.meetings[m, 4] >= 0 and _mapped(m, 0.0, 1.0, cover, work):
+            if lanes == 0 or (cover.meetings[m, 4] >= 0 and _mapped(m, 0.0, 1.0, cover, work)):
                 continue
             ready_ball(a, 1, h, cover, work)
             ready_ball(b, 1, h, cover, work)

@@ -81,15 +81,16 @@ def meet_obstacle(b, o, pair, asked, batch, h, cover, work):
     """
     spheres, values, kinds = cover.spheres, cover.obstacle_values, cover.obstacles
     ball, padding, count = cover.bodies[b, 1], cover.padding[pair], 0
+    kept = padding + values[o, 15]
     _ready_spheres(b, batch, h, cover, work)
     # Contacts first: whoever finds one needs no speeds.
     for i in range(ball + 1, cover.bodies[b, 2]):
         x, y, z = _centre(i, work.centres)
         square = square_to(values, kinds, o, x, y, z)
-        limit = load(work.centres, i * SPHERE + 3 * WIDTH) + (spheres[i, 3] + padding + cover.margins[0] + values[o, 15])
+        limit = load(work.centres, i * SPHERE + 3 * WIDTH) + (spheres[i, 3] + kept + cover.margins[0])
         lanes = below(square, limit * limit) & asked
         if lanes:
-            inner = spheres[i, 4] + padding - cover.margins[0] + values[o, 15]
+            inner = spheres[i, 4] + kept - cover.margins[0]
             if inner > 0.0 and kinds[o, 1]:
                 touching = below(square, inner * inner) & lanes
                 if touching:
@@ -144,8 +145,7 @@ def approaching(g, i, other, k, shared, asked, padding, h, cover, work):
 
 @jit(_FOUND(I64, I64, I64, I64, I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
 def meet_body(a, b, shared, pair, asked, batch, h, cover, work):
-    """A body against another, the balls around both being placed, see `meet_obstacle`; the last are a sphere of either.
-    """
+    """A body against another, both balls being placed, see `meet_obstacle`; the last are a sphere of either."""
     centres, spheres, padding = work.centres, cover.spheres, cover.padding[pair]
     g, other = cover.bodies[a, 3], cover.bodies[b, 3]
     ball_a, ball_b = cover.bodies[a, 1], cover.bodies[b, 1]

@@ -1,4 +1,4 @@
-# mypy: disable-error-code="no-untyped-def,no-untyped-call,misc,no-any-return"
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,misc,no-any-return,attr-defined"
 """Array types whose elements kernels reach with the least arithmetic.
 
 Numba asks of every index whether it is below zero, and multiplies it by a number of columns that it loads. In loops
@@ -9,6 +9,7 @@ when a kernel is compiled, so that an element is one address and of an array onl
 from __future__ import annotations
 
 import operator
+from typing import Any
 
 import numba
 from numba.core import types
@@ -42,17 +43,17 @@ class Table(types.Array):
 register_model(Table)(models.ArrayModel)
 
 
-def floats(columns=None):
+def floats(columns: int | None = None) -> Any:
     """A table of float64."""
     return Table(numba.float64, columns)
 
 
-def whole(columns=None):
+def whole(columns: int | None = None) -> Any:
     """A table of int64."""
     return Table(numba.int64, columns)
 
 
-def small(columns=None):
+def small(columns: int | None = None) -> Any:
     """A table of int16."""
     return Table(numba.int16, columns)
 

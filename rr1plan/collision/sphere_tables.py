@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rr1plan._kernels.cover import FRAME, SPHERE, Cover, Work
 from rr1plan._kernels.exact import ExactTables
 from rr1plan._kernels.lanes import WIDTH
-from rr1plan.checks import read_only
+from rr1plan.checks import Array, read_only
 from rr1plan.collision.carried_cover import carried_cover
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.groups import families_of

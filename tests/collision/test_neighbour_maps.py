@@ -47,8 +47,8 @@ def test_no_map_promises_more_than_coal_measures(robot, request, own_cache):
             continue
         begin, width, x, y = place.tolist()
         number = number_of(checker, pair)
-        sums = maps.counts[begin : begin + (neighbour_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1).astype(np.int64)
-        near = np.diff(np.diff(sums, axis=0), axis=1)
+        sums = maps.counts[begin : begin + (neighbour_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
+        near = np.diff(np.diff(sums.astype(np.int64), axis=0), axis=1)
         for q in rng.uniform(checker.limits.lower, checker.limits.upper, (40, checker.nq)):
             cell = int((q[x] - low_x) * per_x), int((q[y] - low_y) * per_y) if width > 1 else 0
             gap = checker.solid_distance(q, number)

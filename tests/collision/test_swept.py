@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rr1plan._kernels.lanes import WIDTH
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.errors import InputError
@@ -196,3 +197,9 @@ def test_the_sweep_refuses_what_is_no_configuration(planar):
     swept = SweptEdges(CollisionChecker(Scene().with_arm("p", planar)), 1e-6)
     with pytest.raises(InputError):
         swept.edge_is_free([0, np.nan], [1, 1])
+
+
+def test_lanes_in_memory_do_not_cross_lines_of_the_cache():
+    work = SweptEdges(CollisionChecker(load_scene("rr1_cluttered")), 1e-6).tables[1]
+    for array in (work.frames, work.centres, work.lanes, work.walk):
+        assert array.__array_interface__["data"][0] % (8 * WIDTH) == 0
