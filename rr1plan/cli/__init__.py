@@ -6,6 +6,7 @@ Exit codes: 0 done, 2 bad input, 3 no plan, 4 an invalid plan, 130 interrupted.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import threading
@@ -18,6 +19,8 @@ from rr1plan.cli.console import Console
 from rr1plan.cli.parser import build_parser
 from rr1plan.errors import NoPlanError, RetimingError, Rr1PlanError
 
+# Until Python 3.14 argparse takes these negative numbers for options, but not with a space before them.
+_SMALL = re.compile(r"-(\d+\.?\d*|\.\d+)e[+-]?\d+$", re.IGNORECASE)
 OK, BAD_INPUT, NO_PLAN, INVALID_PLAN, INTERRUPTED = 0, 2, 3, 4, 130
 
 
@@ -30,7 +33,7 @@ def run(arguments: Sequence[str]) -> int:
     Returns:
         The exit code.
     """
-    options = build_parser().parse_args(list(arguments))
+    options = build_parser().parse_args([f" {word}" if _SMALL.match(word) else word for word in arguments])
     console = Console(as_json=options.json, quiet=options.quiet)
     try:
         with console.telling("rr1plan._kernels"):

@@ -3,7 +3,7 @@
     description = "An RR1 on a table."
 
     [arms.rr1]
-    robot = "rr1"                      # a name, or a file relative to this one (and srdf, group, tool)
+    robot = "rr1"                      # a name, or a file relative to this one (and srdf, group, joints, tool)
     xyz = [0, 0, 0]                    # and rpy, quaternion (wxyz) or rotation (rows)
     q = "home"                         # or numbers
 
@@ -22,10 +22,10 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -46,7 +46,14 @@ class RobotLoader(Protocol):
     """What reads robots for the scene: `rr1plan.load_robot` is one."""
 
     def __call__(
-        self, name_or_file: str, /, *, srdf: str | None = None, group: str | None = None, tool: str | None = None
+        self,
+        name_or_file: str,
+        /,
+        *,
+        srdf: str | None = None,
+        group: str | None = None,
+        joints: Sequence[str] | None = None,
+        tool: str | None = None,
     ) -> Robot:
         """A robot by name or by the absolute path of its file."""
         ...
@@ -140,18 +147,16 @@ def write_scene(
 
 
 def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, Arm]:
-    loaded: dict[tuple[str | None, ...], Robot] = {}
-    finished: dict[tuple[str | None, ...], Robot] = {}  # arms with the same entries share one robot
+    loaded: dict[_Reference, Robot] = {}
+    finished: dict[tuple[_Reference, str, str], Robot] = {}  # arms with the same entries share one robot
     arms_by_name = {}
     for name in arms.names():
         entry = arms.table(name)
         key = _robot_reference(entry, folder)
         if key not in loaded:
-            robot, srdf, group, tool = key
-            assert robot is not None
             with entry.blame("robot"):
-                loaded[key] = load_robot(robot, srdf=srdf, group=group, tool=tool)
-        own = (*key, repr(entry.raw("limits")), repr(entry.raw("held")))
+                loaded[key] = load_robot(key.robot, srdf=key.srdf, group=key.group, joints=key.joints, tool=key.tool)
+        own = (key, repr(entry.raw("limits")), repr(entry.raw("held")))
         if own not in finished:
             finished[own] = _with_settings(loaded[key], entry)
         arms_by_name[name] = _read_arm(entry, finished[own])
@@ -175,15 +180,26 @@ def _read_arm(entry: Table, robot: Robot) -> Arm:
     return arm
 
 
-def _robot_reference(entry: Table, folder: Path) -> tuple[str | None, ...]:
-    """Robot, SRDF, group and tool; a file is meant when the robot's name has a suffix or a slash."""
+class _Reference(NamedTuple):
+    """What a robot is loaded from."""
+
+    robot: str
+    srdf: str | None
+    group: str | None
+    joints: tuple[str, ...] | None
+    tool: str | None
+
+
+def _robot_reference(entry: Table, folder: Path) -> _Reference:
+    """What an arm's robot is loaded from; a file is meant when the robot's name has a suffix or a slash."""
     name, srdf = entry.string("robot"), entry.string("srdf", "")
     if "/" in name or Path(name).suffix:
         name = str((folder / name).resolve())
-    return (
+    return _Reference(
         name,
         str((folder / srdf).resolve()) if srdf else None,
         entry.string("group", "") or None,
+        entry.strings("joints") or None,
         entry.string("tool", "") or None,
     )
 

@@ -68,6 +68,7 @@ def test_the_same_seed_and_iterations_give_the_same_motion() -> None:
     [
         (["--goal", "home"], "certified"),
         (["--goal", "-0.3", "0.1", "0.2", "0", "0.6", "0"], "certified"),
+        (["--goal", "-1e-3", "-1.E-2", "0.2", "-.5e-3", "0.6", "0"], "certified"),
         (["--position", "-0.30", "0.25", "0.20"], "certified"),
         (["--query", "above_parcel"], "certified"),
         (["--start", "raised", "--goal", "home"], "certified"),

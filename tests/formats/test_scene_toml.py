@@ -14,7 +14,7 @@ from rr1plan.errors import FormatError, UnknownNameError
 from rr1plan.formats.scene_toml import SceneFile, read_scene, write_scene
 from rr1plan.formats.tables import line_of
 from rr1plan.formats.toml_writer import to_toml
-from rr1plan.library import load_problems, load_robot, load_scene, scene_names
+from rr1plan.library import load_problems, load_robot, load_scene, robot_folder, scene_names
 from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
@@ -185,6 +185,18 @@ def test_arms_with_the_same_entries_share_one_robot() -> None:
     assert len({id(arm.robot) for arm in load_scene("rr1_twelve").arms.values()}) == 1
 
 
+def test_the_joints_to_plan_for_can_be_chosen(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    urdf = robot_folder("planar2r") / "planar2r.urdf"
+    arms = [f'[arms.{name}]\nrobot = "{urdf}"\njoints = {joints}\n' for name, joints in (("a", ["joint2"]), ("b", []))]
+    file.write_text("\n".join(arms))
+    scene = load_scene(file)
+    assert scene.joint_names() == ("a/joint2", "b/joint1", "b/joint2")
+    file.write_text(arms[0].replace("joint2", "joint3"))
+    with pytest.raises(FormatError, match="Did you mean 'joint"):
+        load_scene(file)
+
+
 def test_robots_point_files_and_meshes_are_found_beside_the_scene_file(tmp_path: Path) -> None:
     folder = tmp_path / "elsewhere"
     folder.mkdir()
@@ -261,7 +273,7 @@ def test_robots_point_files_and_meshes_are_found_beside_the_scene_file(tmp_path:
         ("[obstacles.a]\nmesh = { vertices = [[0, 0, 0]], faces = [[0, 1, 2.5]] }\n", "expected whole numbers"),
         ("[obstacles.arm]\nsphere = 1\n" + SIMPLE, "two elements named 'arm'"),
         (SIMPLE + "[attachments.tool]\nsphere = 0.1\nlink = 'hand'\n", "unknown link 'hand'"),
-        ("[attachments.tool]\nsphere = 0.1\n", "the scene has 0 arms"),
+        ("[attachments.tool]\nsphere = 0.1\n", "the scene has no arm"),
         ("allowed = [['arm', 'box']]\n" + SIMPLE, "unknown element 'box'"),
         ("allowed = 5\n" + SIMPLE, "scene.toml:1: allowed: expected a list, got 5"),
         ("allowed = [['arm']]\n" + SIMPLE, "expected pairs of names"),
