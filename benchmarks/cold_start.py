@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = make_parser(__doc__.splitlines()[0], "cold_start")
     parser.add_argument("--scene", default="rr1_table", help="a scene; its first query is planned")
     parser.add_argument("--count", type=int, default=9, help="processes for each figure")
-    parser.add_argument("--no-compile", action="store_true", help="leave out the first time ever (a minute or two)")
+    parser.add_argument("--no-compile", action="store_true", help="leave out the first time ever (up to a minute)")
     args = parser.parse_args(arguments)
     pin_to_core(args.core)
     with tempfile.TemporaryDirectory() as folder:

@@ -13,7 +13,7 @@ from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, FLOATS3, I64, INT1, OUT1
 from rr1plan._kernels.parameterize import count_intervals, make_grid, peaks, time_curve
 
 
-@jit(types.Tuple((OUT2, OUT1))(FLOATS2))
+@jit(types.Tuple((OUT2, OUT1))(FLOATS2), entry=True)
 def directions(points):
     """Unit direction (m - 1, nq) and length (m - 1,) of every edge of a polyline (m, nq)."""
     edges, nq = points.shape[0] - 1, points.shape[1]
@@ -29,7 +29,7 @@ def directions(points):
     return unit, lengths
 
 
-@jit(OUT1(FLOATS2, F64, F64, F64))
+@jit(OUT1(FLOATS2, F64, F64, F64), entry=True)
 def largest_blends(points, most, reversal, smallest):
     """How far before and behind each waypoint its blend may reach, shape (m,); 0 at both ends, and for a stop.
 
@@ -61,7 +61,7 @@ def _parabola(corner, before, behind, size, out):
         out[2, j] = (behind[j] - before[j]) / (4.0 * size)
 
 
-@jit(OUT2(FLOATS2, I64, F64))
+@jit(OUT2(FLOATS2, I64, F64), entry=True)
 def blend(points, i, size):
     """The blend of a size at inner waypoint i, 0 <= s <= 2 size, lowest power first, shape (3, nq)."""
     unit, _ = directions(points[i - 1 : i + 2])
@@ -70,7 +70,7 @@ def blend(points, i, size):
     return out
 
 
-@jit(types.Tuple((OUT1, OUT3, INT1))(FLOATS2, FLOATS1, F64))
+@jit(types.Tuple((OUT1, OUT3, INT1))(FLOATS2, FLOATS1, F64), entry=True)
 def round_corners(points, sizes, tolerance):
     """The pieces of a rounded polyline: lines and parabolas one after the other, none without extent.
 
@@ -130,7 +130,7 @@ def _excess(timed, durations, derivative, limit):
     return most
 
 
-@jit(types.Tuple((OUT1, OUT3))(FLOATS1, FLOATS3, FLOATS1, FLOATS1, F64))
+@jit(types.Tuple((OUT1, OUT3))(FLOATS1, FLOATS3, FLOATS1, FLOATS1, F64), entry=True)
 def time_within(lengths, coefficients, velocity, acceleration, density):
     """The fastest motion along a curve from rest to rest, stretched by what rounding and the grid make it exceed.
 
@@ -150,9 +150,13 @@ def time_within(lengths, coefficients, velocity, acceleration, density):
     if factor > 1.0:
         power = 1.0
         for k in range(timed.shape[1]):
-            timed[:, k] *= power
+            # One number at a time: numba compiles an assignment's check of shapes for seconds.
+            for i in range(len(timed)):
+                for j in range(timed.shape[2]):
+                    timed[i, k, j] *= power
             power /= factor
-        durations *= factor
+        for i in range(len(durations)):
+            durations[i] *= factor
     return durations, timed
 
 
@@ -161,12 +165,14 @@ def _append(durations, timed, count, new_durations, new_timed):
     """Write some timed pieces behind those that are there; their new number."""
     for i in range(len(new_durations)):
         durations[count] = new_durations[i]
-        timed[count] = new_timed[i]
+        for k in range(timed.shape[1]):
+            for j in range(timed.shape[2]):
+                timed[count, k, j] = new_timed[i, k, j]
         count += 1
     return count
 
 
-@jit(types.Tuple((OUT1, OUT3, types.boolean, I64))(FLOATS2, FLOATS1, FLOATS1, FLOATS1, F64, F64))
+@jit(types.Tuple((OUT1, OUT3, types.boolean, I64))(FLOATS2, FLOATS1, FLOATS1, FLOATS1, F64, F64), entry=True)
 def time_polyline(points, sizes, velocity, acceleration, density, tolerance):
     """The fastest motion along a rounded polyline, at rest where it is not rounded.
 

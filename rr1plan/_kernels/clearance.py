@@ -9,7 +9,7 @@ from rr1plan._kernels.jit import F64, FLOATS1, jit
 from rr1plan._kernels.poses import place_body, place_joints
 
 
-@jit(F64(FLOATS1, F64, RECORD), allocates=False)
+@jit(F64(FLOATS1, F64, RECORD), entry=True, allocates=False)
 def least_clearance(q, most, record):
     """The least gap of any pair beyond its padding: proven, `most` at most, -inf where bodies overlap deeply [m].
 

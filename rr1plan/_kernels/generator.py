@@ -27,7 +27,7 @@ def generator_state(seed: int) -> NDArray[np.uint64]:
     return np.array([seed % 2**64], np.uint64)
 
 
-@jit(F64(STATE))
+@jit(F64(STATE), inline=True, entry=True)
 def draw(state):
     """The next number of the uniform distribution on [0, 1)."""
     state[0] += _STEP

@@ -100,7 +100,7 @@ def _whole(answer, batch, work):
     return answer
 
 
-@jit(I64(RECORD), allocates=False)
+@jit(I64(RECORD), entry=True, allocates=False)
 def sweep(record):
     """The edge in `Work.curve` against all obstacles and between its own bodies, by spheres and directions.
 

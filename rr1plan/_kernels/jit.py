@@ -1,8 +1,8 @@
 """The one way to compile: explicit signatures, strict floating point, when needed, kept on disk where possible.
 
-To load compiled code takes milliseconds and to compile it seconds, so neither is done on import: a kernel is
-built when it is first called, or when a kernel that calls it has to be compiled. Code that is loaded holds that of all
-kernels it calls; those are not loaded. `kept_code.py` loads it.
+To load compiled code takes milliseconds and to compile it seconds, so neither is done on import: an entry is
+built when it is first called, or made ready before an entry that calls it by its address. All other kernels become
+part of the entries that call them (`code_units.py`). Code that is kept is loaded by `kept_code.py`.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ from pkgutil import iter_modules
 from typing import Any
 
 import numba
+from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import typeof_impl
 
 from rr1plan._kernels.code_folder import code_folder, stamp_of
+from rr1plan.code_units import callable_type, lower_part, offer, unit_compiler, without_collection
 from rr1plan.kept_code import keep
 
 # C arrays that a kernel only reads; an array that may be written is accepted too.
@@ -53,18 +55,23 @@ class Kernel:
         function: The function.
         signature: Numba's types of result and arguments.
         options: Numba's options.
+        entry: Other kernels call it by its address; else it is compiled into them.
     """
 
-    def __init__(self, function: Callable[..., Any], signature: Any, options: dict[str, Any]) -> None:
+    def __init__(self, function: Callable[..., Any], signature: Any, options: dict[str, Any], entry: bool) -> None:
         update_wrapper(self, function)
+        self.entry = entry
         self._function = function
         self._signature = signature
         self._options = options
         self._file = Path(function.__code__.co_filename)
         self._stamp = stamp_of(self._file)
+        self._identity = f"{function.__module__}.{function.__qualname__} {self._stamp}" if self._stamp else ""
         self._built: Any = None
-        self._linkable: Any = None
+        self._callee: Any = None
         _made.append(self)
+        if self._identity:
+            offer(self._identity, self.build)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it."""
@@ -78,93 +85,99 @@ class Kernel:
     def build(self) -> Any:
         """What Python calls: loaded where it is kept, else compiled; made once."""
         if self._built is None:
-            with _undisturbed():
-                self._built = self._make(for_compiling=False)
-                if not self._built.stats.cache_hits:
-                    self._linkable = self._built
+            with _undisturbed(), global_compiler_lock:
+                self._built = self._built or self._make()
         return self._built
 
-    def build_linkable(self) -> Any:
-        """What other kernels are compiled with, which takes longer to load; made once."""
-        if self._linkable is None:
+    def callee_type(self) -> Any:
+        """What it is to kernels that call it; made once."""
+        if self._callee is None:
             with _undisturbed():
-                self._linkable = self._make(for_compiling=True)
-                self._built = self._built or self._linkable
-        return self._linkable
+                if self.entry and not self._options["forceinline"]:
+                    (made,) = self.build().overloads.values()
+                else:
+                    made = lower_part(self._function, self._options, self._signature.args, self._signature.return_type)
+                self._callee = callable_type(self._function.__name__, self, self._signature, made)
+        return self._callee
 
-    def _make(self, for_compiling: bool) -> Any:
+    def _make(self) -> Any:
         folder = self._folder()
         try:
-            return self._compile(folder, for_compiling)
+            return self._compile(folder)
         except OSError as error:
             logger.warning("machine code cannot be kept in %s: %s", folder, error)
-            return self._compile(None, for_compiling)
+            return self._compile(None)
 
     def _folder(self) -> Path | None:
         """Where its code is kept, if it can be."""
         return code_folder(self._file, self._stamp) if self._stamp else None
 
-    def _compile(self, folder: Path | None, for_compiling: bool) -> Any:
+    def _compile(self, folder: Path | None) -> Any:
         if folder is None or not self.is_kept():
             _tell(folder)
+        compiler = unit_compiler(self._identity, self._stamp.rpartition("-")[2] or None)
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
         try:
-            made = numba.njit(**self._options)(self._function)
+            made = numba.njit(pipeline_class=compiler, no_cfunc_wrapper=True, **self._options)(self._function)
             if folder is not None:
-                keep(made, for_compiling)
+                keep(made)
         finally:
             numba.config.CACHE_DIR = before
-        made.compile(self._signature)
+        with without_collection():
+            made.compile(self._signature)
         made.disable_compile()
         return made
 
 
 def _type_of(kernel: Kernel, _: Any) -> Any:
-    """Inside another kernel, one is what numba made of it."""
-    return numba.types.Dispatcher(kernel.build_linkable())
+    return kernel.callee_type()
 
 
 typeof_impl.register(Kernel)(_type_of)
 
 
-def jit(signature: Any, *, inline: bool = False, allocates: bool = True) -> Callable[[Callable[..., Any]], Kernel]:
+def jit(
+    signature: Any, *, inline: bool = False, entry: bool = False, allocates: bool = True
+) -> Callable[[Callable[..., Any]], Kernel]:
     """Compile a function for one signature.
 
     No fastmath: a bound that rounds another way is no bound.
 
     Args:
         signature: Numba's types of result and arguments.
-        inline: Compile it into each of its callers.
+        inline: Put it into each of its callers at every call, instead of once into their code.
+        entry: It has code of its own, which `build_all` makes ahead: Python calls it, or several entries do. Any
+            kernel can be called from Python, but others are then compiled once more.
         allocates: It makes arrays. Without, no references to arrays are counted, which costs more than the
             arithmetic of short functions that pass many on.
     """
     options = {"nogil": True, "fastmath": False, "error_model": "numpy", "forceinline": inline, "_nrt": allocates}
-    return lambda function: Kernel(function, signature, options)
+    return lambda function: Kernel(function, signature, options, entry)
 
 
 def build_all(progress: Callable[[float], object] | None = None) -> None:
-    """Compile all kernels ahead, or find them in the cache.
+    """Compile the code of all entries ahead, or find them in the cache.
 
     Args:
         progress: Called with the fraction that is done.
     """
-    _import_all()
-    for i, kernel in enumerate(_made):
+    entries = _all_entries()
+    for i, kernel in enumerate(entries):
         kernel.build()
         if progress is not None:
-            progress((i + 1) / len(_made))
+            progress((i + 1) / len(entries))
 
 
 def all_kept() -> bool:
-    """Whether the code of all kernels is on disk, or can be kept nowhere."""
-    _import_all()
-    return all(kernel.is_kept() is not False for kernel in _made)
+    """Whether the code of all entries is on disk, or can be kept nowhere."""
+    return all(kernel.is_kept() is not False for kernel in _all_entries())
 
 
-def _import_all() -> None:
+def _all_entries() -> list[Kernel]:
     package = __name__.rpartition(".")[0]
     for module in iter_modules(import_module(package).__path__):
         import_module(f"{package}.{module.name}")
+    return [kernel for kernel in _made if kernel.entry]
 
 
 def _tell(folder: Path | None) -> None:
@@ -173,9 +186,9 @@ def _tell(folder: Path | None) -> None:
         return
     _told.append(str(folder))
     if folder is None:
-        logger.warning("compiling the kernels takes a minute or two, in every process (no folder to keep code in)")
+        logger.warning("compiling the kernels takes up to a minute, in every process (no folder to keep code in)")
     else:
-        logger.warning("compiling the kernels takes a minute or two, once (kept in %s)", folder.parent)
+        logger.warning("compiling the kernels takes up to a minute, once (kept in %s)", folder.parent)
 
 
 @contextmanager

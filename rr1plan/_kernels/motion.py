@@ -103,7 +103,7 @@ def _judge(p, tolerance, reach, seen, placed, record):
     return GRAZING if moved < tolerance else _OPEN, 1
 
 
-@jit(types.Tuple((I64, F64, I64, I64, I64))(FLOATS2, F64, F64, OUT1, OUT1, INT1, INT1, RECORD))
+@jit(types.Tuple((I64, F64, I64, I64, I64))(FLOATS2, F64, F64, OUT1, OUT1, INT1, INT1, RECORD), entry=True)
 def _halve(curve, duration, tolerance, middles, halves, begins, open_pairs, record):
     """Halve intervals until every pair open on them is proven apart, or one is not; see `certify`.
 
@@ -153,7 +153,7 @@ def _halve(curve, duration, tolerance, middles, halves, begins, open_pairs, reco
     return FREE, 0.0, -1, seen, fine
 
 
-@jit(types.Tuple((I64, F64, I64, I64, I64))(FLOATS2, F64, F64, RECORD))
+@jit(types.Tuple((I64, F64, I64, I64, I64))(FLOATS2, F64, F64, RECORD), entry=True)
 def certify(curve, duration, tolerance, record):
     """Certify a curve free of contact, or find a place where it is not.
 

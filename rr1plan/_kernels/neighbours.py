@@ -40,7 +40,7 @@ def _bound_gap(q, reach, most, record):
     return lower - moved
 
 
-@jit(types.void(INTS1, FLOATS2, F64, types.float32[:, ::1], RECORD))
+@jit(types.void(INTS1, FLOATS2, F64, types.float32[:, ::1], RECORD), entry=True)
 def map_gaps(columns, ranges, most, gaps, record):
     """Bound the gap of the first pair from below, cell by cell.
 
@@ -88,7 +88,7 @@ def map_gaps(columns, ranges, most, gaps, record):
                 count += 1
 
 
-@jit(types.void(types.float32[:, ::1], F64, types.int16[:, ::1]), allocates=False)
+@jit(types.void(types.float32[:, ::1], F64, types.int16[:, ::1]), entry=True, allocates=False)
 def count_near(gaps, least, counts):
     """How many cells before each corner of a map may have too small a gap.
 

@@ -37,7 +37,7 @@ def _turn(piece, length, limit):
     return _MOST_TURN if change >= _MOST_TURN**2 * smaller else np.sqrt(change / smaller)
 
 
-@jit(types.int64[::1](FLOATS1, FLOATS3, FLOATS1, FLOATS1, F64))
+@jit(types.int64[::1](FLOATS1, FLOATS3, FLOATS1, FLOATS1, F64), entry=True)
 def count_intervals(lengths, coefficients, velocity, acceleration, density):
     """How many intervals each piece takes: one where it is straight, which is exact there.
 
@@ -56,7 +56,7 @@ def count_intervals(lengths, coefficients, velocity, acceleration, density):
     return counts
 
 
-@jit(types.Tuple((types.int64[::1], OUT1, OUT1))(FLOATS1, INTS1))
+@jit(types.Tuple((types.int64[::1], OUT1, OUT1))(FLOATS1, INTS1), entry=True)
 def make_grid(lengths, counts):
     """Equal intervals on every piece: which piece, where each begins on it, how long it is, shape (n,) each."""
     n = counts.sum()
@@ -234,7 +234,7 @@ def _place(piece, offset, delta, x, y, timed):
         timed[4, j] = c2 * half * half
 
 
-@jit(types.void(FLOATS3, INTS1, FLOATS1, FLOATS1, FLOATS1, OUT1, OUT3))
+@jit(types.void(FLOATS3, INTS1, FLOATS1, FLOATS1, FLOATS1, OUT1, OUT3), entry=True)
 def put_on_clock(coefficients, piece, offset, delta, x, durations, timed):
     """Exact polynomials in time of intervals with squared path speed x (n + 1,), linear on each.
 
@@ -300,7 +300,7 @@ def _highest(c0, c1, c2, c3, end):
     return best
 
 
-@jit(OUT2(FLOATS3, FLOATS1, I64))
+@jit(OUT2(FLOATS3, FLOATS1, I64), entry=True)
 def peaks(coefficients, durations, derivative):
     """Largest absolute value of a derivative on each piece; see `rr1plan.retiming.extrema`."""
     m, terms, nq = coefficients.shape

@@ -39,7 +39,7 @@ def _is_straight(points, index, first, last, tolerance):
     return before < length
 
 
-@jit(types.int64[::1](FLOATS2, F64))
+@jit(types.int64[::1](FLOATS2, F64), entry=True)
 def corners(points, tolerance):
     """Which points of a polyline are its ends or corners.
 

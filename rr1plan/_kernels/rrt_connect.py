@@ -221,7 +221,8 @@ def _plant(trees, parents, lengths, blocked, counts, start, goals):
     I64(
         *(_TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, FLOATS1, FLOATS2),
         *(STATE, FLOATS1, FLOATS1, F64, F64, F64, I64, CONTEXT),
-    )
+    ),
+    entry=True,
 )
 def grow(
     trees, parents, lengths, blocked, counts, start, goals, state, lower, extent, step, domain, bound, samples, context
@@ -289,7 +290,7 @@ def grow(
     return GOING
 
 
-@jit(float64[:, ::1](_TREES, _PARENTS, _COUNTS))
+@jit(float64[:, ::1](_TREES, _PARENTS, _COUNTS), entry=True)
 def trace(trees, parents, counts):
     """The path through the two vertices that meet, from the start to a goal, shape (n, nq)."""
     nq = trees.shape[1]

@@ -157,7 +157,7 @@ def _reduce(s, count):
     return kept, x, y, z
 
 
-@jit(types.UniTuple(F64, 2)(*_BODY, *_BODY, F64, F64, OUT1, OUT2), allocates=False)
+@jit(types.UniTuple(F64, 2)(*_BODY, *_BODY, F64, F64, OUT1, OUT2), entry=True, allocates=False)
 def separation(
     kind_a,
     size_a,

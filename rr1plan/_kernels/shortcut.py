@@ -52,13 +52,20 @@ def _equal(points, i, j):
     return same
 
 
+@jit(types.void(FLOATS2, I64, OUT2, I64), inline=True, allocates=False)
+def _copy_row(source, i, target, j):
+    """Row i of one array becomes row j of another; numba compiles an assignment's check of shapes for seconds."""
+    for k in range(source.shape[1]):
+        target[j, k] = source[i, k]
+
+
 @jit(types.void(OUT2, _COUNTS))
 def _drop_repeats(points, counts):
     """Keep one of several equal rows that follow each other."""
     kept = 1
     for i in range(1, counts[SIZE]):
         if not _equal(points, kept - 1, i):
-            points[kept] = points[i]
+            _copy_row(points, i, points, kept)
             kept += 1
     counts[SIZE] = kept
 
@@ -75,7 +82,7 @@ def _skip_vertices(points, counts, context):
         jump //= 2
     if jump > 1:
         for k in range(i + jump, size):
-            points[k - jump + 1] = points[k]
+            _copy_row(points, k, points, k - jump + 1)
         counts[SIZE] = size - jump + 1
     counts[PLACE] = i + 1
 
@@ -109,7 +116,7 @@ def _make_piece(points, along, i, j, begin, end, joint, piece):
     last = 1 if joint < 0 else j - i + 1
     _point_at(points, along, j, end, piece[last])
     for k in range(1, last):
-        piece[k] = points[i + k]
+        _copy_row(points, i + k, piece, k)
         share = (along[i + k] - begin) / (end - begin)
         piece[k, joint] = piece[0, joint] + share * (piece[last, joint] - piece[0, joint])
     return last + 1
@@ -132,12 +139,12 @@ def _replace(points, counts, i, j, piece, rows):
     shift = rows - (j - i)
     if shift > 0:
         for k in range(size - 1, j, -1):
-            points[k + shift] = points[k]
+            _copy_row(points, k, points, k + shift)
     elif shift < 0:
         for k in range(j + 1, size):
-            points[k + shift] = points[k]
+            _copy_row(points, k, points, k + shift)
     for k in range(rows):
-        points[i + 1 + k] = piece[k]
+        _copy_row(piece, k, points, i + 1 + k)
     counts[SIZE] = size + shift
     _drop_repeats(points, counts)
 
@@ -192,7 +199,7 @@ def _try_shortcut(points, counts, state, along, piece, context):
     return True
 
 
-@jit(boolean(OUT2, _COUNTS, STATE, I64, I64, I64, CONTEXT))
+@jit(boolean(OUT2, _COUNTS, STATE, I64, I64, I64, CONTEXT), entry=True)
 def shorten(points, counts, state, steps, shortcuts, patience, context):
     """Skip vertices, try random shortcuts, skip vertices again: so many steps of that, or what is left.
 

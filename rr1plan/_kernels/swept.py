@@ -45,7 +45,7 @@ def _decide(terms, record):
     return status, where, pair
 
 
-@jit(_ANSWER(FLOATS1, FLOATS1, RECORD), allocates=False)
+@jit(_ANSWER(FLOATS1, FLOATS1, RECORD), entry=True, allocates=False)
 def sweep_edge(begin, end, record):
     """Certify a straight edge free of contact, or find a place where it is not.
 
@@ -62,7 +62,7 @@ def sweep_edge(begin, end, record):
     return _decide(2, record)
 
 
-@jit(_ANSWER(FLOATS2, F64, RECORD), allocates=False)
+@jit(_ANSWER(FLOATS2, F64, RECORD), entry=True, allocates=False)
 def sweep_parabola(curve, duration, record):
     """Certify a curve q(t) = sum_k curve[k] t^k of degree 2 at most, or find a place where it is not free.
 

@@ -1,9 +1,9 @@
 """How the referee compiles its loops: strict floating point, one cached function for each entry.
 
-The referee shares no code with the planners' kernels; how machine code is read from disk is all they have in
-common. Only entries are cached on disk; the parts they call are compiled into them, so a new process loads one file
-for each entry, on its first call. The cache looks at
-the file of an entry alone: whoever edits a part touches the files of the entries that use it.
+The referee shares no code with the planners' kernels; how functions become machine code and how that is read from disk
+is all they have in common. Only entries are cached on disk; the parts they call are compiled into them, so a new
+process loads one file for each entry, on its first call. The cache looks at the file of an entry alone: whoever edits a
+part touches the files of the entries that use it.
 """
 
 from __future__ import annotations
@@ -11,10 +11,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from functools import update_wrapper
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
+from numba.extending import typeof_impl
 
+from rr1plan.code_units import generic_type, lower_part, unit_compiler, without_collection
 from rr1plan.kept_code import is_kept, keep
 
 logger = logging.getLogger(__name__)
@@ -29,6 +31,8 @@ OUT1, OUT2, OUT3 = numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :
 COUNT1, COUNT2 = numba.int64[::1], numba.int64[:, ::1]
 F64, I64 = numba.float64, numba.int64
 
+
+_OPTIONS = {"nogil": True, "error_model": "numpy"}
 
 _entries: list[Entry] = []
 _told: list[str] = []
@@ -56,7 +60,7 @@ class Entry:
     def build(self) -> Any:
         """What numba makes of it: loaded where it is kept, else compiled; made once."""
         if self._built is None:
-            made = numba.njit(nogil=True, error_model="numpy")(self._function)
+            made = numba.njit(pipeline_class=unit_compiler(), no_cfunc_wrapper=True, **_OPTIONS)(self._function)
             try:
                 keep(made)
                 kept = is_kept(made, self._signature)
@@ -67,7 +71,8 @@ class Entry:
                 kept = False
             if not kept:
                 _tell()
-            made.compile(self._signature)
+            with without_collection():
+                made.compile(self._signature)
             made.disable_compile()
             self._built = made
         return self._built
@@ -88,16 +93,46 @@ def _tell() -> None:
     """Say once that the referee is compiled, before it is."""
     if not _told:
         _told.append("referee")
-        logger.warning("compiling the referee takes up to a minute, once")
+        logger.warning("compiling the referee takes some ten seconds, once")
+
+
+class Part:
+    """A function that entries call.
+
+    Args:
+        function: The function.
+        fastmath: What of strict floating point it does without.
+    """
+
+    def __init__(self, function: Callable[..., Any], fastmath: set[str] | bool = False) -> None:
+        update_wrapper(self, function)
+        self._function = function
+        self._options = {**_OPTIONS, "_nrt": False, "fastmath": fastmath}
+        self._type: Any = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it as Python does, not compiled."""
+        return self._function(*arguments)
+
+    def callee_type(self) -> Any:
+        """What it is to functions that call it; made once."""
+        if self._type is None:
+            self._type = generic_type(self, lambda arguments: lower_part(self._function, self._options, arguments))
+        return self._type
+
+
+def _type_of(made: Part, _: Any) -> Any:
+    return made.callee_type()
+
+
+typeof_impl.register(Part)(_type_of)
 
 
 def part(function: F) -> F:
     """A function that entries call; it makes no arrays."""
-    made: F = numba.njit(nogil=True, error_model="numpy", _nrt=False)(function)
-    return made
+    return cast(F, Part(function))
 
 
 def largest(function: F) -> F:
     """A part that looks for a largest value: no NaN comes in, so its comparisons may be done side by side."""
-    made: F = numba.njit(nogil=True, error_model="numpy", _nrt=False, fastmath={"nnan", "nsz"})(function)
-    return made
+    return cast(F, Part(function, {"nnan", "nsz"}))

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import shutil
 import signal
 import subprocess
@@ -11,9 +12,10 @@ import numba
 import numpy as np
 import pytest
 
-from rr1plan import kept_code
+from rr1plan import code_units
 from rr1plan._kernels import code_folder as folders
 from rr1plan._kernels import jit as jit_module
+from rr1plan._kernels.blended import time_polyline
 from rr1plan._kernels.jit import all_kept, build_all
 
 KERNELS = Path(jit_module.__file__).parent
@@ -44,12 +46,28 @@ def twice(x):
     "Two times x."
     return 2.0 * x
 
-@jit(F64(OUT1, I64))
+@jit(F64(OUT1, I64), entry=True)
 def add(values, count):
     total = 0.0
     for i in range(count):
         total += twice(values[i])
     return total
+"""
+# Its callers are in another file, which calls `add` by its address, and `half_of` as a part does.
+CALLERS = """
+import numpy as np
+from tiny import add
+from rr1plan._kernels.jit import F64, OUT1, jit
+
+@jit(F64(OUT1), entry=True)
+def both(values):
+    return add(values, len(values)) + half_of(values)
+
+@jit(F64(OUT1))
+def half_of(values):
+    if len(values) == 0:
+        raise ValueError("nothing to add")
+    return 0.5 * add(values.copy(), len(values))
 """
 
 
@@ -82,13 +100,14 @@ def test_importing_the_planner_builds_no_kernel():
     assert built == 0
 
 
-def test_a_kernel_is_built_on_its_first_call_and_builds_those_it_calls(load):
+def test_a_kernel_is_built_on_its_first_call_with_the_parts_it_calls(load):
     twice, add = load()
     assert twice.__name__ == "twice"
     assert twice.__doc__ == "Two times x."
     assert add(np.array([1.0, 2.0, 4.0]), 2) == 6.0
-    assert twice._built is not None
+    assert twice._built is None
     assert add.build() is add.build()
+    assert twice(3.0) == 6.0
 
 
 def test_a_kernel_takes_no_other_types_than_its_signature_says(load):
@@ -121,15 +140,134 @@ def test_a_kernel_that_was_loaded_is_compiled_into_another_one(load):
     assert twice(3.0) == 6.0
 
 
-def test_code_is_loaded_as_numba_does_it_where_the_short_way_fails(load, monkeypatch):
-    def other(*_):
-        raise AttributeError("no such name in this numba")
+def test_a_function_of_numba_itself_may_call_parts_and_entries(load):
+    twice, add = load()
 
-    assert load()[1](np.ones(3), 3) == 6.0
-    monkeypatch.setattr(kept_code, "_callable", other)
-    _, add = load()
-    assert add(np.ones(3), 3) == 6.0
+    @numba.njit
+    def outside(values):
+        return add(values, len(values)) + twice(values[0])
+
+    assert outside(np.array([1.0, 2.0])) == 8.0
+
+
+# ---- entries that call entries -------------------------------------------------------------
+
+
+@pytest.fixture
+def load_callers(load, tmp_path, monkeypatch):
+    """Gives `add`, and `both` of another file, which calls it, as a new process would get them."""
+    file = tmp_path / "source" / "callers.py"
+    file.write_text(CALLERS)
+    # As files of kernels name those they import.
+    monkeypatch.setattr(folders, "_IMPORTS", re.compile(rb"^from (tiny) ", re.MULTILINE))
+    monkeypatch.setattr(folders, "__file__", str(file.with_name("code_folder.py")))
+
+    def load_callers():
+        folders.stamp_of.cache_clear()
+        _, add = load()
+        spec = importlib.util.spec_from_file_location("callers", file)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return add, module.both
+
+    yield load_callers
+    folders.stamp_of.cache_clear()
+
+
+def test_an_entry_calls_another_by_its_address_and_both_are_kept(load_callers):
+    add, both = load_callers()
+    assert both(np.array([1.0, 2.0])) == 9.0
+    assert add._built is not None
+    assert both.build().overloads[both._signature.args].library.needs == (add._identity,)
+    add, both = load_callers()
+    assert both(np.array([1.0, 2.0])) == 9.0
+    assert both.build().stats.cache_hits
     assert add.build().stats.cache_hits
+
+
+def test_what_an_entry_raises_is_raised_by_its_caller(load_callers):
+    for _ in range(2):
+        _, both = load_callers()
+        with pytest.raises(ValueError, match="nothing to add"):
+            both(np.empty(0))
+
+
+def test_an_entry_that_was_lost_is_compiled_anew_for_a_caller_that_is_kept(load_callers):
+    add, both = load_callers()
+    assert both(np.array([1.0, 2.0])) == 9.0
+    shutil.rmtree(add._folder())
+    folders.code_folder.cache_clear()
+    add, both = load_callers()
+    assert both(np.array([1.0, 2.0])) == 9.0
+    assert both.build().stats.cache_hits
+    assert add.build().stats.cache_misses
+
+
+def test_a_caller_is_compiled_anew_when_the_text_of_what_it_calls_changes(load_callers, tmp_path):
+    _, both = load_callers()
+    assert both(np.array([1.0, 2.0])) == 9.0
+    file = tmp_path / "source" / "tiny.py"
+    file.write_text(file.read_text().replace("2.0 * x", "3.0 * x"))
+    add, both = load_callers()
+    assert both(np.array([1.0, 2.0])) == 13.5
+    assert both.build().stats.cache_misses
+    assert add.build().stats.cache_misses
+
+
+def test_a_caller_that_needs_code_that_nobody_knows_is_compiled_anew(load_callers, monkeypatch):
+    _, both = load_callers()
+    assert both(np.array([1.0, 2.0])) == 9.0
+    _, both = load_callers()
+    monkeypatch.setattr(code_units, "_builders", {})
+    assert both(np.array([1.0, 2.0])) == 9.0
+    assert both.build().stats.cache_misses
+
+
+def test_kept_callers_run_in_a_new_process_from_a_folder_that_cannot_be_written():
+    code = (
+        "import rr1plan._kernels.code_folder as folders;"
+        "real = folders._can_write;"
+        "folders._can_write = lambda f: not f.is_relative_to(folders.Path(folders.__file__).parent) and real(f);"
+        "import numpy as np;"
+        "from rr1plan._kernels.jit import _told;"
+        "from rr1plan._kernels.blended import time_polyline as f;"
+        "d, _, bent, stop = f(np.eye(3, 2), np.zeros(3), np.ones(2), np.ones(2), 20.0, 1e-9);"
+        "print(len(d) > 0, f.build().stats.cache_hits != {}, _told)"
+    )
+    time_polyline(np.eye(3, 2), np.zeros(3), np.ones(2), np.ones(2), 20.0, 1e-9)
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.split() == ["True", "True", "[]"]
+
+
+def test_a_kernel_answers_by_its_address_as_it_does_as_a_part(load, tmp_path):
+    values = np.random.default_rng(0).normal(size=40)
+    _, apart = load()
+    file = tmp_path / "source" / "tiny.py"
+    file.write_text(file.read_text().replace(", entry=True", ""))
+    _, linked = load()
+
+    @numba.njit
+    def outside(values):
+        return apart(values, len(values)), linked(values, len(values))
+
+    by_address, as_part = outside(values)
+    assert by_address == as_part
+
+
+def test_all_that_the_package_calls_from_python_is_an_entry():
+    package = Path(jit_module.__file__).parents[1]
+    outside = "".join(f.read_text() for f in package.rglob("*.py") if "_kernels" not in f.parts)
+    code = (
+        "import rr1plan._kernels.jit as j; j._all_entries();"
+        "print(*(f'{k.__module__} {k.__name__}' for k in j._made if not k.entry))"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    parts = list(zip(said[::2], said[1::2], strict=True))
+    assert len(parts) > 50
+    for module, name in parts:
+        stem = module.rpartition(".")[2]
+        assert not re.search(rf"from {module} import .*\b{name}\b", outside)
+        assert not re.search(rf"= (kernel|{stem})\.{name}\b", outside)
 
 
 def test_whether_all_are_kept_is_known_without_building_them(load, monkeypatch):
@@ -147,11 +285,12 @@ def test_whether_all_are_kept_is_known_without_building_them(load, monkeypatch):
 
 def test_all_can_be_built_ahead(load, monkeypatch):
     seen = []
-    kernels = load()
+    twice, add = load()
     monkeypatch.setattr(jit_module, "iter_modules", lambda path: [])
     build_all(seen.append)
-    assert seen == [0.5, 1.0]
-    assert all(kernel._built is not None for kernel in kernels)
+    assert seen == [1.0]
+    assert add._built is not None
+    assert twice._built is None
 
 
 # ---- where code is kept --------------------------------------------------------------------
@@ -196,7 +335,6 @@ def test_a_read_only_installation_keeps_code_in_the_users_folder(monkeypatch, tm
     forbid(monkeypatch, tmp_path / "site")
     folder = folders.code_folder(tmp_path / "site" / "a.py", "a-0")
     assert folder == tmp_path / "user" / "code" / "a-0"
-    assert folder.is_dir()
 
 
 def test_code_made_ahead_is_taken_over_by_a_user_who_may_not_write_there(monkeypatch, tmp_path):
