@@ -50,7 +50,7 @@ SCRATCH = types.NamedTuple([OUT2, OUT1, OUT2], Scratch)
 _NEARLY_HALF_A_TURN = -0.9
 
 
-@jit(types.void(FLOATS1, CHAIN, OUT2), allocates=False)
+@jit(types.void(FLOATS1, CHAIN, OUT2), entry=True, allocates=False)
 def place_chain(q, chain, frames):
     """World poses of all joints and of the frame.
 

@@ -41,7 +41,7 @@ def _holds(lower, upper, q):
     return inside
 
 
-@jit(I64(FLOATS1, FLOATS1, FLOATS1, FLOATS1, CONTEXT), allocates=False)
+@jit(I64(FLOATS1, FLOATS1, FLOATS1, FLOATS1, CONTEXT), entry=True, allocates=False)
 def look_at_ends(start, goal, lower, upper, context):
     """DOUBTFUL, APART or IN_SIGHT.
 

@@ -188,7 +188,7 @@ def _descend(q, chain, target, lower, upper, steps, hope, memory):
     return cost
 
 
-@jit(F64(OUT1, CHAIN, FLOATS1, FLOATS1, FLOATS1, I64))
+@jit(F64(OUT1, CHAIN, FLOATS1, FLOATS1, FLOATS1, I64), entry=True)
 def descend(q, chain, target, lower, upper, steps):
     """Go from q, within limits, to where the error is smallest nearby; its square there.
 
@@ -212,7 +212,7 @@ def _measure(q, chain, target, scratch):
     return distance, np.sqrt(e[3] * e[3] + e[4] * e[4] + e[5] * e[5]) / weight if weight > 0.0 else 0.0
 
 
-@jit(types.UniTuple(F64, 2)(FLOATS1, CHAIN, FLOATS1))
+@jit(types.UniTuple(F64, 2)(FLOATS1, CHAIN, FLOATS1), entry=True)
 def measure(q, chain, target):
     """Distance [m] and angle [rad] of the frame from its target at q (nq,)."""
     return _measure(q, chain, target, make_memory(chain.joints.shape[0], len(q)).chain)
@@ -275,7 +275,7 @@ def _take_start(q, aim, target, joints, seeds, number, state):
     return narrower
 
 
-@jit(boolean(CHAIN, FLOATS1, FLOATS2, FLOATS1, FLOATS2, OUT2, OUT1, INT1, STATE, I64))
+@jit(boolean(CHAIN, FLOATS1, FLOATS2, FLOATS1, FLOATS2, OUT2, OUT1, INT1, STATE, I64), entry=True)
 def search(chain, target, joints, tolerances, seeds, found, nearest, counts, state, starts):
     """Descend from one start after the other until that leads to another solution.
 
