@@ -208,8 +208,12 @@ def _read_object(entry: Table, name: str) -> tuple[Geometry, ...]:
 
 
 def _read_primitive(entry: Table) -> list[Shape]:
-    kind, d = entry.string("type"), _numbers(entry, "dimensions")
     counts = {"box": 3, "sphere": 1, "cylinder": 2, "cone": 2}
+    number = entry.raw("type")
+    # MoveIt's own files count them from one.
+    by_number = type(number) is int and 1 <= number <= len(counts)
+    kind = list(counts)[number - 1] if by_number else entry.string("type")
+    d = _numbers(entry, "dimensions")
     if kind not in counts:
         raise entry.error(f"unknown type {kind!r}, expected one of {', '.join(counts)}", "type")
     if len(d) != counts[kind]:

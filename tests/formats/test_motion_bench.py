@@ -94,6 +94,23 @@ def test_the_yaml_order_of_cylinders_and_quaternions_is_understood(tmp_path: Pat
     assert np.allclose(table.pose[:3, 3], (1, 0, 0))
 
 
+@pytest.mark.parametrize(("number", "word"), [(1, "box"), (2, "sphere"), (3, "cylinder"), (4, "cone")])
+def test_kinds_of_shapes_may_be_numbers(tmp_path: Path, number: int, word: str) -> None:
+    sizes = {"box": "[1, 2, 3]", "sphere": "[1]"}.get(word, "[1, 2]")
+    text = (
+        f"collision_objects:\n- id: a\n  primitives:\n  - {{type: TYPE, dimensions: {sizes}}}\n"
+        "  primitive_poses:\n  - {position: [0, 0, 0], orientation: [0, 0.383, 0, 0.924]}\n"
+    )
+    found = [
+        read_bench_scene(written(tmp_path, text.replace("TYPE", kind))).obstacles["a"] for kind in (str(number), word)
+    ]
+    assert type(found[0].geometries[0].shape) is type(found[1].geometries[0].shape)
+    if word != "cone":
+        assert found[0].geometries[0].shape == found[1].geometries[0].shape
+    with pytest.raises(FormatError, match="expected text, got 5"):
+        read_bench_scene(written(tmp_path, text.replace("TYPE", "5")))
+
+
 def test_meshes_with_their_points_are_read_as_convex_solids(tmp_path: Path) -> None:
     mesh = (
         "collision_objects:\n- id: m\n  meshes:\n"
