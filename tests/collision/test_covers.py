@@ -64,11 +64,13 @@ def surface_of(geometries: tuple[Geometry, ...], count: int, rng: np.random.Gene
 
 
 def worst_outside(points: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> float:
-    """How far the point that is farthest from all spheres is outside of them [m]."""
+    """How far the point that is farthest from all spheres is outside of them [m]; -1 when all are inside."""
     nearest = np.full(len(points), np.inf)
-    for centre, radius in zip(centres, radii, strict=True):
-        np.minimum(nearest, np.linalg.norm(points - centre, axis=1) - radius, out=nearest)
-    return float(nearest.max())
+    for k in np.argsort(-radii, kind="stable"):
+        # What is in one of them is looked at no more.
+        nearest = np.minimum(nearest, np.linalg.norm(points - centres[k], axis=1) - radii[k])
+        points, nearest = points[nearest > 0.0], nearest[nearest > 0.0]
+    return float(nearest.max(initial=-1.0))
 
 
 def check_robot(robot: rp.Robot) -> None:
