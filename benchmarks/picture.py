@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 from comparison import KINDS, WORDS, Run, quantile
-from shared import number
+from shared import mark_powers, number
 
 _COLORS = ("#c8102e", "#1f4e79", "#6fa0cc", "#d98e04", "#4f8f5b", "#7d5a99", "#6b6b6b", "#2aa6a1")
+# So that curves are told apart without colours, too.
+_DASHES, _MARKS = ("-", "-", (0, (5, 1.5)), (0, (1, 1)), "-."), "osD^vP*X"
 _INK, _FAINT = "#222222", "#8a8a8a"
 _TINTS = {"raw": 0.35, "path": 0.65, "timed": 1.0}
 
@@ -59,11 +61,12 @@ def _draw_times(axes: Any, runs: Sequence[Run], colors: dict[str, str], column: 
         label = f"{run.name}: {' / '.join('-' if m is None else number(m) for m in medians)} ms"
         own = i == 0
         x, y = np.concatenate([data[:1], data]), 100 * np.concatenate([[0.0], share])
-        axes.step(x, y, where="post", color=colors[run.name], linewidth=3.2 if own else 1.8, label=label, zorder=20 - i)
+        line = {"color": colors[run.name], "linewidth": 3.2 if own else 1.8, "linestyle": _DASHES[i % len(_DASHES)]}
+        axes.step(x, y, where="post", label=label, zorder=20 - i, **line)
     axes.axhline(50.0, color=_FAINT, linewidth=0.8, linestyle=(0, (2, 3)), zorder=0)
     axes.set(xscale="log", ylim=(0, 101.5), xlabel="CPU time [ms]", ylabel="problems solved [%]")
     axes.set_title(title, loc="left", fontweight="bold")
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    mark_powers(axes)
     axes.grid(axis="x", which="major", color="#e6e6e6")
     axes.set_axisbelow(True)
 
@@ -81,7 +84,7 @@ def _draw_touches(axes: Any, runs: Sequence[Run], colors: dict[str, str]) -> Non
             text = f"{share:.0f} %" if share == 0 or share >= 10 else f"{share:.1f} %"
             text = f"{text}  {WORDS[kind]}" if judged else f"no {WORDS[kind]}"
             strong = {"color": _INK, "fontweight": "bold"} if i == 0 else {"color": _INK if judged else _FAINT}
-            axes.annotate(text, (share, place), (4, 0), textcoords="offset points", va="center", fontsize=8.5, **strong)
+            axes.annotate(text, (share, place), (4, 0), textcoords="offset points", va="center", fontsize=9.5, **strong)
     axes.set_yticks(range(len(runs)), [run.name.replace(" + ", "\n+ ").replace(" at ", "\nat ") for run in runs])
     axes.tick_params(axis="y", length=0)
     for label, run in zip(axes.get_yticklabels(), runs, strict=True):
@@ -109,7 +112,7 @@ def draw_race(file: Path, race: Mapping[str, Sequence[Mapping[str, float]]], bud
         colors = {baseline: _INK, **dict(zip(others, _COLORS, strict=False))}
         for i, (name, columns) in enumerate(race.items()):
             line = {"color": colors.get(name, _INK), "linewidth": 3.2 if i == 1 else 1.8, "zorder": 20 - i}
-            line |= {"marker": "o", "linestyle": "--" if i == 0 else "-", "label": name}
+            line |= {"marker": _MARKS[i % len(_MARKS)], "linestyle": "--" if i == 0 else "-", "label": name}
             left.plot(
                 budgets, [100 * (c["median"] - 1.0) if np.isfinite(c["median"]) else np.nan for c in columns], **line
             )

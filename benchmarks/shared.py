@@ -176,11 +176,21 @@ def save_distribution(file: Path, curves: Mapping[str, Sequence[float]], label: 
     if goal is not None:
         axes.axvline(goal, color="0.6", linestyle=":")
     axes.set(xscale="log", xlabel=label, ylabel="share of the problems", ylim=(0, 1.01))
+    mark_powers(axes)
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right")
     file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file, dpi=130)
     plt.close(figure)
+
+
+def mark_powers(axes: Any) -> None:
+    """Marks of a logarithmic axis at 1, 2 and 5 of each power of ten, in plain numbers."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def track(items: Sequence[Any], what: str) -> Iterator[Any]:
