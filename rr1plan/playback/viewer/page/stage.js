@@ -45,7 +45,8 @@ class Stage {
     lamp(0xfff1e0, 4, 8, 11, 4, 5);
     lamp(0xe4eeff, 4, 8, -11, 5, -4);
     const generator = new THREE.PMREMGenerator(this.renderer);
-    const texture = generator.fromScene(room, 0.03).texture;
+    // Blurring it as a mirror sees it would take seconds where no graphics card is, and no surface here is a mirror.
+    const texture = generator.fromScene(room).texture;
     generator.dispose();
     return texture;
   }
