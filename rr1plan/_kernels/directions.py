@@ -42,14 +42,15 @@ def _over_half_space(a, o, padding, push, asked, h, cover, work):
     offset = values[o, 2] * values[o, 9] + values[o, 5] * values[o, 10] + values[o, 8] * values[o, 11]
     beyond, needed = offset + cover.core_values[a, 3], padding + cover.margins[0]
     x, y, z = fill(values[o, 2]), fill(values[o, 5]), fill(values[o, 8])
-    gap = lowest_within(a, x, y, z, 0, h, cover, work) - beyond - h * h * (0.5 * push)
-    left = below(gap, needed) & asked
-    if left == 0:
-        return 0, 0, 0
     lx, ly, lz = to_local(work.frames, at, x, y, z)
-    low, _, _, _ = lowest(a, lx, ly, lz, cover)
+    low, u, v, w = lowest(a, lx, ly, lz, asked, cover)
     low = low + along_origin(work.frames, at, x, y, z) - beyond
-    return left, below(low, needed) & left, below(low, padding - cover.margins[0]) & left
+    stuck, touching = below(low, needed) & asked, below(low, padding - cover.margins[0]) & asked
+    if touching:
+        return asked, stuck, touching
+    lost = beyond + h * h * (0.5 * push)
+    gap = lowest_within(a, x, y, z, (u, v, w), 0, asked, h, cover, work) - lost
+    return below(gap, needed) & asked, stuck, 0
 
 
 @jit(types.void(I64, I64, _NEAR, COVER, WORK), inline=True, allocates=False)
@@ -125,11 +126,12 @@ def separate(a, b, o, base, near, padding, push, asked, h, record):
     ax, ay, az = fill(0.0), fill(0.0), fill(0.0)
     bx, by, bz = fill(0.0), fill(0.0), fill(0.0)
     cx, cy, cz = fill(0.0), fill(0.0), fill(0.0)
+    lx, ly, lz, top = x, y, z, (x, y, z)
     for step in range(_STEPS):
         lx, ly, lz = to_local(frames, at, x, y, z)
-        low, u, v, w = lowest(a, lx, ly, lz, cover)
-        wx, wy, wz = to_world(frames, at, u, v, w)
-        high, u, v, w = highest_of_other(b, o, x, y, z, cover, work)
+        low, lx, ly, lz = lowest(a, lx, ly, lz, asked, cover)
+        wx, wy, wz = to_world(frames, at, lx, ly, lz)
+        high, (u, v, w), top = highest_of_other(b, o, x, y, z, asked, cover, work)
         gap = low + along_origin(frames, at, x, y, z) - high - radius
         nx, ny, nz = choose(best, gap, x, nx), choose(best, gap, y, ny), choose(best, gap, z, nz)
         best = greater(best, gap)
@@ -165,8 +167,9 @@ def separate(a, b, o, base, near, padding, push, asked, h, record):
     stuck = below(best, needed) & asked
     left = asked
     if stuck != asked:
-        left = below(gap_within(a, b, o, base, nx, ny, nz, h, cover, work) - radius - lost, needed)
-        left = left & asked | stuck
+        bottom, direction = (lx, ly, lz), (nx, ny, nz)
+        gap = gap_within(a, b, o, base, direction, bottom, top, asked, h, cover, work) - radius - lost
+        left = below(gap, needed) & asked | stuck
     if left:
         _end(near[0], left, nx, ny, nz, work)
     return left, stuck, 0

@@ -62,9 +62,12 @@ def _lowest_of_blocks(k, x, y, z, cover):
     return best
 
 
-@jit(types.UniTuple(LANES, 4)(I64, LANES, LANES, LANES, COVER), inline=True, allocates=False)
-def lowest(k, x, y, z, cover):
-    """The least n.p over the core of a body, n a direction of its frame, and the point p where that is."""
+@jit(types.UniTuple(LANES, 4)(I64, LANES, LANES, LANES, I64, COVER), inline=True, allocates=False)
+def lowest(k, x, y, z, asked, cover):
+    """The least n.p over the core of a body, n a direction of its frame, and the point p where that is.
+
+    In lanes that are not asked for it is n.p of some point, if of any.
+    """
     points, blocks = cover.points, cover.blocks
     first, last = cover.cores[k, 1], cover.cores[k, 2]
     if cover.cores[k, 3] == ROUND:
@@ -87,7 +90,7 @@ def lowest(k, x, y, z, cover):
         n = (i - first) // BLOCK + cover.cores[k, 4]
         ball = blocks[n, 0], blocks[n, 1], blocks[n, 2], blocks[n, 3]
         # What is no lower than a corner at hand is left out, but for equals: all take part, in one order.
-        if below(x * ball[0] + y * ball[1] + z * ball[2] - ball[3], bound) == 0:
+        if below(x * ball[0] + y * ball[1] + z * ball[2] - ball[3], bound) & asked == 0:
             continue
         for p in range(i, min(i + BLOCK, last)):
             value = x * points[p, 0] + y * points[p, 1] + z * points[p, 2]
@@ -131,9 +134,12 @@ def fastest(k, x, y, z, base, cover, work):
     return (centre + root(mx * mx + my * my + mz * mz) * values[k, 4]) * SLACK
 
 
-@jit(LANES(I64, LANES, LANES, LANES, I64, LANES, COVER, WORK), inline=True, allocates=False)
-def lowest_within(k, x, y, z, base, h, cover, work):
-    """The least n.p - h |n.v| over the core of a body, n a direction of the world, v seen from frame `base`."""
+@jit(LANES(I64, LANES, LANES, LANES, _LANES3, I64, I64, LANES, COVER, WORK), inline=True, allocates=False)
+def lowest_within(k, x, y, z, low, base, asked, h, cover, work):
+    """The least n.p - h |n.v| over the core of a body, n a direction of the world, v seen from frame `base`.
+
+    In the lanes asked for; it is found sooner the lower the point `low` of the core is that it begins with.
+    """
     frames, points, blocks = work.frames, cover.points, cover.blocks
     at = cover.cores[k, 0] * FRAME
     speed, mx, my, mz = _speeds_along(k, x, y, z, base, cover, work)
@@ -141,15 +147,17 @@ def lowest_within(k, x, y, z, base, h, cover, work):
     first, last = cover.cores[k, 1], cover.cores[k, 2]
     offset = along_origin(frames, at, x, y, z)
     if cover.cores[k, 3] == ROUND:
-        best, _, _, _ = lowest(k, lx, ly, lz, cover)
+        best, _, _, _ = lowest(k, lx, ly, lz, asked, cover)
         return offset + best - h * fastest(k, x, y, z, base, cover, work)
-    best, turn = fill(1e300), root(mx * mx + my * my + mz * mz) * h
+    turn = root(mx * mx + my * my + mz * mz) * h
+    best = lx * low[0] + ly * low[1] + lz * low[2]
+    best = best - h * size_of(speed + mx * low[0] + my * low[1] + mz * low[2])
     for i in range(first, last, BLOCK):
         n = (i - first) // BLOCK + cover.cores[k, 4]
         ball = blocks[n, 0], blocks[n, 1], blocks[n, 2], blocks[n, 3]
         value = lx * ball[0] + ly * ball[1] + lz * ball[2] - ball[3]
         value = value - h * size_of(speed + mx * ball[0] + my * ball[1] + mz * ball[2]) - turn * ball[3]
-        if below(value, best) == 0:
+        if below(value, best) & asked == 0:
             continue
         for p in range(i, min(i + BLOCK, last)):
             px, py, pz = points[p, 0], points[p, 1], points[p, 2]
@@ -158,23 +166,31 @@ def lowest_within(k, x, y, z, base, h, cover, work):
     return offset + best
 
 
-@jit(types.UniTuple(LANES, 4)(I64, I64, LANES, LANES, LANES, COVER, WORK), inline=True, allocates=False)
-def highest_of_other(b, o, x, y, z, cover, work):
-    """The greatest n.p over the other's core, n a direction of the world, and that point p in the world."""
+@jit(
+    types.Tuple((LANES, _LANES3, _LANES3))(I64, I64, LANES, LANES, LANES, I64, COVER, WORK),
+    inline=True,
+    allocates=False,
+)
+def highest_of_other(b, o, x, y, z, asked, cover, work):
+    """The greatest n.p over the other's core, n a direction of the world, p in the world and in its frame."""
     if b < 0:
-        return farthest_in(cover.obstacle_values, cover.obstacles, o, x, y, z)
+        high, u, v, w = farthest_in(cover.obstacle_values, cover.obstacles, o, x, y, z)
+        return high, (u, v, w), (u, v, w)
     at = cover.cores[b, 0] * FRAME
     lx, ly, lz = to_local(work.frames, at, x, y, z)
-    low, u, v, w = lowest(b, -lx, -ly, -lz, cover)
-    u, v, w = to_world(work.frames, at, u, v, w)
-    return along_origin(work.frames, at, x, y, z) - low, u, v, w
+    low, u, v, w = lowest(b, -lx, -ly, -lz, asked, cover)
+    return along_origin(work.frames, at, x, y, z) - low, to_world(work.frames, at, u, v, w), (u, v, w)
 
 
-@jit(LANES(I64, I64, I64, I64, LANES, LANES, LANES, LANES, COVER, WORK), inline=True, allocates=False)
-def gap_within(a, b, o, base, x, y, z, h, cover, work):
-    """The least gap of two cores along directions while they move at their present velocities [m]."""
-    gap = lowest_within(a, x, y, z, base, h, cover, work)
+@jit(LANES(I64, I64, I64, I64, _LANES3, _LANES3, _LANES3, I64, LANES, COVER, WORK), inline=True, allocates=False)
+def gap_within(a, b, o, base, direction, low, high, asked, h, cover, work):
+    """The least gap of two cores along directions while they move at their present velocities [m].
+
+    It is found sooner where `low` is far down in the one and `high` far up in the other, in their frames.
+    """
+    x, y, z = direction
+    gap = lowest_within(a, x, y, z, low, base, asked, h, cover, work)
     if b < 0:
-        high, _, _, _ = farthest_in(cover.obstacle_values, cover.obstacles, o, x, y, z)
-        return gap - high
-    return gap + lowest_within(b, -x, -y, -z, base, h, cover, work)
+        farthest, _, _, _ = farthest_in(cover.obstacle_values, cover.obstacles, o, x, y, z)
+        return gap - farthest
+    return gap + lowest_within(b, -x, -y, -z, high, base, asked, h, cover, work)

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pytest
 
-from rr1plan._kernels.cover import BLOCK, RECORD, tables_of
+from rr1plan._kernels.cover import ALL, BLOCK, RECORD, tables_of
 from rr1plan._kernels.jit import I64, OUT1
 from rr1plan._kernels.lanes import WIDTH, load, store
 from rr1plan._kernels.supports import lowest
@@ -21,7 +21,7 @@ from rr1plan.scene import Scene
 def ask(core, directions, out, record):
     """The least value and its point for `WIDTH` directions."""
     cover, _, _, _ = tables_of(record)
-    found = lowest(core, load(directions, 0), load(directions, WIDTH), load(directions, 2 * WIDTH), cover)
+    found = lowest(core, load(directions, 0), load(directions, WIDTH), load(directions, 2 * WIDTH), ALL, cover)
     for c, value in enumerate(found):
         store(out, c * WIDTH, value)
 
