@@ -193,15 +193,15 @@ def meet_families(count, h, record):
                 continue
         many = last - first > groups[g, 3] - groups[g, 2] + groups[other, 3] - groups[other, 2]
         if many:
-            _ask_each(g, other, shared, near, h, cover, work)
-            _ask_each(other, g, shared, near, h, cover, work)
+            for these, those in ((g, other), (other, g)):
+                _ask_each(these, those, shared, near, h, cover, work)
         for m in range(first, last):
             a, b = cover.meetings[m, 0], cover.meetings[m, 1]
             lanes = near & work.beside[a] & work.beside[b] if many else near
             if lanes == 0 or (cover.meetings[m, 4] >= 0 and _mapped(m, 0.0, 1.0, cover, work)):
                 continue
-            ready_ball(a, 1, h, cover, work)
-            ready_ball(b, 1, h, cover, work)
+            for body in (a, b):
+                ready_ball(body, 1, h, cover, work)
             pair, one, two = cover.meetings[m, 3], cover.bodies[a, 1], cover.bodies[b, 1]
             lanes = approaching(g, one, other, two, shared, lanes, cover.padding[pair], h, cover, work)
             if lanes:
