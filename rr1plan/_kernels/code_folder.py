@@ -69,8 +69,9 @@ def _can_write(folder: Path) -> bool:
 
 def _drop_older(folder: Path, stem: str) -> None:
     """Remove the code of earlier texts of the same file."""
-    for other in folder.parent.glob(f"{stem}-{'?' * 16}"):
-        if other != folder:
+    for other in folder.parent.iterdir():
+        name, _, digest = other.name.rpartition("-")
+        if name == stem and len(digest) == 16 and other != folder:
             shutil.rmtree(other, ignore_errors=True)
 
 

@@ -8,6 +8,7 @@ part of the entries that call them (`code_units.py`). Code that is kept is loade
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -79,8 +80,11 @@ class Kernel:
 
     def is_kept(self) -> bool | None:
         """Whether its code is on disk, so that to build it is only to load it; None if it cannot be kept anywhere."""
-        folder = self._folder()
-        return None if folder is None else any(folder.glob(f"*/*.{self._function.__qualname__}-*.nbi"))
+        folder, mark = self._folder(), f".{self._function.__qualname__}-"
+        if folder is None:
+            return None
+        # A pattern for each kernel would take as long as to load it.
+        return any(mark in name and name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
 
     def build(self) -> Any:
         """What Python calls: loaded where it is kept, else compiled; made once."""
