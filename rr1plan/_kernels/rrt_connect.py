@@ -5,7 +5,8 @@ Two trees, one rooted in the start, one in all goals. The smaller one takes a st
 configuration; the other one then walks towards what was added, step by step, until it gets there or is
 blocked (Kuffner and LaValle, RRT-Connect: an efficient approach to single-query path planning, 2000). A
 vertex that has met an obstacle takes only samples near to it: others would lead into the same obstacle again
-(Yershova et al., Dynamic-domain RRTs, 2005).
+(Yershova et al., Dynamic-domain RRTs, 2005). Every second sample is drawn from a box around the start and a goal,
+the others from the whole space: joints that turn far do not lead every search astray.
 
 Each vertex knows the length of its way from its root. Under a bound a sample is a configuration that some path
 shorter than it may pass (Gammell, Srinivasa, Barfoot, Informed RRT*, 2014) and a length at which it is to be reached.
@@ -47,6 +48,8 @@ _BLOCK = 64
 _MOST_PASSED = 4
 # A sample that no shorter path can pass is drawn again, so often.
 _TRIES = 16
+# How far beyond a start and a goal every second sample may be, as a part of their distance.
+_AROUND = 0.25
 _TREE = float64[:, ::1]
 _TREES = float64[:, :, ::1]
 _PARENTS = int64[:, ::1]
@@ -136,6 +139,21 @@ def _draw_between_foci(trees, goal, bound, state, lower, extent, q):
     return inside
 
 
+@jit(types.void(_TREES, I64, STATE, FLOATS1, FLOATS1, OUT1), allocates=False)
+def _draw_near(trees, goal, state, lower, extent, q):
+    """A point of the box around the start and a goal, a little larger: most ways stay there."""
+    square = 0.0
+    for j in range(len(q)):
+        difference = trees[1, j, goal] - trees[0, j, 0]
+        square += difference * difference
+    around = _AROUND * np.sqrt(square)
+    for j in range(len(q)):
+        begin, end = trees[0, j, 0], trees[1, j, goal]
+        low = max(lower[j], min(begin, end) - around)
+        high = min(lower[j] + extent[j], max(begin, end) + around)
+        q[j] = low + draw(state) * (high - low)
+
+
 @jit(types.Tuple((F64, F64))(_TREES, _LENGTHS, _COUNTS, F64, STATE, FLOATS1, FLOATS1, OUT1, OUT1), allocates=False)
 def _draw_sample(trees, lengths, counts, bound, state, lower, extent, q, squares):
     """A configuration that a path shorter than the bound may pass, and its distances from the roots of both trees.
@@ -143,7 +161,10 @@ def _draw_sample(trees, lengths, counts, bound, state, lower, extent, q, squares
     The first is infinite when none was found; without a bound both are 0.
     """
     if bound == np.inf:
-        draw_between(state, lower, extent, q)
+        if counts[SAMPLES] % 2 == 0:
+            _draw_near(trees, draw_below(state, counts[ROOTS_GOAL]), state, lower, extent, q)
+        else:
+            draw_between(state, lower, extent, q)
         return 0.0, 0.0
     for attempt in range(_TRIES):
         if attempt % 2 == 0:

@@ -8,14 +8,13 @@ has to, and its waypoints are joined by the very lines that were certified.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, read_only
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.problem import Problem
@@ -121,18 +120,19 @@ def with_copies(problem: Problem, goals: Array) -> Array:
     space = joint_space(problem)
     if len(goals) == 1 and not space.wraps:
         return goals
-    joints = np.flatnonzero(space.continuous).astype(np.int64)
-    copies = np.array(list(itertools.islice(_copies(goals, problem.start, joints), 16 * _MOST_GOALS)))
+    turns = np.where(goals > problem.start, -2.0 * np.pi, 2.0 * np.pi)
+    chosen = _choices(tuple(np.flatnonzero(space.continuous).tolist()), len(problem.start))
+    copies = (goals + chosen[:, None] * turns).reshape(-1, len(problem.start))[: 16 * _MOST_GOALS]
     far = np.linalg.norm(copies - problem.start, axis=1)
     return copies[np.argsort(far, kind="stable")[:_MOST_GOALS]]
 
 
-def _copies(goals: Array, start: Array, joints: NDArray[np.int64]) -> Iterator[Array]:
-    """Each goal, then with ever more of its continuous joints taken the other way round."""
-    turns = np.where(goals[:, joints] > start[joints], -2.0 * np.pi, 2.0 * np.pi)
-    for count in range(len(joints) + 1):
-        for chosen in itertools.combinations(range(len(joints)), count):
-            for goal, turn in zip(goals, turns, strict=True):
-                copy = goal.copy()
-                copy[joints[list(chosen)]] += turn[list(chosen)]
-                yield copy
+@lru_cache(maxsize=64)
+def _choices(joints: tuple[int, ...], nq: int) -> Array:
+    """Ones for the joints that go the other way round: none, each, each two..., shape (k, nq)."""
+    sets = (chosen for count in range(len(joints) + 1) for chosen in itertools.combinations(joints, count))
+    some = list(itertools.islice(sets, 16 * _MOST_GOALS))
+    choices = np.zeros((len(some), nq))
+    for row, chosen in zip(choices, some, strict=True):
+        row[list(chosen)] = 1.0
+    return read_only(choices)
