@@ -20,6 +20,9 @@ _descend: Callable[..., float] = kernel.descend
 _measure: Callable[..., tuple[float, float]] = kernel.measure
 _place: Callable[..., None] = place_chain
 
+# What a descent and a look at its end call.
+KERNELS = (kernel.descend, kernel.measure)
+
 
 @dataclass(frozen=True, eq=False)
 class Target:

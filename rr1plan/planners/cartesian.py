@@ -17,7 +17,7 @@ from rr1plan.checks import Array, Seed, positive_number
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
 from rr1plan.kinematics.chain import chain_of
-from rr1plan.kinematics.descent import descend, errors_at
+from rr1plan.kinematics.descent import KERNELS, descend, errors_at
 from rr1plan.kinematics.inverse import describe_excess
 from rr1plan.kinematics.lines import EdgeBound, Line
 from rr1plan.planners.goals import check_start, describe_contacts, goal_configurations
@@ -81,7 +81,7 @@ class CartesianPlanner:
         Raises:
             InputError: several arms move, or a goal that is no `PoseGoal`.
         """
-        with asked(self.name, problem, budget, rng, progress) as query:
+        with asked(self.name, problem, budget, rng, progress, KERNELS) as query:
             goals = _pose_goals(problem)
             return _Walk(self, query).to_any(goals)
 
