@@ -78,15 +78,32 @@ def run_line(
 ) -> Outcome:
     """Answer a problem as `plan_motion` does, each stage under a clock."""
     out = Outcome(name)
+    roomy = find_path(out, problem, seed, planner=planner, margin=margin, seconds=seconds)
+    time_motion(out, problem, roomy)
+    if replay and out.trajectory is not None:
+        with out.clock.stage("replay"):
+            out.replay = rp.simulate(out.trajectory, problem.scene)
+    return out
+
+
+def find_path(
+    out: Outcome, problem: rp.Problem, seed: int, *, planner: str, margin: float, seconds: float
+) -> rp.Problem:
+    """The stages up to a short path; returns the problem it answers, with the margin."""
     rng = np.random.default_rng(seed)
     result, roomy, out.margin = _plan(problem, planner, margin, rp.Budget(seconds=seconds), rng, out.clock)
-    out.status, out.reason = result.status.value, result.reason
-    if result.path is None:
-        return out
-    out.raw = result.path
-    with borrowed_checker(roomy.scene, problem.arms) as motions:
-        with out.clock.stage("shorten"):
+    out.status, out.reason, out.raw = result.status.value, result.reason, result.path
+    if out.raw is not None:
+        with borrowed_checker(roomy.scene, problem.arms) as motions, out.clock.stage("shorten"):
             out.path = rp.shorten(out.raw, motions, rng=rng)
+    return roomy
+
+
+def time_motion(out: Outcome, problem: rp.Problem, roomy: rp.Problem) -> None:
+    """The stages from the short path to a proven motion."""
+    if out.path is None:
+        return
+    with borrowed_checker(roomy.scene, problem.arms) as motions:
         for out.retiming in ("blend", "stop"):
             with out.clock.stage("retime"):
                 out.trajectory = rp.retime(out.path, roomy.scene, out.retiming, checker=motions)
@@ -94,10 +111,6 @@ def run_line(
                 out.report = rp.validate(out.trajectory, problem.scene, problem)
             if out.report.valid:
                 break
-    if replay and out.trajectory is not None:
-        with out.clock.stage("replay"):
-            out.replay = rp.simulate(out.trajectory, problem.scene)
-    return out
 
 
 def _plan(

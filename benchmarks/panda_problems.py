@@ -7,7 +7,8 @@ Problems are MotionBenchMaker's, or the queries of scenes that ship with rr1plan
 whole line (RRT-Connect, shortening, retiming, the referee), and with `--peers` through every other planner that can be
 installed with pip, each in an environment of its own in that folder, on the same core, with the same convex
 hulls. Each problem is asked several times, with a seed of its own each: a planner's first answer in a scene has cold
-caches, the next ones have not, and all of them count. The raw path, the short path and the timed motion of the first
+caches, the next ones have not, and all of them count. A problem's paths are planned and shortened one after the other,
+then its motions are timed and proven. The raw path, the short path and the timed motion of the first
 answer are sampled so finely that no point of the robot moves more than a millimetre, and every sample is asked of Coal
 and of python-fcl.
 """
@@ -24,7 +25,7 @@ from typing import Any
 import numpy as np
 import peers
 from comparison import KINDS, Run, compare, excess
-from line import STAGES, Outcome, run_line, warm_up
+from line import STAGES, Outcome, find_path, run_line, time_motion, warm_up
 from opinions import Opinions, Verdict
 from picture import draw
 from plain import describe_problem, settle
@@ -53,7 +54,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     settings = {"planner": args.planner, "margin": args.margin, "seconds": args.seconds}
     first = next(iter(chosen))
     run_line(first, chosen[first], seeds[first], **settings)  # not counted, as the peers' first is not
-    outcomes = [run_line(name, chosen[name], seeds[name], **settings) for name in track(list(chosen), "rr1plan")]
+    outcomes = [
+        out
+        for problem in track(list(firsts.values()), "rr1plan")
+        for out in _run(problem, {n: seeds[n] for n, asked in chosen.items() if asked is problem}, settings)
+    ]
     others = _ask_peers(args, chosen, seeds)
     opinions = {name: Opinions(problem.scene) for name, problem in firsts.items()}
     judged = [o for o in outcomes if o.name in firsts]
@@ -136,6 +141,15 @@ def _ask_again(
 
 def _title(args: argparse.Namespace) -> str:
     return "problems of MotionBenchMaker" if args.file else f"queries of {', '.join(args.scene)}"
+
+
+def _run(problem: rp.Problem, seeds: Mapping[str, int], settings: Mapping[str, Any]) -> list[Outcome]:
+    """A problem's paths, one after the other, and then their motions: proofs use the caches for other things."""
+    outcomes = [Outcome(name) for name in seeds]
+    answered = [find_path(out, problem, seeds[out.name], **settings) for out in outcomes]
+    for out, roomy in zip(outcomes, answered, strict=True):
+        time_motion(out, problem, roomy)
+    return outcomes
 
 
 # ---- peers and judging -----------------------------------------------------------------------------
