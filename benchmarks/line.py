@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 from shared import Clock
 
 import rr1plan as rp
@@ -78,6 +77,7 @@ def run_line(
 ) -> Outcome:
     """Answer a problem as `plan_motion` does, each stage under a clock."""
     out = Outcome(name)
+    margin = find_margin(out, problem, margin)
     roomy = find_path(out, problem, seed, planner=planner, margin=margin, seconds=seconds)
     time_motion(out, problem, roomy)
     if replay and out.trajectory is not None:
@@ -86,16 +86,21 @@ def run_line(
     return out
 
 
+def find_margin(out: Outcome, problem: rp.Problem, margin: float) -> float:
+    """How much of a margin the start can afford [m], which takes the scene's first checker."""
+    with out.clock.stage("set up"):
+        return affordable_margin(problem, margin)
+
+
 def find_path(
     out: Outcome, problem: rp.Problem, seed: int, *, planner: str, margin: float, seconds: float
 ) -> rp.Problem:
     """The stages up to a short path; returns the problem it answers, with the margin."""
-    rng = np.random.default_rng(seed)
-    result, roomy, out.margin = _plan(problem, planner, margin, rp.Budget(seconds=seconds), rng, out.clock)
+    result, roomy, out.margin = _plan(problem, planner, margin, rp.Budget(seconds=seconds), seed, out.clock)
     out.status, out.reason, out.raw = result.status.value, result.reason, result.path
     if out.raw is not None:
         with borrowed_checker(roomy.scene, problem.arms) as motions, out.clock.stage("shorten"):
-            out.path = rp.shorten(out.raw, motions, rng=rng)
+            out.path = rp.shorten(out.raw, motions, rng=seed)
     return roomy
 
 
@@ -114,18 +119,16 @@ def time_motion(out: Outcome, problem: rp.Problem, roomy: rp.Problem) -> None:
 
 
 def _plan(
-    problem: rp.Problem, planner: str, margin: float, budget: rp.Budget, rng: np.random.Generator, clock: Clock
+    problem: rp.Problem, planner: str, margin: float, budget: rp.Budget, seed: int, clock: Clock
 ) -> tuple[rp.PlanResult, rp.Problem, float]:
     """The planner's answer, the problem it answers and its margin: given up where no goal has it."""
-    with clock.stage("set up"):
-        margin = affordable_margin(problem, margin)
     for m in (margin, 0.0):
         with clock.stage("set up"):
             roomy = with_margin(problem, m)
             with borrowed_checker(roomy.scene, problem.arms) as motions:
                 _ = motions.context  # the compiled planners' tables, made when first asked for
         with clock.stage("plan"):
-            result = rp.plan(roomy, planner, budget, rng)
+            result = rp.plan(roomy, planner, budget, seed)
         if result.status not in (rp.PlanStatus.INVALID_GOAL, rp.PlanStatus.INFEASIBLE):
             break
     return result, roomy, m

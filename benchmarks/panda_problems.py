@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 import peers
 from comparison import KINDS, Run, compare, excess
-from line import STAGES, Outcome, find_path, run_line, time_motion, warm_up
+from line import STAGES, Outcome, find_margin, find_path, run_line, time_motion, warm_up
 from opinions import Opinions, Verdict
 from picture import draw
 from plain import describe_problem, settle
@@ -89,7 +89,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--srdf", type=Path, help="its SRDF (default: beside the URDF)")
     parser.add_argument("--scene", nargs="+", default=[], help="shipped scenes of one arm, in place of a file")
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem")
-    parser.add_argument("--seeds", type=int, default=3, help="how often each problem is asked")
+    parser.add_argument("--seeds", type=int, default=5, help="how often each problem is asked")
     parser.add_argument("--planner", default="rrt_connect", help="a name of planner_names()")
     parser.add_argument("--margin", type=float, default=0.002, help="distance to keep while planning [m]")
     parser.add_argument("--seconds", type=float, default=30.0, help="longest search of any planner [s]")
@@ -146,6 +146,7 @@ def _title(args: argparse.Namespace) -> str:
 def _run(problem: rp.Problem, seeds: Mapping[str, int], settings: Mapping[str, Any]) -> list[Outcome]:
     """A problem's paths, one after the other, and then their motions: proofs use the caches for other things."""
     outcomes = [Outcome(name) for name in seeds]
+    settings = {**settings, "margin": find_margin(outcomes[0], problem, settings["margin"])}
     answered = [find_path(out, problem, seeds[out.name], **settings) for out in outcomes]
     for out, roomy in zip(outcomes, answered, strict=True):
         time_motion(out, problem, roomy)
