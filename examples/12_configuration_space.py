@@ -6,7 +6,7 @@ for name in ("planar2r_path", "planar2r_no_path"):
     problem = next(iter(rp.load_problems(name).values()))
     # Short edges make a tree that shows how it grew; by default they are longer, and few.
     planner = rp.make_planner("rrt_connect", tree=True, range=0.15)
-    result = planner.plan(problem, rp.Budget(iterations=1500), rng=2)
+    result = planner.plan(problem, rp.Budget(iterations=1500), rng=14)
     picture = rp.cspace(problem.scene, problem, result)
     print(f"{name}: the planner says {result.status.value}")
     print(picture)
