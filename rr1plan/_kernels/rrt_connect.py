@@ -8,6 +8,10 @@ vertex that has met an obstacle takes only samples near to it: others would lead
 (Yershova et al., Dynamic-domain RRTs, 2005). Every second sample is drawn from a box around the start and a goal,
 the others from the whole space: joints that turn far do not lead every search astray.
 
+A joint that turns without end has no seam: samples are of one turn, differences are those of the shorter way, and a
+vertex is a plain number near to its parent's, however many turns off. When the trees meet, the goal's is moved by
+whole turns to where the start's is.
+
 Each vertex knows the length of its way from its root. Under a bound a sample is a configuration that some path
 shorter than it may pass (Gammell, Srinivasa, Barfoot, Informed RRT*, 2014) and a length at which it is to be reached.
 It is joined to the nearest of the vertices that reach it within that length; so sampling is done in the space of
@@ -56,10 +60,20 @@ _PARENTS = int64[:, ::1]
 _MARKS = boolean[:, ::1]
 _COUNTS = int64[::1]
 _LENGTHS = float64[:, ::1]
+_TURN = 2.0 * np.pi
+# Longest edge where a joint wraps: less than half a turn, so that its ends alone tell which way it goes.
+_LONGEST = 3.0
 
 
-@jit(types.Tuple((I64, F64))(_TREE, FLOATS1, I64, FLOATS1, F64, OUT1), allocates=False)
-def nearest_within(tree, lengths, count, q, most, squares):
+@jit(F64(F64, F64), allocates=False)
+def _turns_in(difference, turn):
+    """Whole turns that are nearest to a difference (0 for a joint that does not wrap, whose turn is 0)."""
+    # Half a turn is rounded to even numbers: the same way forth and back.
+    return turn * np.rint(difference / turn) if turn > 0.0 else 0.0
+
+
+@jit(types.Tuple((I64, F64))(_TREE, FLOATS1, I64, FLOATS1, F64, FLOATS1, OUT1), allocates=False)
+def nearest_within(tree, lengths, count, q, most, turns, squares):
     """The nearest vertex from which q is reached within a length, the first of equals (-1: none), and its distance.
 
     Args:
@@ -68,6 +82,7 @@ def nearest_within(tree, lengths, count, q, most, squares):
         count: How many vertices there are.
         q: Configuration, shape (nq,).
         most: The length (inf: any).
+        turns: A whole turn of each joint that wraps, 0 for the others, shape (nq,).
         squares: Scratch memory, shape (64,).
     """
     best, index = np.inf, -1
@@ -77,9 +92,16 @@ def nearest_within(tree, lengths, count, q, most, squares):
             squares[i] = 0.0
         for j in range(len(q)):
             value = q[j]
-            for i in range(size):
-                difference = tree[j, first + i] - value
-                squares[i] += difference * difference
+            turn = turns[j]
+            if turn > 0.0:
+                for i in range(size):
+                    difference = tree[j, first + i] - value
+                    difference -= turn * np.rint(difference / turn)
+                    squares[i] += difference * difference
+            else:
+                for i in range(size):
+                    difference = tree[j, first + i] - value
+                    squares[i] += difference * difference
         for i in range(size):
             if squares[i] < best:
                 left = most - lengths[first + i]
@@ -106,8 +128,8 @@ def _is_free(side, near, new, counts, context):
     return edge_code(near, new, context) == 0 if side == 0 else edge_code(new, near, context) == 0
 
 
-@jit(boolean(_TREES, I64, F64, STATE, FLOATS1, FLOATS1, OUT1), allocates=False)
-def _draw_between_foci(trees, goal, bound, state, lower, extent, q):
+@jit(boolean(_TREES, I64, F64, STATE, FLOATS1, FLOATS1, FLOATS1, OUT1), allocates=False)
+def _draw_between_foci(trees, goal, bound, state, lower, extent, turns, q):
     """A point of the ellipsoid whose points lie on a way from the start to a goal no longer than the bound.
 
     Not of the uniform distribution, but of one that leaves no part of it out. False: it is out of the box.
@@ -135,12 +157,12 @@ def _draw_between_foci(trees, goal, bound, state, lower, extent, q):
     for j in range(nq):
         begin, end = trees[0, j, 0], trees[1, j, goal]
         q[j] = lower[j] if extent[j] == 0.0 else 0.5 * (begin + end) + across * q[j] + stretch * (end - begin)
-        inside = inside and lower[j] <= q[j] <= lower[j] + extent[j]
+        inside = inside and (turns[j] > 0.0 or lower[j] <= q[j] <= lower[j] + extent[j])
     return inside
 
 
-@jit(types.void(_TREES, I64, STATE, FLOATS1, FLOATS1, OUT1), allocates=False)
-def _draw_near(trees, goal, state, lower, extent, q):
+@jit(types.void(_TREES, I64, STATE, FLOATS1, FLOATS1, FLOATS1, OUT1), allocates=False)
+def _draw_near(trees, goal, state, lower, extent, turns, q):
     """A point of the box around the start and a goal, a little larger: most ways stay there."""
     square = 0.0
     for j in range(len(q)):
@@ -149,20 +171,24 @@ def _draw_near(trees, goal, state, lower, extent, q):
     around = _AROUND * np.sqrt(square)
     for j in range(len(q)):
         begin, end = trees[0, j, 0], trees[1, j, goal]
-        low = max(lower[j], min(begin, end) - around)
-        high = min(lower[j] + extent[j], max(begin, end) + around)
+        low, high = min(begin, end) - around, max(begin, end) + around
+        if turns[j] == 0.0:
+            low, high = max(lower[j], low), min(lower[j] + extent[j], high)
         q[j] = low + draw(state) * (high - low)
 
 
-@jit(types.Tuple((F64, F64))(_TREES, _LENGTHS, _COUNTS, F64, STATE, FLOATS1, FLOATS1, OUT1, OUT1), allocates=False)
-def _draw_sample(trees, lengths, counts, bound, state, lower, extent, q, squares):
+@jit(
+    types.Tuple((F64, F64))(_TREES, _LENGTHS, _COUNTS, F64, STATE, FLOATS1, FLOATS1, FLOATS1, OUT1, OUT1),
+    allocates=False,
+)
+def _draw_sample(trees, lengths, counts, bound, state, lower, extent, turns, q, squares):
     """A configuration that a path shorter than the bound may pass, and its distances from the roots of both trees.
 
     The first is infinite when none was found; without a bound both are 0.
     """
     if bound == np.inf:
         if counts[SAMPLES] % 2 == 0:
-            _draw_near(trees, draw_below(state, counts[ROOTS_GOAL]), state, lower, extent, q)
+            _draw_near(trees, draw_below(state, counts[ROOTS_GOAL]), state, lower, extent, turns, q)
         else:
             draw_between(state, lower, extent, q)
         return 0.0, 0.0
@@ -171,10 +197,10 @@ def _draw_sample(trees, lengths, counts, bound, state, lower, extent, q, squares
             draw_between(state, lower, extent, q)
         else:
             goal = draw_below(state, counts[ROOTS_GOAL])
-            if not _draw_between_foci(trees, goal, bound, state, lower, extent, q):
+            if not _draw_between_foci(trees, goal, bound, state, lower, extent, turns, q):
                 continue
-        _, behind = nearest_within(trees[0], lengths[0], counts[ROOTS_START], q, np.inf, squares)
-        _, ahead = nearest_within(trees[1], lengths[1], counts[ROOTS_GOAL], q, np.inf, squares)
+        _, behind = nearest_within(trees[0], lengths[0], counts[ROOTS_START], q, np.inf, turns, squares)
+        _, ahead = nearest_within(trees[1], lengths[1], counts[ROOTS_GOAL], q, np.inf, turns, squares)
         if behind + ahead < bound:
             return behind, ahead
     return np.inf, np.inf
@@ -188,6 +214,14 @@ def _passes_over(counts, blocked, index, distance, domain):
         return True
     counts[PASSED] = 0
     return False
+
+
+@jit(types.void(OUT1, _TREES, I64, I64, FLOATS1), allocates=False)
+def _come_near(q, trees, side, index, turns):
+    """Take whole turns off a configuration, so that a vertex is joined to it by the shorter way."""
+    for j in range(len(q)):
+        if turns[j] > 0.0:
+            q[j] += _turns_in(trees[side, j, index] - q[j], turns[j])
 
 
 @jit(boolean(_TREES, _PARENTS, _LENGTHS, _COUNTS, I64, I64, F64, FLOATS1, F64, OUT1, OUT1, CONTEXT), allocates=False)
@@ -238,6 +272,26 @@ def _plant(trees, parents, lengths, blocked, counts, start, goals):
             trees[1, j, i] = goals[i, j]
 
 
+@jit(types.void(_TREES, _COUNTS, FLOATS1), allocates=False)
+def _bring_together(trees, counts, turns):
+    """Move the goals' tree by whole turns to where the start's meets it."""
+    for j in range(len(turns)):
+        move = _turns_in(trees[0, j, counts[JOIN_START]] - trees[1, j, counts[JOIN_GOAL]], turns[j])
+        if move != 0.0:
+            for i in range(counts[SIZE_GOAL]):
+                trees[1, j, i] += move
+
+
+@jit(types.void(FLOATS1, FLOATS1, OUT1, OUT1, OUT1), allocates=False)
+def _unroll(lower, extent, corner, sides, turns):
+    """Corner and sides of the box to sample, one turn of what has no end; and that turn, 0 for all else."""
+    for j in range(len(lower)):
+        endless = extent[j] == np.inf
+        corner[j] = -0.5 * _TURN if endless else lower[j]
+        sides[j] = _TURN if endless else extent[j]
+        turns[j] = _TURN if endless else 0.0
+
+
 @jit(
     I64(
         *(_TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, FLOATS1, FLOATS2),
@@ -260,7 +314,7 @@ def grow(
         goals: Roots of the other, shape (k, nq), 2 k <= capacity.
         state: Of the generator, shape (1,).
         lower: Corner of the box to sample, shape (nq,).
-        extent: Its sides, shape (nq,).
+        extent: Its sides, infinite for a joint that wraps, shape (nq,).
         step: Longest edge of a tree.
         domain: How near a sample has to be to a vertex that has met an obstacle.
         bound: Longest path (inf: any).
@@ -272,26 +326,32 @@ def grow(
     """
     nq, capacity = trees.shape[1], trees.shape[2]
     q, a, b, squares = np.empty(nq), np.empty(nq), np.empty(nq), np.empty(_BLOCK)
+    corner, sides, turns = np.empty(nq), np.empty(nq), np.empty(nq)
+    _unroll(lower, extent, corner, sides, turns)
     if counts[SIZE_START] == 0:
         _plant(trees, parents, lengths, blocked, counts, start, goals)
     longest_walk = 3.0
     for j in range(nq):
-        longest_walk += extent[j] / step
+        if turns[j] > 0.0:
+            step = min(step, _LONGEST)
+    for j in range(nq):
+        longest_walk += sides[j] / step
     while counts[SAMPLES] < samples:
         if max(counts[SIZE_START], counts[SIZE_GOAL]) + longest_walk > capacity:
             return FULL
         side = 0 if counts[SIZE_START] <= counts[SIZE_GOAL] else 1
         other = 1 - side
         counts[SAMPLES] += 1
-        from_start, from_goal = _draw_sample(trees, lengths, counts, bound, state, lower, extent, q, squares)
+        from_start, from_goal = _draw_sample(trees, lengths, counts, bound, state, corner, sides, turns, q, squares)
         if from_start == np.inf:
             continue
         most = np.inf
         if bound < np.inf:
             most = (from_start if side == 0 else from_goal) + draw(state) * (bound - from_start - from_goal)
-        index, distance = nearest_within(trees[side], lengths[side], counts[side], q, most, squares)
+        index, distance = nearest_within(trees[side], lengths[side], counts[side], q, most, turns, squares)
         if index < 0 or distance == 0.0 or _passes_over(counts, blocked[side], index, distance, domain):
             continue
+        _come_near(q, trees, side, index, turns)
         part = min(1.0, step / distance)
         for j in range(nq):
             a[j] = trees[side, j, index]
@@ -302,11 +362,13 @@ def grow(
             continue
         length = lengths[side, index] + part * distance
         _add(trees, parents, lengths, counts, side, q, index, length)
-        index, distance = nearest_within(trees[other], lengths[other], counts[other], q, bound - length, squares)
+        index, distance = nearest_within(trees[other], lengths[other], counts[other], q, bound - length, turns, squares)
         if index < 0:
             continue
+        _come_near(q, trees, other, index, turns)
         if _connect(trees, parents, lengths, counts, other, index, distance, q, step, a, b, context):
             counts[JOIN_START + side] = counts[side] - 1
+            _bring_together(trees, counts, turns)
             return SOLVED
     return GOING
 

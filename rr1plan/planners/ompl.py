@@ -11,6 +11,7 @@ import numpy as np
 from rr1plan.checks import Seed, as_generator, finite_number, known_name
 from rr1plan.planners._ompl_question import Answer, Question, Watch
 from rr1plan.planners.query import Query, asked
+from rr1plan.planners.space import Space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
 
@@ -131,13 +132,15 @@ class _Search:
         """OMPL's answer, with all columns of q."""
         from rr1plan.planners import _ompl
 
-        space, start, is_free = self.query.space, self.query.problem.start, self.query.motion.edge_is_free
+        problem, is_free = self.query.problem, self.query.motion.edge_is_free
+        goals, start = with_copies(problem, self.query.goals), problem.start
+        space = Space.unrolled(problem, goals)
         # A configuration that is no certified edge has none either, so Coal need not be asked about it.
         question = Question(
             space.lower[space.movable],
             space.upper[space.movable],
             space.reduce(start),
-            space.reduce(self.query.goals),
+            space.reduce(goals),
             lambda q: is_free(space.whole(q, start), space.whole(q, start)),
             lambda a, b: is_free(space.whole(a, start), space.whole(b, start)),
         )

@@ -16,7 +16,7 @@ from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.path import Path
 from rr1plan.planners.goals import GoalSearch, check_start, goal_kernels, only_configuration
-from rr1plan.planners.space import Space, joint_space, with_copies
+from rr1plan.planners.space import Space, joint_space
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 
@@ -72,8 +72,7 @@ class Query:
         began: When the call began (`time.perf_counter`).
 
     Attributes:
-        goals: Goal configurations, with their copies a turn away, nearest to the start first, shape (k, nq).
-        plain_goals: The same without copies, shape (m, nq).
+        goals: Goal configurations, of all copies a turn away those nearest to the start; nearest first, shape (k, nq).
         iterations: Iterations so far.
         edges: Edges checked so far.
         history: (seconds, path length) whenever the best path improved.
@@ -92,7 +91,7 @@ class Query:
         self.planner, self.problem, self.motion = planner, problem, motion
         self.budget, self.seed, self.progress, self.began = budget or _NO_WISHES, seed, progress, began
         self.most = NO_LIMIT if self.budget.iterations is None else int(self.budget.iterations)
-        self.goals = self.plain_goals = np.empty((0, problem.nq))
+        self.goals = np.empty((0, problem.nq))
         self.iterations, self.edges = 0, 0
         self._space: Space | None = None
         self._first_line: bool | None = None
@@ -111,8 +110,7 @@ class Query:
             found = self._goal_search.find()
             if found.status is not None:
                 return self.result(found.status, reason=found.reason)
-            self.plain_goals = found.configurations
-            self.goals = np.ascontiguousarray(with_copies(self.problem, found.configurations))
+            self.goals = found.configurations
         if self._first_line is not False and (self.goals[0] == self.problem.start).all():
             return self.result(PlanStatus.SOLVED, self.goals[:1].copy())
         if not self.space.can_move:
@@ -123,22 +121,21 @@ class Query:
         """Whether one configuration is the goal and both ends can be had; else it takes a closer look, and words."""
         space, goal = joint_space(self.problem), only_configuration(self.problem)
         # Where two resting elements collide no edge is free, and the kernel does not look at those.
-        if goal is None or not space.is_bounded or not self.motion.checker.resting_is_free:
+        if goal is None or not space.is_shared or not self.motion.checker.resting_is_free:
             return False
-        seen = _look_at_ends(self.problem.start, goal, space.lower, space.upper, self.motion.context)
+        near = np.empty_like(goal)
+        seen = _look_at_ends(self.problem.start, goal, space.lower, space.upper, near, self.motion.context)
         if seen == edges.DOUBTFUL:
             return False
-        self.goals = self.plain_goals = goal[None]
+        self.goals = near[None]
         self._space, self._first_line = space, seen == edges.IN_SIGHT
         return True
 
     def more_goals(self) -> Array:
-        """Goals that were not known before, with their copies, where there are others; shape (k, nq)."""
+        """Goals that were not known before, where there are others; shape (k, nq)."""
         if self._goal_search is None:
             return self.goals[:0]
-        found = self._goal_search.more()
-        new = with_copies(self.problem, found) if len(found) else found
-        self.plain_goals = np.concatenate([self.plain_goals, found])
+        new = self._goal_search.more()
         goals = np.concatenate([self.goals, new])
         self.goals = goals[np.argsort(np.linalg.norm(goals - self.problem.start, axis=1), kind="stable")]
         return new

@@ -196,9 +196,7 @@ def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
     """The shortest way along the roadmap, or what trees find where there is none."""
     problem, motion = query.problem, query.motion
     before = graph.asked
-    way = graph.find_way(
-        problem.start, query.plain_goals, motion, lambda: query.seconds_left > 0.0 and not query.cancelled()
-    )
+    way = graph.find_way(problem.start, query.goals, motion, lambda: query.seconds_left > 0.0 and not query.cancelled())
     query.edges += graph.asked - before
     if way is not None:
         return query.result(PlanStatus.SOLVED, way)
