@@ -28,7 +28,7 @@ from comparison import KINDS, Run, compare, excess
 from line import STAGES, Outcome, find_margin, find_path, run_line, time_motion, warm_up
 from opinions import Opinions, Verdict
 from picture import draw
-from plain import describe_problem, settle
+from plain import describe_changes, describe_problem, settle
 from shared import STAGE_HEADER, heading, make_parser, number, pin_to_core, save, spread, stage_rows, table, track
 
 import rr1plan as rp
@@ -162,19 +162,21 @@ def _ask_peers(args: argparse.Namespace, problems: Mapping[str, rp.Problem], see
     if args.peers is None and not given:
         return []
     runs = []
+    changes = dict.fromkeys(filter(None, map(describe_changes, problems.values())))
     with tempfile.TemporaryDirectory() as folder:
         for peer in peers.PEERS:
             if peer.environment not in args.only:
                 continue
+            note = "; ".join([peer.note, *changes])
             try:
                 told = [
                     {"name": name, "seed": 1 + seeds[name], **describe_problem(problem, Path(folder))}
                     for name, problem in problems.items()
                 ]
                 python = peers.interpreter(peer, args.peers, given)
-                runs.append(Run(peer.name, peers.ask(peer, python, told, args.seconds), peer.note))
+                runs.append(Run(peer.name, peers.ask(peer, python, told, args.seconds), note))
             except (peers.PeerMissing, rp.InputError) as error:
-                runs.append(Run(peer.name, [], peer.note, skipped=str(error)))
+                runs.append(Run(peer.name, [], note, skipped=str(error)))
     return runs
 
 

@@ -2,6 +2,7 @@
 
 Held and mimicking joints are written as fixed ones, meshes as STL files, a capsule as a cylinder and two
 balls, a half-space as a slab beyond the arm's reach: all planners get the very same bodies and the same pairs to check.
+A joint that turns without end is told as one of one turn, from -pi to pi, as peers treat the former in as many ways.
 """
 
 from __future__ import annotations
@@ -98,8 +99,22 @@ def describe_problem(problem: rp.Problem, folder: Path) -> dict[str, Any]:
     ]
     apart = [[a.split("/", 1)[1], b.split("/", 1)[1]] for a, b in combinations(links, 2) if {a, b} not in checked]
     robot = write_robot(scene.arms[arm].robot, apart, folder)
-    ends = {"start": list(map(float, problem.start)), "goal": list(map(float, goals[0].q))}
+    endless = scene.arms[arm].robot.continuous > 0.0
+    ends = {"start": _in_one_turn(problem.start, endless), "goal": _in_one_turn(goals[0].q, endless)}
     return {"robot": robot, "obstacles": told, "may_touch": free, **ends}
+
+
+def describe_changes(problem: rp.Problem) -> str:
+    """What a peer is told otherwise than it is and may make a difference; empty if there is nothing."""
+    robots = [problem.scene.arms[arm].robot for arm in problem.arms]
+    names = [name for robot in robots for name in np.array(robot.joint_names)[robot.continuous > 0.0]]
+    return f"told that {', '.join(names)} turn from -pi to pi, not without end" if names else ""
+
+
+def _in_one_turn(q: Array, endless: Array) -> list[float]:
+    """A configuration, whole turns taken off joints that turn without end."""
+    turned = np.where(endless, q - 2.0 * np.pi * np.round(q / (2.0 * np.pi)), q)
+    return [float(x) for x in np.where(endless, np.clip(turned, -np.pi, np.pi), q)]
 
 
 def _parts(thing: rp.Obstacle) -> Any:
@@ -131,13 +146,7 @@ def _simple(g: Geometry) -> list[tuple[str, list[float], Array]]:
 
 
 def write_robot(robot: Robot, apart: Sequence[Sequence[str]], folder: Path) -> dict[str, Any]:
-    """Write a robot's URDF, SRDF and hulls into a folder of its own; tells where they are.
-
-    Raises:
-        InputError: a planning joint turns without end.
-    """
-    if robot.continuous.any():
-        raise rp.InputError("a joint turns without end, which the peers treat in as many ways")
+    """Write a robot's URDF, SRDF and hulls into a folder of its own; tells where they are."""
     place = folder / robot.content_hash[:16]
     urdf, srdf = place / f"{robot.name}.urdf", place / f"{robot.name}.srdf"
     if not urdf.exists():
@@ -180,11 +189,13 @@ def _joint(robot: Robot, joint: Joint, values: dict[str, float]) -> ElementTree.
         element = ElementTree.Element("joint", name=joint.name, type="fixed")
         _add_origin(element, joint.origin @ joint.motion(values.get(joint.name, 0.0)))
     else:
-        element = ElementTree.Element("joint", name=joint.name, type=joint.kind)
+        element = ElementTree.Element("joint", name=joint.name, type=joint.kind.replace("continuous", "revolute"))
         _add_origin(element, joint.origin)
         ElementTree.SubElement(element, "axis", xyz=_text(joint.axis))
         i, limits = robot.joint_names.index(joint.name), robot.limits
-        bounds = {"lower": limits.lower[i], "upper": limits.upper[i], "velocity": limits.velocity[i], "effort": 100.0}
+        turn = joint.kind == "continuous"
+        lower, upper = (-np.pi, np.pi) if turn else (limits.lower[i], limits.upper[i])
+        bounds = {"lower": lower, "upper": upper, "velocity": limits.velocity[i], "effort": 100.0}
         ElementTree.SubElement(element, "limit", {k: repr(float(v)) for k, v in bounds.items()})
     ElementTree.SubElement(element, "parent", link=joint.parent)
     ElementTree.SubElement(element, "child", link=joint.child)
