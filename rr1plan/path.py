@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -77,9 +78,8 @@ class Path(Value):
     @cached_property
     def length(self) -> float:
         """Euclidean length in joint space [rad]."""
-        steps = self.waypoints[1:] - self.waypoints[:-1]
-        steps *= steps
-        return float(np.sqrt(steps.sum(axis=1)).sum())
+        points = self.waypoints.tolist()
+        return math.fsum(map(math.dist, points[1:], points))
 
     def allclose(self, other: Path, atol: float = 1e-12) -> bool:
         """The same joints and the same waypoints within `atol` [rad]."""

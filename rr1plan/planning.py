@@ -148,7 +148,8 @@ def check_question(problem: Any, budget: Any, progress: Any) -> None:
     Raises:
         InputError: one of them is something else.
     """
-    of_kind("problem", problem, Problem)
+    if not isinstance(problem, Problem):
+        of_kind("problem", problem, Problem)
     if budget is not None and not isinstance(budget, Budget):
         raise InputError(f"budget is {budget!r}, expected a Budget, e.g. Budget(seconds=5)")
     if progress is not None and not callable(progress):

@@ -40,12 +40,12 @@ from numba import boolean, float64, int64, types
 
 from rr1plan._kernels.edges import CONTEXT, edge_code
 from rr1plan._kernels.generator import STATE, draw, draw_below, draw_between
-from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, OUT1, jit
+from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, OUT1, OUT2, jit
 
 GOING, SOLVED, FULL = range(3)
 
 # Entries of `counts`. The roots are a tree's first vertices.
-SIZE_START, SIZE_GOAL, SAMPLES, EDGES, JOIN_START, JOIN_GOAL, PASSED, ROOTS_START, ROOTS_GOAL = range(9)
+SIZE_START, SIZE_GOAL, SAMPLES, EDGES, JOIN_START, JOIN_GOAL, PASSED, ROOTS_START, ROOTS_GOAL, ROWS = range(10)
 
 _BLOCK = 64
 # So many samples in a row may be passed over: in spaces of many joints hardly any is near to anything.
@@ -292,15 +292,38 @@ def _unroll(lower, extent, corner, sides, turns):
         turns[j] = _TURN if endless else 0.0
 
 
+@jit(types.void(_TREES, _PARENTS, _COUNTS, OUT2), allocates=False)
+def _trace(trees, parents, counts, path):
+    """Write down the path through the two vertices that meet, from the start to a goal."""
+    before = 0
+    i = counts[JOIN_START]
+    while i >= 0:
+        before += 1
+        i = parents[0, i]
+    i = counts[JOIN_START]
+    for k in range(before - 1, -1, -1):
+        for j in range(trees.shape[1]):
+            path[k, j] = trees[0, j, i]
+        i = parents[0, i]
+    rows, i = before, counts[JOIN_GOAL]
+    while i >= 0:
+        for j in range(trees.shape[1]):
+            path[rows, j] = trees[1, j, i]
+        rows += 1
+        i = parents[1, i]
+    counts[ROWS] = rows
+
+
 @jit(
     I64(
-        *(_TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, FLOATS1, FLOATS2),
+        *(_TREES, _PARENTS, _LENGTHS, _MARKS, _COUNTS, OUT2, FLOATS1, FLOATS2),
         *(STATE, FLOATS1, FLOATS1, F64, F64, F64, I64, CONTEXT),
     ),
     entry=True,
 )
 def grow(
-    trees, parents, lengths, blocked, counts, start, goals, state, lower, extent, step, domain, bound, samples, context
+    trees, parents, lengths, blocked, counts, path,
+    start, goals, state, lower, extent, step, domain, bound, samples, context
 ):  # fmt: skip
     """Grow both trees by so many samples, or until they meet in a path no longer than a bound.
 
@@ -309,7 +332,8 @@ def grow(
         parents: Index of each vertex's parent, -1 for a root, shape (2, capacity).
         lengths: Of the way to each vertex from its root, shape (2, capacity).
         blocked: Whether a step from a vertex towards a sample was blocked, shape (2, capacity).
-        counts: See the constants of this file, shape (9,); zeros before there are trees.
+        counts: See the constants of this file, shape (10,); zeros before there are trees.
+        path: The path from the start to a goal is written here once they meet, shape (2 capacity, nq).
         start: Root of the one, shape (nq,).
         goals: Roots of the other, shape (k, nq), 2 k <= capacity.
         state: Of the generator, shape (1,).
@@ -369,32 +393,6 @@ def grow(
         if _connect(trees, parents, lengths, counts, other, index, distance, q, step, a, b, context):
             counts[JOIN_START + side] = counts[side] - 1
             _bring_together(trees, counts, turns)
+            _trace(trees, parents, counts, path)
             return SOLVED
     return GOING
-
-
-@jit(float64[:, ::1](_TREES, _PARENTS, _COUNTS), entry=True)
-def trace(trees, parents, counts):
-    """The path through the two vertices that meet, from the start to a goal, shape (n, nq)."""
-    nq = trees.shape[1]
-    before, after = 0, 0
-    i = counts[JOIN_START]
-    while i >= 0:
-        before += 1
-        i = parents[0, i]
-    i = counts[JOIN_GOAL]
-    while i >= 0:
-        after += 1
-        i = parents[1, i]
-    path = np.empty((before + after, nq))
-    i = counts[JOIN_START]
-    for k in range(before - 1, -1, -1):
-        for j in range(nq):
-            path[k, j] = trees[0, j, i]
-        i = parents[0, i]
-    i = counts[JOIN_GOAL]
-    for k in range(before, before + after):
-        for j in range(nq):
-            path[k, j] = trees[1, j, i]
-        i = parents[1, i]
-    return path

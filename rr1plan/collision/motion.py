@@ -107,7 +107,7 @@ class MotionChecker:
     @property
     def context(self) -> NDArray[np.int64]:
         """What compiled planners pass on to `rr1plan._kernels.edges.edge_code`."""
-        return self._straight().record
+        return (self._swept or self._straight()).record
 
     def _straight(self) -> SweptEdges:
         """Spheres around everything that moves, made when first asked for."""

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from rr1plan.collision.motion import MotionChecker
 from rr1plan.scene import Scene
 
+_SHELF = "motion checkers"
+
 
 @contextmanager
 def borrowed_checker(scene: Scene, arms: Sequence[str] | None = None) -> Iterator[MotionChecker]:
@@ -24,13 +26,38 @@ def borrowed_checker(scene: Scene, arms: Sequence[str] | None = None) -> Iterato
         UnknownNameError: no such arm.
         InputError: a scene that cannot be checked.
     """
-    # Appending to a list and popping from it are atomic.
-    idle: list[MotionChecker] = scene.kept.setdefault(("motion checkers", scene.arm_names(arms)), [])
-    try:
-        checker = idle.pop()
-    except IndexError:
-        checker = MotionChecker(scene, arms)
+    names = scene.arm_names(arms)
+    checker = take_checker(scene, names)
     try:
         yield checker
     finally:
-        idle.append(checker)
+        give_back(checker, scene, names)
+
+
+def take_checker(scene: Scene, arms: tuple[str, ...]) -> MotionChecker:
+    """What `borrowed_checker` lends, to be given back whatever happens.
+
+    Args:
+        scene: The scene.
+        arms: The arms that move, as `Scene.arm_names` gives them.
+
+    Raises:
+        InputError: a scene that cannot be checked.
+    """
+    # Appending to a list and popping from it are atomic.
+    try:
+        idle: list[MotionChecker] = scene.kept[_SHELF, arms]
+        return idle.pop()
+    except (KeyError, IndexError):
+        return MotionChecker(scene, arms)
+
+
+def give_back(checker: MotionChecker, scene: Scene, arms: tuple[str, ...]) -> None:
+    """Let others have a checker that was taken.
+
+    Args:
+        checker: It.
+        scene: For which it was taken.
+        arms: And for which arms.
+    """
+    scene.kept.setdefault((_SHELF, arms), []).append(checker)

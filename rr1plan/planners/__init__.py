@@ -6,6 +6,7 @@ A planner is a class with a `name` and the verb `plan`; a row in `_ROWS` makes i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from types import MappingProxyType
 
 from rr1plan.checks import Seed, known_name
@@ -81,6 +82,10 @@ def make_planner(name: str, **settings: float) -> Planner:
     return kind(**settings)
 
 
+# One with its usual settings is the same for all questions.
+_usual_planner = lru_cache(maxsize=None)(make_planner)
+
+
 def plan(
     problem: Problem,
     planner: str | Planner = "rrt_connect",
@@ -111,7 +116,7 @@ def plan(
     """
     check_question(problem, budget, progress)
     if not hasattr(planner, "plan"):
-        planner = make_planner(planner)
+        planner = _usual_planner(planner) if isinstance(planner, str) else make_planner(planner)
     elif isinstance(planner, type):
         raise InputError(f"planner is the class {planner.__name__}, expected one of its instances, or a name")
     return planner.plan(problem, budget, rng, progress)

@@ -21,7 +21,7 @@ from rr1plan._kernels.generator import draw
 from rr1plan.checks import Array, Seed, finite_number
 from rr1plan.errors import InputError
 from rr1plan.path import Path
-from rr1plan.planners.query import NO_LIMIT, Query, asked
+from rr1plan.planners.query import NO_LIMIT, Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planners.tree_search import KERNELS, TreeSearch
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
@@ -69,7 +69,7 @@ class AnytimePlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        with asked(self.name, problem, budget, rng, progress, KERNELS) as query:
+        with Query(self.name, problem, budget, rng, progress, KERNELS) as query:
             return query.refusal() or _Rounds(query, self.range).run()
 
 
@@ -94,11 +94,11 @@ class _Rounds:
         if straight is not None:
             return straight
         number = 0
-        while not (query.over or query.cancelled() or self.length <= self.straight * _STRAIGHT):
+        while query.goes_on() and self.length > self.straight * _STRAIGHT:
             number += 1
             if self.search.meets(*self.plan_round(number)):
                 self.improve(self.search.trees.path())
-        if self.best is None or query.cancelled():
+        if self.best is None or query.cancelled:
             return query.unsolved(self.search.describe())
         return query.result(PlanStatus.SOLVED, self.best)
 

@@ -21,7 +21,7 @@ from rr1plan.kinematics.descent import KERNELS, descend, errors_at
 from rr1plan.kinematics.inverse import describe_excess
 from rr1plan.kinematics.lines import EdgeBound, Line
 from rr1plan.planners.goals import check_start, describe_contacts, goal_configurations
-from rr1plan.planners.query import Query, asked
+from rr1plan.planners.query import Query
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
@@ -81,7 +81,7 @@ class CartesianPlanner:
         Raises:
             InputError: several arms move, or a goal that is no `PoseGoal`.
         """
-        with asked(self.name, problem, budget, rng, progress, KERNELS) as query:
+        with Query(self.name, problem, budget, rng, progress, KERNELS) as query:
             goals = _pose_goals(problem)
             return _Walk(self, query).to_any(goals)
 
@@ -189,9 +189,9 @@ class _Walk:
 
     def take_step(self, part: float) -> _Stop | None:
         """Count one step, or say why there is none after that part of the line."""
-        if self.query.cancelled():
-            return _Stop(PlanStatus.CANCELLED, "the progress callback returned False")
-        if self.query.over:
+        if not self.query.goes_on():
+            if self.query.cancelled:
+                return _Stop(PlanStatus.CANCELLED, "the progress callback returned False")
             return _Stop(PlanStatus.TIMEOUT, f"out of budget after {100 * part:.1f} % of the line")
         self.query.iterations += 1
         return None

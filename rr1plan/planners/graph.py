@@ -101,9 +101,8 @@ class Graph:
         pace = Pace()
         box = (self._lower, self._extent, self._wraps)
         while self.samples < samples and goes_on():
-            stop = min(samples, self.samples + pace.steps)
-            with pace:
-                code = _sample(*self._arrays, self._state, *box, stop, motion.context)
+            stop = min(samples, self.samples + pace.next())
+            code = _sample(*self._arrays, self._state, *box, stop, motion.context)
             if code == kernel.FULL:
                 self._make_room(2 * self.size)
 
@@ -121,9 +120,8 @@ class Graph:
             path: Array = np.empty((self.size + 1, len(start)))
             code = ways.GOING
             while code == ways.GOING and goes_on():
-                with pace:
-                    first = self.size - len(goals) - 1
-                    code, rows = _find_way(*self._arrays, first, start, self._wraps, pace.steps, path, motion.context)
+                first = self.size - len(goals) - 1
+                code, rows = _find_way(*self._arrays, first, start, self._wraps, pace.next(), path, motion.context)
         if code != ways.FOUND:
             return None
         # A start that is a vertex already is a waypoint once.

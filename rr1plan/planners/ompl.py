@@ -10,7 +10,7 @@ import numpy as np
 
 from rr1plan.checks import Seed, as_generator, finite_number, known_name
 from rr1plan.planners._ompl_question import Answer, Question, Watch
-from rr1plan.planners.query import Query, asked
+from rr1plan.planners.query import Query
 from rr1plan.planners.space import Space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
@@ -92,7 +92,7 @@ class OmplPlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        with asked(self.name, problem, budget, rng, progress) as query:
+        with Query(self.name, problem, budget, rng, progress) as query:
             return query.refusal() or _Search(self, query).run()
 
 
@@ -160,7 +160,8 @@ class _Search:
     def goes_on(self) -> bool:
         """Tell the progress how far the search is; False when it wants to end it."""
         self.query.iterations = self.watch.checks
-        return not self.query.cancelled()
+        self.query.in_time()
+        return not self.query.cancelled
 
     def why(self, difference: float | None) -> str:
         """Why there is no path, in words."""

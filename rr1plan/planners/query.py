@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,12 +13,13 @@ from rr1plan._kernels.jit import Kernel
 from rr1plan._kernels.swept import sweep_edge
 from rr1plan.checks import Array, Seed, as_seed
 from rr1plan.collision import MotionChecker
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision.shelf import give_back, take_checker
 from rr1plan.path import Path
 from rr1plan.planners.goals import GoalSearch, check_start, goal_kernels, only_configuration
 from rr1plan.planners.space import Space, joint_space
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
+from rr1plan.scene import Scene
 
 # The kernel is not typed.
 _look_at_ends: Callable[..., int] = edges.look_at_ends
@@ -31,7 +32,8 @@ _CHUNK = 128  # steps before the first look at the clock
 NO_LIMIT = int(np.iinfo(np.int64).max)
 
 
-def prepare(*kernels: Kernel) -> None:
+@lru_cache(maxsize=None)
+def prepare(kernels: tuple[Kernel, ...]) -> None:
     """Compile what is not compiled yet, before a budget begins that is not meant for that.
 
     Args:
@@ -42,63 +44,89 @@ def prepare(*kernels: Kernel) -> None:
 
 
 class Pace:
-    """How many steps of a compiled loop to do between two looks at the clock; entered for each such part."""
+    """How many steps of a compiled loop to do between two looks at the clock."""
 
     def __init__(self) -> None:
-        self.steps = _CHUNK
-        self._began = 0.0
+        self._steps = _CHUNK
+        self._began: float | None = None
 
-    def __enter__(self) -> None:
-        self._began = time.perf_counter()
-
-    def __exit__(self, *_: object) -> None:
-        took = time.perf_counter() - self._began
-        if took < _LEAST:
-            self.steps *= 2
-        elif took > _MOST:
-            self.steps = max(1, self.steps // 2)
+    def next(self) -> int:
+        """How many to do now: more where those before took little time, fewer where they took much."""
+        now = time.perf_counter()
+        if self._began is not None:
+            took = now - self._began
+            if took < _LEAST:
+                self._steps *= 2
+            elif took > _MOST:
+                self._steps = max(1, self._steps // 2)
+        self._began = now
+        return self._steps
 
 
 class Query:
-    """One call of `plan`: its tools, its clock, what was counted so far.
+    """One question under way: its tools, its clock, what was counted so far. To be used in a `with` block.
+
+    Inside it kernels are built, a checker is borrowed and the clock runs.
 
     Args:
         planner: Name of the planner.
         problem: The question.
-        motion: Certifies edges; of the problem's scene and arms.
-        budget: When to stop.
-        seed: Of everything random.
-        progress: Called about ten times a second.
-        began: When the call began (`time.perf_counter`).
+        budget: When to stop; None: the default.
+        rng: Generator or seed of everything random.
+        progress: Called about ten times a second, or None.
+        kernels: What the planner calls, besides the edge's.
+        scene: Whose checker is borrowed: the problem's (default), or one that differs in the moving arms' postures.
 
     Attributes:
+        motion: Certifies edges; of the problem's arms.
+        began: When the block began (`time.perf_counter`).
         goals: Goal configurations, of all copies a turn away those nearest to the start; nearest first, shape (k, nq).
         iterations: Iterations so far.
         edges: Edges checked so far.
         history: (seconds, path length) whenever the best path improved.
+        cancelled: The progress wanted to end the search.
+
+    Raises:
+        InputError: what is no question, or a scene that cannot be checked (in the `with` statement).
     """
+
+    motion: MotionChecker
 
     def __init__(
         self,
         planner: str,
         problem: Problem,
-        motion: MotionChecker,
         budget: Budget | None,
-        seed: int,
+        rng: Seed,
         progress: ProgressCallback | None,
-        began: float,
+        kernels: tuple[Kernel, ...] = (),
+        scene: Scene | None = None,
     ) -> None:
-        self.planner, self.problem, self.motion = planner, problem, motion
-        self.budget, self.seed, self.progress, self.began = budget or _NO_WISHES, seed, progress, began
+        check_question(problem, budget, progress)
+        self.planner, self.problem, self.budget, self.progress = planner, problem, budget or _NO_WISHES, progress
+        self.seed = as_seed(rng)
         self.most = NO_LIMIT if self.budget.iterations is None else int(self.budget.iterations)
-        self.goals = np.empty((0, problem.nq))
+        self.goals: Array = problem.start[None][:0]
         self.iterations, self.edges = 0, 0
+        self.began, self._reported = 0.0, -_REPORTS
+        self._kernels, self._scene = kernels, scene or problem.scene
         self._space: Space | None = None
         self._first_line: bool | None = None
         self._goal_search: GoalSearch | None = None
         self.history: list[tuple[float, float]] = []
-        self._reported = began - _REPORTS
-        self._cancelled = False
+        self.cancelled = False
+
+    def __enter__(self) -> Query:
+        prepare(self._kernels)
+        self._plain_goal = only_configuration(self.problem)
+        if self._plain_goal is None:
+            prepare(goal_kernels(self.problem))
+        self.began = time.perf_counter()
+        self.motion = take_checker(self._scene, self.problem.arms)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        give_back(self.motion, self._scene, self.problem.arms)
 
     def refusal(self) -> PlanResult | None:
         """The answer to a problem without a usable start or goal, or whose start is a goal."""
@@ -119,7 +147,7 @@ class Query:
 
     def _has_plain_ends(self) -> bool:
         """Whether one configuration is the goal and both ends can be had; else it takes a closer look, and words."""
-        space, goal = joint_space(self.problem), only_configuration(self.problem)
+        space, goal = joint_space(self.problem), self._plain_goal
         # Where two resting elements collide no edge is free, and the kernel does not look at those.
         if goal is None or not space.is_shared or not self.motion.checker.resting_is_free:
             return False
@@ -172,26 +200,27 @@ class Query:
         """Wall time left of the budget [s]; below zero when it is used up."""
         return self.budget.seconds - self.seconds
 
-    @property
-    def over(self) -> bool:
-        """The budget is used up."""
-        return self.iterations >= self.most or self.seconds_left <= 0.0
+    def goes_on(self) -> bool:
+        """Whether there are iterations left, and `in_time`."""
+        return self.iterations < self.most and self.in_time()
 
-    def cancelled(self) -> bool:
-        """Tell the progress about ten times a second; whether it wants, or has wanted, to end the search."""
-        now = time.perf_counter()
-        if self._cancelled or self.progress is None or now - self._reported < _REPORTS:
-            return self._cancelled
-        self._reported = now
-        seconds = now - self.began
+    def in_time(self) -> bool:
+        """Tell the progress about ten times a second; whether it lets the search go on, and there is time left."""
+        seconds = time.perf_counter() - self.began
+        if self.progress is not None and not self.cancelled and seconds - self._reported >= _REPORTS:
+            self._report(self.progress, seconds)
+        return not self.cancelled and seconds < self.budget.seconds
+
+    def _report(self, progress: ProgressCallback, seconds: float) -> None:
+        """Tell the progress, which may cancel."""
+        self._reported = seconds
         used = min(1.0, max(seconds / self.budget.seconds, self.iterations / self.most))
         cost = self.history[-1][1] if self.history else None
-        self._cancelled = self.progress(Progress(self.planner, seconds, used, cost)) is False
-        return self._cancelled
+        self.cancelled = progress(Progress(self.planner, seconds, used, cost)) is False
 
     def unsolved(self, found: str, tree: SearchTree | None = None) -> PlanResult:
         """The answer without a path: cancelled, or out of budget, with what was found instead in words."""
-        if self._cancelled:
+        if self.cancelled:
             return self.result(PlanStatus.CANCELLED, reason="the progress callback returned False", tree=tree)
         reason = f"no path found: budget used up after {self.seconds:.3g} s and {self.iterations} iterations; {found}"
         return self.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
@@ -216,32 +245,3 @@ class Query:
             cost_history=tuple(self.history) if path is not None else (),
             tree=tree,
         )
-
-
-@contextmanager
-def asked(
-    planner: str,
-    problem: Problem,
-    budget: Budget | None,
-    rng: Seed,
-    progress: ProgressCallback | None,
-    kernels: Iterable[Kernel] = (),
-) -> Iterator[Query]:
-    """A question under way: checked, its kernels built, a checker borrowed, the clock running.
-
-    Args:
-        planner: Name of the planner.
-        problem: The question.
-        budget: When to stop; None: the default.
-        rng: Generator or seed of everything random.
-        progress: Called about ten times a second, or None.
-        kernels: What it calls, besides the edge's.
-
-    Raises:
-        InputError: what is no question, or a scene that cannot be checked.
-    """
-    check_question(problem, budget, progress)
-    prepare(*kernels, *goal_kernels(problem))
-    began = time.perf_counter()
-    with borrowed_checker(problem.scene, problem.arms) as motion:
-        yield Query(planner, problem, motion, budget, as_seed(rng), progress, began)

@@ -7,19 +7,17 @@ the roadmap does not connect is answered by trees that grow towards each other, 
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Sequence
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_seed, of_kind
+from rr1plan.checks import Seed, of_kind
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners import tree_search
-from rr1plan.planners.goals import goal_kernels
 from rr1plan.planners.graph import KERNELS, Graph
-from rr1plan.planners.query import Query, asked, prepare
+from rr1plan.planners.query import Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
@@ -107,10 +105,7 @@ class Roadmap:
         """
         check_question(problem, budget, progress)
         self._check_fits(problem)
-        prepare(*_KERNELS, *goal_kernels(problem))
-        began = time.perf_counter()
-        with self._lock, borrowed_checker(self.scene, self.arms) as motion:
-            query = Query(_NAME, problem, motion, budget, as_seed(rng), progress, began)
+        with self._lock, Query(_NAME, problem, budget, rng, progress, _KERNELS, self.scene) as query:
             return query.refusal() or _answer(query, self._graph, learns=True)
 
     def _check_fits(self, problem: Problem) -> None:
@@ -164,7 +159,7 @@ class RoadmapPlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        with asked(self.name, problem, budget, rng, progress, _KERNELS) as query:
+        with Query(self.name, problem, budget, rng, progress, _KERNELS) as query:
             refused = query.refusal()
             if refused:
                 return refused
@@ -173,7 +168,7 @@ class RoadmapPlanner:
             idle: list[Graph] = problem.scene.kept.setdefault((_NAME, problem.arms, samples), [])
             graph = idle.pop() if idle else Graph(problem.scene, problem.arms)
             try:
-                graph.sample(samples, query.motion, lambda: query.seconds_left > 0.0 and not query.cancelled())
+                graph.sample(samples, query.motion, query.in_time)
                 query.iterations += graph.samples
                 return _answer(query, graph, learns=False)
             finally:
@@ -196,7 +191,7 @@ def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
     """The shortest way along the roadmap, or what trees find where there is none."""
     problem, motion = query.problem, query.motion
     before = graph.asked
-    way = graph.find_way(problem.start, query.goals, motion, lambda: query.seconds_left > 0.0 and not query.cancelled())
+    way = graph.find_way(problem.start, query.goals, motion, query.in_time)
     query.edges += graph.asked - before
     if way is not None:
         return query.result(PlanStatus.SOLVED, way)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from rr1plan.checks import Seed, finite_number
 from rr1plan.errors import InputError
-from rr1plan.planners.query import Query, asked
+from rr1plan.planners.query import Query
 from rr1plan.planners.tree_search import KERNELS, TreeSearch
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
@@ -50,7 +50,7 @@ class RrtConnect:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        with asked(self.name, problem, budget, rng, progress, KERNELS) as query:
+        with Query(self.name, problem, budget, rng, progress, KERNELS) as query:
             return query.refusal() or query.straight_line(_DIRECT, tree=self.tree) or self._search(query)
 
     def _search(self, query: Query) -> PlanResult:

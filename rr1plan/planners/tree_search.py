@@ -17,10 +17,9 @@ from rr1plan.planning import SearchTree
 
 # The kernels are not typed.
 _grow: Callable[..., int] = kernel.grow
-_trace: Callable[..., Array] = kernel.trace
 
 # What a search calls.
-KERNELS = (kernel.grow, kernel.trace)
+KERNELS = (kernel.grow,)
 
 _STEP = 0.06  # longest edge of a tree, as a part of the space's diagonal
 _SHORTEST = 1e-4  # the least that may be set, the same way
@@ -68,13 +67,13 @@ class TreeSearch:
         begin = query.iterations
         last = begin + min(samples, query.most - begin)
         code = kernel.GOING
-        while code != kernel.SOLVED and query.iterations < last and not query.over and not query.cancelled():
-            stop = min(query.iterations + self._pace.steps, last)
+        while code != kernel.SOLVED and query.iterations < last and query.in_time():
+            stop = min(query.iterations + self._pace.next(), last)
             if bound == math.inf:
-                self._look_for_goals()
+                if query.iterations >= self._slice:
+                    self._look_for_goals()
                 stop = min(stop, self._slice)
-            with self._pace:
-                code = trees.grow(self.state, *settings, stop - begin, query.motion.context)
+            code = trees.grow(self.state, *settings, stop - begin, query.motion.context)
             query.iterations = begin + int(counts[kernel.SAMPLES])
             if code == kernel.FULL:
                 trees.enlarge()
@@ -83,9 +82,8 @@ class TreeSearch:
 
     def _look_for_goals(self) -> None:
         """Aim at more configurations where those known may all lie where the start cannot get to."""
-        if self.query.iterations >= self._slice:
-            self._slice = 2 * self.query.iterations
-            self.trees.add_goals(self.query.more_goals())
+        self._slice = 2 * self.query.iterations
+        self.trees.add_goals(self.query.more_goals())
 
     def describe(self) -> str:
         """How far the last search got, in words."""
@@ -103,11 +101,12 @@ class Trees:
         self.parents = np.empty((2, capacity), np.int64)
         self.lengths = np.empty((2, capacity))
         self.blocked = np.empty((2, capacity), np.bool_)
-        self.counts = np.zeros(kernel.ROOTS_GOAL + 1, np.int64)
+        self.counts = np.zeros(kernel.ROWS + 1, np.int64)
+        self._way = np.empty((2 * capacity, len(start)))
 
     def grow(self, state: NDArray[np.uint64], *settings: object) -> int:
         """Let the kernel grow them; it says what the settings are."""
-        trees = (self.vertices, self.parents, self.lengths, self.blocked, self.counts)
+        trees = (self.vertices, self.parents, self.lengths, self.blocked, self.counts, self._way)
         return _grow(*trees, *self._roots, state, *settings)
 
     def enlarge(self) -> None:
@@ -116,6 +115,7 @@ class Trees:
         self.parents = np.concatenate([self.parents, np.empty_like(self.parents)], axis=1)
         self.lengths = np.concatenate([self.lengths, np.empty_like(self.lengths)], axis=1)
         self.blocked = np.concatenate([self.blocked, np.zeros_like(self.blocked)], axis=1)
+        self._way = np.empty((2 * len(self._way), self._way.shape[1]))
 
     def add_goals(self, goals: Array) -> None:
         """More roots of the goals' tree, shape (k, nq)."""
@@ -130,7 +130,7 @@ class Trees:
 
     def path(self) -> Array:
         """The way from the start to a goal, shape (n, nq)."""
-        return _trace(self.vertices, self.parents, self.counts)
+        return self._way[: self.counts[kernel.ROWS]].copy()
 
     def explored(self, *, joined: bool) -> SearchTree:
         """Both trees, and the edge between them when they have met."""

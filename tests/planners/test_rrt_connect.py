@@ -16,7 +16,7 @@ from rr1plan.errors import InputError
 from rr1plan.library import load_problems
 from rr1plan.planners import RrtConnect, tree_search
 from rr1plan.planners.goals import goal_configurations
-from rr1plan.planners.query import asked
+from rr1plan.planners.query import Query
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.shapes import Sphere
 
@@ -128,7 +128,7 @@ def test_goals_that_cannot_be_got_to_are_followed_by_others(planner):
 def test_no_end_of_more_goals_has_room(monkeypatch):
     monkeypatch.setattr(tree_search, "_CAPACITY", 4)
     problem = shut_in()
-    with asked("rrt_connect", problem, Budget(iterations=100), 0, None) as query:
+    with Query("rrt_connect", problem, Budget(iterations=100), 0, None) as query:
         assert query.refusal() is None
         search = tree_search.TreeSearch(query)
         assert not search.meets(samples=5)
