@@ -6,7 +6,7 @@ does so many steps and goes on where it stopped: all it knows is in its arrays. 
 decisions are the same on every machine, as in `rrt_connect.py`.
 
 To certify a shortcut takes a hundred times as long as to draw one, so that of several drawn the one that would
-gain most is tried.
+gain most is tried. One like it that has failed makes it less likely to be free, so its gain counts less.
 """
 
 from __future__ import annotations
@@ -19,15 +19,19 @@ from rr1plan._kernels.generator import STATE, draw, draw_below
 from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, OUT1, OUT2, jit
 
 # Entries of `counts`: rows in use, the stage, the vertex to go on from, shortcuts tried, those in a row that gained
-# nothing, edges so far.
-SIZE, STAGE, PLACE, TRIED, IDLE, EDGES = range(6)
+# nothing, edges so far, shortcuts that failed and are remembered.
+SIZE, STAGE, PLACE, TRIED, IDLE, EDGES, FAILED = range(7)
 _FRESH, _SKIPPING, _CUTTING, _SKIPPING_AGAIN, _DONE = range(5)
 
 # So many shortcuts are drawn for each that is tried.
 _DRAWN = 8
 
 # A shortcut that gains less than this part of the length is not worth its check.
-_WORTH = 1e-3
+_WORTH = 3e-3
+# What is left of the hope for a shortcut that replaces all that another one like it has failed to replace.
+_HOPE = 0.1
+# So many that failed are remembered.
+MEMORY = 64
 # No shortcut begins or ends this near beside a vertex [rad].
 _SNAP = 1e-3
 _COUNTS = int64[::1]
@@ -173,39 +177,88 @@ def _draw_shortcut(along, size, nq, state):
     return i, j, begin, end, joint
 
 
-@jit(boolean(OUT2, _COUNTS, STATE, OUT1, OUT2, CONTEXT))
-def _try_shortcut(points, counts, state, along, piece, context):
+@jit(F64(FLOATS2, I64, F64, F64, I64), allocates=False)
+def _hope(failed, count, begin, end, joint):
+    """How likely a shortcut is to be free, as far as those tell that have failed: 1 if there is none like it."""
+    hope = 1.0
+    for k in range(count):
+        first, last = failed[k, 0], failed[k, 1]
+        if failed[k, 2] == max(joint, -1) and first < end and begin < last:
+            shared = (min(end, last) - max(begin, first)) / max(end - begin, last - first)
+            hope *= _HOPE if begin <= first and last <= end else 1.0 - (1.0 - _HOPE) * shared
+    return hope
+
+
+@jit(types.void(OUT2, _COUNTS, F64, F64, I64), allocates=False)
+def _remember(failed, counts, begin, end, joint):
+    """Note a shortcut that has failed; the oldest one is forgotten where there is no room."""
+    count = counts[FAILED]
+    if count == len(failed):
+        count -= 1
+        for k in range(count):
+            _copy_row(failed, k + 1, failed, k)
+    failed[count, 0], failed[count, 1], failed[count, 2] = begin, end, max(joint, -1)
+    counts[FAILED] = count + 1
+
+
+@jit(types.void(OUT2, _COUNTS, F64, F64, F64), allocates=False)
+def _adapt(failed, counts, begin, end, gain):
+    """Let those that failed be where they are on a path that is shorter now between two places; forget those there."""
+    kept = 0
+    for k in range(counts[FAILED]):
+        first, last = failed[k, 0], failed[k, 1]
+        if last <= begin or first >= end or (first <= begin and end <= last):
+            _copy_row(failed, k, failed, kept)
+            failed[kept, 0] -= gain if first >= end else 0.0
+            failed[kept, 1] -= gain if last >= end else 0.0
+            kept += 1
+    counts[FAILED] = kept
+
+
+@jit(F64(FLOATS2, I64, F64), allocates=False)
+def _gain(piece, rows, length):
+    """By how much a piece is shorter than what it replaces, which has a length."""
+    for k in range(rows - 1):
+        length -= _distance(piece, k, k + 1)
+    return length
+
+
+@jit(boolean(OUT2, _COUNTS, STATE, OUT1, OUT2, OUT2, CONTEXT))
+def _try_shortcut(points, counts, state, along, piece, failed, context):
     """Replace a piece of the path by a shorter free one, the best of some random ones; whether that was possible."""
     size, nq = counts[SIZE], points.shape[1]
-    most = _WORTH * _measure(points, size, along)
+    least, most = _WORTH * _measure(points, size, along), 0.0
     best = (0, 0, 0.0, 0.0, 0)
     for _ in range(_DRAWN):
         drawn = _draw_shortcut(along, size, nq, state)
         i, j, begin, end, joint = drawn
         if i < j:
             rows = _make_piece(points, along, i, j, begin, end, joint, piece)
-            gain = end - begin
-            for k in range(rows - 1):
-                gain -= _distance(piece, k, k + 1)
-            if gain >= most:
-                most, best = gain, drawn
+            gain = _gain(piece, rows, end - begin)
+            if gain >= least:
+                gain *= _hope(failed, counts[FAILED], begin, end, joint)
+                if gain > most:
+                    most, best = gain, drawn
     i, j, begin, end, joint = best
     if i >= j:
         return False
     rows = _make_piece(points, along, i, j, begin, end, joint, piece)
     if not _is_free(piece, rows, counts, context):
+        _remember(failed, counts, begin, end, joint)
         return False
+    _adapt(failed, counts, begin, end, _gain(piece, rows, end - begin))
     _replace(points, counts, i, j, piece, rows)
     return True
 
 
-@jit(boolean(OUT2, _COUNTS, STATE, I64, I64, I64, CONTEXT), entry=True)
-def shorten(points, counts, state, steps, shortcuts, patience, context):
+@jit(boolean(OUT2, _COUNTS, OUT2, STATE, I64, I64, I64, CONTEXT), entry=True)
+def shorten(points, counts, failed, state, steps, shortcuts, patience, context):
     """Skip vertices, try random shortcuts, skip vertices again: so many steps of that, or what is left.
 
     Args:
         points: The path, shape (capacity, nq), capacity >= rows + 2 * shortcuts.
         counts: See the constants of this file; of a path that is to be shortened the rows and zeros.
+        failed: What is remembered of shortcuts that failed, shape (MEMORY, 3).
         state: Of the generator, shape (1,).
         steps: How many vertices and shortcuts to do.
         shortcuts: How many to try in all.
@@ -225,7 +278,8 @@ def shorten(points, counts, state, steps, shortcuts, patience, context):
                 counts[STAGE], counts[PLACE] = _SKIPPING_AGAIN, 0
             else:
                 counts[TRIED] += 1
-                counts[IDLE] = 0 if _try_shortcut(points, counts, state, along, piece, context) else counts[IDLE] + 1
+                better = _try_shortcut(points, counts, state, along, piece, failed, context)
+                counts[IDLE] = 0 if better else counts[IDLE] + 1
         elif counts[PLACE] < counts[SIZE] - 2:
             _skip_vertices(points, counts, context)
         elif counts[STAGE] == _SKIPPING:

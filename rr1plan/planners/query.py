@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -32,7 +32,7 @@ _CHUNK = 128  # steps before the first look at the clock
 NO_LIMIT = int(np.iinfo(np.int64).max)
 
 
-@lru_cache(maxsize=None)
+@cache
 def prepare(kernels: tuple[Kernel, ...]) -> None:
     """Compile what is not compiled yet, before a budget begins that is not meant for that.
 

@@ -3,7 +3,8 @@
 A planner's path wanders. Three moves make it shorter, and each new edge is certified before it is
 taken: skip vertices; join two random points by a straight line; straighten a single joint between
 two random points and leave the others as they are (Geraerts and Overmars, Creating high-quality paths
-for motion planning, 2007). Of eight random moves the one that would gain most is tried. `smooth` then
+for motion planning, 2007). Of eight random moves the most promising one is tried: that which would gain most,
+unless one like it has failed. `smooth` then
 cuts corners (Chaikin, An algorithm for high-speed curve generation, 1974). No move is taken that makes
 the path longer. All but the last run compiled (`rr1plan._kernels.shortcut`).
 """
@@ -40,7 +41,7 @@ def shorten(
     checker: MotionChecker,
     *,
     rng: Seed = None,
-    iterations: int = 24,
+    iterations: int = 16,
     seconds: float = math.inf,
     smooth: int = 0,
 ) -> Path:
@@ -89,7 +90,8 @@ class _Shortener:
         rows, nq = path.waypoints.shape
         self._points = np.empty((rows + 2 * iterations, nq))
         self._points[:rows] = path.waypoints
-        self._counts = np.zeros(kernel.EDGES + 1, np.int64)
+        self._counts = np.zeros(kernel.FAILED + 1, np.int64)
+        self._failed = np.empty((kernel.MEMORY, 3))
         self._counts[kernel.SIZE] = rows
         self._state = generator_state(seed)
 
@@ -102,7 +104,8 @@ class _Shortener:
         over = done = False
         while not (over or done):
             over = self._expired()
-            done = _shorten(self._points, self._counts, self._state, 0 if over else _CHUNK, *settings)
+            steps = 0 if over else _CHUNK
+            done = _shorten(self._points, self._counts, self._failed, self._state, steps, *settings)
         self._checker.edges_checked += int(self._counts[kernel.EDGES])
 
     def waypoints(self) -> Array:

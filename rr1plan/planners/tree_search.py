@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +28,11 @@ _SHORTEST = 1e-4  # the least that may be set, the same way
 _DOMAIN = 0.3  # how near to a vertex that has met an obstacle samples have to be, the same way
 _CAPACITY = 256  # vertices of each tree to begin with
 _SLICE = 500  # samples before the first look for more goals; before each other one twice as many as were drawn
+
+
+_Memory = tuple[Array, NDArray[np.int64], Array, NDArray[np.bool_], Array]
+# Of trees that are no more; appending to it and popping from it are atomic.
+_idle: deque[_Memory] = deque(maxlen=4)
 
 
 class TreeSearch:
@@ -92,17 +99,23 @@ class TreeSearch:
 
 
 class Trees:
-    """The arrays that the kernel grows."""
+    """The arrays that the kernel grows.
+
+    Args:
+        start: Root of the one, shape (nq,).
+        goals: Roots of the other, shape (k, nq).
+    """
 
     def __init__(self, start: Array, goals: Array) -> None:
-        capacity = max(_CAPACITY, 2 * len(goals))
         self._roots = (start, goals)
-        self.vertices = np.empty((2, len(start), capacity))
-        self.parents = np.empty((2, capacity), np.int64)
-        self.lengths = np.empty((2, capacity))
-        self.blocked = np.empty((2, capacity), np.bool_)
         self.counts = np.zeros(kernel.ROWS + 1, np.int64)
-        self._way = np.empty((2 * capacity, len(start)))
+        nq, capacity = len(start), max(_CAPACITY, 2 * len(goals))
+        self._memory = _take_memory(nq, capacity)
+        self.vertices, self.parents, self.lengths, self.blocked, self._way = self._memory
+
+    def __del__(self) -> None:
+        """Leave the memory to other trees: to touch new memory for the first time takes as long as an edge."""
+        _idle.append(self._memory)
 
     def grow(self, state: NDArray[np.uint64], *settings: object) -> int:
         """Let the kernel grow them; it says what the settings are."""
@@ -145,3 +158,13 @@ class Trees:
             join = self.counts[[kernel.JOIN_START, kernel.JOIN_GOAL]] + np.array([0, sizes[0]])
             edges.append(join[None])
         return SearchTree(vertices, np.concatenate(edges).astype(np.int64))
+
+
+def _take_memory(nq: int, capacity: int) -> _Memory:
+    """Arrays for two trees of so many vertices each, used before where possible."""
+    with suppress(IndexError):
+        used = _idle.pop()
+        if used[0].shape[1:] == (nq, capacity):
+            return used
+    vertices, way = np.empty((2, nq, capacity)), np.empty((2 * capacity, nq))
+    return vertices, np.empty((2, capacity), np.int64), np.empty((2, capacity)), np.empty((2, capacity), np.bool_), way

@@ -150,3 +150,27 @@ def roots_of_goals(trees):
     size = trees.counts[1]
     vertices = np.ascontiguousarray(trees.vertices[1, :, :size].T)
     return {q.tobytes() for q in vertices[trees.parents[1, :size] < 0]}
+
+
+def test_a_question_within_a_question_spoils_neither(cage):
+    """Searches use the memory of those before them, but never of one that is under way."""
+    alone = rp.plan(cage, budget=COUNTED, rng=3).path.waypoints
+    inner = []
+
+    def ask(_):
+        inner.append(rp.plan(cage, budget=COUNTED, rng=3).path.waypoints)
+
+    outer = rp.plan(cage, budget=COUNTED, rng=3, progress=ask).path.waypoints
+    np.testing.assert_array_equal(outer, alone)
+    assert inner
+    for found in inner:
+        np.testing.assert_array_equal(found, alone)
+
+
+def test_trees_take_the_memory_of_those_that_are_no_more(cage):
+    goals = np.array([cage.goal[cage.arms[0]][0].q])
+    one, other = (tree_search.Trees(cage.start, goals) for _ in range(2))
+    assert not np.shares_memory(one.vertices, other.vertices)
+    before = one.vertices
+    del one
+    assert np.shares_memory(tree_search.Trees(cage.start, goals).vertices, before)
