@@ -11,7 +11,7 @@ import rr1plan as rp
 from rr1plan.collision import MotionChecker
 from rr1plan.kinematics import nearest_copy
 from rr1plan.planners import RrtConnect
-from rr1plan.planners.query import asked
+from rr1plan.planners.query import Query
 from rr1plan.planners.space import Space, joint_space, with_copies
 from rr1plan.planning import Budget, PlanStatus
 
@@ -48,7 +48,7 @@ def test_a_plain_goal_is_taken_where_it_is_nearest_to_the_start(seed):
     scene = fenced({})
     start, goal = rng.uniform(-20.0, 20.0, (2, 2))
     problem = rp.Problem(scene, start, goal)
-    with asked("rrt_connect", problem, None, 0, None) as query:
+    with Query("rrt_connect", problem, None, 0, None) as query:
         refusal = query.refusal()
         if refusal is not None:
             assert refusal.status in (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
