@@ -31,9 +31,8 @@ class _Code(CompileResultCacheImpl):
         return library.identity, library._get_compiled_object(), function, data.reload_init, library.needs
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        *code, needs = payload
         # Unknown ones belong to another text.
-        return _callable(target_context, *code) if make_ready(needs) else None
+        return _callable(target_context, *payload) if make_ready(payload[-1]) else None
 
 
 class _Kept(FunctionCache):
@@ -47,16 +46,20 @@ class _Kept(FunctionCache):
         return self._load_overload(sig, target_context)
 
 
-def keep(dispatcher: Any) -> None:
+def keep(dispatcher: Any) -> str:
     """Keep the code of a unit on disk.
 
     Args:
         dispatcher: What `numba.njit` with `code_units.unit_compiler` makes of the function.
 
+    Returns:
+        The folder that keeps it.
+
     Raises:
         RuntimeError: there is no folder to keep it in.
     """
     dispatcher._cache = _Kept(dispatcher.py_func)
+    return dispatcher._cache.cache_path
 
 
 def is_kept(dispatcher: Any, signature: Any) -> bool:
@@ -65,13 +68,13 @@ def is_kept(dispatcher: Any, signature: Any) -> bool:
     return cache._index_key(signature, dispatcher.targetctx.codegen()) in cache._cache_file._load_index()
 
 
-def _callable(context: Any, identity: str, code: bytes, function: Any, starts: Any) -> CompileResult:
+def _callable(context: Any, identity: str, code: bytes, function: Any, starts: Any, needs: Any) -> CompileResult:
     """A function whose machine code is handed to the linker, and no more."""
     descriptor, environment, signature, in_python = function
     for start in starts:
         start()
     library = Unit(context.codegen(), identity or "unit")
-    library.identity = identity
+    library.identity, library.needs = identity, needs
     library.enable_object_caching()
     library._set_compiled_object(code)
     library._finalize_final_module()

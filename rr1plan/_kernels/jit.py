@@ -25,6 +25,7 @@ from numba.extending import typeof_impl
 
 from rr1plan._kernels.code_folder import code_folder, stamp_of
 from rr1plan.code_units import callable_type, lower_part, offer, unit_compiler, without_collection
+from rr1plan.compiling import Job, all_jobs, compile_ahead, compile_together, register, tell
 from rr1plan.kept_code import keep
 
 # C arrays that a kernel only reads; an array that may be written is accepted too.
@@ -45,7 +46,6 @@ I64 = numba.int64
 logger = logging.getLogger(__name__)
 
 _made: list[Kernel] = []
-_told: list[str] = []
 _interrupts: list[int] = []
 
 
@@ -57,9 +57,12 @@ class Kernel:
         signature: Numba's types of result and arguments.
         options: Numba's options.
         entry: Other kernels call it by its address; else it is compiled into them.
+        ahead: See `compiling.Job`.
     """
 
-    def __init__(self, function: Callable[..., Any], signature: Any, options: dict[str, Any], entry: bool) -> None:
+    def __init__(
+        self, function: Callable[..., Any], signature: Any, options: dict[str, Any], entry: bool, ahead: bool = True
+    ) -> None:
         update_wrapper(self, function)
         self.entry = entry
         self._function = function
@@ -72,7 +75,10 @@ class Kernel:
         self._callee: Any = None
         _made.append(self)
         if self._identity:
-            offer(self._identity, self.build)
+            offer(self._identity, self._build)
+        self.job = Job(function, self.is_kept, self._build, ahead)
+        if entry:
+            register(self.job)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it."""
@@ -87,7 +93,12 @@ class Kernel:
         return any(mark in name and name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
 
     def build(self) -> Any:
-        """What Python calls: loaded where it is kept, else compiled; made once."""
+        """What Python calls: loaded where it is kept, else compiled, with others that are missing; made once."""
+        if self._built is None and self.is_kept() is False:
+            compile_ahead(self.job)
+        return self._build()
+
+    def _build(self) -> Any:
         if self._built is None:
             with _undisturbed(), global_compiler_lock:
                 self._built = self._built or self._make()
@@ -98,7 +109,7 @@ class Kernel:
         if self._callee is None:
             with _undisturbed():
                 if self.entry and not self._options["forceinline"]:
-                    (made,) = self.build().overloads.values()
+                    (made,) = self._build().overloads.values()
                 else:
                     made = lower_part(self._function, self._options, self._signature.args, self._signature.return_type)
                 self._callee = callable_type(self._function.__name__, self, self._signature, made)
@@ -118,7 +129,7 @@ class Kernel:
 
     def _compile(self, folder: Path | None) -> Any:
         if folder is None or not self.is_kept():
-            _tell(folder)
+            tell(folder and folder.parent)
         compiler = unit_compiler(self._identity, self._stamp.rpartition("-")[2] or None)
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
         try:
@@ -141,7 +152,7 @@ typeof_impl.register(Kernel)(_type_of)
 
 
 def jit(
-    signature: Any, *, inline: bool = False, entry: bool = False, allocates: bool = True
+    signature: Any, *, inline: bool = False, entry: bool = False, allocates: bool = True, ahead: bool = True
 ) -> Callable[[Callable[..., Any]], Kernel]:
     """Compile a function for one signature.
 
@@ -154,22 +165,22 @@ def jit(
             kernel can be called from Python, but others are then compiled once more.
         allocates: It makes arrays. Without, no references to arrays are counted, which costs more than the
             arithmetic of short functions that pass many on.
+        ahead: An entry is compiled as soon as another one is. Without, when it is called: few need it.
     """
     options = {"nogil": True, "fastmath": False, "error_model": "numpy", "forceinline": inline, "_nrt": allocates}
-    return lambda function: Kernel(function, signature, options, entry)
+    return lambda function: Kernel(function, signature, options, entry, ahead)
 
 
 def build_all(progress: Callable[[float], object] | None = None) -> None:
-    """Compile the code of all entries ahead, or find them in the cache.
+    """Compile the code of all entries ahead, and all else that is known to `compiling`, or find it on disk.
 
     Args:
         progress: Called with the fraction that is done.
     """
     entries = _all_entries()
-    for i, kernel in enumerate(entries):
+    compile_together(all_jobs(), progress)
+    for kernel in entries:
         kernel.build()
-        if progress is not None:
-            progress((i + 1) / len(entries))
 
 
 def all_kept() -> bool:
@@ -182,17 +193,6 @@ def _all_entries() -> list[Kernel]:
     for module in iter_modules(import_module(package).__path__):
         import_module(f"{package}.{module.name}")
     return [kernel for kernel in _made if kernel.entry]
-
-
-def _tell(folder: Path | None) -> None:
-    """Say once that kernels are compiled, before they are."""
-    if _told:
-        return
-    _told.append(str(folder))
-    if folder is None:
-        logger.warning("compiling the kernels takes up to a minute, in every process (no folder to keep code in)")
-    else:
-        logger.warning("compiling the kernels takes up to a minute, once (kept in %s)", folder.parent)
 
 
 @contextmanager

@@ -99,7 +99,7 @@ def nearest_few(vertices, count, q, wraps, most, squares, nearest, distances):
     return found
 
 
-@jit(I64(I64, I64), entry=True, allocates=False)
+@jit(I64(I64, I64), entry=True, ahead=False, allocates=False)
 def neighbours_of(count, nq):
     """How many neighbours a vertex is joined to among so many."""
     return int(np.ceil(np.e * (1.0 + 1.0 / nq) * np.log(count + 1.0)))
@@ -135,7 +135,7 @@ def _insert(vertices, graph, counts, q, wraps, among, squares, nearest, distance
         _join(graph, counts, v, nearest[k], distances[k])
 
 
-@jit(I64(OUT2, GRAPH, INT1, STATE, FLOATS1, FLOATS1, MARKS, I64, CONTEXT), entry=True)
+@jit(I64(OUT2, GRAPH, INT1, STATE, FLOATS1, FLOATS1, MARKS, I64, CONTEXT), entry=True, ahead=False)
 def sample(vertices, graph, counts, state, lower, extent, wraps, samples, context):
     """Draw configurations and insert those that are free.
 
@@ -167,7 +167,7 @@ def sample(vertices, graph, counts, state, lower, extent, wraps, samples, contex
     return GOING
 
 
-@jit(types.void(OUT2, GRAPH, INT1, FLOATS2, MARKS), entry=True)
+@jit(types.void(OUT2, GRAPH, INT1, FLOATS2, MARKS), entry=True, ahead=False)
 def attach(vertices, graph, counts, ends, wraps):
     """Insert the ends of a question: its start, then its goals; the start is joined to each goal, too.
 
@@ -187,7 +187,7 @@ def attach(vertices, graph, counts, ends, wraps):
         _join(graph, counts, known, known + i, vertex_distance(vertices, known, known + i, wraps))
 
 
-@jit(types.void(OUT2, GRAPH, INT1, FLOATS2, MARKS), entry=True)
+@jit(types.void(OUT2, GRAPH, INT1, FLOATS2, MARKS), entry=True, ahead=False)
 def learn(vertices, graph, counts, path, wraps):
     """Insert the waypoints of a free path, and its edges; they are asked for like all others.
 
@@ -207,7 +207,7 @@ def learn(vertices, graph, counts, path, wraps):
             _join(graph, counts, v - 1, v, vertex_distance(vertices, v - 1, v, wraps))
 
 
-@jit(types.void(GRAPH, INT1, I64, I64), entry=True, allocates=False)
+@jit(types.void(GRAPH, INT1, I64, I64), entry=True, ahead=False, allocates=False)
 def detach(graph, counts, vertices, edges):
     """Take back all vertices and edges after the first so many."""
     ends, following, first = graph[0], graph[1], graph[4]

@@ -138,7 +138,7 @@ def _is_free(graph, counts, way, rows, path, again, context):
     return free
 
 
-@jit(types.Tuple((I64, I64))(OUT2, GRAPH, INT1, I64, FLOATS1, MARKS, I64, OUT2, CONTEXT), entry=True)
+@jit(types.Tuple((I64, I64))(OUT2, GRAPH, INT1, I64, FLOATS1, MARKS, I64, OUT2, CONTEXT), entry=True, ahead=False)
 def find_way(vertices, graph, counts, start, begin, wraps, rounds, path, context):
     """The shortest free way from an attached start to the nearest of its goals, by so many attempts.
 

@@ -157,12 +157,11 @@ def doctor(options: Namespace, console: Console) -> int:
 
 def _warm(watch: Stopwatch, console: Console) -> None:
     """Compile and keep every kernel; then plan twice, to show what is left to load and what a query takes."""
+    import rr1plan.pipeline  # all that is compiled is known then
     from rr1plan._kernels.jit import build_all
-    from rr1plan.validation.compiled import build_entries
 
     with console.progress("compiling") as advance, watch.stage("kernels"):
         build_all(advance)
-        build_entries()
     for stage in ("first plan", "second plan"):
         with watch.stage(stage):
             rr1plan.plan_motion(next(iter(load_problems("rr1_table").values())), rng=0)

@@ -8,18 +8,17 @@ part touches the files of the entries that use it.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from functools import update_wrapper
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.extending import typeof_impl
 
 from rr1plan.code_units import generic_type, lower_part, unit_compiler, without_collection
+from rr1plan.compiling import Job, compile_ahead, register, tell
 from rr1plan.kept_code import is_kept, keep
-
-logger = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -35,7 +34,6 @@ F64, I64 = numba.float64, numba.int64
 _OPTIONS = {"nogil": True, "error_model": "numpy"}
 
 _entries: list[Entry] = []
-_told: list[str] = []
 
 
 class Entry:
@@ -51,31 +49,49 @@ class Entry:
         self._function = function
         self._signature = signature
         self._built: Any = None
+        self.job = Job(function, self.is_kept, self._build)
+        register(self.job)
         _entries.append(self)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it."""
         return (self._built or self.build())(*arguments)
 
+    def is_kept(self) -> bool | None:
+        """Whether its code is on disk; None if it can be kept nowhere."""
+        made = self._dispatcher()
+        return is_kept(made, self._signature) if _keep(made) else None
+
     def build(self) -> Any:
-        """What numba makes of it: loaded where it is kept, else compiled; made once."""
+        """What numba makes of it: loaded where it is kept, else compiled, with others that are missing; made once."""
+        if self._built is None and self.is_kept() is False:
+            compile_ahead(self.job)
+        return self._build()
+
+    def _build(self) -> Any:
         if self._built is None:
-            made = numba.njit(pipeline_class=unit_compiler(), no_cfunc_wrapper=True, **_OPTIONS)(self._function)
-            try:
-                keep(made)
-                kept = is_kept(made, self._signature)
-            except RuntimeError as error:
-                # No folder to cache in: installed read-only and without a home.
-                if "cannot cache" not in str(error):
-                    raise
-                kept = False
-            if not kept:
-                _tell()
+            made = self._dispatcher()
+            folder = _keep(made)
+            if folder is None or not is_kept(made, self._signature):
+                tell(folder)
             with without_collection():
                 made.compile(self._signature)
             made.disable_compile()
             self._built = made
         return self._built
+
+    def _dispatcher(self) -> Any:
+        return numba.njit(pipeline_class=unit_compiler(), no_cfunc_wrapper=True, **_OPTIONS)(self._function)
+
+
+def _keep(made: Any) -> Path | None:
+    """Keep a function's code on disk; the folder, or None if there is none: installed read-only and without a home."""
+    try:
+        return Path(keep(made))
+    except RuntimeError as error:
+        if "cannot cache" not in str(error):
+            raise
+        return None
 
 
 def entry(signature: Any) -> Callable[[Callable[..., Any]], Entry]:
@@ -87,13 +103,6 @@ def build_entries() -> None:
     """Compile the referee's functions ahead, or find them in the cache."""
     for made in _entries:
         made.build()
-
-
-def _tell() -> None:
-    """Say once that the referee is compiled, before it is."""
-    if not _told:
-        _told.append("referee")
-        logger.warning("compiling the referee takes some ten seconds, once")
 
 
 class Part:

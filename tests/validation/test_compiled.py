@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from rr1plan import kept_code
+from rr1plan import compiling, kept_code
 from rr1plan.validation import compiled
 
 SOURCE = """
@@ -31,13 +31,14 @@ def halve(values, out):
 def load(tmp_path, monkeypatch):
     """Gives `halve` as a new process would get it."""
     monkeypatch.setattr(compiled, "_entries", [])
-    monkeypatch.setattr(compiled, "_told", [])
+    monkeypatch.setattr(compiling, "_told", [])
+    monkeypatch.setattr(compiling, "_jobs", {})
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "kept"))
     file = tmp_path / "tiny_entry.py"
     file.write_text(SOURCE)
 
     def load():
-        compiled._told.clear()
+        compiling._told.clear()
         spec = importlib.util.spec_from_file_location("tiny_entry", file)
         module = importlib.util.module_from_spec(spec)
         sys.modules["tiny_entry"] = module
