@@ -8,9 +8,9 @@ handed over with its shape. Here shapes and addresses are written down once.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
-from functools import cache
-from typing import Any
+from array import array
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.core import types
@@ -57,30 +57,62 @@ def pack(value: Any, kind: Any) -> NDArray[np.int64]:
         The record, shape (k,).
     """
     words: list[int] = []
-    _append(words, value, kind)
+    for part, its_kind in zip(_parts(value), _leaves(kind), strict=True):
+        if its_kind.dimensions is not None:
+            words += _shape_and_address(part, its_kind)
+        elif its_kind.is_float:
+            words.append(struct.unpack("q", struct.pack("d", part))[0])
+        else:
+            words.append(int(part))
     # An array keeps what it is a view of.
-    return np.asarray(_Owner(np.array(words, np.int64), value))
+    return np.asarray(_Owner(np.frombuffer(array("q", words), np.int64), value))
 
 
-def _append(words: list[int], value: Any, kind: Any) -> None:
-    """Add the fields of a value as numba lays them out, all eight bytes wide."""
+class _Leaf(NamedTuple):
+    """What is no tuple: an array of so many dimensions, and columns where these are known; or (None) a number."""
+
+    kind: Any
+    dtype: np.dtype[Any] | None = None
+    dimensions: int | None = None
+    columns: int | None = None
+    is_float: bool = False
+
+
+# By identity: numba's types take long to compare. They are kept, so that no other one gets the same.
+_known: dict[int, tuple[Any, tuple[_Leaf, ...]]] = {}
+
+
+def _leaves(kind: Any) -> tuple[_Leaf, ...]:
+    """What numba lays out of a kind, one after the other, all of it eight bytes wide."""
+    if id(kind) not in _known:
+        _known[id(kind)] = kind, tuple(_each_leaf(kind))
+    return _known[id(kind)][1]
+
+
+def _each_leaf(kind: Any) -> Iterator[_Leaf]:
     if isinstance(kind, types.BaseTuple):
-        for part, its_kind in zip(value, kind, strict=True):
-            _append(words, part, its_kind)
+        for part in kind:
+            yield from _each_leaf(part)
     elif isinstance(kind, types.Array):
-        if value.dtype != _dtype_of(kind) or value.ndim != kind.ndim or not value.flags.c_contiguous:
-            raise TypeError(f"an array of {value.dtype} and shape {value.shape} is no {kind}")
-        if kind.ndim == 2 and getattr(kind, "columns", value.shape[1]) != value.shape[1]:
-            raise TypeError(f"an array of {value.shape[1]} columns is no {kind}")
-        # Nobody owns it, as far as kernels know. Numpy's own `ctypes.data` takes five times as long.
-        address = value.__array_interface__["data"][0]
-        words += (0, 0, value.size, value.itemsize, address, *value.shape, *value.strides)
-    elif isinstance(kind, types.Float):
-        words.append(struct.unpack("q", struct.pack("d", value))[0])
+        yield _Leaf(kind, np.dtype(kind.dtype.name), kind.ndim, getattr(kind, "columns", None))
     else:
-        words.append(int(value))
+        yield _Leaf(kind, is_float=isinstance(kind, types.Float))
 
 
-@cache
-def _dtype_of(kind: Any) -> np.dtype[Any]:
-    return np.dtype(kind.dtype.name)
+def _parts(value: Any) -> Iterator[Any]:
+    """What is in tuples, and in those in them."""
+    for part in value:
+        if isinstance(part, tuple):
+            yield from _parts(part)
+        else:
+            yield part
+
+
+def _shape_and_address(part: NDArray[Any], leaf: _Leaf) -> tuple[int, ...]:
+    if part.dtype != leaf.dtype or part.ndim != leaf.dimensions or not part.flags.c_contiguous:
+        raise TypeError(f"an array of {part.dtype} and shape {part.shape} is no {leaf.kind}")
+    if leaf.columns is not None and part.shape[1] != leaf.columns:
+        raise TypeError(f"an array of {part.shape[1]} columns is no {leaf.kind}")
+    # Nobody owns it, as far as kernels know. Numpy's own `ctypes.data` takes five times as long.
+    address = part.__array_interface__["data"][0]
+    return (0, 0, part.size, part.itemsize, address, *part.shape, *part.strides)

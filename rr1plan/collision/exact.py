@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan._kernels.clearance import least_clearance as _least_clearance_untyped
-from rr1plan._kernels.exact import EXACT
+from rr1plan._kernels.exact import EXACT, ExactTables
 from rr1plan._kernels.record import pack
 from rr1plan.checks import Array, finite_array, read_only
 from rr1plan.collision.answers import Contact, Nearest
@@ -202,9 +202,19 @@ class CollisionChecker:
             InputError: wrong shape or not finite, or elements that cannot be measured against each other.
         """
         q = self.checked(q)
-        return _least_clearance(q, self._resting_clearance(most), self._record)
+        return _least_clearance(q, self._resting_clearance(most), self.record)
 
     # ---- for the motion checker -----------------------------------------------------------
+
+    @cached_property
+    def tables(self) -> ExactTables:
+        """What the exact kernel knows of the pairs that move, with its scratch memory."""
+        return build_tables(self)
+
+    @cached_property
+    def record(self) -> NDArray[np.int64]:
+        """The same as the kernel takes it."""
+        return pack(self.tables, EXACT)
 
     def solid_distances(self, q: Any) -> Array:
         """Distance of every pair in `solid_pairs` [m], negative where they overlap, shape (m,)."""
@@ -225,11 +235,6 @@ class CollisionChecker:
         return finite_array("q", q, (self.nq,))
 
     # ---- inside ---------------------------------------------------------------------------
-
-    @cached_property
-    def _record(self) -> NDArray[np.int64]:
-        """What the kernel knows of the pairs that move."""
-        return pack(build_tables(self), EXACT)
 
     @cached_property
     def _moving(self) -> CoalPairs:

@@ -22,7 +22,6 @@ from rr1plan._kernels.motion import certify as _certify_untyped
 from rr1plan._kernels.record import pack
 from rr1plan.checks import Array, finite_array, finite_number, of_kind, positive_number, read_only
 from rr1plan.collision.exact import CollisionChecker
-from rr1plan.collision.exact_tables import build_tables
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
@@ -81,8 +80,6 @@ class MotionChecker:
                 raise InputError("MotionChecker takes arms with a scene only; a checker has its own")
         self.checker = checker
         self.tolerance = positive_number("tolerance", tolerance)
-        self._tables = build_tables(checker)
-        self._exact = pack(self._tables, EXACT)
         self._without: dict[frozenset[str], NDArray[np.int64]] = {}
         self._swept: SweptEdges | None = None
         self._edge = np.zeros((2, checker.nq))
@@ -112,7 +109,7 @@ class MotionChecker:
     def _straight(self) -> SweptEdges:
         """Spheres around everything that moves, made when first asked for."""
         if self._swept is None:
-            self._swept = SweptEdges(self.checker, self.tolerance, self._tables)
+            self._swept = SweptEdges(self.checker, self.tolerance)
         return self._swept
 
     def is_free(self, q: Any) -> bool:
@@ -153,7 +150,7 @@ class MotionChecker:
             owner = self.checker.scene.owner
             counts = np.array([owner(a) not in arms and owner(b) not in arms for a, b in self.checker.pairs], np.bool_)
             chosen = counts[self.checker.solid_owner]
-            tables, directions = self._tables, np.zeros((int(chosen.sum()), 3))
+            tables, directions = self.checker.tables, np.zeros((int(chosen.sum()), 3))
             tables = tables._replace(pairs=tables.pairs[chosen], padding=tables.padding[chosen], directions=directions)
             self._without[arms] = pack(tables, EXACT)
         return self._without[arms]
@@ -271,7 +268,7 @@ class MotionChecker:
         self.edges_checked += 1
         if not self.checker.resting_is_free:
             return FREE + 1, 0.0, -1
-        status, where, pair, seen, fine = _certify(curve, duration, self.tolerance, self._exact)
+        status, where, pair, seen, fine = _certify(curve, duration, self.tolerance, self.checker.record)
         self._configurations_checked += seen
         self._gaps_checked += fine
         return status, where, pair

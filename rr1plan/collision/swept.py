@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from rr1plan._kernels.cover import TABLES
-from rr1plan._kernels.exact import EXACT, ExactTables
 from rr1plan._kernels.motion import FREE
 from rr1plan._kernels.record import pack
 from rr1plan._kernels.swept import CONFIGURATIONS, EDGES, EXACT_EDGES, GAPS
@@ -16,7 +15,6 @@ from rr1plan._kernels.swept import sweep_edge as _sweep_edge_untyped
 from rr1plan._kernels.swept import sweep_parabola as _sweep_parabola_untyped
 from rr1plan.checks import Array
 from rr1plan.collision.exact import CollisionChecker
-from rr1plan.collision.exact_tables import build_tables
 from rr1plan.collision.sphere_tables import build_cover
 
 _sweep_edge: Callable[..., tuple[int, float, int]] = _sweep_edge_untyped
@@ -31,7 +29,6 @@ class SweptEdges:
     Args:
         checker: The collision checker.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
-        tables: Tables of the checker for the exact kernel (default: new ones); their scratch memory is used too.
 
     Attributes:
         tables: What compiled kernels know of the scene; see `rr1plan._kernels.cover`.
@@ -41,11 +38,10 @@ class SweptEdges:
         InputError: a scene that cannot be checked.
     """
 
-    def __init__(self, checker: CollisionChecker, tolerance: float, tables: ExactTables | None = None) -> None:
+    def __init__(self, checker: CollisionChecker, tolerance: float) -> None:
         self._checker = checker
-        tables = build_tables(checker) if tables is None else tables
         self._done = np.zeros(4, np.int64)
-        self.tables = (*build_cover(checker, tables, tolerance), (tolerance, pack(tables, EXACT)), self._done)
+        self.tables = (*build_cover(checker, checker.tables, tolerance), (tolerance, checker.record), self._done)
         self.record = pack(self.tables, TABLES)
 
     @property

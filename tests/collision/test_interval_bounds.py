@@ -24,7 +24,6 @@ from rr1plan._kernels.poses import bound_travel, place_body, place_joints
 from rr1plan._kernels.record import pack
 from rr1plan._kernels.spheres import meet_body, meet_obstacle
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.exact_tables import build_tables
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.collision.spheres import cover
 from rr1plan.collision.swept import SweptEdges
@@ -93,10 +92,10 @@ class World:
         for i, thing in enumerate(things):
             scene = scene.with_obstacle(f"thing{i}", thing, turned(rng, 0.6))
         self.checker = CollisionChecker(scene)
-        tables = build_tables(self.checker)
+        tables = self.checker.tables
         # Of its own, so that any padding can be asked about.
-        self.exact = tables._replace(padding=tables.padding.copy())
-        self.edges = SweptEdges(self.checker, 1e-6, self.exact)
+        self.exact = self.checker.tables = tables._replace(padding=tables.padding.copy())
+        self.edges = SweptEdges(self.checker, 1e-6)
         self.cover, self.work = self.edges.tables[:2]
         self.pairs = self.checker.solid_pairs.tolist()
         self.told_to_coal = {}

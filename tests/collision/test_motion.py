@@ -155,18 +155,18 @@ def test_nothing_thin_is_ever_tunnelled(planar, distance, angle, swing, kind):
 def test_no_point_travels_farther_than_its_bound(odd, six, seed, which, size):
     scene = {"odd": odd_scene(odd), "six": Scene().with_arm("a", six), "held": held_scene(six)}[which]
     motion = MotionChecker(scene)
-    checker, tables = motion.checker, motion._tables
+    checker, tables = motion.checker, motion.checker.tables
     rng = np.random.default_rng(seed)
     q0 = rng.uniform(-2, 2, checker.nq)
     reach = size * rng.uniform(0, 1, checker.nq)
-    place_joints(q0, motion._exact)
+    place_joints(q0, motion.checker.record)
     before, points = {}, {}
     for b, solid in enumerate(checker.solids):
         first, last = tables.bodies[b, 4:6]
         if first == last:
             continue
-        place_body(b, motion._exact)
-        bound_travel(b, reach, motion._exact)
+        place_body(b, motion.checker.record)
+        bound_travel(b, reach, motion.checker.record)
         points[b] = surface_points(solid.shape, rng)
         before[b] = world_points(scene, q0, solid, points[b], checker)
     for _ in range(8):
