@@ -135,6 +135,12 @@ def separate(a, b, o, base, near, padding, push, asked, h, record):
         gap = low + along_origin(frames, at, x, y, z) - high - radius
         nx, ny, nz = choose(best, gap, x, nx), choose(best, gap, y, ny), choose(best, gap, z, nz)
         best = greater(best, gap)
+        if below(best, needed) & asked == 0:
+            travel = h * fastest(a, nx, ny, nz, base, cover, work)
+            if b >= 0:
+                travel = travel + h * fastest(b, nx, ny, nz, base, cover, work)
+            if below(best - travel - lost, needed) & asked == 0:
+                return 0, 0, 0
         wx, wy, wz = wx - u, wy - v, wz - w
         if step == 0:
             px, py, pz = wx, wy, wz
@@ -154,12 +160,6 @@ def separate(a, b, o, base, near, padding, push, asked, h, record):
         touching = below(distance - radius, padding - cover.margins[0]) & asked
         if touching:
             return asked, asked, touching
-        if below(best, needed) & asked == 0:
-            travel = h * fastest(a, nx, ny, nz, base, cover, work)
-            if b >= 0:
-                travel = travel + h * fastest(b, nx, ny, nz, base, cover, work)
-            if below(best - travel - lost, needed) & asked == 0:
-                return 0, 0, 0
         if below(best - padding, _GOOD * (distance - radius - padding)) & asked == 0:
             break
         part = 1.0 / greater(distance, 1e-9)
