@@ -29,6 +29,10 @@ SPHERE = 4 * WIDTH
 ALL = (1 << WIDTH) - 1
 # Corners of a core come in blocks of so many neighbours.
 BLOCK = 8
+# Directions are told apart by so many cells along each side of two squares; corners that can be the lowest along those
+# of a cell are bits of a word, of which so many are used.
+DIRECTION_CELLS = 16
+WORD = 63
 # Cells of a map along each of its sides.
 CELLS = 128
 
@@ -59,13 +63,16 @@ class Cover(NamedTuple):
         maps: For each map how many cells before a corner are not free; see `neighbours.py`.
         map_ranges: Low end and cells per rad or m, of both columns of q; shape (m, 4).
         padding: Distance to keep of each pair [m].
-        cores: Frame, first and last row of `points`, POINTS or ROUND, first row of `blocks`: of each body, then of each
-            obstacle without a closed form; shape (c, 5).
-        core_values: A point in the core, the radius around the core, and how far the core reaches from the point
-            [m]; shape (c, 5).
+        cores: Frame, first and last row of `points`, POINTS or ROUND, first row of `blocks`, first of `lowest` and how
+            many corners share a bit there (0: none is told); of each body, then of each obstacle without a closed
+            form; shape (c, 7).
+        core_values: A point in the core, the radius around the core, how far the core reaches from the point [m], and
+            the rotation, row by row, from the axes of `lowest`; shape (c, 14).
         points: Corners of a core in its frame; of one that is ROUND centre, axis, half length and radius;
             shape (p, 3).
         blocks: Ball around each `BLOCK` corners of a core: centre and radius; shape (n, 4).
+        lowest: Which corners can be the lowest along the directions of each cell, DIRECTION_CELLS**2 for those with a
+            third number that is not below zero, then for the others; see `rr1plan.collision.lowest_corners`.
         core_of: Row of `cores` of each obstacle, CLOSED_FORM or LEFT_OUT, shape (o,).
         margins: What must be left of a gap beyond everything else, and the greatest padding [m], shape (2,).
     """
@@ -90,6 +97,7 @@ class Cover(NamedTuple):
     core_values: np.ndarray
     points: np.ndarray
     blocks: np.ndarray
+    lowest: np.ndarray
     core_of: np.ndarray
     margins: np.ndarray
 
@@ -150,7 +158,7 @@ COVER = types.NamedTuple(
         *(whole(3), floats(13), whole(4), whole(6), floats(6), whole(), floats()),
         *(whole(2), floats(17), OUT2, INT2),
         *(whole(8), whole(5), small(), floats(4), floats()),
-        *(whole(5), floats(5), floats(3), floats(4), whole(), floats()),
+        *(whole(7), floats(14), floats(3), floats(4), whole(), whole(), floats()),
     ],
     Cover,
 )

@@ -43,7 +43,7 @@ def _over_half_space(a, o, padding, push, asked, h, cover, work):
     beyond, needed = offset + cover.core_values[a, 3], padding + cover.margins[0]
     x, y, z = fill(values[o, 2]), fill(values[o, 5]), fill(values[o, 8])
     lx, ly, lz = to_local(work.frames, at, x, y, z)
-    low, u, v, w = lowest(a, lx, ly, lz, asked, cover)
+    low, u, v, w = lowest(a, lx, ly, lz, asked, cover, work)
     low = low + along_origin(work.frames, at, x, y, z) - beyond
     stuck, touching = below(low, needed) & asked, below(low, padding - cover.margins[0]) & asked
     if touching:
@@ -53,17 +53,20 @@ def _over_half_space(a, o, padding, push, asked, h, cover, work):
     return below(gap, needed) & asked, stuck, 0
 
 
-@jit(types.void(I64, I64, _NEAR, COVER, WORK), inline=True, allocates=False)
+@jit(types.Tuple((LANES, LANES, LANES, I64))(I64, I64, _NEAR, COVER, WORK), inline=True, allocates=False)
 def _begin(b, o, near, cover, work):
-    """Directions to begin with: the last one on this edge, or from the other to the sphere that is too near."""
-    walk, centres, slot = work.walk, work.centres, near[0]
+    """Where to begin: from the other to the sphere that is too near, or the last direction on this edge.
+
+    With it comes 1 where it is between points of the cores.
+    """
+    starts, spheres, centres, slot = work.starts, cover.spheres, work.centres, near[0]
     if work.begun[slot] == work.counts[3]:
-        for c in range(3):
-            store(walk, c * WIDTH, fill(work.starts[slot, c]))
-        return
+        return fill(starts[slot, 0]), fill(starts[slot, 1]), fill(starts[slot, 2]), 0
     work.begun[slot] = work.counts[3]
     at, to = near[1] * SPHERE, near[2] * SPHERE
     x, y, z = load(centres, at), load(centres, at + WIDTH), load(centres, at + 2 * WIDTH)
+    # A ball inside has its centre there.
+    within = 1 if spheres[near[1], 4] > 0.0 else 0
     if b < 0:
         u, v, w = nearest_in(cover.obstacle_values, cover.obstacles, o, x, y, z)
     elif near[1] == near[2]:
@@ -71,11 +74,8 @@ def _begin(b, o, near, cover, work):
         u, v, w = to_world(work.frames, cover.cores[b, 0] * FRAME, *middle)
     else:
         u, v, w = load(centres, to), load(centres, to + WIDTH), load(centres, to + 2 * WIDTH)
-    x, y, z = x - u, y - v, z - w
-    part = 1.0 / greater(root(x * x + y * y + z * z), 1e-12)
-    store(walk, 0, x * part)
-    store(walk, WIDTH, y * part)
-    store(walk, 2 * WIDTH, z * part)
+        within &= 1 if spheres[near[2], 4] > 0.0 else 0
+    return x - u, y - v, z - w, within
 
 
 @jit(types.void(I64, I64, LANES, LANES, LANES, WORK), inline=True, allocates=False)
@@ -118,18 +118,17 @@ def separate(a, b, o, base, near, padding, push, asked, h, record):
     at, radius = cover.cores[a, 0] * FRAME, cover.core_values[a, 3]
     radius += values[o, 15] if b < 0 else cover.core_values[b, 3]
     needed, lost = padding + cover.margins[0], h * h * (0.5 * push)
-    _begin(b, o, near, cover, work)
-    x, y, z = load(work.walk, 0), load(work.walk, WIDTH), load(work.walk, 2 * WIDTH)
+    # The point nearest to the origin so far, and three points of the difference of the bodies around it.
+    px, py, pz, within = _begin(b, o, near, cover, work)
+    square = px * px + py * py + pz * pz
+    part = 1.0 / greater(root(square), 1e-12)
+    x, y, z = px * part, py * part, pz * part
     best, nx, ny, nz = fill(-1e300), x, y, z
-    # The point nearest to the origin so far, and three corners of the difference of the bodies around it.
-    px, py, pz, square = fill(0.0), fill(0.0), fill(0.0), fill(1e300)
-    ax, ay, az = fill(0.0), fill(0.0), fill(0.0)
-    bx, by, bz = fill(0.0), fill(0.0), fill(0.0)
-    cx, cy, cz = fill(0.0), fill(0.0), fill(0.0)
+    ax, ay, az, bx, by, bz, cx, cy, cz = px, py, pz, px, py, pz, px, py, pz
     lx, ly, lz, top = x, y, z, (x, y, z)
     for step in range(_STEPS):
         lx, ly, lz = to_local(frames, at, x, y, z)
-        low, lx, ly, lz = lowest(a, lx, ly, lz, asked, cover)
+        low, lx, ly, lz = lowest(a, lx, ly, lz, asked, cover, work)
         wx, wy, wz = to_world(frames, at, lx, ly, lz)
         high, (u, v, w), top = highest_of_other(b, o, x, y, z, asked, cover, work)
         gap = low + along_origin(frames, at, x, y, z) - high - radius
@@ -142,7 +141,7 @@ def separate(a, b, o, base, near, padding, push, asked, h, record):
             if below(best - travel - lost, needed) & asked == 0:
                 return 0, 0, 0
         wx, wy, wz = wx - u, wy - v, wz - w
-        if step == 0:
+        if step == 0 and not within:
             px, py, pz = wx, wy, wz
             square = wx * wx + wy * wy + wz * wz
             ax, ay, az, bx, by, bz, cx, cy, cz = wx, wy, wz, wx, wy, wz, wx, wy, wz

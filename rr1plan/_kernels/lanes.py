@@ -206,3 +206,13 @@ def _reduced(name):
 
 least = _reduced("fmin")
 most = _reduced("fmax")
+
+
+@intrinsic
+def first_bit(typing_context, word):
+    """The number of the lowest bit that is set in a word that is not zero."""
+
+    def lower(context, builder, sig, args):
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), lower

@@ -9,14 +9,30 @@ as well.
 
 from __future__ import annotations
 
+import numpy as np
 from numba import types
 
-from rr1plan._kernels.cover import BLOCK, COVER, FRAME, ROUND, SLACK, WORK
+from rr1plan._kernels.cover import BLOCK, COVER, DIRECTION_CELLS, FRAME, ROUND, SLACK, WORK
 from rr1plan._kernels.jit import I64, jit
-from rr1plan._kernels.lanes import LANES, WIDTH, below, choose, fill, greater, lesser, load, root, size_of
+from rr1plan._kernels.lanes import (
+    LANES,
+    WIDTH,
+    below,
+    choose,
+    fill,
+    first_bit,
+    floor,
+    greater,
+    lesser,
+    load,
+    root,
+    size_of,
+    store,
+)
 from rr1plan._kernels.obstacles import farthest_in
 from rr1plan._kernels.tables import NUMBERS
 
+_HALF = 0.5 * DIRECTION_CELLS
 _LANES3 = types.UniTuple(LANES, 3)
 
 
@@ -53,46 +69,62 @@ def along_origin(frames, at, x, y, z):
     return x * load(frames, at + 9 * WIDTH) + y * load(frames, at + 10 * WIDTH) + z * load(frames, at + 11 * WIDTH)
 
 
-@jit(LANES(I64, LANES, LANES, LANES, COVER), inline=True, allocates=False)
-def _lowest_of_blocks(k, x, y, z, cover):
-    """The least n.p over the first corner of each block of a core: no less than over all."""
-    points, best = cover.points, fill(1e300)
-    for i in range(cover.cores[k, 1], cover.cores[k, 2], BLOCK):
-        best = lesser(x * points[i, 0] + y * points[i, 1] + z * points[i, 2], best)
-    return best
+@jit(I64(I64, LANES, LANES, LANES, I64, COVER, WORK), inline=True, allocates=False)
+def _candidates(k, x, y, z, asked, cover, work):
+    """Bits of the corners of a core that can be the lowest along directions of its frame, in lanes asked for."""
+    values = cover.core_values
+    u = x * values[k, 5] + y * values[k, 8] + z * values[k, 11]
+    v = x * values[k, 6] + y * values[k, 9] + z * values[k, 12]
+    w = x * values[k, 7] + y * values[k, 10] + z * values[k, 13]
+    part = _HALF / greater(size_of(u) + size_of(v) + size_of(w), 1e-300)
+    # Whatever is no number ends within the table too.
+    row = greater(lesser(floor(u * part + _HALF), 2.0 * _HALF - 1.0), 0.0)
+    column = greater(lesser(floor(v * part + _HALF), 2.0 * _HALF - 1.0), 0.0)
+    store(work.walk, 0, choose(w, 0.0, 4.0 * _HALF * _HALF, 0.0) + row * (2.0 * _HALF) + column)
+    found, first = 0, cover.cores[k, 5]
+    for i in range(WIDTH):
+        found |= cover.lowest[first + np.int64(work.walk[i])] & -(asked >> i & 1)
+    return found
 
 
-@jit(types.UniTuple(LANES, 4)(I64, LANES, LANES, LANES, I64, COVER), inline=True, allocates=False)
-def lowest(k, x, y, z, asked, cover):
+@jit(types.UniTuple(LANES, 4)(I64, LANES, LANES, LANES, COVER), inline=True, allocates=False)
+def _lowest_of_round(k, x, y, z, cover):
+    """See `lowest`, for a cylinder: centre, axis, half length and radius."""
+    points, first = cover.points, cover.cores[k, 1]
+    along = x * points[first + 1, 0] + y * points[first + 1, 1] + z * points[first + 1, 2]
+    u, v, w = (
+        x - along * points[first + 1, 0],
+        y - along * points[first + 1, 1],
+        z - along * points[first + 1, 2],
+    )
+    part = -points[first + 2, 1] / greater(root(u * u + v * v + w * w), 1e-12)
+    end = choose(along, 0.0, points[first + 2, 0], -points[first + 2, 0])
+    px = points[first, 0] + end * points[first + 1, 0] + u * part
+    py = points[first, 1] + end * points[first + 1, 1] + v * part
+    pz = points[first, 2] + end * points[first + 1, 2] + w * part
+    return x * px + y * py + z * pz, px, py, pz
+
+
+@jit(types.UniTuple(LANES, 4)(I64, LANES, LANES, LANES, I64, COVER, WORK), inline=True, allocates=False)
+def lowest(k, x, y, z, asked, cover, work):
     """The least n.p over the core of a body, n a direction of its frame, and the point p where that is.
 
-    In lanes that are not asked for it is n.p of some point, if of any.
+    In lanes that are not asked for it is n.p of some point.
     """
-    points, blocks = cover.points, cover.blocks
-    first, last = cover.cores[k, 1], cover.cores[k, 2]
+    points = cover.points
+    first, last, shared = cover.cores[k, 1], cover.cores[k, 2], cover.cores[k, 6]
     if cover.cores[k, 3] == ROUND:
-        # Centre, axis, half length and radius.
-        along = x * points[first + 1, 0] + y * points[first + 1, 1] + z * points[first + 1, 2]
-        u, v, w = (
-            x - along * points[first + 1, 0],
-            y - along * points[first + 1, 1],
-            z - along * points[first + 1, 2],
-        )
-        part = -points[first + 2, 1] / greater(root(u * u + v * v + w * w), 1e-12)
-        end = choose(along, 0.0, points[first + 2, 0], -points[first + 2, 0])
-        px = points[first, 0] + end * points[first + 1, 0] + u * part
-        py = points[first, 1] + end * points[first + 1, 1] + v * part
-        pz = points[first, 2] + end * points[first + 1, 2] + w * part
-        return x * px + y * py + z * pz, px, py, pz
-    bound, best = _lowest_of_blocks(k, x, y, z, cover), fill(1e300)
-    px, py, pz = fill(0.0), fill(0.0), fill(0.0)
-    for i in range(first, last, BLOCK):
-        n = (i - first) // BLOCK + cover.cores[k, 4]
-        ball = blocks[n, 0], blocks[n, 1], blocks[n, 2], blocks[n, 3]
-        # What is no lower than a corner at hand is left out, but for equals: all take part, in one order.
-        if below(x * ball[0] + y * ball[1] + z * ball[2] - ball[3], bound) & asked == 0:
-            continue
-        for p in range(i, min(i + BLOCK, last)):
+        return _lowest_of_round(k, x, y, z, cover)
+    best, px, py, pz = fill(1e300), fill(0.0), fill(0.0), fill(0.0)
+    left, begin, end = 1, first, last
+    if shared:
+        left = _candidates(k, x, y, z, asked, cover, work)
+    while left:
+        if shared:
+            begin = first + first_bit(left) * shared
+            end = min(begin + shared, last)
+        left &= left - 1
+        for p in range(begin, end):
             value = x * points[p, 0] + y * points[p, 1] + z * points[p, 2]
             px = choose(value, best, points[p, 0], px)
             py = choose(value, best, points[p, 1], py)
@@ -147,7 +179,7 @@ def lowest_within(k, x, y, z, low, base, asked, h, cover, work):
     first, last = cover.cores[k, 1], cover.cores[k, 2]
     offset = along_origin(frames, at, x, y, z)
     if cover.cores[k, 3] == ROUND:
-        best, _, _, _ = lowest(k, lx, ly, lz, asked, cover)
+        best, _, _, _ = lowest(k, lx, ly, lz, asked, cover, work)
         return offset + best - h * fastest(k, x, y, z, base, cover, work)
     turn = root(mx * mx + my * my + mz * mz) * h
     best = lx * low[0] + ly * low[1] + lz * low[2]
@@ -178,7 +210,7 @@ def highest_of_other(b, o, x, y, z, asked, cover, work):
         return high, (u, v, w), (u, v, w)
     at = cover.cores[b, 0] * FRAME
     lx, ly, lz = to_local(work.frames, at, x, y, z)
-    low, u, v, w = lowest(b, -lx, -ly, -lz, asked, cover)
+    low, u, v, w = lowest(b, -lx, -ly, -lz, asked, cover, work)
     return along_origin(work.frames, at, x, y, z) - low, to_world(work.frames, at, u, v, w), (u, v, w)
 
 

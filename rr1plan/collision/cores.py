@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.cover import POINTS, ROUND
+from rr1plan._kernels.cover import BLOCK, POINTS, ROUND
 from rr1plan.checks import Array, read_only
+from rr1plan.collision.lowest_corners import corners_per_bit, lowest_corners
 from rr1plan.collision.point_blocks import in_blocks
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
@@ -19,49 +20,55 @@ _INTS = NDArray[np.int64]
 
 
 class CoreTables(NamedTuple):
-    """The `cores`, `core_values`, `points` and `blocks` of `rr1plan._kernels.cover.Cover`, or some of them."""
+    """The `cores`, `core_values`, `points`, `blocks` and `lowest` of the kernel's `Cover`, or some of their rows."""
 
     rows: _INTS
     values: Array
     points: Array
     blocks: Array
+    lowest: _INTS
+
+
+_NONE = np.zeros(0, np.int64)
 
 
 class Cores:
     """Rows of the kernel's tables, as they are added."""
 
     def __init__(self) -> None:
-        self._rows: list[tuple[int, int, int, int, int]] = []
+        self._rows: list[tuple[int, ...]] = []
         self._values: list[Array] = []
         self._points: list[Array] = [np.zeros((0, 3))]
         self._blocks: list[Array] = [np.zeros((0, 4))]
-        self._count, self._block_count = 0, 0
+        self._lowest: list[_INTS] = [_NONE]
+        self._counts = np.zeros(3, np.int64)
 
     def add(self, frame: int, shape: Shape, T: Array) -> int:
         """The row of a shape placed in a frame."""
         rotate, shift = T[:3, :3], T[:3, 3]
         if isinstance(shape, Cylinder):
-            middle, radius, kind, blocks = shift, 0.0, ROUND, np.zeros((0, 4))
+            middle, radius, kind, blocks, lowest, shared = shift, 0.0, ROUND, np.zeros((0, 4)), _NONE, 0
             points = np.array([shift, rotate[:, 2], [0.5 * shape.length, shape.radius, 0.0]])
             reach = float(np.hypot(0.5 * shape.length, shape.radius)) * (1.0 + 1e-9)
         else:
-            points, blocks = _placed_blocks(shape, rotate, shift)
+            points, blocks, lowest, shared = _placed_blocks(shape, rotate, shift)
             radius, kind = _radius(shape), POINTS
             middle = points.mean(axis=0)
             reach = float(np.linalg.norm(points - middle, axis=1).max()) * (1.0 + 1e-9)
-        self._rows.append((frame, self._count, self._count + len(points), kind, self._block_count))
-        self._values.append(np.array([*middle, radius, reach]))
+        first, first_block, first_word = self._counts.tolist()
+        self._rows.append((frame, first, first + len(points), kind, first_block, first_word, shared))
+        self._values.append(np.array([*middle, radius, reach, *rotate.ravel()]))
         self._points.append(points)
         self._blocks.append(blocks)
-        self._count += len(points)
-        self._block_count += len(blocks)
+        self._lowest.append(lowest)
+        self._counts += len(points), len(blocks), len(lowest)
         return len(self._rows) - 1
 
     def tables(self) -> CoreTables:
         """What was added, counted from zero."""
-        rows = np.array(self._rows, np.int64).reshape(-1, 5)
+        rows, values = np.array(self._rows, np.int64).reshape(-1, 7), np.array(self._values).reshape(-1, 14)
         points, blocks = (np.ascontiguousarray(np.concatenate(parts)) for parts in (self._points, self._blocks))
-        return CoreTables(*map(read_only, (rows, np.array(self._values).reshape(-1, 5), points, blocks)))
+        return CoreTables(*map(read_only, (rows, values, points, blocks, np.concatenate(self._lowest))))
 
 
 NO_CORES = Cores().tables()
@@ -69,30 +76,34 @@ NO_CORES = Cores().tables()
 
 def joined_cores(parts: Sequence[CoreTables]) -> tuple[CoreTables, list[int]]:
     """Tables as one, and how many cores come before those of each part."""
-    before, points, blocks = [0], 0, 0
+    before, points, blocks, words = [0], 0, 0, 0
     full = []
     for part in parts:
         if len(part.rows):
-            full.append(part._replace(rows=part.rows + np.array([0, points, points, 0, blocks])))
+            full.append(part._replace(rows=part.rows + np.array([0, points, points, 0, blocks, words, 0])))
         before.append(before[-1] + len(part.rows))
         points, blocks = points + len(part.points), blocks + len(part.blocks)
+        words += len(part.lowest)
     if len(full) == 1:
         return full[0], before[:-1]
     return CoreTables(*(np.concatenate(tables) for tables in zip(*(full or parts), strict=True))), before[:-1]
 
 
 @lru_cache(maxsize=512)
-def _blocks(shape: Shape) -> tuple[Array, Array]:
+def _blocks(shape: Shape) -> tuple[Array, Array, _INTS]:
     points, balls = in_blocks(extremes(shape))
-    return read_only(points), read_only(balls)
+    # Few corners are all looked at.
+    lowest = lowest_corners(points) if len(points) > BLOCK else _NONE
+    return read_only(points), read_only(balls), read_only(lowest)
 
 
-def _placed_blocks(shape: Shape, rotate: Array, shift: Array) -> tuple[Array, Array]:
-    """Points of a shape's core in blocks, and balls around these, in a frame."""
-    points, balls = _blocks(shape)
+def _placed_blocks(shape: Shape, rotate: Array, shift: Array) -> tuple[Array, Array, _INTS, int]:
+    """Points of a shape's core in blocks, and balls around these, in a frame; its lowest corners, and per bit."""
+    points, balls, lowest = _blocks(shape)
     # The rounding of a product with a rotation and a sum.
     radii = balls[:, 3] + 1e-14 * (1.0 + float(np.abs(shift).max()))
-    return points @ rotate.T + shift, np.column_stack([balls[:, :3] @ rotate.T + shift, radii])
+    balls = np.column_stack([balls[:, :3] @ rotate.T + shift, radii])
+    return points @ rotate.T + shift, balls, lowest, corners_per_bit(len(points)) if len(lowest) else 0
 
 
 def extremes(shape: Shape) -> Array:

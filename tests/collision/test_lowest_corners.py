@@ -1,0 +1,101 @@
+"""The lowest corner of a body along a direction, by the few that are known ahead: that of all its corners."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rr1plan._kernels.cover import ALL, DIRECTION_CELLS, RECORD, WORD, tables_of
+from rr1plan._kernels.jit import I64, OUT1
+from rr1plan._kernels.lanes import WIDTH, load, store
+from rr1plan._kernels.supports import lowest
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.lowest_corners import corners_per_bit, lowest_corners
+from rr1plan.collision.swept import SweptEdges
+from rr1plan.formats.convex import convex_hull
+from rr1plan.scene import Scene
+from rr1plan.transforms import pose
+
+
+@numba.njit(numba.void(I64, I64, OUT1, OUT1, RECORD))
+def ask(core, asked, directions, out, record):
+    """The least value and its point for `WIDTH` directions."""
+    cover, work, _, _ = tables_of(record)
+    x, y, z = load(directions, 0), load(directions, WIDTH), load(directions, 2 * WIDTH)
+    for c, value in enumerate(lowest(core, x, y, z, asked, cover, work)):
+        store(out, c * WIDTH, value)
+
+
+def hull(count, seed):
+    """A mesh of many corners."""
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return convex_hull(points / np.linalg.norm(points, axis=1)[:, None] * [0.1, 0.2, 0.05])
+
+
+def words_of(directions, words):
+    """The words of the cells of directions, which may lie on their borders; shape (n,)."""
+    scaled = directions / np.abs(directions).sum(axis=1)[:, None]
+    row, column = np.minimum(((scaled[:, :2] + 1.0) * 0.5 * DIRECTION_CELLS).astype(int), DIRECTION_CELLS - 1).T
+    return words.reshape(2, DIRECTION_CELLS, DIRECTION_CELLS)[(scaled[:, 2] < 0.0).astype(int), row, column]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_lowest_corner_is_that_of_all_corners(six, turned):
+    T = pose([3.0, 1.0, 0.0], rpy=[0.4, -0.5, 2.0]) if turned else pose()
+    rocks = [hull(count, count) for count in (9, 64, 200)]
+    scene = Scene().with_arm("a", six)
+    for i, rock in enumerate(rocks):
+        scene = scene.with_obstacle(f"rock {i}", rock, T)
+    edges = SweptEdges(CollisionChecker(scene), 1e-6)
+    cover = edges.tables[0]
+    rng = np.random.default_rng(3)
+    assert (cover.cores[:, 2] - cover.cores[:, 1]).max() == 200
+    for core, (_, first, last, kind, *_) in enumerate(cover.cores.tolist()):
+        if kind != 0:
+            continue
+        points = cover.points[first:last]
+        for asked in rng.integers(1, ALL + 1, 50).tolist():
+            # Among them those along axes and within planes, on the borders of cells.
+            n = rng.normal(size=(3, WIDTH)) * rng.integers(0, 2, (3, WIDTH))
+            n[:, ~n.any(axis=0)] = 1.0
+            n /= np.linalg.norm(n, axis=0)
+            out = np.zeros(4 * WIDTH)
+            ask(core, asked, n.ravel(), out, edges.record)
+            low, *point = out.reshape(4, WIDTH)
+            lanes = [i for i in range(WIDTH) if asked >> i & 1]
+            assert np.allclose(low[lanes], (points @ n).min(axis=0)[lanes], rtol=0, atol=1e-14)
+            assert np.allclose(np.sum(n * point, axis=0)[lanes], low[lanes], rtol=0, atol=1e-14)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.integers(9, 300),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([0.0, 1e-9, 1e-3, 1.0]),
+    st.sampled_from([1e-3, 1.0, 1e3]),
+)
+def test_the_lowest_of_any_points_is_in_the_word_of_its_cell(count, seed, flat, size):
+    rng = np.random.default_rng(seed)
+    points = size * (rng.normal(size=(count, 3)) * [1.0, 1.0, flat] + rng.normal(size=3))
+    words, step = lowest_corners(points), corners_per_bit(count)
+    assert words.min() >= 0
+    assert step * WORD >= count
+    directions = rng.normal(size=(200, 3)) * rng.integers(0, 2, (200, 3))
+    directions = directions[directions.any(axis=1)]
+    kept = words_of(directions, words)[:, None] >> np.arange(count) // step & 1
+    heights = directions @ (points - points.mean(axis=0)).T
+    above = np.where(kept, heights, np.inf).min(axis=1) - heights.min(axis=1)
+    assert (above <= 1e-12 * size * np.abs(directions).sum(axis=1)).all()
+
+
+def test_few_corners_are_left_of_many():
+    points = hull(200, 1).vertices
+    bits = [int(word).bit_count() for word in lowest_corners(points)]
+    assert np.median(bits) < 12
+
+
+def test_equal_points_are_all_as_low():
+    assert (lowest_corners(np.ones((20, 3))) == (1 << 20) - 1).all()
