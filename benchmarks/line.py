@@ -125,8 +125,7 @@ def _plan(
     for m in (margin, 0.0):
         with clock.stage("set up"):
             roomy = with_margin(problem, m)
-            with borrowed_checker(roomy.scene, problem.arms) as motions:
-                _ = motions.context  # the compiled planners' tables, made when first asked for
+            rp.set_up(roomy)
         with clock.stage("plan"):
             result = rp.plan(roomy, planner, budget, seed)
         if result.status not in (rp.PlanStatus.INVALID_GOAL, rp.PlanStatus.INFEASIBLE):

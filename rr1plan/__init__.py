@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from rr1plan.path import Path as Path
     from rr1plan.pipeline import MotionPlan as MotionPlan
     from rr1plan.pipeline import plan_motion as plan_motion
+    from rr1plan.pipeline import set_up as set_up
     from rr1plan.planners import Roadmap as Roadmap
     from rr1plan.planners import make_planner as make_planner
     from rr1plan.planners import plan as plan
@@ -125,7 +126,7 @@ _EXPORTS = {
     "rr1plan.limits": ("Limits",),
     "rr1plan.multi": ("place_grid", "place_ring"),
     "rr1plan.path": ("Path",),
-    "rr1plan.pipeline": ("MotionPlan", "plan_motion"),
+    "rr1plan.pipeline": ("MotionPlan", "plan_motion", "set_up"),
     "rr1plan.planners": ("Roadmap", "make_planner", "plan", "planner_names"),
     "rr1plan.planners.shortcut": ("shorten",),
     "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.collision import swept as motion_checkers
 from rr1plan.pipeline import affordable_margin, with_margin
 
 
@@ -18,9 +19,21 @@ def test_a_motion_is_certified_and_every_stage_has_its_time(problem: rp.Problem)
     found = rp.plan_motion(problem, rng=0)
     assert found.solved
     assert found.report.certified
-    assert list(found.seconds) == ["plan", "shorten", "retime", "validate"]
+    assert list(found.seconds) == ["set up", "plan", "shorten", "retime", "validate"]
     assert all(seconds > 0.0 for seconds in found.seconds.values())
     np.testing.assert_array_equal(found.trajectory(0.0), problem.start)
+
+
+def test_a_scene_is_set_up_once(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = rp.Scene(arms=problem.scene.arms, obstacles=problem.scene.obstacles)
+    fresh = rp.Problem(scene, problem.start, dict(problem.goal))
+    rp.set_up(fresh)
+    made = []
+    monkeypatch.setattr(motion_checkers, "build_cover", lambda *_: made.append(None))
+    assert rp.plan(fresh, rng=0).solved
+    assert made == []
+    with pytest.raises(rp.InputError, match="problem is of type Scene"):
+        rp.set_up(scene)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("retiming", rp.retiming.retiming_names())

@@ -101,6 +101,10 @@ class MotionChecker:
         """Distances of pairs computed finely so far, those of compiled planners too."""
         return self._gaps_checked + (0 if self._swept is None else self._swept.gaps_checked)
 
+    def set_up(self) -> None:
+        """Make what is else made when first asked for."""
+        _ = self.context, self.checker.resting_is_free
+
     @property
     def context(self) -> NDArray[np.int64]:
         """What compiled planners pass on to `rr1plan._kernels.edges.edge_code`."""
