@@ -10,7 +10,16 @@ import numpy as np
 from numba import types
 
 from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, FLOATS3, I64, INT1, OUT1, OUT2, OUT3, jit
-from rr1plan._kernels.parameterize import count_intervals, make_grid, peaks, time_curve
+from rr1plan._kernels.parameterize import solve_grid
+from rr1plan._kernels.path_grid import halve_intervals, inverse, make_grid
+from rr1plan._kernels.timed import overrun, time_curve
+
+# A grid is fine enough when one twice as coarse costs less than this share of the time, the mean share of
+# acceleration lost on it is less than the second, and velocity exceeds its limits by less than the third.
+_GAIN = 0.003
+_LOOSE = 0.004
+_OVERRUN = 0.001
+_ROUNDS = 6
 
 
 @jit(types.Tuple((OUT2, OUT1))(FLOATS2), entry=True)
@@ -119,19 +128,33 @@ def _stopping_duration(points, first, last, velocity, acceleration):
     return total
 
 
-@jit(F64(FLOATS3, FLOATS1, I64, FLOATS1))
-def _excess(timed, durations, derivative, limit):
-    """The greatest share of its limit that a rate takes."""
-    rates = peaks(timed, durations, derivative)
-    most = 0.0
-    for i in range(len(durations)):
-        for j in range(len(limit)):
-            most = max(most, rates[i, j] / limit[j])
-    return most
+@jit(types.Tuple((OUT1, OUT3, F64))(FLOATS1, FLOATS3, FLOATS1, FLOATS1, F64))
+def _settle(lengths, coefficients, velocity, acceleration, step):
+    """A motion hardly slower than on any finer grid, and the factor by which it exceeds the limits between gridpoints.
+
+    The grid is halved until that gains next to nothing, some joint is close to a limit nearly always, and velocity
+    keeps its limits well enough between the places where it is held.
+    """
+    pace, pull = inverse(velocity), inverse(acceleration)
+    piece, offset, delta = make_grid(lengths, coefficients, velocity, acceleration, step, lengths)
+    x, now, loose = solve_grid(coefficients, piece, offset, delta, velocity, acceleration)
+    durations, timed, factor, before = np.empty(0), np.empty((0, 5, len(velocity))), np.inf, np.inf
+    for left in range(_ROUNDS, 0, -1):
+        count, before = len(piece), now
+        piece, offset, delta = halve_intervals(coefficients, piece, offset, delta)
+        straight = len(piece) == count
+        if not straight:
+            x, now, loose = solve_grid(coefficients, piece, offset, delta, velocity, acceleration)
+        if straight or left == 1 or (before <= now * (1.0 + _GAIN) and loose <= _LOOSE):
+            durations, timed = time_curve(coefficients, piece, offset, delta, velocity, acceleration, x)
+            factor = overrun(timed, durations, pace, pull)
+            if straight or factor <= 1.0 + _OVERRUN:
+                break
+    return durations, timed, factor
 
 
 @jit(types.Tuple((OUT1, OUT3))(FLOATS1, FLOATS3, FLOATS1, FLOATS1, F64), entry=True)
-def time_within(lengths, coefficients, velocity, acceleration, density):
+def time_within(lengths, coefficients, velocity, acceleration, step):
     """The fastest motion along a curve from rest to rest, stretched by what rounding and the grid make it exceed.
 
     Args:
@@ -139,14 +162,12 @@ def time_within(lengths, coefficients, velocity, acceleration, density):
         coefficients: Of each piece, shape (m, 3, nq).
         velocity: Limits, shape (nq,).
         acceleration: Limits, shape (nq,).
-        density: See `parameterize.count_intervals`.
+        step: Of the first grid, see `path_grid.make_grid`.
 
     Returns:
         Durations (k,), polynomials in time (k, 5, nq).
     """
-    piece, offset, delta = make_grid(lengths, count_intervals(lengths, coefficients, velocity, acceleration, density))
-    durations, timed = time_curve(coefficients, piece, offset, delta, velocity, acceleration)
-    factor = max(1.0, _excess(timed, durations, 1, velocity), np.sqrt(_excess(timed, durations, 2, acceleration)))
+    durations, timed, factor = _settle(lengths, coefficients, velocity, acceleration, step)
     if factor > 1.0:
         power = 1.0
         for k in range(timed.shape[1]):
@@ -160,20 +181,30 @@ def time_within(lengths, coefficients, velocity, acceleration, density):
     return durations, timed
 
 
-@jit(I64(OUT1, OUT3, I64, FLOATS1, FLOATS3))
+@jit(types.Tuple((OUT1, OUT3, I64))(OUT1, OUT3, I64, FLOATS1, FLOATS3))
 def _append(durations, timed, count, new_durations, new_timed):
-    """Write some timed pieces behind those that are there; their new number."""
+    """Timed pieces with some more behind the first `count` of them; their new number."""
+    need, nq = count + len(new_durations), timed.shape[2]
+    if need > len(durations):
+        room = 2 * need
+        longer, more = np.empty(room), np.empty((room, timed.shape[1], nq))
+        for i in range(count):
+            longer[i] = durations[i]
+            for k in range(timed.shape[1]):
+                for j in range(nq):
+                    more[i, k, j] = timed[i, k, j]
+        durations, timed = longer, more
     for i in range(len(new_durations)):
         durations[count] = new_durations[i]
         for k in range(timed.shape[1]):
-            for j in range(timed.shape[2]):
+            for j in range(nq):
                 timed[count, k, j] = new_timed[i, k, j]
         count += 1
-    return count
+    return durations, timed, count
 
 
 @jit(types.Tuple((OUT1, OUT3, types.boolean, I64))(FLOATS2, FLOATS1, FLOATS1, FLOATS1, F64, F64), entry=True)
-def time_polyline(points, sizes, velocity, acceleration, density, tolerance):
+def time_polyline(points, sizes, velocity, acceleration, step, tolerance):
     """The fastest motion along a rounded polyline, at rest where it is not rounded.
 
     Where the rounded corners are slower than rest at each of them, it rests there.
@@ -183,7 +214,7 @@ def time_polyline(points, sizes, velocity, acceleration, density, tolerance):
         sizes: See `round_corners`.
         velocity: Limits, finite for joints that move, shape (nq,).
         acceleration: The same.
-        density: See `parameterize.count_intervals`.
+        step: Of the first grid, see `path_grid.make_grid`.
         tolerance: See `round_corners`.
 
     Returns:
@@ -192,23 +223,22 @@ def time_polyline(points, sizes, velocity, acceleration, density, tolerance):
     """
     m = points.shape[0]
     lengths, coefficients, before = round_corners(points, sizes, tolerance)
-    most = 3 * (count_intervals(lengths, coefficients, velocity, acceleration, density).sum() + m)
-    durations, timed = np.empty(most), np.empty((most, 5, points.shape[1]))
+    durations, timed = np.empty(64), np.empty((64, 5, points.shape[1]))
     count, bent, first = 0, False, 0
     for last in range(1, m):
         if sizes[last] > 0.0:
             continue
         if last - first > 1:
             some = slice(before[first], before[last])
-            smooth, curve = time_within(lengths[some], coefficients[some], velocity, acceleration, density)
+            smooth, curve = time_within(lengths[some], coefficients[some], velocity, acceleration, step)
             if smooth.sum() <= _stopping_duration(points, first, last, velocity, acceleration):
-                count = _append(durations, timed, count, smooth, curve)
+                durations, timed, count = _append(durations, timed, count, smooth, curve)
                 bent, first = True, last
         while first < last:
             line, line_coefficients, _ = round_corners(points[first : first + 2], np.zeros(2), tolerance)
-            straight, curve = time_within(line, line_coefficients, velocity, acceleration, density)
+            straight, curve = time_within(line, line_coefficients, velocity, acceleration, step)
             if not np.isfinite(straight.sum()):
                 return durations[:0].copy(), timed[:0].copy(), False, first + 1
-            count = _append(durations, timed, count, straight, curve)
+            durations, timed, count = _append(durations, timed, count, straight, curve)
             first += 1
     return durations[:count].copy(), timed[:count].copy(), bent, -1

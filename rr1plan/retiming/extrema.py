@@ -10,12 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rr1plan._kernels import parameterize
+from rr1plan._kernels import timed
 from rr1plan.checks import Array
 
 MAX_DEGREE = 4
 
-_peaks: Callable[[Array, Array, int], Array] = parameterize.peaks
+_peaks: Callable[[Array, Array, int], Array] = timed.peaks
 
 
 def differentiate(coefficients: Array, order: int = 1) -> Array:

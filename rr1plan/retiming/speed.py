@@ -13,19 +13,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels import blended, parameterize
+from rr1plan._kernels import blended, path_grid
+from rr1plan._kernels import timed as timed_kernels
 from rr1plan.checks import Array
 from rr1plan.errors import RetimingError
 from rr1plan.limits import Limits
 from rr1plan.retiming.blends import DUPLICATE, Curve
 from rr1plan.retiming.pieces import Pieces
 
-_PER_RADIAN = 12.0
+_STEP = 0.2
 
-_count_intervals: Callable[..., NDArray[np.int64]] = parameterize.count_intervals
-_make_grid: Callable[..., tuple[NDArray[np.int64], Array, Array]] = parameterize.make_grid
+_make_grid: Callable[..., tuple[NDArray[np.int64], Array, Array]] = path_grid.make_grid
 _time_polyline: Callable[..., tuple[Array, Array, bool, int]] = blended.time_polyline
-_put_on_clock: Callable[..., None] = parameterize.put_on_clock
+_put_on_clock: Callable[..., None] = timed_kernels.put_on_clock
 
 
 class Grid(NamedTuple):
@@ -57,14 +57,10 @@ class Grid(NamedTuple):
         return np.asarray(c[:, 0] + s * (c[:, 1] + s * c[:, 2]))
 
 
-def make_grid(curve: Curve, counts: NDArray[np.int64]) -> Grid:
-    """`counts[i]` equal intervals on piece i."""
-    return Grid(*_make_grid(curve.lengths, counts))
-
-
-def count_intervals(curve: Curve, limits: Limits) -> NDArray[np.int64]:
-    """Intervals each piece takes, by how far it turns in units of the limits; one where it is straight."""
-    return _count_intervals(curve.lengths, curve.coefficients, limits.velocity, limits.acceleration, _PER_RADIAN)
+def make_grid(curve: Curve, limits: Limits, longest: Array) -> Grid:
+    """Gridpoints between which little changes, and no interval longer than `longest` (m,) [rad] on each piece."""
+    velocity, acceleration = limits.velocity, limits.acceleration
+    return Grid(*_make_grid(curve.lengths, curve.coefficients, velocity, acceleration, 0.5 * _STEP, longest))
 
 
 def line_rates(direction: Array, limits: Limits) -> tuple[Array, Array, Array]:
@@ -91,7 +87,7 @@ def time_polyline(points: Array, sizes: Array, limits: Limits) -> Pieces:
         RetimingError: numbers so large or small that no speed is left; says between which waypoints.
     """
     durations, coefficients, bent, failed = _time_polyline(
-        points, sizes, limits.velocity, limits.acceleration, _PER_RADIAN, DUPLICATE
+        points, sizes, limits.velocity, limits.acceleration, _STEP, DUPLICATE
     )
     if failed >= 0:
         raise RetimingError(f"no speed between waypoints {failed - 1} and {failed}; try wider limits")

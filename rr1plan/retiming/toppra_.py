@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import toppra
-from numpy.typing import NDArray
 from toppra.algorithm import TOPPRA
 from toppra.constraint import LinearConstraint
 
@@ -29,10 +28,10 @@ from rr1plan.errors import RetimingError
 from rr1plan.limits import Limits
 from rr1plan.retiming.blends import Curve
 from rr1plan.retiming.pieces import Pieces
-from rr1plan.retiming.speed import Grid, count_intervals, make_grid, timed
+from rr1plan.retiming.speed import Grid, make_grid, timed
 from rr1plan.retiming.torque import InverseDynamics
 
-_BETWEEN = (0.25, 0.5, 0.75)
+_BETWEEN = (0.125, 0.375, 0.625, 0.875)
 _TORQUE_STEP = 0.05
 _MOST = 200
 
@@ -57,15 +56,14 @@ def time_curve_with_torque(curve: Curve, limits: Limits, inverse_dynamics: Inver
     Raises:
         RetimingError: TOPPRA finds no speed; says between which waypoints.
     """
-    grid = make_grid(curve, _counts(curve, limits))
+    grid = make_grid(curve, limits, _longest(curve))
     rows = _stack(_rate_rows(curve, grid, limits), _torque_rows(curve, grid, limits.effort, inverse_dynamics))
     return timed(curve, grid, _solve(curve, grid, rows))
 
 
-def _counts(curve: Curve, limits: Limits) -> NDArray[np.int64]:
-    """Intervals of each piece: torque changes along straight lines too."""
-    steps = np.clip(np.ceil(curve.lengths / _TORQUE_STEP), 8, _MOST)
-    return np.asarray(np.maximum(count_intervals(curve, limits), steps.astype(np.int64)))
+def _longest(curve: Curve) -> Array:
+    """Longest interval on each piece [rad]: torque changes along straight lines too."""
+    return np.asarray(curve.lengths / np.clip(np.ceil(curve.lengths / _TORQUE_STEP), 8, _MOST))
 
 
 def _rate_rows(curve: Curve, grid: Grid, limits: Limits) -> _Rows:

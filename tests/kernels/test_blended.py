@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rr1plan._kernels.blended import blend, directions, largest_blends, round_corners, time_polyline, time_within
 
 NEAR = 1e-9
-DENSITY = 12.0
+STEP = 0.2
 
 polylines = given(seed=st.integers(0, 2**32 - 1), nq=st.integers(1, 6), m=st.integers(2, 7))
 
@@ -55,15 +55,15 @@ def test_rounded_corners_are_lines_and_parabolas_that_join(seed, nq, m):
 @settings(deadline=None, max_examples=40)
 def test_the_motion_is_that_of_its_curves_or_rests_where_that_is_faster(seed, nq, m):
     points, sizes, velocity, acceleration = random_polyline(seed, nq, m)
-    durations, timed, bent, failed = time_polyline(points, sizes, velocity, acceleration, DENSITY, NEAR)
+    durations, timed, bent, failed = time_polyline(points, sizes, velocity, acceleration, STEP, NEAR)
     assert failed == -1
     total, stops_everywhere = 0.0, True
     for first, last in pairwise(np.flatnonzero(sizes == 0.0)):
         some = slice(first, last + 1)
         curve = round_corners(points[some], np.where(np.arange(m)[some] < last, sizes[some], 0.0), NEAR)
-        smooth = time_within(curve[0], curve[1], velocity, acceleration, DENSITY)[0].sum()
+        smooth = time_within(curve[0], curve[1], velocity, acceleration, STEP)[0].sum()
         lines = [round_corners(points[i : i + 2], np.zeros(2), NEAR) for i in range(first, last)]
-        straight = sum(time_within(c[0], c[1], velocity, acceleration, DENSITY)[0].sum() for c in lines)
+        straight = sum(time_within(c[0], c[1], velocity, acceleration, STEP)[0].sum() for c in lines)
         total += min(smooth, straight)
         stops_everywhere &= last - first == 1 or straight < smooth
     assert np.isclose(durations.sum(), total, rtol=1e-9)

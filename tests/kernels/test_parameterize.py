@@ -53,9 +53,9 @@ def test_rows_whose_terms_nearly_cancel_bound_one_speed_alone():
 def test_rows_are_the_limits_at_both_ends_and_between():
     rng = np.random.default_rng(0)
     piece, velocity, acceleration = rng.normal(size=(3, 4)), rng.uniform(1, 2, 4), rng.uniform(1, 2, 4)
-    alpha, beta = np.zeros(12), np.zeros(12)
+    alpha, beta = np.zeros(13), np.zeros(13)
     offset, delta, x, y = 0.3, 0.2, 0.7, 1.1
-    fill_rows(piece, offset, delta, velocity, acceleration, alpha, beta)
+    fill_rows(piece, offset, delta, 1.0 / velocity, 1.0 / acceleration, alpha, beta)
     u = (y - x) / (2.0 * delta)
     at = [offset, offset + delta]
     expected = [
@@ -64,7 +64,7 @@ def test_rows_are_the_limits_at_both_ends_and_between():
     ]
     np.testing.assert_allclose(np.abs(alpha * x + beta * y)[:8], np.concatenate(expected))
     assert (alpha >= 0.0).all()
-    for k, share in enumerate((0.25, 0.5, 0.75)):
+    for k, share in enumerate((0.125, 0.375, 0.625, 0.875)):
         first = piece[1] + 2 * (offset + share * delta) * piece[2]
         fraction = (np.abs(first) / velocity).max() ** 2 * (x + share * (y - x))
         assert (alpha * x + beta * y)[8 + k] == pytest.approx(fraction)
