@@ -184,15 +184,18 @@ def goal_kernels(problem: Problem) -> tuple[Kernel, ...]:
     return (_search_kernel,) if posed else ()
 
 
-def only_configuration(problem: Problem) -> Array | None:
-    """The one configuration that every arm has to get to, shape (nq,); None where there are choices."""
+def joint_goals(problem: Problem) -> Array | None:
+    """The configurations that are the goal, shape (k, nq); None for other goals, or several arms' to be combined."""
     found = []
     for arm in problem.arms:
         goals = problem.goal[arm]
-        if len(goals) != 1 or not isinstance(goals[0], JointGoal):
+        if len(goals) > 1 and len(problem.arms) > 1:
             return None
-        found.append(goals[0].q)
-    return np.asarray(found[0]) if len(found) == 1 else np.concatenate(found)
+        for goal in goals:
+            if not isinstance(goal, JointGoal):
+                return None
+            found.append(goal.q)
+    return np.array(found) if len(problem.arms) == 1 else np.concatenate(found)[None]
 
 
 def describe_contacts(contacts: Sequence[Contact]) -> str:

@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rr1plan._kernels.edges import LINES
 from rr1plan.checks import Seed, as_generator, finite_number, known_name
 from rr1plan.planners._ompl_question import Answer, Question, Watch
 from rr1plan.planners.query import Query
@@ -46,7 +47,6 @@ KINDS: Mapping[str, OmplKind] = MappingProxyType(
     }
 )
 
-_DIRECT = 8  # goals to which the straight line is tried first
 _RANGE = 0.06  # longest edge of a tree, as a part of the space's diagonal
 
 
@@ -110,7 +110,7 @@ class _Search:
         at the first path.
         """
         query = self.query
-        straight = query.straight_line(1 if self.planner.optimizing else _DIRECT, tree=self.planner.tree)
+        straight = query.straight_line(1 if self.planner.optimizing else LINES, tree=self.planner.tree)
         if straight is not None:
             return straight
         before = query.motion.edges_checked

@@ -15,14 +15,14 @@ from rr1plan.checks import Array, Seed, as_seed
 from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import give_back, take_checker
 from rr1plan.path import Path
-from rr1plan.planners.goals import GoalSearch, check_start, goal_kernels, only_configuration
+from rr1plan.planners.goals import GoalSearch, check_start, goal_kernels, joint_goals
 from rr1plan.planners.space import Space, joint_space
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 from rr1plan.scene import Scene
 
 # The kernel is not typed.
-_look_at_ends: Callable[..., int] = edges.look_at_ends
+_look_at_ends: Callable[..., tuple[int, int]] = edges.look_at_ends
 
 _NO_WISHES = Budget()
 _REPORTS = 0.1  # time between two reports of progress [s]
@@ -111,15 +111,16 @@ class Query:
         self.began, self._reported = 0.0, -_REPORTS
         self._kernels, self._scene = kernels, scene or problem.scene
         self._space: Space | None = None
-        self._first_line: bool | None = None
+        # The first of the goals in sight of the start, -1 for none; None: not known yet.
+        self._in_sight: int | None = None
         self._goal_search: GoalSearch | None = None
         self.history: list[tuple[float, float]] = []
         self.cancelled = False
 
     def __enter__(self) -> Query:
         prepare(self._kernels)
-        self._plain_goal = only_configuration(self.problem)
-        if self._plain_goal is None:
+        self._wanted = joint_goals(self.problem)
+        if self._wanted is None:
             prepare(goal_kernels(self.problem))
         self.began = time.perf_counter()
         self.motion = take_checker(self._scene, self.problem.arms)
@@ -139,24 +140,24 @@ class Query:
             if found.status is not None:
                 return self.result(found.status, reason=found.reason)
             self.goals = found.configurations
-        if self._first_line is not False and (self.goals[0] == self.problem.start).all():
+        if self._in_sight in (None, 0) and (self.goals[0] == self.problem.start).all():
             return self.result(PlanStatus.SOLVED, self.goals[:1].copy())
         if not self.space.can_move:
             return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
         return None
 
     def _has_plain_ends(self) -> bool:
-        """Whether one configuration is the goal and both ends can be had; else it takes a closer look, and words."""
-        space, goal = joint_space(self.problem), self._plain_goal
+        """Whether goals are configurations and both ends can be had; else it takes a closer look, and words."""
+        space, goals = joint_space(self.problem), self._wanted
         # Where two resting elements collide no edge is free, and the kernel does not look at those.
-        if goal is None or not space.is_shared or not self.motion.checker.resting_is_free:
+        if goals is None or not space.is_shared or not self.motion.checker.resting_is_free:
             return False
-        near = np.empty_like(goal)
-        seen = _look_at_ends(self.problem.start, goal, space.lower, space.upper, near, self.motion.context)
-        if seen == edges.DOUBTFUL:
+        near = np.empty_like(goals)
+        count, in_sight = _look_at_ends(self.problem.start, goals, space.lower, space.upper, near, self.motion.context)
+        if count == 0:
             return False
-        self.goals = near[None]
-        self._space, self._first_line = space, seen == edges.IN_SIGHT
+        self.goals = near[:count]
+        self._space, self._in_sight = space, in_sight
         return True
 
     def more_goals(self) -> Array:
@@ -183,12 +184,16 @@ class Query:
         """The answer where the straight line to one of so many nearest goals is free; a tree of it when asked for."""
         for k in range(min(most, len(self.goals))):
             self.edges += 1
-            known = self._first_line if k == 0 else None
-            if known or (known is None and self.motion.edge_is_free(self.problem.start, self.goals[k])):
+            if self._is_in_sight(k):
                 waypoints = np.array([self.problem.start, self.goals[k]])
                 explored = SearchTree(waypoints, np.array([[0, 1]])) if tree else None
                 return self.result(PlanStatus.SOLVED, waypoints, tree=explored)
         return None
+
+    def _is_in_sight(self, k: int) -> bool:
+        if self._in_sight is None or k >= edges.LINES:
+            return self.motion.edge_is_free(self.problem.start, self.goals[k])
+        return k == self._in_sight
 
     @property
     def seconds(self) -> float:

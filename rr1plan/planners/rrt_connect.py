@@ -7,14 +7,13 @@ progress are looked after.
 
 from __future__ import annotations
 
+from rr1plan._kernels.edges import LINES
 from rr1plan.checks import Seed, finite_number
 from rr1plan.errors import InputError
 from rr1plan.planners.query import Query
 from rr1plan.planners.tree_search import KERNELS, TreeSearch
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
-
-_DIRECT = 8  # goals to which the straight line is tried first
 
 
 class RrtConnect:
@@ -51,7 +50,7 @@ class RrtConnect:
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress, KERNELS) as query:
-            return query.refusal() or query.straight_line(_DIRECT, tree=self.tree) or self._search(query)
+            return query.refusal() or query.straight_line(LINES, tree=self.tree) or self._search(query)
 
     def _search(self, query: Query) -> PlanResult:
         """The answer of the trees."""

@@ -6,6 +6,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.planners.goals import GoalSearch, check_start, goal_configurations
+from rr1plan.planners.query import Query
 from rr1plan.planning import PlanStatus
 from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal
 from rr1plan.scene import Arm, Scene
@@ -228,3 +229,34 @@ def test_settings_that_make_no_sense_are_told(rr1, settings):
     problem = Problem(alone(rr1), "home", PoseGoal("tool", [-0.3, 0.0, 0.3]))
     with pytest.raises(rp.InputError, match="expected at least one"):
         goals_of(problem, **settings)
+
+
+@pytest.mark.parametrize("name", ["rr1_cage", "planar2r_path"])
+def test_plain_questions_are_sorted_out_as_others_are(name):
+    """Goals out of limits or in collision are left out, the others come nearest first, straight lines are as proven."""
+    scene = rp.load_scene(name)
+    robot = scene.arms[scene.only_arm()].robot
+    rng, ends = np.random.default_rng(4), {"none": 0, "some": 0, "lines": 0}
+    low, high = np.maximum(robot.limits.lower, -3.0), np.minimum(robot.limits.upper, 3.0)
+    for _ in range(40):
+        start = rng.uniform(low, high)
+        goals = [*(start + rng.normal(size=(11, robot.nq)) * rng.choice([0.05, 0.5])), high + 0.5]
+        problem = Problem(scene, start, [JointGoal(q) for q in goals])
+        slow, blocked = goals_of(problem), start_of(problem)
+        with Query("rrt_connect", problem, None, 0, None) as query:
+            refusal = query.refusal()
+            if blocked or slow.status is not None:
+                assert refusal is not None
+                assert refusal.reason == (blocked or slow.reason)
+                ends["none"] += 1
+                continue
+            ends["some"] += len(query.goals) < len(goals)
+            np.testing.assert_allclose(query.goals, slow.configurations, atol=1e-14)
+            motion = MotionChecker(scene)
+            lines = [motion.edge_is_free_slowly(start, q) for q in slow.configurations[:8]]
+            answer = query.straight_line(8)
+            assert (answer is not None) == any(lines)
+            if answer is not None:
+                np.testing.assert_array_equal(answer.path.waypoints[-1], query.goals[lines.index(True)])
+                ends["lines"] += 1
+    assert min(ends.values()) > 0
