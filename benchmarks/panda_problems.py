@@ -7,10 +7,10 @@ Problems are MotionBenchMaker's, or the queries of scenes that ship with rr1plan
 whole line (RRT-Connect, shortening, retiming, the referee), and with `--peers` through every other planner that can be
 installed with pip, each in an environment of its own in that folder, on the same core, with the same convex
 hulls. Each problem is asked several times, with a seed of its own each: a planner's first answer in a scene has cold
-caches, the next ones have not, and all of them count. A problem's paths are planned and shortened one after the other,
-then its motions are timed and proven. The raw path, the short path and the timed motion of the first
-answer are sampled so finely that no point of the robot moves more than a millimetre, and every sample is asked of Coal
-and of python-fcl.
+caches, the next ones have not, and all of them count. Each answer is shortened, timed and proven before the next
+question; with `--order paths` a problem's paths are planned and shortened one after the other, and then its motions
+timed and proven. The raw path, the short path and the timed motion of the first answer are sampled so finely that no
+point of the robot moves more than a millimetre, and every sample is asked of Coal and of python-fcl.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     outcomes = [
         out
         for problem in track(list(firsts.values()), "rr1plan")
-        for out in _run(problem, {n: seeds[n] for n, asked in chosen.items() if asked is problem}, settings)
+        for out in _run(problem, {n: seeds[n] for n, q in chosen.items() if q is problem}, args.order, settings)
     ]
     others = _ask_peers(args, chosen, seeds)
     opinions = {name: Opinions(problem.scene) for name, problem in firsts.items()}
@@ -74,7 +74,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         for answer in track(answers, f"{run.name} at a millimetre") if answers else ():
             answer |= _judge_peer(answer, opinions[answer["name"]], chosen[answer["name"]].scene.limits())
     runs = [_own_run(args.planner, chosen, outcomes, verdicts), *others]
-    facts = {"problems": len(firsts), "asked": len(chosen), "seed": args.seed, "margin": f"{1e3 * args.margin:g} mm"}
+    facts = {
+        "problems": len(firsts),
+        "asked": len(chosen),
+        "seed": args.seed,
+        "order": args.order,
+        "margin": f"{1e3 * args.margin:g} mm",
+    }
     text = "\n\n".join(_report(facts, runs, outcomes, verdicts))
     save(args.out, "panda_problems", _data(facts, runs, outcomes, verdicts), text)
     draw(args.out / "panda_problems.png", runs, f"{len(firsts)} {_title(args)}, one core")
@@ -90,6 +96,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--scene", nargs="+", default=[], help="shipped scenes of one arm, in place of a file")
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem")
     parser.add_argument("--seeds", type=int, default=5, help="how often each problem is asked")
+    parser.add_argument("--order", choices=("each", "paths"), default="each", help="prove each motion, or paths first")
     parser.add_argument("--planner", default="rrt_connect", help="a name of planner_names()")
     parser.add_argument("--margin", type=float, default=0.002, help="distance to keep while planning [m]")
     parser.add_argument("--seconds", type=float, default=30.0, help="longest search of any planner [s]")
@@ -143,8 +150,10 @@ def _title(args: argparse.Namespace) -> str:
     return "problems of MotionBenchMaker" if args.file else f"queries of {', '.join(args.scene)}"
 
 
-def _run(problem: rp.Problem, seeds: Mapping[str, int], settings: Mapping[str, Any]) -> list[Outcome]:
-    """A problem's paths, one after the other, and then their motions: proofs use the caches for other things."""
+def _run(problem: rp.Problem, seeds: Mapping[str, int], order: str, settings: Mapping[str, Any]) -> list[Outcome]:
+    """A problem's answers: each proven before the next, or all paths and then all motions."""
+    if order == "each":
+        return [run_line(name, problem, seed, **settings) for name, seed in seeds.items()]
     outcomes = [Outcome(name) for name in seeds]
     settings = {**settings, "margin": find_margin(outcomes[0], problem, settings["margin"])}
     answered = [find_path(out, problem, seeds[out.name], **settings) for out in outcomes]
