@@ -26,7 +26,7 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.kinematics import Kinematics
-from rr1plan.planners.goals import goal_configurations
+from rr1plan.planners.goals import GoalSearch
 from rr1plan.problem import PoseGoal, Problem
 
 _STARTS = 200
@@ -89,13 +89,13 @@ def _ask(robot: rp.Robot, args: argparse.Namespace) -> tuple[Found, Found, Found
     with borrowed_checker(scene) as motion:
         ends = [_free(robot, motion.is_free, rng) for _ in range(2 * args.poses + 2)]
         _solve(kinematics, PoseGoal("tool", kinematics.pose(ends[0])), 0)
-        goal_configurations(Problem(scene, ends[0], PoseGoal("tool", kinematics.pose(ends[1]))), motion, 0)
+        GoalSearch(Problem(scene, ends[0], PoseGoal("tool", kinematics.pose(ends[1]))), motion, 0).find()
         for i in track(range(args.poses), robot.name):
             start, end = ends[2 * i + 2], ends[2 * i + 3]
             goal = PoseGoal("tool", kinematics.pose(end))
             solutions = _clock(ours, _solve, kinematics, goal, i)
             problem = Problem(scene, start, goal)
-            free = _clock(goals, lambda p, seed: goal_configurations(p, motion, seed).configurations, problem, i)
+            free = _clock(goals, lambda p, seed: GoalSearch(p, motion, seed).find().configurations, problem, i)
             wrong += sum(not _reaches(kinematics, goal, q) for q in [*solutions, *free])
             wrong += sum(not motion.checker.is_free(q) for q in free)
             if i < args.plain:

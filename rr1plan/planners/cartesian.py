@@ -20,7 +20,7 @@ from rr1plan.kinematics.chain import chain_of
 from rr1plan.kinematics.descent import KERNELS, descend, errors_at
 from rr1plan.kinematics.inverse import describe_excess
 from rr1plan.kinematics.lines import EdgeBound, Line
-from rr1plan.planners.goals import check_start, describe_contacts, goal_configurations
+from rr1plan.planners.goals import GoalSearch, check_start, describe_contacts
 from rr1plan.planners.query import Query
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import PoseGoal, Problem
@@ -123,7 +123,7 @@ class _Walk:
         reason = "; ".join(stop.reason for stop in stops)
         if stops[-1].status is not PlanStatus.INFEASIBLE:
             return query.result(stops[-1].status, reason=reason)
-        ends = goal_configurations(self.problem, self.motion, query.seed, max_per_goal=1)
+        ends = GoalSearch(self.problem, self.motion, query.seed, max_per_goal=1).find()
         if ends.status is not None:
             return query.result(ends.status, reason=f"{reason}; and {ends.reason}")
         return query.result(PlanStatus.INFEASIBLE, reason=f"{reason}; the goal itself has a free configuration")

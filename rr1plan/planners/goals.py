@@ -71,16 +71,8 @@ def check_start(problem: Problem, motion: MotionChecker) -> str:
     return f"the start is in collision: {describe_contacts(motion.checker.contacts(problem.start))}"
 
 
-def goal_configurations(
-    problem: Problem,
-    motion: MotionChecker,
-    rng: Seed = None,
-    *,
-    max_per_goal: int = 8,
-    max_composites: int = 32,
-    attempts: int = 200,
-) -> GoalSet:
-    """Free configurations of all moving arms that fulfil their goals.
+class GoalSearch:
+    """The search for free configurations of all moving arms that fulfil their goals; it can go on.
 
     Args:
         problem: The problem.
@@ -89,20 +81,6 @@ def goal_configurations(
         max_per_goal: Most configurations of one pose or region goal.
         max_composites: Most configurations in all.
         attempts: Starts of inverse kinematics for each pose or region goal.
-
-    Raises:
-        InputError: numbers that make no sense.
-    """
-    search = GoalSearch(
-        problem, motion, rng, max_per_goal=max_per_goal, max_composites=max_composites, attempts=attempts
-    )
-    return search.find()
-
-
-class GoalSearch:
-    """The search for goal configurations, which can go on.
-
-    Args: see `goal_configurations`.
 
     Raises:
         InputError: numbers that make no sense.

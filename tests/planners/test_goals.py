@@ -5,7 +5,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker, MotionChecker
-from rr1plan.planners.goals import GoalSearch, check_start, goal_configurations
+from rr1plan.planners.goals import GoalSearch, check_start
 from rr1plan.planners.query import Query
 from rr1plan.planning import PlanStatus
 from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal
@@ -20,7 +20,7 @@ def alone(robot):
 
 
 def goals_of(problem, **settings):
-    return goal_configurations(problem, MotionChecker(problem.scene, problem.arms), 0, **settings)
+    return GoalSearch(problem, MotionChecker(problem.scene, problem.arms), 0, **settings).find()
 
 
 def start_of(problem):
@@ -53,7 +53,7 @@ def test_pose_goals_give_free_configurations_that_reach_them_nearest_first(rr1):
     T = rr1.link_poses(FREE)["tool"]
     problem = Problem(alone(rr1), "home", PoseGoal("tool", T[:3, 3]))
     checker = CollisionChecker(problem.scene)
-    goals = goal_configurations(problem, MotionChecker(checker), 0, max_per_goal=5)
+    goals = GoalSearch(problem, MotionChecker(checker), 0, max_per_goal=5).find()
     assert len(goals.configurations) == 5
     for q in goals.configurations:
         assert checker.is_free(q)
@@ -126,7 +126,7 @@ def test_goals_of_several_arms_combine_without_touching(planar2r):
     goal = {"left": PoseGoal("tool", [0.9, 0.4, 0.0]), "right": PoseGoal("tool", [1.1, 0.4, 0.0])}
     problem = Problem(scene, None, goal)
     checker = CollisionChecker(scene)
-    goals = goal_configurations(problem, MotionChecker(checker), 0)
+    goals = GoalSearch(problem, MotionChecker(checker), 0).find()
     assert 1 <= len(goals.configurations) <= 4
     for q in goals.configurations:
         assert checker.is_free(q)
@@ -201,7 +201,7 @@ def test_goals_that_collide_with_each_other_are_followed_by_others(planar2r):
     # The first configurations of both, each free by itself, touch each other.
     first = [finder for finder in search._finders if finder.add(problem.goal[finder.arm][0], 1, 100) is None]
     assert not motion.is_free(np.concatenate([finder.found[0] for finder in first]))
-    goals = goal_configurations(problem, motion, 0, max_per_goal=1)
+    goals = GoalSearch(problem, motion, 0, max_per_goal=1).find()
     assert goals.status is None
     assert all(motion.is_free(q) for q in goals.configurations)
 

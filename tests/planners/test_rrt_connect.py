@@ -15,7 +15,7 @@ from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
 from rr1plan.planners import RrtConnect, tree_search
-from rr1plan.planners.goals import goal_configurations
+from rr1plan.planners.goals import GoalSearch
 from rr1plan.planners.query import Query
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.shapes import Sphere
@@ -114,7 +114,7 @@ def test_goals_that_cannot_be_got_to_are_followed_by_others(planner):
     budget = Budget(seconds=np.inf, iterations=20_000 if planner == "rrt_connect" else 8_000)
     for seed in (0, 1, 3):
         with borrowed_checker(problem.scene) as motion:
-            first = goal_configurations(problem, motion, seed).configurations
+            first = GoalSearch(problem, motion, seed).find().configurations
         assert len(first) > 0
         assert (np.abs(np.angle(np.exp(1j * first[:, 0]))) > 0.8).all()
         results = [rp.plan(problem, planner, budget, rng=seed) for _ in range(2)]
