@@ -19,7 +19,7 @@ from pathlib import Path
 
 from rr1plan.folders import cache_folder
 
-_IMPORTS = re.compile(rb"^from rr1plan\._kernels(?:\.| import )(\w+)", re.MULTILINE)
+_IMPORTS = re.compile(rb"^from rr1plan\.(?:_kernels(?:\.| import )|(?=places ))(\w+)", re.MULTILINE)
 
 
 @cache
@@ -34,7 +34,8 @@ def stamp_of(file: Path) -> str:
         return ""
     digest = hashlib.sha256(text)
     for name in sorted(set(_IMPORTS.findall(text))):
-        digest.update(stamp_of(Path(__file__).with_name(f"{name.decode()}.py")).encode())
+        other = Path(__file__).with_name(f"{name.decode()}.py")
+        digest.update(stamp_of(other if other.exists() else other.parents[1] / other.name).encode())
     return f"{file.stem}-{digest.hexdigest()[:16]}"
 
 

@@ -11,6 +11,7 @@ from rr1plan._kernels.jit import F64, INT1, INT2, OUT2
 from rr1plan._kernels.lanes import WIDTH
 from rr1plan._kernels.record import reader
 from rr1plan._kernels.tables import floats, small, whole
+from rr1plan.places import place
 
 # What obstacles are to the kernel.
 ROUNDED_BOX, CYLINDER, HALF_SPACE = range(3)
@@ -153,7 +154,7 @@ class Work(NamedTuple):
     curve: np.ndarray
 
 
-COVER = types.NamedTuple(
+COVER = place(
     [
         *(whole(3), floats(13), whole(4), whole(6), floats(6), whole(), floats()),
         *(whole(2), floats(17), OUT2, INT2),
@@ -162,7 +163,7 @@ COVER = types.NamedTuple(
     ],
     Cover,
 )
-WORK = types.NamedTuple(
+WORK = place(
     [
         *(floats(), floats(), whole(), whole(2), whole(), OUT2, OUT2, whole(2), floats(5)),
         *(whole(7), floats(2), whole(), floats(), floats(2), whole()),

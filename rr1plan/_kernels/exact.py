@@ -8,10 +8,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 
 from rr1plan._kernels.jit import FLOATS1, FLOATS2, INT1, INTS1, INTS2, OUT1, OUT2
 from rr1plan._kernels.record import reader
+from rr1plan.places import place
 
 
 class ExactTables(NamedTuple):
@@ -61,7 +61,7 @@ class ExactTables(NamedTuple):
     simplex: np.ndarray
 
 
-EXACT = types.NamedTuple(
+EXACT = place(
     [
         *(INTS2, FLOATS2, INTS2, FLOATS2, FLOATS2, INTS1, INTS1, FLOATS1, INTS2, FLOATS1),
         *(OUT2, OUT2, OUT2, OUT2, OUT2, OUT1, OUT2),

@@ -24,7 +24,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import typeof_impl
 
 from rr1plan._kernels.code_folder import code_folder, stamp_of
-from rr1plan.code_units import callable_type, lower_part, offer, unit_compiler, without_collection
+from rr1plan.code_units import callable_type, lower_part, offer, sooner, unit_compiler
 from rr1plan.compiling import Job, all_jobs, compile_ahead, compile_together, register, tell
 from rr1plan.kept_code import keep
 
@@ -138,7 +138,7 @@ class Kernel:
                 keep(made)
         finally:
             numba.config.CACHE_DIR = before
-        with without_collection():
+        with sooner():
             made.compile(self._signature)
         made.disable_compile()
         return made

@@ -2,7 +2,7 @@
 """Many tables as one argument: their addresses in an array of numbers.
 
 A call with fifty arrays costs microseconds from Python, and a tenth of one between kernels, because each array is
-handed over with its shape. Here shapes and addresses are written down once.
+handed over with its shape. Here shapes and addresses are written down once; `places.py` tells how they are read.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from numba.core import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from rr1plan.places import Place, layout, read
+
 
 def reader(kind: Any) -> Callable[..., Any]:
     """An intrinsic that gives kernels back what `pack` wrote down.
@@ -24,18 +26,18 @@ def reader(kind: Any) -> Callable[..., Any]:
     What is read lives no longer than the record.
 
     Args:
-        kind: Numba's type of it: a tuple of arrays, numbers and tuples.
+        kind: Numba's type of it: a tuple of arrays, numbers, tuples and places of tuples, or such a place.
     """
 
     @intrinsic
-    def read(typing_context, record):
+    def read_record(typing_context, record):
         def lower(context, builder, sig, args):
             data = context.make_array(sig.args[0])(context, builder, args[0]).data
-            return builder.load(builder.bitcast(data, context.get_value_type(kind).as_pointer()))
+            return read(context, builder, kind, builder.bitcast(data, layout(context, kind).as_pointer()))
 
         return kind(record), lower
 
-    return read
+    return read_record
 
 
 class _Owner:
@@ -90,7 +92,9 @@ def _leaves(kind: Any) -> tuple[_Leaf, ...]:
 
 
 def _each_leaf(kind: Any) -> Iterator[_Leaf]:
-    if isinstance(kind, types.BaseTuple):
+    if isinstance(kind, Place):
+        yield from _each_leaf(kind.kind)
+    elif isinstance(kind, types.BaseTuple):
         for part in kind:
             yield from _each_leaf(part)
     elif isinstance(kind, types.Array):

@@ -16,7 +16,7 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.extending import typeof_impl
 
-from rr1plan.code_units import generic_type, lower_part, unit_compiler, without_collection
+from rr1plan.code_units import generic_type, lower_part, sooner, unit_compiler
 from rr1plan.compiling import Job, compile_ahead, register, tell
 from rr1plan.kept_code import is_kept, keep
 
@@ -74,7 +74,7 @@ class Entry:
             folder = _keep(made)
             if folder is None or not is_kept(made, self._signature):
                 tell(folder)
-            with without_collection():
+            with sooner():
                 made.compile(self._signature)
             made.disable_compile()
             self._built = made
