@@ -21,11 +21,18 @@ _ROUNDING = 1e-9
 _RELATIVE = 1.0 + 1e-9
 # Cells are kept in single precision [m].
 _ROUNDING_OF_CELLS = 1e-7
+# A cell has so many parts along each side, a power of two.
+_PARTS = 4
+# A bound is sharp enough that is so much of the gap in the middle, or as much as paddings are [m]; gaps below the last
+# are contacts [m].
+_SHARP = 0.6
+_PADDING = 0.0025
+_CONTACT = 1e-5
 
 
-@jit(F64(FLOATS1, FLOATS1, F64, RECORD), allocates=False)
+@jit(types.UniTuple(F64, 2)(FLOATS1, FLOATS1, F64, RECORD), allocates=False)
 def _bound_gap(q, reach, most, record):
-    """A bound from below of the gap of the first pair within some reach of a configuration [m]; it stops at `most`."""
+    """Bounds from below of the gap of the first pair: within some reach of a configuration, up to `most`, and there."""
     t = exact_of(record)
     a, b, shared = t.pairs[0, 0], t.pairs[0, 1], t.pairs[0, 2]
     place_joints(q, record)
@@ -37,7 +44,7 @@ def _bound_gap(q, reach, most, record):
             moved += t.travel[body, shared]
     moved = moved * _RELATIVE + _ROUNDING
     lower, _ = fine_gap(a, b, most + moved, most + moved, t.directions[0], record)
-    return lower - moved
+    return lower - moved, lower
 
 
 @jit(types.void(INTS1, FLOATS2, F64, types.float32[:, ::1], RECORD), entry=True)
@@ -58,32 +65,41 @@ def map_gaps(columns, ranges, most, gaps, record):
     q, reach = np.zeros(nq), np.zeros(nq)
     t.directions[:, :] = 0.0
     rows, width = gaps.shape
-    widths = np.empty(2)
-    widths[0] = (ranges[0, 1] - ranges[0, 0]) / rows
-    widths[1] = (ranges[1, 1] - ranges[1, 0]) / width
+    gaps[:, :] = most
+    # Of the parts of cells; a single column of cells is not cut across.
+    across = _PARTS if width > 1 else 1
+    widths = (ranges[0, 1] - ranges[0, 0]) / (rows * _PARTS), (ranges[1, 1] - ranges[1, 0]) / (width * across)
     stack, known = np.empty((4 * 64, 3), np.int64), np.empty(4 * 64)
     stack[0] = 0
-    stack[0, 2] = rows
+    stack[0, 2] = rows * _PARTS
     known[0] = -np.inf
     count = 1
     while count > 0:
         count -= 1
         x, y, size, bound = stack[count, 0], stack[count, 1], stack[count, 2], known[count]
-        tall = min(size, width)
+        i, k, cells = x // _PARTS, y // across, max(size // _PARTS, 1)
+        if size < _PARTS and (gaps[i, k] <= _CONTACT or gaps[i, k] <= bound - _ROUNDING_OF_CELLS):
+            # Nothing is left to be gained in this cell.
+            gaps[i, k] = min(gaps[i, k], bound - _ROUNDING_OF_CELLS)
+            continue
         if width > 1:
-            q[columns[1]] = ranges[1, 0] + (y + 0.5 * tall) * widths[1]
-            reach[columns[1]] = 0.5 * tall * widths[1] * _RELATIVE + 1e-12
+            q[columns[1]] = ranges[1, 0] + (y + 0.5 * size) * widths[1]
+            reach[columns[1]] = 0.5 * size * widths[1] * _RELATIVE + 1e-12
         q[columns[0]] = ranges[0, 0] + (x + 0.5 * size) * widths[0]
         reach[columns[0]] = 0.5 * size * widths[0] * _RELATIVE + 1e-12
+        around, middle = _bound_gap(q, reach, most, record)
         # What was proven of the whole is true of its parts.
-        bound = max(bound, _bound_gap(q, reach, most, record))
-        if bound >= most or size == 1:
-            gaps[x : x + size, y : y + tall] = min(bound, most) - _ROUNDING_OF_CELLS
+        bound = max(bound, around)
+        sharp = middle <= _CONTACT or bound >= min(_SHARP * middle, _PADDING)
+        if bound >= most or size == 1 or (size <= _PARTS and sharp):
+            for one in range(i, i + cells):
+                for other in range(k, min(k + cells, width)):
+                    gaps[one, other] = min(gaps[one, other], min(bound, most) - _ROUNDING_OF_CELLS)
             continue
         half = size // 2
-        for i in range(2):
-            for k in range(2 if width > 1 else 1):
-                stack[count, 0], stack[count, 1], stack[count, 2] = x + i * half, y + k * half, half
+        for one in range(2):
+            for other in range(2 if width > 1 else 1):
+                stack[count, 0], stack[count, 1], stack[count, 2] = x + one * half, y + other * half, half
                 known[count] = bound
                 count += 1
 

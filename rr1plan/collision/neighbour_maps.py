@@ -28,7 +28,7 @@ _INTS = NDArray[np.int64]
 _STEPS = (0.02, 0.06, 0.2)
 # Joints that turn without end have a map of a turn to both sides; one that slides, of as many metres.
 _TURN = 2.0 * np.pi
-_VERSION = "neighbours-1"
+_VERSION = "neighbours-3"
 
 _map_gaps: Callable[..., None] = _map_gaps_untyped
 _count_near: Callable[..., None] = _count_near_untyped

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from rr1plan.collision import CollisionChecker, neighbour_maps
+from rr1plan.limits import Limits
+from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.scene import Scene
+from rr1plan.shapes import Capsule
 from rr1plan.transforms import pose
 
 
@@ -60,6 +63,28 @@ def test_no_map_promises_more_than_coal_measures(robot, request, own_cache):
                 # A cell is small: what is far is proven.
                 assert gap < 0.3
     assert 0 < free < seen
+
+
+def _over_each_other(gap):
+    """Two short rods, one of which turns above the other at a gap."""
+    limits = Limits(np.full(2, -3.0), np.full(2, 3.0), *(np.ones(2) for _ in range(4)))
+    rod = Capsule(0.02, 0.06)
+    below = Geometry("below", rod, pose([0.45, 0, 0], rpy=[0, np.pi / 2, 0]))
+    above = Geometry("above", rod, pose([0.05, 0, 0.04 + gap], rpy=[0, np.pi / 2, 0]))
+    links = Link("base"), Link("one", collisions=(below,)), Link("two", collisions=(above,))
+    joints = (
+        Joint("first", "revolute", "base", "one"),
+        Joint("second", "revolute", "one", "two", pose([0.5, 0, 0])),
+    )
+    return Robot("passing", links, joints, ("first", "second"), limits, {"home": np.zeros(2)}, {}, frozenset(), "two")
+
+
+def test_what_passes_at_three_millimetres_is_told_from_a_contact(own_cache):
+    scene = Scene().with_arm("a", _over_each_other(0.003))
+    for least, proven in ((0.001, True), (0.0035, False)):
+        _, _, maps = of(scene, least)
+        assert (maps.places[:, 0] >= 0).all()
+        assert (maps.counts.max() == 0) == proven
 
 
 def test_a_greater_gap_is_proven_in_fewer_cells_of_the_same_map(odd, own_cache):
