@@ -6,7 +6,9 @@ configuration; the other one then walks towards what was added, step by step, un
 blocked (Kuffner and LaValle, RRT-Connect: an efficient approach to single-query path planning, 2000). A
 vertex that has met an obstacle takes only samples near to it: others would lead into the same obstacle again
 (Yershova et al., Dynamic-domain RRTs, 2005). Every second sample is drawn from a box around the start and a goal,
-the others from the whole space: joints that turn far do not lead every search astray.
+the others from the whole space: joints that turn far do not lead every search astray. After some samples that led
+nowhere every fourth one is replaced by a step aside: from a vertex, in any direction, of any length up to a whole step.
+From an end between obstacles most steps towards far samples are blocked, and always the same ones.
 
 A joint that turns without end has no seam: samples are of one turn, differences are those of the shorter way, and a
 vertex is a plain number near to its parent's, however many turns off. When the trees meet, the goal's is moved by
@@ -45,11 +47,13 @@ from rr1plan._kernels.jit import F64, FLOATS1, FLOATS2, I64, OUT1, OUT2, jit
 GOING, SOLVED, FULL = range(3)
 
 # Entries of `counts`. The roots are a tree's first vertices.
-SIZE_START, SIZE_GOAL, SAMPLES, EDGES, JOIN_START, JOIN_GOAL, PASSED, ROOTS_START, ROOTS_GOAL, ROWS = range(10)
+SIZE_START, SIZE_GOAL, SAMPLES, EDGES, JOIN_START, JOIN_GOAL, PASSED, IDLE, ROOTS_START, ROOTS_GOAL, ROWS = range(11)
 
 _BLOCK = 64
 # So many samples in a row may be passed over: in spaces of many joints hardly any is near to anything.
 _MOST_PASSED = 4
+# After so many samples in a row from which no tree has grown, every so-many-th one is a step aside.
+_PATIENCE, _ASIDE = 20, 4
 # A sample that no shorter path can pass is drawn again, so often.
 _TRIES = 16
 # How far beyond a start and a goal every second sample may be, as a part of their distance.
@@ -206,6 +210,30 @@ def _draw_sample(trees, lengths, counts, bound, state, lower, extent, turns, q, 
     return np.inf, np.inf
 
 
+@jit(boolean(_COUNTS, F64), allocates=False)
+def _is_stuck(counts, bound):
+    """Count one more sample; whether it is to be replaced by a step aside."""
+    counts[IDLE] += 1
+    return bound == np.inf and counts[IDLE] > _PATIENCE and counts[SAMPLES] % _ASIDE == 0
+
+
+@jit(F64(_TREES, I64, I64, F64, STATE, FLOATS1, FLOATS1, FLOATS1, OUT1), allocates=False)
+def _step_aside(trees, side, index, step, state, lower, extent, turns, q):
+    """A point no farther than a step from a vertex, in a random direction, within limits; its distance."""
+    square = 0.0
+    for j in range(len(q)):
+        q[j] = draw(state) + draw(state) - 1.0 if extent[j] > 0.0 else 0.0
+        square += q[j] * q[j]
+    part, square = step * draw(state) / np.sqrt(square), 0.0
+    for j in range(len(q)):
+        begin = trees[side, j, index]
+        q[j] = begin + part * q[j]
+        if turns[j] == 0.0:
+            q[j] = min(max(q[j], lower[j]), lower[j] + extent[j])
+        square += (q[j] - begin) * (q[j] - begin)
+    return np.sqrt(square)
+
+
 @jit(boolean(_COUNTS, types.Array(boolean, 1, "C"), I64, F64, F64), allocates=False)
 def _passes_over(counts, blocked, index, distance, domain):
     """Whether a sample is too far from a nearest vertex that has met an obstacle."""
@@ -332,7 +360,7 @@ def grow(
         parents: Index of each vertex's parent, -1 for a root, shape (2, capacity).
         lengths: Of the way to each vertex from its root, shape (2, capacity).
         blocked: Whether a step from a vertex towards a sample was blocked, shape (2, capacity).
-        counts: See the constants of this file, shape (10,); zeros before there are trees.
+        counts: See the constants of this file, shape (11,); zeros before there are trees.
         path: The path from the start to a goal is written here once they meet, shape (2 capacity, nq).
         start: Root of the one, shape (nq,).
         goals: Roots of the other, shape (k, nq), 2 k <= capacity.
@@ -373,7 +401,14 @@ def grow(
         if bound < np.inf:
             most = (from_start if side == 0 else from_goal) + draw(state) * (bound - from_start - from_goal)
         index, distance = nearest_within(trees[side], lengths[side], counts[side], q, most, turns, squares)
-        if index < 0 or distance == 0.0 or _passes_over(counts, blocked[side], index, distance, domain):
+        if index < 0 or distance == 0.0:
+            continue
+        if _is_stuck(counts, bound):
+            index = draw_below(state, counts[side]) if draw(state) < 0.5 else index
+            distance = _step_aside(trees, side, index, step, state, corner, sides, turns, q)
+            if distance == 0.0:
+                continue
+        elif _passes_over(counts, blocked[side], index, distance, domain):
             continue
         _come_near(q, trees, side, index, turns)
         part = min(1.0, step / distance)
@@ -384,6 +419,7 @@ def grow(
         if not _is_free(side, a, q, counts, context):
             blocked[side, index] = True
             continue
+        counts[IDLE] = 0
         length = lengths[side, index] + part * distance
         _add(trees, parents, lengths, counts, side, q, index, length)
         index, distance = nearest_within(trees[other], lengths[other], counts[other], q, bound - length, turns, squares)

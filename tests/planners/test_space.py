@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
+from rr1plan._kernels import rrt_connect as kernel
+from rr1plan._kernels.generator import generator_state
 from rr1plan.collision import MotionChecker
 from rr1plan.kinematics import nearest_copy
 from rr1plan.planners import RrtConnect
@@ -126,3 +128,27 @@ def test_the_space_of_endless_joints_has_no_seam_and_can_be_unrolled(tmp_path):
     assert not unrolled.wraps.any()
     copies = with_copies(problem, np.array([[3.0, 2.5]]))
     np.testing.assert_array_equal(copies, [[3.0, 2.5], [3.0 - TURN, 2.5], [3.0, 2.5 - TURN], [3.0 - TURN, 2.5 - TURN]])
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32), st.integers(1, 9), st.floats(0.01, 2.0))
+def test_a_step_aside_is_no_longer_than_a_step_within_limits_and_may_go_any_way(seed, nq, step):
+    rng = np.random.default_rng(seed)
+    lower, extent = -rng.uniform(0.0, 1.0, nq), rng.uniform(1.0, 3.0, nq)
+    turns = np.where(rng.random(nq) < 0.3, TURN, 0.0)
+    still = rng.random(nq) < 0.2
+    still[0] = False
+    extent[still] = lower[still] = 0.0
+    trees, state, found = np.zeros((2, nq, 3)), generator_state(seed), []
+    for _ in range(60):
+        q = np.empty(nq)
+        distance = kernel._step_aside(trees, 1, 2, step, state, lower, extent, turns, q)
+        assert distance == pytest.approx(np.linalg.norm(q))
+        assert distance <= step * (1.0 + 1e-12)
+        inside = (turns > 0.0) | ((lower <= q) & (q <= lower + extent))
+        assert inside.all()
+        assert not q[still].any()
+        found.append(q)
+    moved = np.array(found)[:, ~still]
+    assert (moved.max(axis=0) > 0.0).all()
+    assert (moved.min(axis=0) < 0.0).all()
