@@ -72,6 +72,8 @@ def _cut(piece, length, pace, pull, step, longest, cuts):
     count = 1
     bend, tug = _bend(piece, pace), _bend(piece, pull)
     bent = is_bent(piece)
+    if bent:
+        longest = min(longest, 0.5 * length)
     fast = max(_size(piece, 0.0, pace), _size(piece, length, pace))
     strong = max(_size(piece, 0.0, pull), _size(piece, length, pull))
     while count < _MOST:
@@ -104,7 +106,7 @@ def make_grid(lengths, coefficients, velocity, acceleration, step, longest):
         velocity: Limits, shape (nq,).
         acceleration: Limits, shape (nq,).
         step: How much the derivative may change in an interval, in units of the limits and of its largest value.
-        longest: Longest interval on each piece, shape (m,).
+        longest: Longest interval on each piece, shape (m,); a parabola has two at least.
     """
     m = len(lengths)
     cuts = np.empty((m, _MOST + 1))
