@@ -15,10 +15,12 @@ from rr1plan._kernels.path_grid import halve_intervals, inverse, make_grid
 from rr1plan._kernels.timed import overrun, time_curve
 
 # A grid is fine enough when one twice as coarse costs less than this share of the time, the mean share of
-# acceleration lost on it is less than the second, and velocity exceeds its limits by less than the third.
+# acceleration lost on it is less than the second, velocity exceeds its limits by less than the third, and it has
+# intervals enough for the first to tell.
 _GAIN = 0.003
 _LOOSE = 0.004
 _OVERRUN = 0.001
+_FEWEST = 32
 _ROUNDS = 6
 
 
@@ -145,7 +147,8 @@ def _settle(lengths, coefficients, velocity, acceleration, step):
         straight = len(piece) == count
         if not straight:
             x, now, loose = solve_grid(coefficients, piece, offset, delta, velocity, acceleration)
-        if straight or left == 1 or (before <= now * (1.0 + _GAIN) and loose <= _LOOSE):
+        fine = before <= now * (1.0 + _GAIN) and loose <= _LOOSE and len(piece) >= _FEWEST
+        if straight or left == 1 or fine:
             durations, timed = time_curve(coefficients, piece, offset, delta, velocity, acceleration, x)
             factor = overrun(timed, durations, pace, pull)
             if straight or factor <= 1.0 + _OVERRUN:
