@@ -15,7 +15,7 @@ from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
 from rr1plan.validation.motion import Frames, SceneMotion
 from rr1plan.validation.polynomials import Index
-from rr1plan.validation.solids import SLACK, DistanceMeter, Solid, solid, support
+from rr1plan.validation.solids import DistanceMeter, Solid, solid, support
 
 # Rounding of the distances between axes and bodies computed here [m].
 _REACH_ROUNDING = 1e-7
@@ -277,13 +277,12 @@ class Bodies:
         return out
 
     def _compound(self, placed: Placed, node: Index, item: Index) -> tuple[Array, Array]:
-        value = np.array(
-            [
-                self.meter.compound(self.solids[a], Ta, self.solids[b], Tb)
-                for a, Ta, b, Tb in self._transforms(placed, node, item)
-            ]
-        )
-        return value, value - SLACK
+        both = [
+            self.meter.compound(self.solids[a], Ta, self.solids[b], Tb)
+            for a, Ta, b, Tb in self._transforms(placed, node, item)
+        ]
+        value, proven = np.array(both).T
+        return value, proven
 
     def _over_plane(self, placed: Placed, node: Index, item: Index) -> tuple[Array, Array]:
         value: Array = np.empty(len(item))

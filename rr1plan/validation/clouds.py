@@ -14,6 +14,8 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.shapes import PointCloud
+from rr1plan.validation.apart import BOX, CENTER, COUNT, HALF, KIND, MIDDLE, ORIGIN, ROUND
+from rr1plan.validation.cells import nearest_cell
 from rr1plan.validation.polynomials import Index
 
 # Cells of a block: fewer make more blocks to look through, more make more cells.
@@ -54,6 +56,7 @@ class CellBlocks:
         lower = np.minimum.reduceat(self.centers, self._first) - self.half
         upper = np.maximum.reduceat(self.centers, self._first) + self.half
         self._middle, self._half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+        self._answer = np.zeros(3)
 
     def distance(self, body: BodyBox, ask: Ask) -> float:
         """Distance [m] of a body to the nearest cell; in contact minus the depth of some cell."""
@@ -61,6 +64,32 @@ class CellBlocks:
         order = np.argsort(bound)
         best = self._nearest(self._cells(order[:1]), body, ask, np.inf)
         return self._nearest(self._cells(order[1:][bound[order[1:]] < best - _ROUNDING]), body, ask, best)
+
+    def parted(
+        self, core: tuple[int, Array], sizes: Array, rotation: Array, origin: Array, middle: Array
+    ) -> tuple[float, float, int]:
+        """Distance of a convex body to the nearest cell and a proven lower bound [m]; both 0 where it touches one.
+
+        The third is the number of cells asked.
+
+        Args:
+            core: Kind and corners of the body.
+            sizes: Its sizes, shape (8,), as `apart.py` reads them.
+            rotation: R_cloud_body, shape (3, 3).
+            origin: Where its frame is in the cloud's [m], shape (3,).
+            middle: Centre of its bounding box there [m], shape (3,).
+        """
+        kinds, table, placed = np.zeros((2, 6), np.int64), np.zeros((2, CENTER)), np.zeros((2, 15))
+        kinds[0, KIND], kinds[0, COUNT], kinds[1, KIND] = core[0], len(core[1]), BOX
+        table[0], table[1, HALF:ROUND] = sizes, self.half
+        placed[0, :ORIGIN], placed[0, ORIGIN:MIDDLE], placed[0, MIDDLE:] = rotation.ravel(), origin, middle
+        placed[1, :ORIGIN] = np.eye(3).ravel()
+        nearest_cell(
+            *(kinds, table, np.ascontiguousarray(core[1].T), placed, self.centers, self.half),
+            *(self._middle, self._half, self._first, self._count, self._answer),
+        )
+        distance, proven, asked = self._answer.tolist()
+        return distance, proven, int(asked)
 
     def _cells(self, blocks: Index) -> Array:
         """Centres of the cells of some blocks [m], shape (k, 3)."""

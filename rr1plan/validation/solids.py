@@ -23,6 +23,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.validation.apart import BOUND, BOX, CENTER, CYLINDER, HALF, HULL, PLANE, RADIUS, ROUND
 from rr1plan.validation.clouds import BodyBox, CellBlocks
 
 _GJK_TOLERANCE = 1e-8
@@ -54,6 +55,35 @@ class Solid:
     convex: bool = True
     oriented: bool = False
     cells: CellBlocks | None = None
+
+    @cached_property
+    def core(self) -> tuple[int, Array]:
+        """Its kind for the compiled search, and the corners of its hull without its rounding, shape (n, 3)."""
+        shape, none = self.shape, np.zeros((0, 3))
+        if isinstance(shape, Box):
+            return BOX, none
+        if isinstance(shape, Cylinder):
+            return CYLINDER, none
+        if isinstance(shape, HalfSpace):
+            return PLANE, none
+        if isinstance(shape, Sphere):
+            return HULL, np.zeros((1, 3))
+        if isinstance(shape, Capsule):
+            return HULL, np.array([[0.0, 0.0, -0.5 * shape.length], [0.0, 0.0, 0.5 * shape.length]])
+        return (HULL, self.points) if self.convex else (HULL, none)
+
+    @cached_property
+    def sizes(self) -> Array:
+        """What the compiled search asks of its size, in columns `HALF` to `BOUND`, shape (8,); none of a half-space."""
+        sizes, shape = np.zeros(CENTER), self.shape
+        if isinstance(shape, Box):
+            sizes[HALF:ROUND] = self.half
+        elif isinstance(shape, Cylinder):
+            sizes[HALF:ROUND] = shape.radius, shape.radius, 0.5 * shape.length
+        elif isinstance(shape, Sphere | Capsule):
+            sizes[ROUND] = shape.radius
+        sizes[RADIUS], sizes[BOUND:CENTER] = self.radius, self.half
+        return sizes
 
     @cached_property
     def geometry(self) -> Any:
@@ -145,6 +175,7 @@ def _is_flat(points: Array) -> bool:
     return bool(thickness[-1] <= 1e-6 * thickness[0])
 
 
+@lru_cache(maxsize=16)
 def _cloud_solid(cloud: PointCloud) -> Solid:
     cells = CellBlocks(cloud)
     return replace(_bounded(cloud, cells.centers, cells.half, convex=False), cells=cells)
@@ -200,19 +231,32 @@ class DistanceMeter:
                 distance = -min(a.radius, b.radius)
         return float(distance), result.normal
 
-    def compound(self, a: Solid, Ta: Any, b: Solid, Tb: Any) -> float:
-        """Distance [m] of two solids of which at least one is a concave mesh or a cloud."""
+    def compound(self, a: Solid, Ta: Any, b: Solid, Tb: Any) -> tuple[float, float]:
+        """Distance of two solids of which at least one is a concave mesh or a cloud, and a lower bound of it [m]."""
         if isinstance(b.shape, PointCloud):
             return self._to_cells(a, Ta, b, Tb)
         if isinstance(a.shape, PointCloud):
             return self._to_cells(b, Tb, a, Ta)
         distance = self.convex(a, Ta, b, Tb)[0]
         if distance > 0.0 and (_holds(a, Ta, b, Tb) or _holds(b, Tb, a, Ta)):
-            return -distance
-        return min(distance, 0.0) if distance <= 0.0 else distance
+            distance = -distance
+        return distance, distance - SLACK
 
-    def _to_cells(self, a: Solid, Ta: Any, cloud: Solid, Tc: Any) -> float:
-        """Distance to the nearest cell [m]."""
+    def _to_cells(self, a: Solid, Ta: Any, cloud: Solid, Tc: Any) -> tuple[float, float]:
+        """Distance to the nearest cell, and a lower bound of it [m]."""
+        assert cloud.cells is not None
+        Rc, tc = Tc.getRotation(), Tc.getTranslation()
+        R, t = Rc.T @ Ta.getRotation(), Rc.T @ (Ta.getTranslation() - tc)
+        if a.convex:
+            distance, proven, asked = cloud.cells.parted(a.core, a.sizes, R, t, R @ a.center + t)
+            self.calls += asked
+            if proven > 0.0:
+                return distance, proven
+        distance = self._touched_cells(a, Ta, cloud, Tc)
+        return distance, distance - SLACK
+
+    def _touched_cells(self, a: Solid, Ta: Any, cloud: Solid, Tc: Any) -> float:
+        """Distance to the nearest cell by Coal, or minus the depth of some cell [m]."""
         import coal
 
         assert cloud.cells is not None
@@ -224,7 +268,7 @@ class DistanceMeter:
         def ask(center: Array) -> tuple[float, tuple[Array, float] | None]:
             T = coal.Transform3s(Rc, Rc @ center + tc)
             if not a.convex:
-                return self.compound(a, Ta, cell, T), None
+                return self.compound(a, Ta, cell, T)[0], None
             distance, normal = self.convex(a, Ta, cell, T)
             length = float(np.linalg.norm(normal))
             if not 0.5 < length < 2.0:

@@ -13,24 +13,17 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Scene
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere
+from rr1plan.shapes import HalfSpace
 from rr1plan.validation.apart import (
-    BOUND,
-    BOX,
     CENTER,
-    CYLINDER,
     HALF,
-    HULL,
     LOCAL,
-    PLANE,
-    RADIUS,
     ROUND,
 )
 from rr1plan.validation.bodies import Bodies
 from rr1plan.validation.limits import Columns, columns_of
 from rr1plan.validation.motion import MovingLink, SceneMotion
 from rr1plan.validation.polynomials import Mask
-from rr1plan.validation.solids import Solid
 from rr1plan.validation.sweeping import AXIS, FIXED, GAIN, OFFSET, SHIFT, SLIDES, TURNS
 
 Table = NDArray[np.int64]
@@ -202,7 +195,7 @@ def _searched(bodies: Bodies) -> Mask:
 def _kinds(bodies: Bodies) -> tuple[Table, Array]:
     kinds, corners, first, chain = [], [np.zeros((0, 3))], 0, 0
     for body, link, row in zip(bodies.solids, bodies.link.tolist(), bodies.moved, strict=True):
-        kind, points = _core(body)
+        kind, points = body.core
         depth = int(row.sum())
         kinds.append((kind, first, len(points), link, chain, depth))
         corners.append(points)
@@ -210,33 +203,11 @@ def _kinds(bodies: Bodies) -> tuple[Table, Array]:
     return np.array(kinds, dtype=np.int64).reshape(-1, 6), np.ascontiguousarray(np.concatenate(corners).T)
 
 
-def _core(body: Solid) -> tuple[int, Array]:
-    """Kind of a body and corners of its hull, without its rounding."""
-    shape, none = body.shape, np.zeros((0, 3))
-    if isinstance(shape, Box):
-        return BOX, none
-    if isinstance(shape, Cylinder):
-        return CYLINDER, none
-    if isinstance(shape, HalfSpace):
-        return PLANE, none
-    if isinstance(shape, Sphere):
-        return HULL, np.zeros((1, 3))
-    if isinstance(shape, Capsule):
-        return HULL, np.array([[0.0, 0.0, -0.5 * shape.length], [0.0, 0.0, 0.5 * shape.length]])
-    return (HULL, body.points) if body.convex else (HULL, none)
-
-
 def _sizes(bodies: Bodies, links: Array) -> Array:
     sizes = np.zeros((len(bodies.solids), 23))
     for i, body in enumerate(bodies.solids):
         shape = body.shape
-        if isinstance(shape, Box):
-            sizes[i, HALF:ROUND] = body.half
-        elif isinstance(shape, Cylinder):
-            sizes[i, HALF:ROUND] = shape.radius, shape.radius, 0.5 * shape.length
-        elif isinstance(shape, Sphere | Capsule):
-            sizes[i, ROUND] = shape.radius
-        sizes[i, RADIUS], sizes[i, BOUND:CENTER] = body.radius, body.half
+        sizes[i, :CENTER] = body.sizes
         sizes[i, CENTER:LOCAL] = bodies.local_center[i]
         sizes[i, LOCAL : LOCAL + 9] = bodies.local_rotation[i].ravel()
         sizes[i, LOCAL + 9 :] = bodies.local_origin[i]

@@ -88,11 +88,11 @@ def test_a_body_wholly_inside_a_closed_mesh_is_in_collision_though_coal_calls_it
     ball, room = solid(rp.Sphere(0.05)), solid(cube(1.0))
     T = coal_pose(pose())
     assert meter.convex(ball, T, room, T)[0] == pytest.approx(0.45)
-    assert meter.compound(ball, T, room, T) == pytest.approx(-0.45)
-    assert meter.compound(room, T, ball, T) == pytest.approx(-0.45)
+    assert meter.compound(ball, T, room, T)[0] == pytest.approx(-0.45)
+    assert meter.compound(room, T, ball, T)[0] == pytest.approx(-0.45)
     small = solid(cube(0.1))
-    assert meter.compound(small, T, room, T) < 0.0
-    assert meter.compound(room, T, small, T) < 0.0
+    assert meter.compound(small, T, room, T)[0] < 0.0
+    assert meter.compound(room, T, small, T)[0] < 0.0
     assert clearance(rp.Sphere(0.05), pose(), cube(1.0), pose()) == pytest.approx(-0.45)
 
 
@@ -123,7 +123,7 @@ def distance_to_every_cell(a: Any, Ta: Array, cloud: rp.PointCloud, Tc: Array) -
     meter, side = DistanceMeter(), cloud.resolution
     cells = (np.unique(np.floor(cloud.points / side), axis=0) + 0.5) * side
     body, box, T = solid(a), solid(rp.Box((side, side, side))), coal_pose(Ta)
-    ask = meter.convex if body.convex else lambda *pair: (meter.compound(*pair), None)
+    ask = meter.convex if body.convex else lambda *pair: (meter.compound(*pair)[0], None)
     return min(float(ask(body, T, box, coal_pose(Tc @ pose(c)))[0]) for c in cells)
 
 
@@ -138,16 +138,21 @@ def test_a_cloud_is_as_far_as_the_nearest_of_all_its_cells(seed: int) -> None:
     if seed >= 12:
         Ta = Tc @ pose([0.1, 0.1, 0.25])
     want = distance_to_every_cell(SHAPES[name], Ta, cloud, Tc)
-    got = DistanceMeter().compound(solid(SHAPES[name]), coal_pose(Ta), solid(cloud), coal_pose(Tc))
+    got, proven = DistanceMeter().compound(solid(SHAPES[name]), coal_pose(Ta), solid(cloud), coal_pose(Tc))
     # In contact the depth is that of some cell, not of the deepest.
     assert got == pytest.approx(want, abs=2e-8) if want > 0.0 else got <= 0.0
+    assert proven <= min(got, max(want, 0.0))
+    assert proven >= got - 1e-4
 
 
 def test_a_large_cloud_needs_few_of_its_cells() -> None:
     rng = np.random.default_rng(0)
     cloud = rp.PointCloud(np.c_[rng.uniform(-1.0, 1.0, (30_000, 2)), np.zeros(30_000)], 0.005)
     meter = DistanceMeter()
-    got = meter.compound(solid(SHAPES["hull"]), coal_pose(pose([0.0, 0.0, 0.2])), solid(cloud), coal_pose(pose()))
+    got, proven = meter.compound(
+        solid(SHAPES["hull"]), coal_pose(pose([0.0, 0.0, 0.2])), solid(cloud), coal_pose(pose())
+    )
+    assert proven == pytest.approx(got, abs=1e-7)
     assert got == pytest.approx(0.095, abs=1e-7)
     assert meter.calls < 20
 
