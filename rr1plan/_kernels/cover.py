@@ -59,8 +59,9 @@ class Cover(NamedTuple):
         pair_of: Index of the pair of a body and an obstacle, -1 for none, shape (b, o).
         meetings: Body, body, joints that move both, index of the pair, and if it has a map where that begins in
             `maps` (else -1), the number of its columns of cells, and its two columns of q; shape (m, 8).
-        families: Groups of which bodies meet: group, group, joints that move both, first and last of `meetings`;
-            shape (f, 5).
+        families: Groups of which bodies meet: group, group, joints that move both, first and last of `meetings`, and
+            where a map of all of them together begins in `maps` (-1: none), like that of the first in all else;
+            shape (f, 6).
         maps: For each map how many cells before a corner are not free; see `neighbours.py`.
         map_ranges: Low end and cells per rad or m, of both columns of q; shape (m, 4).
         padding: Distance to keep of each pair [m].
@@ -158,7 +159,7 @@ COVER = place(
     [
         *(whole(3), floats(13), whole(4), whole(6), floats(6), whole(), floats()),
         *(whole(2), floats(17), OUT2, INT2),
-        *(whole(8), whole(5), small(), floats(4), floats()),
+        *(whole(8), whole(6), small(), floats(4), floats()),
         *(whole(7), floats(14), floats(3), floats(4), whole(), whole(), floats()),
     ],
     Cover,

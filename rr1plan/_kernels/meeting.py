@@ -19,11 +19,11 @@ from rr1plan._kernels.spheres import approaching, meet_body, meet_obstacle, near
 LAST_BIT = 62
 
 
-@jit(I64(I64, F64, F64, COVER, WORK), inline=True, allocates=False)
-def _mapped(m, t0, t1, cover, work):
-    """1 if the map of a meeting proves it free between two times of the edge."""
+@jit(I64(I64, I64, F64, F64, COVER, WORK), inline=True, allocates=False)
+def _mapped(begin, m, t0, t1, cover, work):
+    """1 if a map over the columns of a meeting proves free what it is of, between two times of the edge."""
     curve = work.curve
-    begin, width = cover.meetings[m, 4], cover.meetings[m, 5]
+    width = cover.meetings[m, 5]
     x0, x1, y0, y1 = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     for side in range(2):
         c = cover.meetings[m, 6 + side]
@@ -57,7 +57,7 @@ def _unmapped(m, asked, cover, work):
     for i in range(WIDTH):
         if asked >> i & 1:
             t, h = work.lanes[i], work.lanes[WIDTH + i]
-            if _mapped(m, t - h, t + h, cover, work):
+            if _mapped(cover.meetings[m, 4], m, t - h, t + h, cover, work):
                 left &= ~(1 << i)
     return left
 
@@ -185,6 +185,8 @@ def meet_families(count, h, record):
     families, groups = cover.families, cover.groups
     for f in range(families.shape[0]):
         g, other, shared, first, last = families[f, 0], families[f, 1], families[f, 2], families[f, 3], families[f, 4]
+        if families[f, 5] >= 0 and _mapped(families[f, 5], first, 0.0, 1.0, cover, work):
+            continue
         near = ALL
         if last - first > 1:
             one, two = groups[g, 1], groups[other, 1]
@@ -198,7 +200,8 @@ def meet_families(count, h, record):
         for m in range(first, last):
             a, b = cover.meetings[m, 0], cover.meetings[m, 1]
             lanes = near & work.beside[a] & work.beside[b] if many else near
-            if lanes == 0 or (cover.meetings[m, 4] >= 0 and _mapped(m, 0.0, 1.0, cover, work)):
+            begin = cover.meetings[m, 4]
+            if lanes == 0 or (begin >= 0 and _mapped(begin, m, 0.0, 1.0, cover, work)):
                 continue
             for body in (a, b):
                 ready_ball(body, 1, h, cover, work)

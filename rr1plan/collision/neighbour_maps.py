@@ -42,11 +42,13 @@ class NeighbourMaps:
         places: The last four columns of its `meetings`, shape (m, 4).
         counts: Its `maps`.
         ranges: Its `map_ranges`, shape (m, 4).
+        families: The last column of its `families`, shape (f,).
     """
 
     places: _INTS
     counts: NDArray[np.int16]
     ranges: Array
+    families: _INTS
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ class _Content:
     carried: Carried
     pairs: tuple[tuple[int, int], ...]
     least: tuple[float, ...]
+    families: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,38 +78,64 @@ class _Between:
     key: str
 
 
-def neighbour_maps(carried: Carried, pairs: _INTS, least: Array) -> NeighbourMaps:
+def neighbour_maps(carried: Carried, pairs: _INTS, least: Array, families: _INTS) -> NeighbourMaps:
     """Maps of those pairs that one or two columns of q move against each other.
 
     Args:
         carried: What the arms carry.
         pairs: Pairs of its solids that move against each other [index], shape (m, 2).
         least: The gap that a map has to prove of each [m], shape (m,).
+        families: First and last of pairs that have a map together as well, if all have one of their own, shape (f, 2).
     """
-    return _maps(_Content(carried, tuple(map(tuple, pairs.tolist())), tuple(least.tolist())))
+    rows, together = (tuple(map(tuple, table.tolist())) for table in (pairs, families))
+    return _maps(_Content(carried, rows, tuple(least.tolist()), together))
 
 
 @lru_cache(maxsize=8)
 def _maps(content: _Content) -> NeighbourMaps:
     places = np.zeros((len(content.pairs), 4), np.int64)
     ranges = np.zeros((len(content.pairs), 4))
-    counts, begins, end = [np.zeros(0, np.int16)], dict[tuple[str, float], int](), 0
+    counts, begins = _Counts(), dict[tuple[str, float], int]()
+    free = list[NDArray[np.bool_]]()
     for i, (pair, least) in enumerate(zip(content.pairs, content.least, strict=True)):
         between = _between(_Pair(content.carried, pair))
         step = next((s for s in _STEPS if least <= 0.8 * s), None)
         if between is None or step is None:
             places[i, 0] = -1
+            free.append(np.zeros((0, 0), np.bool_))
             continue
         gaps = _gaps(_Named(f"{between.key} {step}", between, step))
+        free.append(gaps >= least)
         if (between.key, least) not in begins:
-            made = np.empty((gaps.shape[0] + 1, gaps.shape[1] + 1), np.int16)
-            _count_near(gaps, least, made)
-            begins[between.key, least] = end
-            counts.append(made.ravel())
-            end += made.size
+            begins[between.key, least] = counts.add(gaps, least)
         places[i] = begins[between.key, least], gaps.shape[1], between.columns[0], between.columns[-1]
         ranges[i, ::2], ranges[i, 1::2] = between.ends[:, 0], CELLS / (between.ends[:, 1] - between.ends[:, 0])
-    return NeighbourMaps(places, np.concatenate(counts), ranges)
+    families = np.full(len(content.families), -1, np.int64)
+    for f, (first, last) in enumerate(content.families):
+        rows = places[first:last]
+        if last - first > 1 and (rows[:, 0] >= 0).all() and (rows[:, 1:] == rows[0, 1:]).all():
+            families[f] = counts.add(np.logical_and.reduce(free[first:last]).astype(np.float32), 0.5)
+    return NeighbourMaps(places, counts.joined(), ranges, families)
+
+
+class _Counts:
+    """The kernel's `maps`, as they are added."""
+
+    def __init__(self) -> None:
+        self._parts = [np.zeros(0, np.int16)]
+        self._end = 0
+
+    def add(self, gaps: NDArray[np.float32], least: float) -> int:
+        """Where the counts of cells begin that have less than the least gap."""
+        made = np.empty((gaps.shape[0] + 1, gaps.shape[1] + 1), np.int16)
+        _count_near(gaps, least, made)
+        self._parts.append(made.ravel())
+        self._end += made.size
+        return self._end - made.size
+
+    def joined(self) -> NDArray[np.int16]:
+        """All of them."""
+        return np.concatenate(self._parts)
 
 
 # ---- gaps ------------------------------------------------------------------------------------------

@@ -41,12 +41,13 @@ def build_cover(checker: CollisionChecker, tables: ExactTables, tolerance: float
     margins = np.array([2.0 * tolerance + 1e-9 + 1e-12 * scale, float(np.max(tables.padding, initial=0.0))])
     # Rounded up, so that maps serve scenes of other sizes too.
     margin = max(10.0 * tolerance, float(margins[0]))
-    maps = neighbour_maps(layout.carried, met.pairs, tables.padding[met.rows[:, 3]] + margin)
+    maps = neighbour_maps(layout.carried, met.pairs, tables.padding[met.rows[:, 3]] + margin, met.families[:, 3:])
     made = Cover(
         carried.joints, carried.joint_values, carried.bodies, carried.groups, carried.spheres,
         carried.chain, carried.chain_reach,
         still.kinds, still.values, np.ascontiguousarray(still.boxes.T), met.pair_of,
-        np.column_stack([met.rows, maps.places]), met.families, maps.counts, maps.ranges,
+        np.column_stack([met.rows, maps.places]), np.column_stack([met.families, maps.families]),
+        maps.counts, maps.ranges,
         tables.padding, *still.cores, still.core_of, margins,
     )  # fmt: skip
     return made, _work(made, checker.nq)
@@ -97,7 +98,7 @@ class _Meetings:
 
     Args:
         rows: The first columns of `meetings`.
-        families: As there.
+        families: The first columns of `families`.
         pairs: Those pairs of carried solids [index], shape (m, 2).
         pair_of: As there.
         obstacles: Which of the resting links, then of the obstacles it counts [index], and some beyond the last.

@@ -87,7 +87,7 @@ def test_families_hold_each_meeting_once(swept):
     _, edges = swept
     cover = edges.tables[0]
     begin = 0
-    for one, other, shared, first, last in cover.families.tolist():
+    for one, other, shared, first, last, _ in cover.families.tolist():
         assert first == begin < last
         begin = last
         rows = cover.meetings[first:last]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rr1plan.collision import CollisionChecker, neighbour_maps
+from rr1plan.collision.swept import SweptEdges
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.scene import Scene
@@ -33,7 +34,9 @@ def of(scene, least=0.001):
     pairs = checker.solid_pairs
     pairs = pairs[(pairs < len(groups)).all(axis=1)]
     pairs = pairs[(groups[pairs] > 0).all(axis=1)]
-    maps = neighbour_maps.neighbour_maps(checker.layout.carried, pairs, np.full(len(pairs), least))
+    maps = neighbour_maps.neighbour_maps(
+        checker.layout.carried, pairs, np.full(len(pairs), least), np.zeros((0, 2), np.int64)
+    )
     return checker, pairs, maps
 
 
@@ -98,6 +101,27 @@ def test_a_greater_gap_is_proven_in_fewer_cells_of_the_same_map(odd, own_cache):
     assert neighbour_maps._gaps.cache_info().misses == made
     assert (wider.counts >= maps.counts).all()
     assert wider.counts.sum() > maps.counts.sum()
+
+
+def test_the_map_of_a_family_is_free_where_all_of_its_pairs_are(rr1, own_cache):
+    cover = SweptEdges(CollisionChecker(Scene().with_arm("a", rr1)), 1e-6).tables[0]
+
+    def near(begin, width):
+        sums = cover.maps[begin : begin + (neighbour_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
+        return np.diff(np.diff(sums.astype(np.int64), axis=0), axis=1) > 0
+
+    seen = 0
+    for _, _, _, first, last, begin in cover.families.tolist():
+        rows = cover.meetings[first:last]
+        if begin < 0:
+            assert last - first == 1 or (rows[:, 4] < 0).any() or (rows[:, 5:] != rows[0, 5:]).any()
+            continue
+        seen += 1
+        each = [near(row[4], row[5]) for row in rows.tolist()]
+        np.testing.assert_array_equal(near(begin, rows[0, 5]), np.any(each, axis=0))
+        assert np.any(each)
+        assert not np.all(each)
+    assert seen > 0
 
 
 def test_maps_are_the_same_wherever_the_arm_stands(odd, own_cache):
