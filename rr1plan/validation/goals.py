@@ -7,34 +7,102 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from rr1plan.checks import Array
+from rr1plan.errors import InputError
 from rr1plan.problem import Goal, JointGoal, PoseGoal, Problem, frame_link
 from rr1plan.report import Violation
 from rr1plan.robot import Robot
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 from rr1plan.validation.limits import Ledger
+from rr1plan.validation.motion import Frames, SceneMotion
 
 # Joint values count as equal within this [rad or m], tolerances are kept to within it.
 _EQUAL = 1e-9
 
 
-def check_start(ledger: Ledger, problem: Problem, postures: Mapping[str, Array], time: float) -> None:
-    """The first configuration is the start of the problem.
+def check_ends(
+    ledger: Ledger, trajectory: Trajectory, scene: Scene, motion: SceneMotion, problem: Problem | None
+) -> None:
+    """A motion starts where it should and ends at a goal, if there is a problem that says so."""
+    if problem is None:
+        ledger.not_checked["start"] = ledger.not_checked["goal"] = "no problem was given"
+        return
+    ends = motion.breaks[[0, -1]]
+    q = motion.positions(*motion.locate(ends))
+    columns = {name: i for i, name in enumerate(trajectory.joint_names)}
+    first, last = ({arm: _posture(scene, arm, columns, row) for arm in scene.arms} for row in q)
+    _check_arms(problem, scene)
+    _check_start(ledger, _starts(trajectory, scene, problem), _by_joint(scene, first), float(ends[0]))
+    _check_goal(ledger, problem, last, _poses(motion, q[1:]), float(ends[1]))
+
+
+def _check_arms(problem: Problem, scene: Scene) -> None:
+    """The problem's arms are in the scene, and their joints in the same order: its numbers go by that."""
+    for arm in problem.arms:
+        wanted, got = scene.arm(arm).robot.joint_names, problem.scene.arms[arm].robot.joint_names
+        if wanted != got:
+            names = f"joints {', '.join(got)} for arm {arm!r}, expected those of the scene: {', '.join(wanted)}"
+            raise InputError(f"the problem has {names}")
+
+
+def _starts(trajectory: Trajectory, scene: Scene, problem: Problem) -> dict[str, float]:
+    """Where joints have to start: the problem's where it says, those of other arms where the scene has them."""
+    others = {arm: scene.arms[arm].q for arm in trajectory.arms if arm not in problem.arms}
+    starts = dict(zip(problem.joint_names, problem.start.tolist(), strict=True))
+    return starts | _by_joint(scene, others)
+
+
+def _by_joint(scene: Scene, postures: Mapping[str, Array]) -> dict[str, float]:
+    """Numbers by "arm/joint" of postures by arm."""
+    return {
+        f"{arm}/{joint}": value
+        for arm, q in postures.items()
+        for joint, value in zip(scene.arms[arm].robot.joint_names, q.tolist(), strict=True)
+    }
+
+
+def _poses(motion: SceneMotion, q: Array) -> Callable[[str], Array]:
+    """T_world_link by "arm/link" at one configuration (1, nq), reckoned when first asked for."""
+    known: list[Frames] = []
+
+    def pose(link: str) -> Array:
+        if not known:
+            known.append(motion.frames(q))
+        i = motion.links[link]
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = known[0].rotation[0, i], known[0].origin[0, i]
+        return T
+
+    return pose
+
+
+def _posture(scene: Scene, arm: str, columns: dict[str, int], q: Array) -> Array:
+    """Where an arm's joints are: in its columns, or resting."""
+    names = [f"{arm}/{joint}" for joint in scene.arms[arm].robot.joint_names]
+    if names and names[0] in columns:
+        return np.array([q[columns[name]] for name in names])
+    return np.asarray(scene.arms[arm].q)
+
+
+def _check_start(ledger: Ledger, wanted: Mapping[str, float], first: Mapping[str, float], time: float) -> None:
+    """The first configuration is the start.
 
     Args:
         ledger: Where violations go.
-        problem: The problem.
-        postures: First configuration of every arm, by arm.
+        wanted: Where joints have to start, by "arm/joint".
+        first: Where they do, by the same names and maybe more.
         time: When that is [s].
     """
     ledger.checked.append("start")
-    q = np.concatenate([postures[arm] for arm in problem.arms])
-    for name, got, want in zip(problem.joint_names, q, problem.start, strict=True):
-        if abs(got - want) > _EQUAL:
-            message = f"{name} starts at {got:.9g}, the problem starts at {want:.9g} (off by {abs(got - want):.3g})"
-            ledger.violations.append(Violation("start", (name,), time, float(got), float(want), message))
+    for name, want in wanted.items():
+        got = first[name]
+        if not abs(got - want) <= _EQUAL:
+            message = f"{name} starts at {got:.9g}, expected {want:.9g} (off by {abs(got - want):.3g})"
+            ledger.violations.append(Violation("start", (name,), time, got, want, message))
 
 
-def check_goal(
+def _check_goal(
     ledger: Ledger, problem: Problem, postures: Mapping[str, Array], poses: Callable[[str], Array], time: float
 ) -> None:
     """Every moving arm ends at one of its goals.
@@ -51,7 +119,7 @@ def check_goal(
         robot = problem.scene.arms[arm].robot
         misses = [_miss(goal, arm, robot, postures[arm], poses) for goal in problem.goal[arm]]
         off, allowed, words = min(misses, key=lambda miss: miss[0] / miss[1])
-        if off > allowed + _EQUAL:
+        if not off <= allowed + _EQUAL:
             several = f" (the nearest of {len(misses)} goals)" if len(misses) > 1 else ""
             message = f"{arm} misses its goal{several}: {words}"
             ledger.violations.append(Violation("goal", (arm,), time, off, allowed, message))

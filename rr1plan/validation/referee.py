@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rr1plan.checks import Array, of_kind, positive_number
+from rr1plan.checks import of_kind, positive_number
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import Progress, ProgressCallback
@@ -22,9 +22,9 @@ from rr1plan.trajectory import Trajectory
 from rr1plan.validation.bodies import Bodies
 from rr1plan.validation.certificate import TOUCH, Findings
 from rr1plan.validation.extremes import extremes
-from rr1plan.validation.goals import check_goal, check_start
+from rr1plan.validation.goals import check_ends
 from rr1plan.validation.limits import Ledger, check_continuity, check_positions, check_rates, check_rest
-from rr1plan.validation.motion import Frames, SceneMotion
+from rr1plan.validation.motion import SceneMotion
 from rr1plan.validation.proof import prove
 from rr1plan.validation.tables import Setting, setting_of
 from rr1plan.validation.torque import check_torques
@@ -52,7 +52,8 @@ def validate(
     Args:
         trajectory: The motion, with all joints of each of its arms.
         scene: Where it happens.
-        problem: Check the start and the goals of this problem too.
+        problem: Check the start and the goals of this problem too; an arm that it does not move has to start where
+            the scene has it.
         torque_limits: Check torques (sampled every millisecond) too.
         jerk_limits: Check jerk limits too; a jump of acceleration is then an infinite jerk.
         clearance_tolerance: The smallest clearance is found to this [m]; a worst depth to this or 5 % of it.
@@ -64,7 +65,8 @@ def validate(
 
     Raises:
         UnknownNameError: a joint that the scene does not have.
-        InputError: an arm with only some of its joints, or a scene whose shapes cannot be compared.
+        InputError: an arm with only some of its joints, a problem with other joints, or a scene whose shapes cannot be
+            compared.
     """
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
@@ -86,7 +88,7 @@ def validate(
         check_torques(ledger, trajectory, scene)
     else:
         ledger.not_checked["torque"] = "not asked for (torque_limits=True checks it)"
-    _check_ends(ledger, trajectory, scene, motion, problem)
+    check_ends(ledger, trajectory, scene, motion, problem)
     return _report(ledger, trajectory.duration)
 
 
@@ -256,45 +258,6 @@ def _teller(progress: ProgressCallback | None) -> Callable[[float], bool | None]
         return None
     began = clock.perf_counter()
     return lambda fraction: progress(Progress("certify", clock.perf_counter() - began, fraction))
-
-
-def _check_ends(
-    ledger: Ledger, trajectory: Trajectory, scene: Scene, motion: SceneMotion, problem: Problem | None
-) -> None:
-    if problem is None:
-        ledger.not_checked["start"] = ledger.not_checked["goal"] = "no problem was given"
-        return
-    ends = motion.breaks[[0, -1]]
-    q = motion.positions(*motion.locate(ends))
-    columns = {name: i for i, name in enumerate(trajectory.joint_names)}
-    first, last = ({arm: _posture(scene, arm, columns, row) for arm in scene.arms} for row in q)
-    for arm in problem.arms:
-        scene.arm(arm)
-    check_start(ledger, problem, first, float(ends[0]))
-    check_goal(ledger, problem, last, _poses(motion, q[1:]), float(ends[1]))
-
-
-def _poses(motion: SceneMotion, q: Array) -> Callable[[str], Array]:
-    """T_world_link by "arm/link" at one configuration (1, nq), reckoned when first asked for."""
-    known: list[Frames] = []
-
-    def pose(link: str) -> Array:
-        if not known:
-            known.append(motion.frames(q))
-        i = motion.links[link]
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = known[0].rotation[0, i], known[0].origin[0, i]
-        return T
-
-    return pose
-
-
-def _posture(scene: Scene, arm: str, columns: dict[str, int], q: Array) -> Array:
-    """Where an arm's joints are: in its columns, or resting."""
-    names = [f"{arm}/{joint}" for joint in scene.arms[arm].robot.joint_names]
-    if names and names[0] in columns:
-        return np.array([q[columns[name]] for name in names])
-    return np.asarray(scene.arms[arm].q)
 
 
 def _report(ledger: Ledger, duration: float) -> Report:
