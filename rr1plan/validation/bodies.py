@@ -13,9 +13,10 @@ from rr1plan.errors import InputError
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
+from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.motion import Frames, SceneMotion
 from rr1plan.validation.polynomials import Index
-from rr1plan.validation.solids import DistanceMeter, Solid, solid, support
+from rr1plan.validation.solids import Solid, solid, support
 
 # Rounding of the distances between axes and bodies computed here [m].
 _REACH_ROUNDING = 1e-7

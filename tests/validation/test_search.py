@@ -18,8 +18,9 @@ from rr1plan.robot import Mimic
 from rr1plan.transforms import pose
 from rr1plan.validation.apart import part_bodies
 from rr1plan.validation.certificate import Certificate, Findings
+from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.proof import prove
-from rr1plan.validation.solids import DistanceMeter, Solid, support
+from rr1plan.validation.solids import Solid, support
 from rr1plan.validation.tables import Setting, setting_of
 
 Make = Callable[..., Any]
