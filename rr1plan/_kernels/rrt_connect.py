@@ -52,8 +52,9 @@ SIZE_START, SIZE_GOAL, SAMPLES, EDGES, JOIN_START, JOIN_GOAL, PASSED, IDLE, ROOT
 _BLOCK = 64
 # So many samples in a row may be passed over: in spaces of many joints hardly any is near to anything.
 _MOST_PASSED = 4
-# After so many samples in a row from which no tree has grown, every so-many-th one is a step aside.
-_PATIENCE, _ASIDE = 20, 4
+# After so many samples in a row from which no tree has grown, every so-many-th one is a step aside, as long as the
+# smaller tree has fewer vertices than the third number: later they would fill the place they are in, and not leave it.
+_PATIENCE, _ASIDE, _SMALL = 20, 4, 96
 # A sample that no shorter path can pass is drawn again, so often.
 _TRIES = 16
 # How far beyond a start and a goal every second sample may be, as a part of their distance.
@@ -214,7 +215,8 @@ def _draw_sample(trees, lengths, counts, bound, state, lower, extent, turns, q, 
 def _is_stuck(counts, bound):
     """Count one more sample; whether it is to be replaced by a step aside."""
     counts[IDLE] += 1
-    return bound == np.inf and counts[IDLE] > _PATIENCE and counts[SAMPLES] % _ASIDE == 0
+    small = min(counts[SIZE_START], counts[SIZE_GOAL]) < _SMALL
+    return small and bound == np.inf and counts[IDLE] > _PATIENCE and counts[SAMPLES] % _ASIDE == 0
 
 
 @jit(F64(_TREES, I64, I64, F64, STATE, FLOATS1, FLOATS1, FLOATS1, OUT1), allocates=False)
