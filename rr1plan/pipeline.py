@@ -19,6 +19,7 @@ from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.planners import plan
+from rr1plan.planners.goals import joint_goals
 from rr1plan.planners.query import prepare
 from rr1plan.planners.shortcut import shorten as shorten_path
 from rr1plan.planners.tree_search import KERNELS
@@ -147,8 +148,8 @@ def plan_motion(
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; the Cartesian planner's is left as it is.
         margin: Distance to keep beyond the scene's padding [m]: a proof of zero clearance is little use to an
-            arm that tracks to a fraction of a millimetre. It is halved until the start has twice
-            as much, and given up when no goal has it.
+            arm that tracks to a fraction of a millimetre. It is halved until start and goal have
+            twice as much, and given up when no configuration found for a goal in space has it.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
@@ -215,9 +216,10 @@ def set_up(problem: Problem) -> None:
 
 
 def affordable_margin(problem: Problem, margin: float) -> float:
-    """The margin [m], halved until the start has twice as much beyond its padding, 0 after a few halvings.
+    """The margin [m], halved until start and goal have twice as much beyond their padding, 0 after a few halvings.
 
-    Halvings, because a scene keeps one checker for each margin.
+    Halvings, because a scene keeps one checker for each margin. Of several configurations as goals the one with most
+    counts; of other goals it is not known ahead.
 
     Raises:
         InputError: below zero or not finite.
@@ -226,6 +228,9 @@ def affordable_margin(problem: Problem, margin: float) -> float:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
     with borrowed_checker(problem.scene, problem.arms) as motions:
         clearance = motions.checker.clearance(problem.start, 2.0 * margin)
+        goals = joint_goals(problem)
+        if goals is not None:
+            clearance = min(clearance, max(motions.checker.clearance(q, clearance) for q in goals))
     return next((part for part in (margin * 0.5**k for k in range(6)) if 2.0 * part <= clearance), 0.0)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
@@ -63,3 +65,33 @@ def test_a_margin_is_halved_until_the_start_has_twice_as_much() -> None:
     assert affordable_margin(problem, 0.0) == 0.0
     with pytest.raises(rp.InputError, match="margin"):
         affordable_margin(problem, -0.1)
+
+
+def test_a_margin_is_one_that_the_goal_has_too() -> None:
+    scene = rp.load_scene("rr1_table")
+    robot, checker = scene.arm(scene.only_arm()).robot, rp.CollisionChecker(scene)
+    rng, margin = np.random.default_rng(0), 0.002
+    near = None
+    while near is None or not 0.0005 < checker.clearance(near, 1.0) < 2.0 * margin:
+        near = rng.uniform(robot.limits.lower, robot.limits.upper)
+    clearance = checker.clearance(near, 1.0)
+    one = rp.Problem(scene, "home", near)
+    assert 0.25 * clearance < affordable_margin(one, margin) <= 0.5 * clearance
+    assert affordable_margin(rp.Problem(scene, "home", [rp.JointGoal(near), rp.JointGoal("home")]), margin) == margin
+    motion = rp.plan_motion(one, margin=margin, rng=0)
+    assert motion.solved
+    assert motion.margin == affordable_margin(one, margin)
+
+
+def test_setting_up_is_not_at_the_expense_of_the_budget(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is made once may take longer than a budget: tables of a new scene, code that is not compiled yet."""
+    make = rp.MotionChecker.set_up
+
+    def slowly(checker: rp.MotionChecker) -> None:
+        time.sleep(0.8)
+        make(checker)
+
+    monkeypatch.setattr(rp.MotionChecker, "set_up", slowly)
+    result = rp.plan(problem, budget=rp.Budget(seconds=0.7), rng=0)
+    assert result.solved
+    assert result.seconds < 0.7

@@ -66,7 +66,7 @@ class Pace:
 class Query:
     """One question under way: its tools, its clock, what was counted so far. To be used in a `with` block.
 
-    Inside it kernels are built, a checker is borrowed and the clock runs.
+    Before it kernels are built, a checker is borrowed and what it knows of the scene is made; inside it the clock runs.
 
     Args:
         planner: Name of the planner.
@@ -122,8 +122,9 @@ class Query:
         self._wanted = joint_goals(self.problem)
         if self._wanted is None:
             prepare(goal_kernels(self.problem))
-        self.began = time.perf_counter()
         self.motion = take_checker(self._scene, self.problem.arms)
+        self.motion.set_up()
+        self.began = time.perf_counter()
         return self
 
     def __exit__(self, *_: object) -> None:
