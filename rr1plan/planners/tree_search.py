@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan._kernels import rrt_connect as kernel
+from rr1plan._kernels import trees as layout
 from rr1plan._kernels.generator import generator_state
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
@@ -81,10 +82,10 @@ class TreeSearch:
                     self._look_for_goals()
                 stop = min(stop, self._slice)
             code = trees.grow(self.state, *settings, stop - begin, query.motion.context)
-            query.iterations = begin + int(counts[kernel.SAMPLES])
+            query.iterations = begin + int(counts[layout.SAMPLES])
             if code == kernel.FULL:
                 trees.enlarge()
-        query.edges += int(counts[kernel.EDGES])
+        query.edges += int(counts[layout.EDGES])
         return bool(code == kernel.SOLVED)
 
     def _look_for_goals(self) -> None:
@@ -108,7 +109,7 @@ class Trees:
 
     def __init__(self, start: Array, goals: Array) -> None:
         self._roots = (start, goals)
-        self.counts = np.zeros(kernel.ROWS + 1, np.int64)
+        self.counts = np.zeros(layout.ROWS + 1, np.int64)
         nq, capacity = len(start), max(_CAPACITY, 2 * len(goals))
         self._memory = _take_memory(nq, capacity)
         self.vertices, self.parents, self.lengths, self.blocked, self._way = self._memory
@@ -133,17 +134,17 @@ class Trees:
     def add_goals(self, goals: Array) -> None:
         """More roots of the goals' tree, shape (k, nq)."""
         self._roots = (self._roots[0], np.concatenate([self._roots[1], goals]))
-        size = int(self.counts[kernel.SIZE_GOAL])
+        size = int(self.counts[layout.SIZE_GOAL])
         end = size + len(goals)
         while max(end, 2 * len(self._roots[1])) > self.parents.shape[1]:
             self.enlarge()
         self.vertices[1, :, size:end] = goals.T
         self.parents[1, size:end], self.lengths[1, size:end], self.blocked[1, size:end] = -1, 0.0, False
-        self.counts[kernel.SIZE_GOAL] = end
+        self.counts[layout.SIZE_GOAL] = end
 
     def path(self) -> Array:
         """The way from the start to a goal, shape (n, nq)."""
-        return self._way[: self.counts[kernel.ROWS]].copy()
+        return self._way[: self.counts[layout.ROWS]].copy()
 
     def explored(self, *, joined: bool) -> SearchTree:
         """Both trees, and the edge between them when they have met."""
@@ -155,7 +156,7 @@ class Trees:
             children = np.flatnonzero(parents >= 0)
             edges.append(np.stack([parents[children], children], axis=1) + first)
         if joined:
-            join = self.counts[[kernel.JOIN_START, kernel.JOIN_GOAL]] + np.array([0, sizes[0]])
+            join = self.counts[[layout.JOIN_START, layout.JOIN_GOAL]] + np.array([0, sizes[0]])
             edges.append(join[None])
         return SearchTree(vertices, np.concatenate(edges).astype(np.int64))
 

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 import rr1plan as rp
 from rr1plan._kernels import rrt_connect as kernel
 from rr1plan._kernels.generator import generator_state
+from rr1plan._kernels.tree_samples import _draw_between_foci
+from rr1plan._kernels.trees import nearest_within
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
@@ -43,7 +45,7 @@ def test_the_nearest_vertex_in_time_is_that_of_all_distances(seed, count, nq, mo
     rng = np.random.default_rng(seed)
     tree, lengths, q = 3 * rng.normal(size=(nq, count + 5)), rng.uniform(0.0, 5.0, count + 5), 3 * rng.normal(size=nq)
     turns = np.where(rng.random(nq) < 0.5, 2 * np.pi, 0.0)
-    index, distance = kernel.nearest_within(tree, lengths, count, q, most, turns, np.empty(64))
+    index, distance = nearest_within(tree, lengths, count, q, most, turns, np.empty(64))
     away = tree[:, :count] - q[:, None]
     away = np.where(turns[:, None] > 0.0, np.angle(np.exp(1j * away)), away)
     distances = np.linalg.norm(away, axis=0)
@@ -63,7 +65,7 @@ def test_samples_lie_where_a_path_within_the_bound_may_pass_and_all_around(seed,
     lower, extent = np.minimum(start, goal) - 9.0 * bound, np.abs(goal - start) + 18.0 * bound
     state, q, found = generator_state(seed), np.empty(nq), []
     for _ in range(300):
-        assert kernel._draw_between_foci(ends, 0, bound, state, lower, extent, np.zeros(len(q)), q)
+        assert _draw_between_foci(ends, 0, bound, state, lower, extent, np.zeros(len(q)), q)
         found.append(q.copy())
     found = np.array(found)
     lengths = np.linalg.norm(found - start, axis=1) + np.linalg.norm(found - goal, axis=1)
@@ -80,9 +82,9 @@ def test_samples_out_of_limits_or_without_a_way_are_none():
     ends[1, 0, 0] = 1.0
     state, q = generator_state(0), np.empty(2)
     narrow = np.array([-9.0, 5.0]), np.array([18.0, 1.0])
-    assert not any(kernel._draw_between_foci(ends, 0, 2.0, state, *narrow, np.zeros(2), q) for _ in range(50))
+    assert not any(_draw_between_foci(ends, 0, 2.0, state, *narrow, np.zeros(2), q) for _ in range(50))
     wide = np.array([-9.0, -9.0]), np.array([18.0, 18.0])
-    assert not kernel._draw_between_foci(ends, 0, 1.0, state, *wide, np.zeros(2), q)
+    assert not _draw_between_foci(ends, 0, 1.0, state, *wide, np.zeros(2), q)
 
 
 def test_a_joint_without_play_keeps_its_value_to_the_bit():
@@ -91,7 +93,7 @@ def test_a_joint_without_play_keeps_its_value_to_the_bit():
     state, q = generator_state(0), np.empty(3)
     lower, extent = np.array([-9.0, 0.1, -9.0]), np.array([18.0, 0.0, 18.0])
     for _ in range(50):
-        assert kernel._draw_between_foci(ends, 0, 2.0, state, lower, extent, np.zeros(len(q)), q)
+        assert _draw_between_foci(ends, 0, 2.0, state, lower, extent, np.zeros(len(q)), q)
         assert q[1] == 0.1
 
 

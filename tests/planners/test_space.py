@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan._kernels import rrt_connect as kernel
 from rr1plan._kernels.generator import generator_state
+from rr1plan._kernels.tree_samples import step_aside
 from rr1plan.collision import MotionChecker
 from rr1plan.kinematics import nearest_copy
 from rr1plan.planners import RrtConnect
@@ -142,7 +142,7 @@ def test_a_step_aside_is_no_longer_than_a_step_within_limits_and_may_go_any_way(
     trees, state, found = np.zeros((2, nq, 3)), generator_state(seed), []
     for _ in range(60):
         q = np.empty(nq)
-        distance = kernel._step_aside(trees, 1, 2, step, state, lower, extent, turns, q)
+        distance = step_aside(trees, 1, 2, step, state, lower, extent, turns, q)
         assert distance == pytest.approx(np.linalg.norm(q))
         assert distance <= step * (1.0 + 1e-12)
         inside = (turns > 0.0) | ((lower <= q) & (q <= lower + extent))
