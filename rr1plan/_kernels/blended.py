@@ -17,8 +17,8 @@ from rr1plan._kernels.timed import overrun, time_curve
 # A grid is fine enough when one twice as coarse costs less than this share of the time, the mean share of
 # acceleration lost on it is less than the second, velocity exceeds its limits by less than the third, and it has
 # intervals enough for the first to tell.
-_GAIN = 0.003
-_LOOSE = 0.012
+_GAIN = 0.0015
+_LOOSE = 0.004
 _OVERRUN = 0.001
 _FEWEST = 32
 _ROUNDS = 6
