@@ -35,7 +35,7 @@ def test_a_scene_is_set_up_once(problem: rp.Problem, monkeypatch: pytest.MonkeyP
     assert rp.plan(fresh, rng=0).solved
     assert made == []
     with pytest.raises(rp.InputError, match="problem is of type Scene"):
-        rp.set_up(scene)  # type: ignore[arg-type]
+        rp.set_up(scene)
 
 
 @pytest.mark.parametrize("retiming", rp.retiming.retiming_names())
