@@ -110,6 +110,30 @@ def test_rr1s_tool_is_where_its_twins_is(rr1: rp.Robot, q: list[float], xyz: lis
     assert np.allclose(rr1.link_poses(q)["tool"][:3, 3], xyz, atol=2e-6)
 
 
+def test_rr1s_tool_looks_out_of_the_hand_and_along_the_fingers_travel(rr1: rp.Robot) -> None:
+    closed, opened = (rr1.with_held(name).link_poses("home") for name in ("closed", "open"))
+    T, hand = closed["tool"], closed["hand_link"]
+    out = (T[:3, 3] - hand[:3, 3]) / np.linalg.norm(T[:3, 3] - hand[:3, 3])
+    assert np.allclose(T[:3, 2], out, atol=1e-12)
+    # A fingertip opens along the tool's x, and not along its y.
+    tip = np.array([0.0, 0.0, -0.0735, 1.0])
+    travel = np.linalg.inv(T) @ (opened["finger_link"] - closed["finger_link"]) @ tip
+    assert travel[0] > 0.05
+    assert travel[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_quaternion_that_turns_the_tool_over_points_rr1s_hand_down(rr1: rp.Robot) -> None:
+    goal = rp.PoseGoal("tool", [-0.3, 0.1, 0.25], (0, 1, 0, 0))
+    found = rp.solve_ik(rp.Kinematics(rr1), goal, rng=0)
+    assert len(found.solutions)
+    for q in found.solutions:
+        poses = rr1.link_poses(q)
+        hand = poses["hand_link"][:3, 3]
+        # The hand is above the tool, and its fingers travel along x.
+        assert np.allclose(hand, [-0.3, 0.1, 0.25 + 0.195], atol=1e-3)
+        assert np.allclose(np.abs(poses["tool"][:3, 0]), [1.0, 0.0, 0.0], atol=1e-2)
+
+
 def test_rr1_starts_with_the_thesis_limits(rr1: rp.Robot) -> None:
     assert np.allclose(rr1.limits.upper, np.pi * np.array([3 / 4, 1 / 8, 1 / 2, 3 / 4, 1, 3 / 4]))
     assert np.allclose(rr1.limits.lower, np.pi * np.array([-3 / 4, -1 / 8, -1 / 2, -3 / 4, 0, -3 / 4]))

@@ -32,7 +32,7 @@ def test_rr1_moves_straight_to_a_full_pose_and_turns_evenly(rr1, is_certified):
     T0 = rr1.link_poses(START)["tool"]
     goal = T0.copy()
     goal[:3, 3] += [0.05, -0.08, 0.06]
-    axis, angle = np.array([0.0, 0.6, 0.8]), 0.2
+    axis, angle = np.array([0.0, -0.6, -0.8]), 0.2
     goal[:3, :3] = T0[:3, :3] @ rotation_about(axis, angle)
     result = CartesianPlanner().plan(Problem(alone(rr1), START, PoseGoal("tool", goal)), rng=0)
     assert result.solved, result.reason
