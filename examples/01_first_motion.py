@@ -13,5 +13,5 @@ print(motion)
 replay = rp.playback.simulate(motion.trajectory, scene)
 print(replay)
 
-# motion.show() opens the same page live; this one plays offline, in any browser.
+# motion.show().wait() opens the same page live, until it is closed; this one plays offline, in any browser.
 print(motion.save_html("01_first_motion.html"), motion.save("01_first_motion.json"))

@@ -6,7 +6,7 @@
     problem = rp.Problem(scene, start="home", goal=rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
     motion = rp.plan_motion(problem, rng=0)
     print(motion.report)
-    motion.show()
+    motion.show().wait()
 
 Every name below is loaded on first use, so `import rr1plan` stays light.
 """

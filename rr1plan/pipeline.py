@@ -91,7 +91,10 @@ class MotionPlan:
         return f"{len(self.path)} waypoints, {self.path.length:.2f} rad long; {stages}\n{self._report}"
 
     def show(self, **options: Any) -> Any:
-        """Open the motion in a live Meshcat page; options as in `rr1plan.playback.show`."""
+        """Open the motion in a live Meshcat page and print its address; options as in `rr1plan.playback.show`.
+
+        End a script with `motion.show().wait()`, which keeps the page until it is closed.
+        """
         from rr1plan import playback
 
         return playback.show(self.problem.scene, self.trajectory, **self._picture(), **options)

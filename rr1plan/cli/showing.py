@@ -77,8 +77,8 @@ def view(options: Namespace, console: Console) -> int:
         console.result({"page": str(file)})
         return 0
     wanted = {"port": options.port, "open_browser": not options.no_browser, "spheres": options.spheres}
-    with rp.show(scene, **wanted, **extra) as viewer:
-        console.say(f"{viewer.url}  (Ctrl-C ends it)")
+    with rp.show(scene, quiet=True, **wanted, **extra) as viewer:
+        console.say(f"page: {viewer.url}  (close it or press Ctrl-C to end)")
         console.result({"url": viewer.url})
         viewer.wait()
     return 0

@@ -77,7 +77,7 @@ class CSpace:
         return save_page(self, file, **options)
 
     def show(self, **options: Any) -> Any:
-        """Open the same page live."""
+        """Open the same page live and print its address; end a script with `show().wait()`."""
         from rr1plan.playback.cspace_page import show_page
 
         return show_page(self, **options)

@@ -71,6 +71,7 @@ def show_page(
     title: str | None = None,
     port: int | None = None,
     open_browser: bool = True,
+    quiet: bool = False,
 ) -> Viewer:
     """Open the lesson live in the browser of this machine; the program can move the arm with `Viewer.update`.
 
@@ -80,6 +81,7 @@ def show_page(
         title: Headline of the page (default: the scene's name).
         port: First port to try, the next free one is taken; None: 7000.
         open_browser: Open the page in a browser, where there is a screen.
+        quiet: Do not print the address, which is `Viewer.url`.
 
     Raises:
         InputError: the trajectory moves other joints than the two shown, or a port that is no port.
@@ -87,7 +89,7 @@ def show_page(
         MissingPackageError: Meshcat is not installed.
     """
     document, panel, view = _parts(cspace, trajectory, title)
-    return open_viewer(Viewer(cspace.grid.scene, document, [panel], view, port), open_browser)
+    return open_viewer(Viewer(cspace.grid.scene, document, [panel], view, port), open_browser, quiet)
 
 
 def _parts(

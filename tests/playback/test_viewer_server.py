@@ -18,6 +18,7 @@ from tornado.websocket import websocket_connect
 
 import rr1plan as rp
 from rr1plan.playback import Viewer, show
+from rr1plan.playback.viewer import live
 
 
 @pytest.fixture
@@ -153,6 +154,47 @@ def test_wait_ends_with_close_and_with_its_timeout(viewer: Viewer) -> None:
     assert not viewer.wait(0.01)
     threading.Timer(0.05, viewer.close).start()
     assert viewer.wait(20)
+
+
+async def look(viewer: Viewer, times: int, away: float) -> None:
+    """A page that is opened, and loaded again `times` - 1 times."""
+    for _ in range(times):
+        connection = await websocket_connect(f"{viewer.url.replace('http', 'ws')}updates?version=1")
+        await asyncio.sleep(0.05)
+        connection.close()
+        await asyncio.sleep(away)
+
+
+def test_wait_ends_when_the_page_has_been_opened_and_closed(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "_RELOAD", 0.2)
+    assert not viewer.wait(0.3)
+    looker = threading.Thread(target=asyncio.run, args=(look(viewer, 1, 0.0),))
+    looker.start()
+    assert viewer.wait(20)
+    looker.join()
+    assert not viewer.closed
+
+
+def test_a_page_that_is_loaded_again_does_not_end_wait(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "_RELOAD", 20.0)
+    looker = threading.Thread(target=asyncio.run, args=(look(viewer, 3, 0.1),))
+    looker.start()
+    assert not viewer.wait(0.7)
+    looker.join()
+    assert viewer._server.visits == 3
+
+
+@pytest.mark.parametrize("timeout", [-1.0, float("nan"), "long"])
+def test_a_wait_that_makes_no_sense_is_refused(viewer: Viewer, timeout: Any) -> None:
+    with pytest.raises(rp.InputError, match="timeout"):
+        viewer.wait(timeout)
+
+
+def test_show_prints_the_address_unless_it_is_quiet(rr1_table: rp.Scene, capsys: pytest.CaptureFixture[str]) -> None:
+    with show(rr1_table, port=0, open_browser=False) as viewer:
+        assert capsys.readouterr().out == f"page: {viewer.url}\n"
+    with show(rr1_table, port=0, open_browser=False, quiet=True):
+        assert capsys.readouterr().out == ""
 
 
 def test_ctrl_c_ends_wait_and_leaves_the_viewer_usable(

@@ -7,12 +7,14 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Mapping, Sequence
+from time import monotonic
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from rr1plan.checks import finite_array, finite_number, positive_number
+from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.playback.replay import Replay
 from rr1plan.playback.viewer.document import Document, view_document
@@ -22,6 +24,9 @@ from rr1plan.problem import Problem
 from rr1plan.report import Report
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
+
+_RELOAD = 2.0  # [s] after its last page has gone, a page counts as closed, not as being loaded again
+_TICK = 0.1  # [s] between two looks at the open pages
 
 
 class Viewer:
@@ -137,13 +142,34 @@ class Viewer:
         self._server.command("speed", positive_number("speed", speed))
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Keep the program alive until Ctrl-C or `close`, or for `timeout` [s].
+        """Keep the program alive until the page has been opened and closed again, or Ctrl-C, or `close`.
+
+        Where several pages are open, until the last one is closed. Loading a page again does not close it.
+
+        Args:
+            timeout: Longest wait [s]; None waits without a limit.
 
         Returns:
             False when the time ran out.
+
+        Raises:
+            InputError: a timeout that is no number >= 0.
         """
+        if timeout is not None and finite_number("timeout", timeout) < 0.0:
+            raise InputError(f"timeout is {timeout}, expected a time >= 0 [s]")
+        began = monotonic()
+        visits_before = self._server.visits - self.pages
         try:
-            return self._ended.wait(timeout)
+            while True:
+                now = monotonic()
+                opened = self._server.visits > visits_before
+                if opened and not self.pages and now - self._server.last_sign > _RELOAD:
+                    return True
+                left = _TICK if timeout is None else began + timeout - now
+                if self._ended.wait(max(0.0, min(_TICK, left))):
+                    return True
+                if left <= 0.0:
+                    return False
         except KeyboardInterrupt:
             return True
 
@@ -185,10 +211,11 @@ def show(
     view: Any = None,
     port: int | None = None,
     open_browser: bool = True,
+    quiet: bool = False,
 ) -> Viewer:
-    """Open a live page in the browser of this machine.
+    """Open a live page in the browser of this machine, and print its address.
 
-    The page is served as long as the program runs: end a script with `viewer.wait()`.
+    The page is served as long as the program runs: end a script with `show(...).wait()`.
 
     Args:
         scene: The arms and obstacles.
@@ -203,6 +230,7 @@ def show(
         view: Direction of the world from which it is looked at first, shape (3,); None chooses one.
         port: First port to try, the next free one is taken; None: 7000.
         open_browser: Open the page in a browser, where there is a screen.
+        quiet: Do not print the address, which is `Viewer.url`.
 
     Raises:
         UnknownNameError: a column that is no joint of the scene.
@@ -213,11 +241,13 @@ def show(
     document = view_document(
         scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
     )
-    return open_viewer(Viewer(scene, document, panels, view, port), open_browser)
+    return open_viewer(Viewer(scene, document, panels, view, port), open_browser, quiet)
 
 
-def open_viewer(viewer: Viewer, open_browser: bool = True) -> Viewer:
-    """Open a viewer's page in the browser of this machine, where there is a screen; gives the viewer back."""
+def open_viewer(viewer: Viewer, open_browser: bool = True, quiet: bool = False) -> Viewer:
+    """Print the address of a viewer's page and open it in a browser, where there is a screen; returns the viewer."""
+    if not quiet:
+        print(f"page: {viewer.url}", flush=True)
     if open_browser and _has_screen():
         webbrowser.open(viewer.url)
     return viewer

@@ -14,6 +14,7 @@ import os
 import socket
 import threading
 from collections.abc import Callable
+from time import monotonic
 from typing import Any
 
 from tornado.httpserver import HTTPServer
@@ -47,6 +48,8 @@ class PageServer:
         self.listener, self.port = _bind(_FIRST_PORT if port is None else port)
         self._hosts = {f"{name}:{self.port}" for name in (_ADDRESS, "localhost")}
         self._clients: set[_Updates] = set()
+        self.visits = 0  # pages that have been opened so far
+        self.last_sign = 0.0  # [s] of the monotonic clock, when a page was last asked for or went away
         self._loop = asyncio.new_event_loop()
         self._started = threading.Event()
         self._lock = threading.Lock()
@@ -143,7 +146,9 @@ class PageServer:
 
     def html(self) -> str:
         """The page as it is now."""
-        return self._page(self._version)
+        text = self._page(self._version)
+        self.last_sign = monotonic()
+        return text
 
     def check_host(self, host: str) -> bool:
         """Whether a request was meant for this server."""
@@ -152,6 +157,7 @@ class PageServer:
     def welcome(self, client: _Updates, version: str) -> None:
         """Take in a page: it gets the document if it has an older one, and the newest configuration."""
         self._clients.add(client)
+        self.visits += 1
         with self._lock:
             late = version != str(self._version)
             document, frame = self._document, self._frame
@@ -163,6 +169,7 @@ class PageServer:
     def dismiss(self, client: _Updates) -> None:
         """Forget a page."""
         self._clients.discard(client)
+        self.last_sign = monotonic()
 
     def newest(self) -> bytes | None:
         """The configuration to show now."""
