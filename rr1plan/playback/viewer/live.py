@@ -247,7 +247,7 @@ def show(
 def open_viewer(viewer: Viewer, open_browser: bool = True, quiet: bool = False) -> Viewer:
     """Print the address of a viewer's page and open it in a browser, where there is a screen; returns the viewer."""
     if not quiet:
-        print(f"page: {viewer.url}", flush=True)
+        print(f"page: {viewer.url}", flush=True)  # noqa: T201  (a script has no other way to say where its page is)
     if open_browser and _has_screen():
         webbrowser.open(viewer.url)
     return viewer
