@@ -2,7 +2,7 @@
 
 Whatever a lenient parser drops or repairs in silence (a box of size NaN, a zero axis, inverted
 limits, a mimic of nobody) is an error here that names the file, the line and the thing. What does not
-change where the arm is and what it hits is a warning: a mesh or a colour that is only looked at, an
+change where the arm is and what it hits is a warning: a shape or a color that is only looked at, an
 inertia no body can have, a base that rolls. Elements that do not describe the arm (transmission, gazebo,
 sensor, ...) are skipped.
 

@@ -105,7 +105,7 @@ def _axis(element: Element, name: str) -> Array:
 
 
 def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, float, float]:
-    """Lower, upper, velocity and effort. URDF writes 0 for an effort nobody knows."""
+    """Lower, upper, velocity and effort; an effort of 0 is how URDF writes an unknown one, some files write -1."""
     limit = element.child("limit")
     if limit is None:
         if kind != "continuous":
@@ -114,7 +114,8 @@ def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, 
     velocity = limit.positive("velocity") if "velocity" in limit.attributes else np.inf
     effort = limit.number("effort", np.inf)
     if effort < 0.0:
-        raise limit.error(f"joint {name!r} has effort {effort}, expected a number above zero")
+        log.warning("%s:%d: joint %r has effort %g, it is taken as unknown: no limit", *limit.at, name, effort)
+        effort = np.inf
     if kind == "continuous":
         return -np.inf, np.inf, velocity, effort or np.inf
     lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)

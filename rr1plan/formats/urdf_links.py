@@ -58,10 +58,9 @@ class LinkReader:
     def _visual(self, element: Element, name: str) -> list[Geometry]:
         pose, color = read_origin(element), self._color(element)
         shape = _shape_element(element)
-        if shape.tag != "mesh":
-            return [Geometry(name, _primitive(shape), pose, color)]
-        _mesh_key(shape)
         try:
+            if shape.tag != "mesh":
+                return [Geometry(name, _primitive(shape), pose, color)]
             parts = self._mesh(shape)
         except FormatError as error:
             log.warning("%s; the link is shown without it", error)

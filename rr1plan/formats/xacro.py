@@ -42,9 +42,23 @@ def expand_xacro(
         document = xacrodoc.XacroDoc.from_file(file, subargs=dict(arguments or {}), resolve_packages=False)
         return str(document.dom.toxml())
     except Exception as error:  # xacro evaluates Python expressions, which may raise anything, RecursionError too
-        raise FormatError(f"cannot be expanded: {type(error).__name__}: {error}", file) from error
+        package = _missing_package(error, packages.PackageNotFoundError)
+        if package is None:
+            raise FormatError(f"cannot be expanded: {type(error).__name__}: {error}", file) from error
+        raise FormatError(
+            f"refers to the package {package!r}, which is not found; try package_dirs=[...] with the folder that holds "
+            f"it or, where the arm itself needs nothing from it, with an empty folder named {package!r}",
+            file,
+        ) from error
     finally:
         packages.reset()
+
+
+def _missing_package(error: BaseException | None, kind: type[BaseException]) -> str | None:
+    """The package that an error is about: xacro wraps the finder's own error."""
+    while error is not None and not isinstance(error, kind):
+        error = error.__context__
+    return None if error is None else str(error.args[0])
 
 
 def _find_packages(packages: ModuleType, package_dirs: Sequence[str | Path]) -> None:

@@ -83,7 +83,6 @@ BAD = {
     "inf limit": (one_joint('<limit lower="-inf" upper="1" velocity="1" effort="1"/>'), "finite"),
     "velocity zero": (one_joint('<limit lower="-1" upper="1" velocity="0" effort="1"/>'), "velocity"),
     "velocity negative": (one_joint('<limit lower="-1" upper="1" velocity="-2" effort="1"/>'), "velocity"),
-    "effort negative": (one_joint('<limit lower="-1" upper="1" velocity="1" effort="-1"/>'), "effort"),
     "effort nan": (one_joint('<limit lower="-1" upper="1" velocity="1" effort="nan"/>'), "finite"),
     "zero axis": (one_joint('<axis xyz="0 0 0"/>' + LIMIT), "axis of joint 'j'"),
     "nan axis": (one_joint('<axis xyz="0 nan 0"/>' + LIMIT), "finite"),
@@ -125,7 +124,6 @@ BAD = {
     "unknown shape": (one_shape('<cone radius="1"/>'), "<cone>"),
     "no shape": (one_shape(""), "nothing"),
     "two shapes": (one_shape('<sphere radius="1"/><sphere radius="1"/>'), "<sphere>, <sphere>"),
-    "visual nan": (one_shape('<sphere radius="nan"/>', "visual"), "finite"),
     "mesh scale zero": (one_shape('<mesh filename="a.stl" scale="0 1 1"/>'), "scale"),
     "mesh scale nan": (one_shape('<mesh filename="a.stl" scale="nan 1 1"/>'), "finite"),
     "mesh without a name": (one_shape("<mesh/>"), "filename"),
@@ -261,6 +259,31 @@ def test_a_mesh_that_is_only_looked_at_may_be_missing(mesh: str, caplog: pytest.
     assert mesh in caplog.text
     with pytest.raises(FormatError, match=r"a\.(glb|stl)"):
         read_urdf(text.replace("visual", "collision"))
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        '<sphere radius="0"/>',
+        '<sphere radius="nan"/>',
+        '<box size="1 0 1"/>',
+        '<cylinder radius="1" length="-1"/>',
+        '<mesh filename="a.stl" scale="1 0 1"/>',
+    ],
+)
+def test_a_shape_of_no_size_that_is_only_looked_at_is_left_out_with_a_warning(
+    shape: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert read_urdf(one_shape(shape, "visual")).links[0].visuals == ()
+    assert "shown without it" in caplog.text
+    with pytest.raises(FormatError, match="number"):
+        read_urdf(one_shape(shape))
+
+
+def test_an_effort_below_zero_is_unknown_with_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    joint = read_urdf(one_joint('<limit lower="-1" upper="1" velocity="2" effort="-1"/>')).joints[0]
+    assert joint.effort == np.inf
+    assert "joint 'j' has effort -1, it is taken as unknown" in caplog.text
 
 
 def test_elements_that_do_not_describe_the_arm_are_skipped() -> None:

@@ -65,6 +65,20 @@ def test_includes_from_packages_are_found_in_the_given_folders(tmp_path: Path) -
         expand_xacro(file)
 
 
+def test_a_package_that_is_not_there_is_named_with_a_way_to_do_without_it(tmp_path: Path) -> None:
+    pytest.importorskip("xacrodoc")
+    file = tmp_path / "arm.xacro"
+    file.write_text(
+        '<robot name="r" xmlns:xacro="http://x"><xacro:arg name="control" default="$(find arm_control)/c.yaml"/>'
+        '<link name="base"/><gazebo><x>$(arg control)</x></gazebo></robot>'
+    )
+    with pytest.raises(FormatError, match=r"'arm_control'.*package_dirs=.*an empty folder named 'arm_control'"):
+        expand_xacro(file)
+    (tmp_path / "stand_in" / "arm_control").mkdir(parents=True)
+    for folder in (tmp_path / "stand_in", tmp_path / "stand_in" / "arm_control"):
+        assert 'name="base"' in expand_xacro(file, package_dirs=[folder])
+
+
 RECURSION = '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>'
 
 
