@@ -58,7 +58,11 @@ class PlanFailure:
 
     @property
     def solved(self) -> bool:
-        """No, so that answers of all kinds can be asked the same."""
+        """Always False; mirrors `MotionPlan.solved`."""
+        return False
+
+    def __bool__(self) -> bool:
+        """Always False; mirrors `MotionPlan`."""
         return False
 
 

@@ -64,6 +64,10 @@ class MotionPlan:
         """There is a trajectory, and the referee found nothing wrong with it."""
         return self._report is not None and self._report.valid
 
+    def __bool__(self) -> bool:
+        """The referee proved the motion: its report is certified, and nothing in it is violated."""
+        return self._report is not None and self._report.certified
+
     @property
     def path(self) -> Path:
         """The path, shortened."""

@@ -117,6 +117,10 @@ class PlanResult:
         """There is a path."""
         return self.status is PlanStatus.SOLVED
 
+    def __bool__(self) -> bool:
+        """The same as `solved`."""
+        return self.solved
+
     def path_or_raise(self) -> Path:
         """The path.
 

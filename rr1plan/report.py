@@ -111,6 +111,10 @@ class Report(Value):
         """Valid, and the continuous-time collision certificate was among the checks."""
         return self.valid and "collision" in self.checked
 
+    def __bool__(self) -> bool:
+        """The same as `valid`."""
+        return self.valid
+
     def __repr__(self) -> str:
         found = ", ".join(sorted({v.kind for v in self.violations}))
         verdict = "certified" if self.certified else "valid" if self.valid else f"not valid: {found}"

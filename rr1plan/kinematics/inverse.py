@@ -58,6 +58,10 @@ class IkResult:
         """There is a solution."""
         return len(self.solutions) > 0
 
+    def __bool__(self) -> bool:
+        """The same as `solved`."""
+        return self.solved
+
 
 def solve_ik(
     kinematics: Kinematics,

@@ -83,6 +83,10 @@ class Replay:
         """No contact that the scene forbids."""
         return not self.contacts
 
+    def __bool__(self) -> bool:
+        """The same as `free`."""
+        return self.free
+
     @property
     def _is_spent(self) -> bool:
         """A motor gave all it had, and its joint was left behind."""

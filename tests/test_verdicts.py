@@ -1,0 +1,57 @@
+"""The truth value of every answer is its verdict, so that `assert rp.validate(...)` means what it says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.playback.replay import Replay, ReplayContact
+
+
+@pytest.fixture(scope="module")
+def problem() -> rp.Problem:
+    return rp.load_problems("planar2r_path")["to_a_point"]
+
+
+def test_a_report_is_true_if_it_is_valid(problem: rp.Problem) -> None:
+    motion = rp.plan_motion(problem, rng=0)
+    assert bool(rp.validate(motion.trajectory, problem.scene, problem)) is True
+    assert bool(rp.validate(motion.trajectory.stretched(0.2), problem.scene, problem)) is False
+    assert bool(rp.certify_path(motion.path, problem.scene)) is True
+    assert bool(rp.Report((), {}, ())) is True
+
+
+def test_a_motion_plan_is_true_if_it_is_proven_valid(problem: rp.Problem) -> None:
+    motion = rp.plan_motion(problem, rng=0)
+    assert bool(motion) is True
+    hurt = rp.validate(motion.trajectory.stretched(0.2), problem.scene, problem)
+    assert bool(replace(motion, _report=hurt)) is False
+    cancelled = rp.validate(motion.trajectory, problem.scene, problem, progress=lambda _: False)
+    assert bool(replace(motion, _report=cancelled)) is cancelled.certified
+    assert bool(replace(motion, _report=rp.Report((), {}, ("velocity",)))) is False
+    impossible = rp.plan_motion(next(iter(rp.load_problems("planar2r_no_path").values())), budget=rp.Budget(0.2))
+    assert bool(impossible) is False
+    assert bool(impossible.result) is False
+    assert bool(motion.result) is True
+    assert bool(rp.PlanFailure(problem, "ValueError", "broken")) is False
+
+
+def test_inverse_kinematics_is_true_if_it_found_a_solution(problem: rp.Problem) -> None:
+    kinematics = rp.Kinematics(problem.scene)
+    assert bool(rp.solve_ik(kinematics, rp.PoseGoal("tool", [0.5, 0.5, 0.0], position_tolerance=0.5), rng=0)) is True
+    assert bool(rp.solve_ik(kinematics, rp.PoseGoal("tool", [50.0, 0.0, 0.0]), rng=0)) is False
+
+
+@pytest.mark.parametrize("contacts", [(), (ReplayContact(("arm/link", "wall"), 0.0, 0.1, 0.001),)])
+def test_a_replay_is_true_if_nothing_touched(contacts: tuple[ReplayContact, ...]) -> None:
+    one = np.zeros((1, 1))
+    replay = Replay("dynamic", ("arm/joint",), one[0], one, one, one[0], one[0], one[0], contacts, 1, 0.002, 1.0)
+    assert bool(replay) is not bool(contacts)
+
+
+def test_a_first_contact_is_none_where_there_is_none(problem: rp.Problem) -> None:
+    motions = rp.MotionChecker(problem.scene)
+    assert motions.first_contact(problem.start, problem.start) is None
