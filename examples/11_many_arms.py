@@ -3,7 +3,6 @@
 import numpy as np
 
 import rr1plan as rp
-from rr1plan.formats.plan_files import save_motion
 
 TURN = np.array([0.5, 0.1, 0.3, 0.4, 0.2, 0.5])
 
@@ -25,4 +24,4 @@ report = rp.validate(together, scene)
 print(report)
 print(rp.simulate(together, scene))
 print(rp.save_html("11_many_arms.html", scene, together, report=report))
-print(save_motion("11_many_arms.json", scene, trajectory=together, report=report))
+print(rp.save_motion("11_many_arms.json", scene, trajectory=together, report=report))

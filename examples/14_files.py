@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import rr1plan as rp
-from rr1plan.formats import plan_files
 
 scene = rp.load_scene("rr1_table")
 problem = rp.Problem(scene, start="home", goal=rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
@@ -13,7 +12,7 @@ file = motion.save("14_motion.json")
 again = rp.load_motion(file)
 print("read back exactly:", again.trajectory.allclose(motion.trajectory, atol=0.0))
 
-table = plan_files.save_csv("14_trajectory.csv", motion.trajectory)
+table = rp.save_csv("14_trajectory.csv", motion.trajectory)
 print(table.read_text().splitlines()[0])
 
 text = Path(file).read_text()

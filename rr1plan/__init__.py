@@ -40,7 +40,11 @@ if TYPE_CHECKING:
     from rr1plan.errors import RetimingError as RetimingError
     from rr1plan.errors import Rr1PlanError as Rr1PlanError
     from rr1plan.errors import UnknownNameError as UnknownNameError
+    from rr1plan.formats.csv_files import load_csv as load_csv
+    from rr1plan.formats.csv_files import save_csv as save_csv
+    from rr1plan.formats.meshes import load_mesh as load_mesh
     from rr1plan.formats.plan_files import load_motion as load_motion
+    from rr1plan.formats.plan_files import save_motion as save_motion
     from rr1plan.formats.srdf_proposal import propose_never_collide as propose_never_collide
     from rr1plan.kinematics import IkResult as IkResult
     from rr1plan.kinematics import Kinematics as Kinematics
@@ -50,6 +54,7 @@ if TYPE_CHECKING:
     from rr1plan.library import load_robot as load_robot
     from rr1plan.library import load_scene as load_scene
     from rr1plan.library import robot_names as robot_names
+    from rr1plan.library import save_scene as save_scene
     from rr1plan.library import scene_names as scene_names
     from rr1plan.limits import Limits as Limits
     from rr1plan.multi import place_grid as place_grid
@@ -119,10 +124,12 @@ _EXPORTS = {
         "Rr1PlanError",
         "UnknownNameError",
     ),
-    "rr1plan.formats.plan_files": ("load_motion",),
+    "rr1plan.formats.csv_files": ("load_csv", "save_csv"),
+    "rr1plan.formats.meshes": ("load_mesh",),
+    "rr1plan.formats.plan_files": ("load_motion", "save_motion"),
     "rr1plan.formats.srdf_proposal": ("propose_never_collide",),
     "rr1plan.kinematics": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
-    "rr1plan.library": ("load_problems", "load_robot", "load_scene", "robot_names", "scene_names"),
+    "rr1plan.library": ("load_problems", "load_robot", "load_scene", "robot_names", "save_scene", "scene_names"),
     "rr1plan.limits": ("Limits",),
     "rr1plan.multi": ("place_grid", "place_ring"),
     "rr1plan.path": ("Path",),

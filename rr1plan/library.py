@@ -6,14 +6,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
-from rr1plan.checks import file_path, known_name
+from rr1plan.checks import file_path, known_name, of_kind
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.convex import Convexity
+from rr1plan.formats.files import write_text
 from rr1plan.formats.motion_bench import read_bench_scene
 from rr1plan.formats.moveit_scene import read_moveit_scene
 from rr1plan.formats.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.formats.robots import Choice, assemble
-from rr1plan.formats.scene_toml import read_scene
+from rr1plan.formats.scene_toml import parse_scene, read_scene, scene_text
 from rr1plan.formats.srdf import Semantics, read_srdf
 from rr1plan.formats.urdf import Tree, read_urdf
 from rr1plan.formats.xacro import expand_xacro
@@ -192,6 +193,58 @@ def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
         FormatError: the file is not a scene.
     """
     return read_scene(_scene_file(name_or_file), load_robot).problems
+
+
+def save_scene(
+    file: str | Path,
+    scene: Scene,
+    problems: Mapping[str, Problem] | None = None,
+    robots: Mapping[str, str] | None = None,
+) -> Path:
+    """Write a scene file (.toml) from which `load_scene` makes the same scene, to the last bit.
+
+    Args:
+        file: The file; it is replaced in one step.
+        scene: The scene. Meshes and point clouds are written into the file.
+        problems: Named queries in that scene, for `load_problems`.
+        robots: Name or file of the robot of each arm, files relative to the scene file (default: the robot's name if it
+            ships with rr1plan, else the file it was loaded from).
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that
+            was loaded with another SRDF), or a file that cannot be written.
+        UnknownNameError: a name in `robots` that is no arm.
+    """
+    of_kind("scene", scene, Scene)
+    path = file_path(file)
+    for name in robots or {}:
+        known_name("arm", name, scene.arms)
+    names = {name: (robots or {}).get(name) or _robot_entry(name, arm.robot) for name, arm in scene.arms.items()}
+    text = scene_text(scene, problems, names)
+    again = parse_scene(text, path, load_robot).scene
+    for name, arm in scene.arms.items():
+        if again.arms[name].robot.content_hash != arm.robot.content_hash:
+            raise InputError(
+                f"{path} would not read back as this scene: the robot of arm {name!r} differs from what "
+                f"load_robot({names[name]!r}) makes; save its URDF and SRDF as files and name the URDF with robots="
+            )
+    return write_text(path, text)
+
+
+def _robot_entry(arm: str, robot: Robot) -> str:
+    """How a scene file names a robot: its name where it ships with rr1plan, else its file."""
+    if robot.name in robot_names():
+        return robot.name
+    source = Path(robot.source)
+    if not robot.source or not source.is_file():
+        raise InputError(
+            f"the robot {robot.name!r} of arm {arm!r} was loaded from no file that is there now; "
+            f"name one with robots={{{arm!r}: 'robot.urdf'}}"
+        )
+    return str(source.absolute())
 
 
 def _scene_file(name_or_file: str | Path) -> Path:

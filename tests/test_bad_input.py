@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.plan_files import load_csv, save_csv, save_motion
-from rr1plan.formats.scene_toml import write_scene
 
 NAN = float("nan")
 BOX = rp.Box((0.1, 0.1, 0.1))
@@ -111,11 +109,11 @@ FILE_VERBS: dict[str, Callable[[Any, rp.Scene], Any]] = {
     "load_scene": lambda f, s: rp.load_scene(f),
     "load_problems": lambda f, s: rp.load_problems(f),
     "load_motion": lambda f, s: rp.load_motion(f),
-    "load_csv": lambda f, s: load_csv(f),
+    "load_csv": lambda f, s: rp.load_csv(f),
     "srdf": lambda f, s: rp.load_robot("rr1", srdf=f),
-    "save_motion": lambda f, s: save_motion(f, s),
-    "save_csv": lambda f, s: save_csv(f, resting(s, 1.0)),
-    "save_scene": lambda f, s: write_scene(f, s),
+    "save_motion": lambda f, s: rp.save_motion(f, s),
+    "save_csv": lambda f, s: rp.save_csv(f, resting(s, 1.0)),
+    "save_scene": lambda f, s: rp.save_scene(f, s),
     "save_html": lambda f, s: rp.save_html(f, s),
     "save_mjcf": lambda f, s: rp.playback.save_mjcf(f, s),
     "save_rosbag": lambda f, s: rp.playback.save_rosbag(f, resting(s, 1.0)),

@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rr1plan.checks import file_path
+from rr1plan.checks import file_path, finite_array
 from rr1plan.errors import FormatError, InputError
+from rr1plan.formats.convex import convex_hull
 from rr1plan.formats.xml import first_attributes
 from rr1plan.robot import Color
 from rr1plan.shapes import Mesh
@@ -75,6 +76,33 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
     if faces > MAX_FACES:
         raise FormatError(f"has {faces} triangles, expected at most {MAX_FACES}; try a decimated mesh", file)
     return tuple(MeshPart(_join(file, meshes, factors), color) for color, meshes in groups.items())
+
+
+def load_mesh(file: str | Path, scale: float | tuple[float, float, float] = 1.0, *, hull: bool = False) -> Mesh:
+    """Read a mesh file as one shape for an obstacle.
+
+        scene = scene.with_obstacle("mug", load_mesh("mug.stl", 0.001), [0.4, 0.1, 0.0])
+
+    Args:
+        file: A mesh file, as `read_mesh` takes it.
+        scale: Factor of all axes or of each one (a file in millimeters: 0.001); negative ones mirror.
+        hull: Take the convex hull. Otherwise collision checks decompose a mesh that is not convex, which is slow the
+            first time.
+
+    Raises:
+        FormatError: as `read_mesh`.
+        InputError: a scale that is not finite or is zero, or a hull without volume.
+    """
+    factors = np.broadcast_to(finite_array("scale", scale, np.shape(scale) and (3,)), (3,))
+    if (factors == 0.0).any():
+        raise InputError(f"scale is {scale!r}, expected factors other than zero")
+    x, y, z = factors.tolist()
+    parts = [part.mesh for part in read_mesh(file, (x, y, z))]
+    if hull:
+        return convex_hull(np.concatenate([mesh.vertices for mesh in parts]))
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in parts)])
+    faces = [mesh.faces + start for mesh, start in zip(parts, starts, strict=False)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in parts]), np.concatenate(faces))
 
 
 def _bytes(file: Path) -> bytes:

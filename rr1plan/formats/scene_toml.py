@@ -87,7 +87,20 @@ def read_scene(file: str | Path, load_robot: RobotLoader) -> SceneFile:
     Raises:
         FormatError: not TOML, or not a scene; names the place and the line.
     """
-    text = read_text(file, _MAX_BYTES)
+    return parse_scene(read_text(file, _MAX_BYTES), file, load_robot)
+
+
+def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFile:
+    """The scene that a scene file's text describes; see `read_scene`.
+
+    Args:
+        text: The content of the file.
+        file: The file, which paths in the text are relative to.
+        load_robot: Reads the robots; called once for each that is named.
+
+    Raises:
+        FormatError: not TOML, or not a scene; names the place and the line.
+    """
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -116,16 +129,27 @@ def write_scene(
     problems: Mapping[str, Problem] | None = None,
     robots: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a scene file that reads back as the same scene, to the last bit.
-
-    Args:
-        file: The file; it is replaced in one step.
-        scene: The scene. Meshes and point clouds are written into the file.
-        problems: Named queries in that scene.
-        robots: How the file calls the robot of each arm (default: the robot's name).
+    """Write the `scene_text` of a scene to a file, which is replaced in one step.
 
     Raises:
         InputError: the folder is not there or not writeable.
+    """
+    return write_text(file, scene_text(scene, problems, robots))
+
+
+def scene_text(
+    scene: Scene, problems: Mapping[str, Problem] | None = None, robots: Mapping[str, str] | None = None
+) -> str:
+    """The text of a scene file that reads back as the same scene, to the last bit.
+
+    Args:
+        scene: The scene. Meshes and point clouds are written into the file.
+        problems: Named queries in that scene.
+        robots: Name or file of the robot of each arm (default: the robot's name); with a file go the planning joints
+            and the tool.
+
+    Raises:
+        InputError: no scene, or a number that TOML has no form for.
     """
     of_kind("scene", scene, Scene)
     data: dict[str, Any] = {"version": _VERSION, "name": scene.name, "description": scene.description}
@@ -143,7 +167,7 @@ def write_scene(
     }
     data["attachments"] = {n: _attachment_entries(n, held) for n, held in scene.attachments.items()}
     data["queries"] = {n: problem_entries(problem) for n, problem in (problems or {}).items()}
-    return write_text(file, to_toml(data))
+    return to_toml(data)
 
 
 def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, Arm]:
@@ -193,7 +217,7 @@ class _Reference(NamedTuple):
 def _robot_reference(entry: Table, folder: Path) -> _Reference:
     """What an arm's robot is loaded from; a file is meant when the robot's name has a suffix or a slash."""
     name, srdf = entry.string("robot"), entry.string("srdf", "")
-    if "/" in name or Path(name).suffix:
+    if _is_file(name):
         name = str((folder / name).resolve())
     return _Reference(
         name,
@@ -202,6 +226,11 @@ def _robot_reference(entry: Table, folder: Path) -> _Reference:
         entry.strings("joints") or None,
         entry.string("tool", "") or None,
     )
+
+
+def _is_file(robot: str) -> bool:
+    """Whether a scene file's entry for a robot means a file, not a robot's name."""
+    return "/" in robot or bool(Path(robot).suffix)
 
 
 def _with_limits(robot: Robot, entry: Table) -> Robot:
@@ -277,7 +306,9 @@ def _both(names: Pair) -> list[str]:
 
 def _arm_entries(arm: Arm, robot: str) -> dict[str, Any]:
     entries: dict[str, Any] = {"robot": robot} | pose_entries(arm.base)
-    named = [name for name, q in arm.robot.configurations.items() if np.array_equal(q, arm.q)]
+    if _is_file(robot):
+        entries |= {"joints": list(arm.robot.joint_names), "tool": arm.robot.tool}
+    named = [name for name, q in arm.robot.configurations.items() if np.array_equal(q, arm.q) and not _is_file(robot)]
     entries["q"] = named[0] if named else arm.q.tolist()
     entries["limits"] = _limits_entry(arm.robot)
     if arm.robot.held:

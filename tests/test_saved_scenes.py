@@ -1,0 +1,87 @@
+"""Scenes and meshes through the public names: what `save_scene` writes, `load_scene` reads back as the same scene."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+
+ARM = """<robot name="crane">
+<link name="base"/>
+<link name="boom"><collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.05 0.05"/></geometry></collision></link>
+<link name="jib"><collision><origin xyz="0.2 0 0.1"/><geometry><box size="0.3 0.05 0.05"/></geometry></collision></link>
+<link name="hook"/>
+<joint name="turn" type="revolute"><parent link="base"/><child link="boom"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+<joint name="fold" type="revolute"><parent link="boom"/><child link="jib"/><origin xyz="0.4 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+<joint name="end" type="fixed"><parent link="jib"/><child link="hook"/><origin xyz="0.4 0 0"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def crane(tmp_path: Path) -> Path:
+    file = tmp_path / "crane.urdf"
+    file.write_text(ARM)
+    return file
+
+
+def test_a_scene_of_shipped_robots_is_saved_and_loaded_by_public_names(tmp_path: Path) -> None:
+    scene = rp.load_scene("rr1_pair").with_obstacle("post", rp.Cylinder(0.02, 0.3), [0.5, 0.5, 0.15])
+    problems = rp.load_problems("rr1_pair")
+    file = rp.save_scene(tmp_path / "cell.toml", scene, problems)
+    assert rp.load_scene(file).content_hash == scene.content_hash
+    assert set(rp.load_problems(file)) == set(problems)
+
+
+def test_a_robot_from_a_file_is_found_again_with_its_joints_and_tool(tmp_path: Path, crane: Path) -> None:
+    robot = rp.load_robot(crane, joints=["fold"], tool="jib")
+    scene = rp.Scene().with_arm("crane", robot, (0, 0, 1), [0.3])
+    read = rp.load_scene(rp.save_scene(tmp_path / "cell.toml", scene))
+    assert read.content_hash == scene.content_hash
+    assert read.arms["crane"].robot.tool == "jib"
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    shutil.copy(crane, folder / "moved.urdf")
+    named = rp.save_scene(folder / "cell.toml", scene, robots={"crane": "./moved.urdf"})
+    assert "./moved.urdf" in named.read_text()
+    assert rp.load_scene(named).content_hash == scene.content_hash
+
+
+def test_a_scene_that_would_read_back_differently_is_not_written(tmp_path: Path, crane: Path) -> None:
+    file = tmp_path / "cell.toml"
+    file.write_text("old")
+    scene = rp.Scene().with_arm("crane", rp.load_robot(crane))
+    crane.write_text(ARM.replace("0.4 0.05 0.05", "0.4 0.06 0.05"))
+    with pytest.raises(rp.InputError, match="would not read back as this scene: the robot of arm 'crane' differs"):
+        rp.save_scene(file, scene)
+    crane.unlink()
+    with pytest.raises(rp.InputError, match=r"robot 'crane' of arm 'crane' was loaded from no file.*robots="):
+        rp.save_scene(file, scene)
+    with pytest.raises(rp.UnknownNameError, match="Did you mean 'crane'"):
+        rp.save_scene(file, scene, robots={"crain": "crane.urdf"})
+    assert file.read_text() == "old"
+
+
+def test_a_mesh_file_becomes_one_shape(tmp_path: Path) -> None:
+    file = tmp_path / "corner.obj"
+    corners = "v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nv 0.2 0.2 0.2\n"
+    file.write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 5\nf 3 4 5\nf 4 2 5\n")
+    shape = rp.load_mesh(file, 0.5)
+    assert len(shape.faces) == 6
+    assert shape.vertices.max() == 1.0
+    assert not shape.convex
+    hull = rp.load_mesh(file, (0.5, 0.5, 0.5), hull=True)
+    assert hull.convex
+    assert len(hull.vertices) == 4
+    np.testing.assert_allclose(hull.vertices.max(axis=0), shape.vertices.max(axis=0))
+    assert rp.Scene().with_obstacle("part", hull).obstacles["part"].geometries[0].shape is hull
+    for wrong in (0.0, np.nan, "1", (1.0, 2.0), (1.0, 0.0, 1.0), None):
+        with pytest.raises(rp.InputError, match="scale"):
+            rp.load_mesh(file, wrong)
+    with pytest.raises(rp.FormatError, match="cannot be read"):
+        rp.load_mesh(tmp_path / "none.stl")
