@@ -20,7 +20,8 @@ from rr1plan.kinematics.chain import chain_of
 from rr1plan.kinematics.descent import KERNELS, descend, errors_at
 from rr1plan.kinematics.inverse import describe_excess
 from rr1plan.kinematics.lines import EdgeBound, Line
-from rr1plan.planners.goals import GoalSearch, check_start, describe_contacts
+from rr1plan.planners.collision_messages import describe_collision
+from rr1plan.planners.goals import GoalSearch, check_start
 from rr1plan.planners.query import Query
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import PoseGoal, Problem
@@ -227,9 +228,9 @@ class _Walk:
     def collision(self, q: Array, blocked: Array) -> str:
         """Who touches whom on the edge from q."""
         for t in (1.0, 0.5, 0.75, 0.25):
-            contacts = self.checker.contacts(q + t * (blocked - q))
-            if contacts:
-                return describe_contacts(contacts)
+            between = q + t * (blocked - q)
+            if self.checker.contacts(between):
+                return describe_collision(self.checker, between)
         return " and ".join(repr(name) for name in self.checker.nearest(blocked).pair)
 
     def chain_of(self, line: Line) -> Chain:

@@ -8,7 +8,7 @@ around. A search that does not get on may ask for more of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from heapq import heappop, heappush
 
@@ -19,12 +19,13 @@ from rr1plan._kernels.generator import generator_state
 from rr1plan._kernels.inverse import search as _search_kernel
 from rr1plan._kernels.jit import Kernel
 from rr1plan.checks import Array, Seed, as_seed, read_only
-from rr1plan.collision import Contact, MotionChecker
+from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.kinematics import nearest_copy
 from rr1plan.kinematics.chain import chain_of
 from rr1plan.kinematics.inverse import describe_excess, why_none
 from rr1plan.kinematics.search import IkSearch
+from rr1plan.planners.collision_messages import contacts_without, describe_collision
 from rr1plan.planning import PlanStatus
 from rr1plan.problem import Goal, JointGoal, Problem, frame_link
 from rr1plan.robot import Robot
@@ -68,7 +69,7 @@ def check_start(problem: Problem, motion: MotionChecker) -> str:
         return f"the start is out of limits: {excess}"
     if motion.is_free(problem.start):
         return ""
-    return f"the start is in collision: {describe_contacts(motion.checker.contacts(problem.start))}"
+    return f"the start is in collision: {describe_collision(motion.checker, problem.start)}"
 
 
 class GoalSearch:
@@ -120,9 +121,8 @@ class GoalSearch:
             free, rounds = list(self.more()), rounds - 1
         if free:
             return GoalSet(read_only(np.array(free)))
-        contacts = describe_contacts(self._motion.checker.contacts(blocked))
-        tried = len(self._tried)
-        reason = f"the arms' goals collide with each other in all {tried} combinations tried: {contacts}"
+        collision, tried = describe_collision(self._motion.checker, blocked), len(self._tried)
+        reason = f"the arms' goals collide with each other in all {tried} combinations tried: {collision}"
         return GoalSet(np.empty((0, self._problem.nq)), PlanStatus.INVALID_GOAL, reason)
 
     def more(self) -> Array:
@@ -176,17 +176,6 @@ def joint_goals(problem: Problem) -> Array | None:
     return np.array(found) if len(problem.arms) == 1 else np.concatenate(found)[None]
 
 
-def describe_contacts(contacts: Sequence[Contact]) -> str:
-    """Which elements touch which and how deep, in words, deepest first."""
-    if not contacts:
-        # The kernel refuses what Coal, which errs by as much, need not see.
-        return "something is less than a micrometre away"
-    deepest = sorted(contacts, key=lambda c: -c.depth)
-    parts = [f"{c.a!r} and {c.b!r} by {c.depth:.3g} m" for c in deepest[:3]]
-    more = f" and {len(deepest) - 3} more pairs" if len(deepest) > 3 else ""
-    return ", ".join(parts) + more
-
-
 def _composite_excess(problem: Problem, q: Array) -> str:
     """Which joints of a composite configuration are out of limits, in words."""
     postures = problem.scene.split(q, problem.arms)
@@ -225,12 +214,11 @@ class _Finder:
         if search.accepted:
             return
         if search.rejected:
-            # Coal is asked what touches only when somebody has to be told.
-            least = min((self._own_contacts(q) for q in search.rejected), key=_depth)
+            least = min(search.rejected, key=self._depth)
             self._refuse(
                 PlanStatus.INVALID_GOAL,
                 f"all {len(search.rejected)} configurations found that reach the goal of {self.arm!r} are in "
-                f"collision; the best of them: {describe_contacts(least)}",
+                f"collision; the best of them: {self._describe(least)}",
             )
         else:
             self._refuse(PlanStatus.INFEASIBLE, why_none(search, link))
@@ -250,18 +238,20 @@ class _Finder:
         elif self._is_free(q):
             self.found.append(q)
         else:
-            text = describe_contacts(self._own_contacts(q))
-            self._refuse(PlanStatus.INVALID_GOAL, f"the goal of {self.arm!r} is in collision: {text}")
+            self._refuse(PlanStatus.INVALID_GOAL, f"the goal of {self.arm!r} is in collision: {self._describe(q)}")
 
     def _is_free(self, q: Array) -> bool:
         """Nothing touches at q that no other moving arm has a part in."""
         return self.motion.is_free_but_for(self._composite(q), self.others)
 
-    def _own_contacts(self, q: Array) -> list[Contact]:
-        """What touches at q that no other moving arm has a part in."""
-        owner = self.problem.scene.owner
-        contacts = self.motion.checker.contacts(self._composite(q))
-        return [c for c in contacts if not {owner(c.a), owner(c.b)} & self.others]
+    def _describe(self, q: Array) -> str:
+        """What collides at q without the other moving arms, in words."""
+        return describe_collision(self.motion.checker, self._composite(q), self.others)
+
+    def _depth(self, q: Array) -> float:
+        """How deep the deepest contact at q is without the other moving arms [m]."""
+        contacts = contacts_without(self.motion.checker, self._composite(q), self.others)
+        return max((contact.depth for contact in contacts), default=0.0)
 
     def _composite(self, q: Array) -> Array:
         """All arms at their starts but for this one."""
@@ -272,10 +262,6 @@ class _Finder:
     def _refuse(self, status: PlanStatus, reason: str) -> None:
         self.statuses.append(status)
         self.reasons.append(reason)
-
-
-def _depth(contacts: Sequence[Contact]) -> float:
-    return max((float(c.depth) for c in contacts), default=0.0)
 
 
 def _cheapest_first(costs: list[list[float]]) -> Iterator[tuple[int, ...]]:

@@ -1,0 +1,87 @@
+"""Collisions in words: which elements touch, how deep, and what to do about a held object that touches."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker, Contact
+
+# Two elements this near [m] touch: neither the kernel nor Coal tells less.
+_TOUCH = 1e-6
+# A held object that overlaps an obstacle by no more than this [m] rests on it.
+_RESTS = 1e-3
+# How much higher than its support an object has to be held [m].
+_LIFT = 5e-4
+
+
+def describe_collision(checker: CollisionChecker, q: Array, without: Collection[str] = ()) -> str:
+    """Which elements collide at a configuration and how deep, deepest first, and what to try.
+
+    Args:
+        checker: Of the scene and its moving arms.
+        q: Configuration in collision [rad or m], shape (nq,).
+        without: Arms whose contacts are left out.
+    """
+    contacts = contacts_without(checker, q, without) or _nearest_to_contact(checker, q, without)
+    said = [_describe(checker, contact) for contact in contacts[:3]]
+    more = f" and {len(contacts) - 3} more pairs" if len(contacts) > 3 else ""
+    advice = dict.fromkeys(text for contact in contacts for text in _advice(checker, contact))
+    return "; ".join([", ".join(said) + more, *advice])
+
+
+def contacts_without(checker: CollisionChecker, q: Array, arms: Collection[str]) -> Sequence[Contact]:
+    """What touches at q (nq,) without the contacts of some arms, deepest first."""
+    owner = checker.scene.owner
+    return [c for c in checker.contacts(q) if owner(c.a) not in arms and owner(c.b) not in arms]
+
+
+def _nearest_to_contact(checker: CollisionChecker, q: Array, arms: Collection[str]) -> Sequence[Contact]:
+    """The pair nearest to its padding: the kernel refuses a gap below a micrometer, in which Coal sees no contact."""
+    scene = checker.scene
+    counts = [scene.owner(a) not in arms and scene.owner(b) not in arms for a, b in checker.pairs]
+    beyond = np.where(counts, checker.distances(q) - scene.checked_padding, np.inf)
+    k = int(np.argmin(beyond))
+    return [Contact(*checker.pairs[k], max(0.0, -float(beyond[k])), np.full(3, np.nan))]
+
+
+def _gap(checker: CollisionChecker, contact: Contact) -> float:
+    """Distance of the two elements of a contact [m], negative where they overlap."""
+    return checker.scene.padding_of(contact.a, contact.b) - contact.depth
+
+
+def _describe(checker: CollisionChecker, contact: Contact) -> str:
+    gap, both = _gap(checker, contact), f"{contact.a!r} and {contact.b!r}"
+    if gap > _TOUCH:
+        padding = checker.scene.padding_of(contact.a, contact.b)
+        return f"{both} are {1000.0 * gap:.3g} mm apart, nearer than the padding of {1000.0 * padding:.3g} mm"
+    return f"{both} touch" if gap > -_TOUCH else f"{both} overlap by {-1000.0 * gap:.3g} mm"
+
+
+def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
+    """What to do about a held object that rests on an obstacle or touches the hand that holds it."""
+    scene = checker.scene
+    for held, other in ((contact.a, contact.b), (contact.b, contact.a)):
+        if held not in scene.attachments:
+            continue
+        if other in scene.obstacles and abs(_gap(checker, contact)) <= _RESTS:
+            lift = 1000.0 * (contact.depth + _LIFT)
+            yield (
+                f"the held {held!r} rests on {other!r}: allow the pair, which is then not checked "
+                f'(scene.allow({held!r}, {other!r}), in a scene file allowed = [["{held}", "{other}"]]), or hold '
+                f"{held!r} {lift:.3g} mm higher (its pose before scene.attach, in a scene file that of "
+                f"[attachments.{held}])"
+            )
+        elif scene.owner(other) == scene.attachments[held].arm and _is_rigid(checker, contact):
+            link = other.split("/", 1)[-1]
+            yield (
+                f"{held!r} touches the hand that holds it: name the link with scene.attach({held!r}, "
+                f'touch=[{link!r}]), in a scene file touch = ["{link}"] in [attachments.{held}]'
+            )
+
+
+def _is_rigid(checker: CollisionChecker, contact: Contact) -> bool:
+    """Whether no moving joint lies between the two elements."""
+    return checker.pairs.index((contact.a, contact.b)) in checker.layout.pairs.resting_owner

@@ -1,0 +1,105 @@
+"""What a start or a goal in collision is answered with: pairs, depths, and what helps where an object is held."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import rr1plan as rp
+from rr1plan.formats.scene_toml import write_scene
+
+PLACE = (-0.35, 0.1)
+HEIGHT = 0.08
+
+
+def table_with_can(robot: rp.Robot, above: float = 0.0) -> rp.Scene:
+    """A can in the hand, `above` a table's top at z = 0.1 [m]."""
+    table = rp.Box((0.2, 0.2, 0.1))
+    scene = rp.Scene().with_arm("rr1", robot).with_obstacle("table", table, [*PLACE, 0.05])
+    q = rp.solve_ik(rp.Kinematics(robot), rp.PoseGoal("tool", [*PLACE, 0.1 + HEIGHT], (0, 1, 0, 0)), rng=0).solutions[0]
+    can = rp.Cylinder(0.015, HEIGHT)
+    scene = scene.with_posture("rr1", q).with_obstacle("can", can, [*PLACE, 0.1 + 0.5 * HEIGHT + above])
+    return scene.attach("can", touch=["hand_link", "finger_link", "opposite_finger_link"])
+
+
+def reason(scene: rp.Scene) -> str:
+    result = rp.plan(rp.Problem(scene, scene.configuration(), "home"), rng=0)
+    assert result.status is rp.PlanStatus.INVALID_START
+    return result.reason
+
+
+@pytest.fixture(scope="module")
+def held(rr1: rp.Robot) -> rp.Scene:
+    return table_with_can(rr1.with_held("open"))
+
+
+def test_a_held_object_on_its_table_is_told_to_be_allowed_or_lifted(held: rp.Scene) -> None:
+    said = reason(held)
+    assert "'can' and 'table' touch" in said or "'table' and 'can' touch" in said
+    assert "by 0 m" not in said
+    # Both remedies work as they are written.
+    (allow,) = re.findall(r"scene(\.allow\('can', 'table'\))", said)
+    allowed = eval(f"held{allow}")
+    assert rp.plan(rp.Problem(allowed, held.configuration(), "home"), rng=0).solved
+    (lift,) = re.findall(r"hold 'can' ([0-9.]+) mm higher", said)
+    assert float(lift) == pytest.approx(0.5, abs=0.01)
+    lifted = table_with_can(held.arms["rr1"].robot, 1e-3 * float(lift))
+    assert rp.plan_motion(rp.Problem(lifted, lifted.configuration(), "home"), rng=0).report.certified
+
+
+def test_the_words_for_a_scene_file_are_those_of_scene_files(held: rp.Scene, tmp_path: Path) -> None:
+    (line,) = re.findall(r"in a scene file (allowed = \[\[.*?\]\])", reason(held))
+    (table,) = re.findall(r"that of \[(attachments\.can)\]", reason(held))
+    text = write_scene(tmp_path / "cell.toml", held).read_text()
+    assert f"[{table}]" in text
+    (tmp_path / "cell.toml").write_text(f"{line}\n{text}")
+    scene = rp.load_scene(tmp_path / "cell.toml")
+    assert tomllib.loads(line)["allowed"] == [["can", "table"]]
+    assert rp.plan(rp.Problem(scene, scene.configuration(), "home"), rng=0).solved
+
+
+def test_a_gap_below_the_kernel_s_rounding_names_its_pair(rr1: rp.Robot) -> None:
+    said = reason(table_with_can(rr1.with_held("open"), 5e-10))
+    assert re.search("'(can|table)' and '(can|table)' touch", said)
+    assert "allow" in said
+
+
+def test_a_padding_counts_in_how_far_to_lift(held: rp.Scene) -> None:
+    said = reason(held.with_padding(0.003, "can", "table"))
+    assert "touch" in said
+    assert "3.5 mm higher" in said
+    near = reason(table_with_can(held.arms["rr1"].robot, 0.002).with_padding(0.003, "can", "table"))
+    assert re.search("are 2 mm apart, nearer than the padding of 3 mm", near)
+    assert "rests" not in near
+
+
+def test_a_held_object_deep_in_an_obstacle_is_not_said_to_rest(held: rp.Scene) -> None:
+    said = reason(table_with_can(held.arms["rr1"].robot, -0.004))
+    assert re.search("overlap by 4(\\.0+)? mm", said)
+    assert "allow" not in said
+
+
+def test_the_hand_that_holds_an_object_is_told_to_be_named(rr1: rp.Robot) -> None:
+    robot = rr1.with_held("open")
+    scene = rp.Scene().with_arm("rr1", robot)
+    at = scene.link_poses()["rr1/tool"]
+    scene = scene.with_obstacle("can", rp.Cylinder(0.03, 0.12), at).attach("can", touch=["finger_link"])
+    said = reason(scene)
+    assert "scene.attach('can', touch=['hand_link'])" in said
+    assert 'touch = ["hand_link"] in [attachments.can]' in said
+    assert "finger_link" not in said.split(";", 1)[1].replace("opposite_finger_link", "")
+
+
+def test_a_goal_on_the_table_is_answered_in_the_same_words(held: rp.Scene) -> None:
+    free = table_with_can(held.arms["rr1"].robot, 0.001)
+    goal = free.configuration()
+    # 1 mm lower than where it starts.
+    T = rp.Kinematics(free).pose(goal)
+    T = T.copy()
+    T[2, 3] -= 0.001
+    result = rp.plan(rp.Problem(free, None, rp.PoseGoal("tool", T, position_tolerance=1e-7)), rng=0)
+    assert result.status is rp.PlanStatus.INVALID_GOAL
+    assert "the held 'can' rests on 'table'" in result.reason
