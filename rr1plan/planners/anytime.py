@@ -70,7 +70,8 @@ class AnytimePlanner:
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress, KERNELS) as query:
-            return query.refusal() or _Rounds(query, self.range).run()
+            refused = query.refusal()
+            return _Rounds(query, self.range).run() if refused is None else refused
 
 
 class _Rounds:

@@ -93,7 +93,8 @@ class OmplPlanner:
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress) as query:
-            return query.refusal() or _Search(self, query).run()
+            refused = query.refusal()
+            return _Search(self, query).run() if refused is None else refused
 
 
 class _Search:

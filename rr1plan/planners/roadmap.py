@@ -106,7 +106,8 @@ class Roadmap:
         check_question(problem, budget, progress)
         self._check_fits(problem)
         with self._lock, Query(_NAME, problem, budget, rng, progress, _KERNELS, self.scene) as query:
-            return query.refusal() or _answer(query, self._graph, learns=True)
+            refused = query.refusal()
+            return _answer(query, self._graph, learns=True) if refused is None else refused
 
     def _check_fits(self, problem: Problem) -> None:
         if problem.arms != self.arms:
@@ -161,7 +162,7 @@ class RoadmapPlanner:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress, _KERNELS) as query:
             refused = query.refusal()
-            if refused:
+            if refused is not None:
                 return refused
             # Appending to a list and popping from it are atomic. A smaller roadmap is another one.
             samples = min(self.samples, query.most)

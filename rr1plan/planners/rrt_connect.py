@@ -50,7 +50,10 @@ class RrtConnect:
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress, KERNELS) as query:
-            return query.refusal() or query.straight_line(LINES, tree=self.tree) or self._search(query)
+            refused = query.refusal()
+            if refused is not None:
+                return refused
+            return query.straight_line(LINES, tree=self.tree) or self._search(query)
 
     def _search(self, query: Query) -> PlanResult:
         """The answer of the trees."""
