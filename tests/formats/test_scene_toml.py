@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import FormatError, UnknownNameError
 from rr1plan.formats.scene_toml import SceneFile, read_scene, write_scene
@@ -66,6 +68,26 @@ def test_shipped_queries_start_free_and_their_joint_goals_are_free(name: str) ->
         goals = [alternatives[0] for alternatives in problem.goal.values()]
         if all(isinstance(goal, JointGoal) for goal in goals):
             assert checker.is_free(np.concatenate([goal.q for goal in goals])), query
+
+
+def narrowed(robot: rp.Robot) -> rp.Robot:
+    """The robot with the position limits that all of its presets have in common."""
+    presets = [robot.with_limits(name).limits for name in robot.presets]
+    lower, upper = np.max([p.lower for p in presets], axis=0), np.min([p.upper for p in presets], axis=0)
+    return robot.with_limits(replace(robot.limits, lower=lower, upper=upper))
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_shipped_queries_are_valid_under_every_limit_preset(name: str) -> None:
+    scene, problems = load_scene(name), load_problems(name)
+    robots = {id(arm.robot): arm.robot for arm in scene.arms.values()}
+    limited = {key: narrowed(robot) for key, robot in robots.items()}
+    for arm, placed in scene.arms.items():
+        scene = scene.with_robot(arm, limited[id(placed.robot)])
+    for query, problem in problems.items():
+        same = Problem(scene, problem.start, dict(problem.goal), problem.arms)
+        result = rp.plan(same, budget=rp.Budget(seconds=float("inf"), iterations=1), rng=0)
+        assert result.status in (rp.PlanStatus.SOLVED, rp.PlanStatus.TIMEOUT), f"{query}: {result}"
 
 
 @pytest.mark.parametrize("name", scene_names())
