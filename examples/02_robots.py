@@ -26,6 +26,7 @@ Path("two_links.urdf").write_text("""
   <link name="tip">
     <collision><origin xyz="0.1 0 0"/><geometry><box size="0.2 0.04 0.04"/></geometry></collision>
   </link>
+  <link name="tool"/>
   <joint name="shoulder" type="revolute">
     <parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
     <limit lower="-2" upper="2" velocity="1" effort="10"/>
@@ -34,10 +35,11 @@ Path("two_links.urdf").write_text("""
     <parent link="upper"/><child link="tip"/><origin xyz="0.4 0 0"/><axis xyz="0 0 1"/>
     <limit lower="-2.5" upper="2.5" velocity="2" effort="5"/>
   </joint>
+  <joint name="flange" type="fixed"><parent link="tip"/><child link="tool"/><origin xyz="0.2 0 0"/></joint>
 </robot>
 """)
 own = rp.load_robot("two_links.urdf")
-print(f"{own.name}: {own.nq} joints, tip at {own.link_poses(np.zeros(2))['tip'][:3, 3]} m when straight")
+print(f"{own.name}: {own.nq} joints, {own.tool} at {own.link_poses(np.zeros(2))['tool'][:3, 3]} m when straight")
 
 Path("broken.urdf").write_text(Path("two_links.urdf").read_text().replace("0.4 0.05 0.05", "0.4 nan 0.05"))
 try:

@@ -1,4 +1,4 @@
-"""Certified edges: why sampling a motion is not enough, and what a proof costs."""
+"""Certified edges: every sample of a motion can be free although the motion is not, and what a proof costs."""
 
 import numpy as np
 
@@ -6,8 +6,9 @@ import rr1plan as rp
 
 robot = rp.load_robot("planar2r")
 scene = rp.Scene().with_arm("arm", robot)
-# A needle that crosses the way of the arm's tip.
-scene = scene.with_obstacle("needle", rp.Capsule(0.0005, 0.2), [1.55, 0.6, 0.0])
+# A needle near the tip's path: the forearm is 8 cm wide there and moves by 13 cm from one sample to the next.
+needle = rp.Capsule(0.0005, 0.2)
+scene = scene.with_obstacle("needle", needle, [1.31, 0.99, 0.0])
 
 start, goal = np.array([-0.3, 0.1]), np.array([1.2, 0.1])
 checker = rp.CollisionChecker(scene)
@@ -18,9 +19,10 @@ print("20 samples along the edge are all free:", all(checker.is_free(q) for q in
 print("the certificate says the edge is free: ", motions.edge_is_free(start, goal))
 
 contact = motions.first_contact(start, goal)
-print("first contact:", contact)
+between = contact.fraction * (len(samples) - 1)
+print(f"first contact: {' and '.join(contact.pair)}, between samples {int(between)} and {int(between) + 1}")
 
-above = scene.with_obstacle("needle", rp.Capsule(0.0005, 0.2), [1.55, 0.6, 0.5])
+above = scene.with_obstacle("needle", needle, [1.31, 0.99, 0.5])
 motions = rp.MotionChecker(above)
 print("with the needle lifted:                 ", motions.edge_is_free(start, goal))
 print(f"that proof looked at {motions.configurations_checked} configurations")

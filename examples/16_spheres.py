@@ -11,7 +11,8 @@ motion = rp.plan_motion(problem, rng=0)
 covers = rp.cover_with_spheres(scene)
 for name, cover in covers.items():
     around, bodies, parts = (len(cover.at(level)[1]) for level in range(3))
-    print(f"{name}: {around} around the link, {bodies} around its bodies, {parts} that fill them")
+    if around:  # the tool is a frame without a body
+        print(f"{name}: {around} around the link, {bodies} around its bodies, {parts} that fill them")
 
 # Corners of a box of the forearm, in the link's coordinates: each lies in some sphere, at every level.
 box = next(g for g in scene.arm("rr1").robot.link("forearm_link").collisions if isinstance(g.shape, rp.Box))

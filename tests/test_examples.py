@@ -1,4 +1,4 @@
-"""Every example runs, from an empty folder, headless, and with warnings as errors."""
+"""Every example runs, from an empty folder, headless, with warnings as errors, and shows what it claims."""
 
 from __future__ import annotations
 
@@ -6,20 +6,220 @@ import ast
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import rr1plan as rp
+
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
+FREE = "VALID, certified free of collision in continuous time"
+
+
+def number(pattern: str, said: str) -> float:
+    """The number in the only group of a pattern, which the output holds."""
+    found = re.search(pattern, said)
+    assert found, f"{pattern!r} is not in:\n{said}"
+    return float(found[1])
+
+
+def numbers(pattern: str, said: str) -> list[float]:
+    return [float(value) for value in re.findall(pattern, said)]
+
+
+def the_first_motion_is_proven_and_replayed(said: str, folder: Path) -> None:
+    assert FREE in said
+    assert "contacts: none" in said
+    assert number(r"tracking error: (\S+) rad", said) < 1e-3
+    saved = rp.load_motion(folder / "01_first_motion.json")
+    ends = [rp.Kinematics(saved.scene).pose(q, "tool")[:3, 3] for q in saved.path.waypoints[[0, -1]]]
+    np.testing.assert_allclose(ends[1], [-0.30, 0.25, 0.20], atol=1e-3)
+    assert np.linalg.norm(ends[0] - ends[1]) > 0.2
+    assert (folder / "01_first_motion.html").stat().st_size > 100_000
+
+
+def robots_have_presets_and_grippers_and_bad_files_are_refused(said: str, _: Path) -> None:
+    assert f"shipped: {', '.join(rp.robot_names())}" in said
+    sim, hardware = (
+        np.fromstring(re.search(rf"{p}: at most \[(.*)\] rad/s", said)[1], sep=" ") for p in ("sim", "hardware")
+    )
+    assert (hardware < 0.1 * sim).all()
+    assert "fingers open at {'finger_joint': 0.9}" in said
+    assert re.search(r"two_links: 2 joints, tool at \[0.6 +0. +0. \] m when straight", said)
+    assert "refused: broken.urdf:5: <box> size='nan'" in said
+
+
+def scenes_are_values(said: str, folder: Path) -> None:
+    assert "obstacles: ground, crate, ball, post, scan | before: none" in said
+    assert "home is free: True" in said
+    # Nearer than the padding of 20 mm.
+    assert number(r"nearest: .*, (\d+) mm apart", said) < 20
+    assert "with padding, home is free: False" in said
+    assert "held: ball | put down again: True" in said
+    assert (folder / "03_scenes.html").exists()
+
+
+def poses_have_several_solutions_and_some_are_rejected(said: str, _: Path) -> None:
+    overhead, low = numbers(r": (\d+) solutions", said)
+    assert overhead >= 3
+    assert low >= 2
+    kept, rejected = (numbers(pattern, said) for pattern in (r"free of collision: (\d+)", r"rejected: (\d+)"))
+    assert kept[0] == overhead
+    assert kept[1] >= 1
+    assert rejected[1] >= 1
+    assert said.count(" touches ") == sum(rejected)
+    assert said.count("] free\n") == sum(kept)
+    assert number(r"(\d+) free configurations reach", said) > 10
+    assert "two meters away: the goal is out of reach" in said
+
+
+def samples_are_free_and_the_certificate_finds_the_contact(said: str, _: Path) -> None:
+    assert "20 samples along the edge are all free: True" in said
+    assert re.search(r"certificate says the edge is free: +False", said)
+    assert re.search(r"first contact: arm/link2 and needle, between samples (\d+) and (\d+)", said)
+    assert re.search(r"with the needle lifted: +True", said)
+    assert number(r"looked at (\d+) configurations", said) < 20
+
+
+def planners_differ_in_cost_and_optimizing_ones_improve(said: str, _: Path) -> None:
+    lengths = {name: float(length) for name, length in re.findall(r"^(\w+) +solved .* length (\S+) rad$", said, re.M)}
+    assert set(lengths) == {"rrt_connect", "bkpiece1", "prm", "bit_star", "anytime"}
+    assert len(set(lengths.values())) == len(lengths)
+    assert max(lengths["bit_star"], lengths["anytime"]) < min(lengths["rrt_connect"], lengths["bkpiece1"])
+    assert lengths["anytime"] < 3.0
+    improvements = [numbers(r"(\S+) at \S+ s", line) for line in said.splitlines() if "improved:" in line]
+    assert len(improvements) == 2
+    assert all(costs == sorted(costs, reverse=True) and costs[-1] < costs[0] for costs in improvements)
+    assert "repeats to the byte: True" in said
+    assert "infeasible - the goal is out of reach" in said
+
+
+def retimings_keep_the_limits_and_stops_cost_time(said: str, _: Path) -> None:
+    seconds = {name: float(time) for name, time in re.findall(r"^(\w+) +(\S+) s, uses", said, re.M)}
+    assert seconds["blend"] < seconds["stop"] < seconds["ruckig"]
+    assert said.count("valid: True") == 3
+    assert max(numbers(r"(\d+)% of the", said)) <= 100
+    assert number(r"on the real arm: (\S+) s", said) > seconds["blend"]
+
+
+def the_referee_names_what_is_wrong_and_what_it_did_not_check(said: str, _: Path) -> None:
+    good, fast, blocked = said.split(" \n\n")
+    assert FREE in good
+    assert "violation" not in good
+    assert "not checked  jerk" in good
+    assert "INVALID" in fast
+    assert set(re.findall(r"violation +(\w+):", fast)) == {"acceleration"}
+    # Twice as fast is four times the acceleration, which was at its limit.
+    assert number(r"acceleration +(\S+) % of the limit", fast) == pytest.approx(400, rel=0.01)
+    assert "INVALID" in blocked
+    assert set(re.findall(r"violation +collision: \S+ and (\w+)", blocked)) == {"late_ball"}
+
+
+def servos_follow_under_both_presets(said: str, _: Path) -> None:
+    sim, hardware = numbers(r"limits, (\S+) s", said)
+    assert hardware > 3 * sim
+    assert said.count("contacts: none") == 3
+    errors = numbers(r"tracking error: (\S+) rad", said)
+    assert len(errors) == 2
+    assert max(errors) < 1e-3
+    assert max(numbers(r"effort: (\d+)% of the limit", said)) < 100
+    assert "kinematic replay" in said
+
+
+def two_arms_move_on_one_clock(said: str, folder: Path) -> None:
+    assert "left, right move: 12 joints" in said
+    assert FREE in said
+    assert "contacts: none" in said
+    left, right = (number(rf"{arm}: (\S+) s, 6 joints", said) for arm in ("left", "right"))
+    assert left == right
+    saved = rp.load_motion(folder / "10_two_arms.json")
+    assert saved.trajectory.duration == pytest.approx(left, abs=0.01)
+    assert saved.path.waypoints.shape[1] == 12
+    assert (folder / "10_two_arms.html").exists()
+
+
+def six_of_twelve_arms_move_together(said: str, folder: Path) -> None:
+    assert "ring: arm01, arm02, arm03, arm04\n" in said
+    assert "12 arms; 6 move, 36 joints" in said
+    assert FREE in said
+    assert "contacts: none" in said
+    saved = rp.load_motion(folder / "11_many_arms.json")
+    moving = np.ptp(saved.trajectory(np.linspace(0.0, saved.trajectory.duration, 5)), axis=0) > 0.05
+    assert moving.sum() == 36
+    assert (folder / "11_many_arms.html").exists()
+
+
+def one_lesson_has_a_path_and_the_other_has_none(said: str, folder: Path) -> None:
+    path, no_path = said.split("planar2r_no_path:")
+    assert "planar2r_path: the planner says solved" in path
+    assert "no path exists" not in path
+    assert "the planner says timeout" in no_path
+    assert "no path exists" in no_path
+    for name in ("planar2r_path", "planar2r_no_path"):
+        assert all((folder / f"12_{name}.{suffix}").stat().st_size > 10_000 for suffix in ("png", "svg", "html"))
+
+
+def the_tool_stays_on_its_line(said: str, _: Path) -> None:
+    assert FREE in said
+    assert number(r"leaves the line by (\S+) mm at most", said) < 1.0
+    assert re.search(r"^infeasible - the line to the goal ends after \d", said, re.M)
+
+
+def files_read_back_exactly_and_altered_ones_are_refused(said: str, folder: Path) -> None:
+    assert "read back exactly: True" in said
+    header = "t,q:rr1/shoulder_joint,"
+    assert header in said
+    assert (folder / "14_trajectory.csv").read_text().startswith(header)
+    assert "refused: 14_altered.json: was altered" in said
+
+
+def many_problems_are_answered_in_order(said: str, _: Path) -> None:
+    fractions = numbers(r"(\d+)% after", said)
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 100
+    answers = re.findall(r"^\[ *(\S+) +(\S+) +0.2 *\] (.*)$", said, re.M)
+    np.testing.assert_allclose([float(y) for _, y, _ in answers], [*np.linspace(-0.3, 0.3, 6), 0.0], atol=0.005)
+    assert answers[-1][2].startswith("infeasible - the goal is out of reach")
+    assert sum(answer.endswith(" s") for *_, answer in answers) >= 5
+
+
+def spheres_contain_the_corners(said: str, folder: Path) -> None:
+    levels = re.findall(r"^rr1/\w+: (\d+) around the link, (\d+) around its bodies, (\d+) that fill them$", said, re.M)
+    assert all(one == "1" and int(one) <= int(some) <= int(many) for one, some, many in levels)
+    assert len(levels) == 9
+    assert [f"level {level}: 8 of 8 corners are inside" in said for level in range(3)] == [True] * 3
+    assert '"spheres":{"links"' in (folder / "16_spheres.html").read_text()
+
+
+CLAIMS: dict[str, Callable[[str, Path], None]] = {
+    "01_first_motion": the_first_motion_is_proven_and_replayed,
+    "02_robots": robots_have_presets_and_grippers_and_bad_files_are_refused,
+    "03_scenes": scenes_are_values,
+    "04_inverse_kinematics": poses_have_several_solutions_and_some_are_rejected,
+    "05_certified_edges": samples_are_free_and_the_certificate_finds_the_contact,
+    "06_planners": planners_differ_in_cost_and_optimizing_ones_improve,
+    "07_retiming": retimings_keep_the_limits_and_stops_cost_time,
+    "08_referee": the_referee_names_what_is_wrong_and_what_it_did_not_check,
+    "09_replay": servos_follow_under_both_presets,
+    "10_two_arms": two_arms_move_on_one_clock,
+    "11_many_arms": six_of_twelve_arms_move_together,
+    "12_configuration_space": one_lesson_has_a_path_and_the_other_has_none,
+    "13_straight_line": the_tool_stays_on_its_line,
+    "14_files": files_read_back_exactly_and_altered_ones_are_refused,
+    "15_many_problems": many_problems_are_answered_in_order,
+    "16_spheres": spheres_contain_the_corners,
+}
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda p: p.stem)
-def test_an_example_runs(example: Path, tmp_path: Path) -> None:
+def test_an_example_runs_and_shows_what_it_claims(example: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-W", "error", str(example)]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
-    assert done.stdout
+    CLAIMS[example.stem](done.stdout, tmp_path)
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda p: p.stem)

@@ -139,8 +139,8 @@ def why_none(search: IkSearch, link: str) -> str:
     if outside:
         return f"{link} reaches the goal only outside the joint limits: {outside} {tried}"
     position, orientation = errors_at(search.chain, search.target, nearest)
-    at = np.array2string(position_at(search.chain, nearest), precision=4, separator=", ")
-    miss = f"the goal is out of reach of {link}: the nearest it gets is {position:.4g} m away, at {at}"
+    at = ", ".join(f"{value:.4g}" for value in position_at(search.chain, nearest))
+    miss = f"the goal is out of reach of {link}: the nearest it gets is {position:.4g} m away, at [{at}]"
     if search.target.rotation is None:
         return f"{miss} {tried}"
     alone = "can" if _position_alone(search, nearest, rng) else "cannot"
