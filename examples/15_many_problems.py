@@ -18,7 +18,7 @@ def main():
     motions = rp.plan_many(problems, workers=2, rng=0, progress=tell)
     for place, motion in zip(places, motions, strict=True):
         if isinstance(motion, rp.PlanFailure):  # it raised, or its process died
-            print(place, motion.error, motion.reason)
+            print(np.round(place, 2), motion.error, "-", motion.reason)
         elif motion.solved:
             print(np.round(place, 2), f"{motion.trajectory.duration:.2f} s")
         else:

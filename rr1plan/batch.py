@@ -189,7 +189,7 @@ class _Board:
     def answers(self) -> list[Answer]:
         """All answers in order; whoever has none was cancelled."""
         none = Raised("Cancelled", "the batch was cancelled before this problem was done")
-        return [self._answers.get(i) or PlanFailure(p, *none) for i, p in enumerate(self.problems)]
+        return [self._answers[i] if i in self._answers else PlanFailure(p, *none) for i, p in enumerate(self.problems)]
 
 
 def _work_off(
