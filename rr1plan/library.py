@@ -58,6 +58,7 @@ def load_robot(
     *,
     srdf: str | Path | Literal[False] | None = None,
     group: str | None = None,
+    groups: Sequence[str] | None = None,
     joints: Sequence[str] | None = None,
     package_dirs: Sequence[str | Path] = (),
     convex: Convexity = "hull",
@@ -89,6 +90,8 @@ def load_robot(
         srdf: The SRDF; None looks beside the URDF and in ../srdf for one of the same name, False
             takes none.
         group: The SRDF group to plan for.
+        groups: Several of them, planned for as one: the joints of the first, then those of the next, e.g. both arms
+            of a robot. Its tool is that of the first.
         joints: The joints to plan for, in this order.
         package_dirs: Folders to look for `package://` meshes in, before those around the file.
         convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
@@ -105,6 +108,8 @@ def load_robot(
         InputError: joints that cannot be planned for, or limits of another length.
         MissingPackageError: a xacro file, and xacrodoc is not installed.
     """
+    if group is not None and groups is not None:
+        raise InputError(f"got group={group!r} and groups={groups!r}, expected one of them")
     folder, file = _locate(name_or_file)
     tree = _read_tree(file, package_dirs, convex, xacro_arguments)
     if srdf is not None:
@@ -113,7 +118,9 @@ def load_robot(
         semantics = _semantics_beside(folder.srdf if folder is not None else _srdf_beside(file), tree)
     if folder is not None:
         group, tool = group or folder.group, tool or folder.tool
-    robot = assemble(tree, semantics, Choice(group, joints, tool, name))
+    if groups is None and group is not None:
+        groups = [group]
+    robot = assemble(tree, semantics, Choice(groups, joints, tool, name))
     if folder is not None:
         robot = folder.apply(robot)
     return robot if limits is None else robot.with_limits(limits)

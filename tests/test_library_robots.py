@@ -199,3 +199,42 @@ def test_a_bad_robot_toml_is_a_format_error_with_the_file(own_models: Path, name
     with pytest.raises(FormatError, match=r"robot\.toml") as caught:
         rp.load_robot("arm")
     assert word in str(caught.value)
+
+
+TWO_ARMS = """
+<robot name="arm">
+  <group name="left"><joint name="b"/><joint name="a"/></group>
+  <group name="right"><chain base_link="l1" tip_link="l3"/></group>
+  <group_state name="home" group="left"><joint name="a" value="0.5"/><joint name="b" value="0.6"/></group_state>
+  <group_state name="home" group="right"><joint name="b" value="0.6"/><joint name="c" value="-1.25"/></group_state>
+  <group_state name="half" group="left"><joint name="a" value="0"/><joint name="b" value="0.6"/></group_state>
+</robot>
+"""
+
+
+def test_several_groups_are_planned_for_as_one(arm: Path) -> None:
+    (arm.parent / "arm.srdf").write_text(TWO_ARMS)
+    robot = rp.load_robot(arm, groups=["right", "left"])
+    assert robot.joint_names == ("b", "c", "a")
+    assert robot.tool == "l3"
+    assert {name: q.tolist() for name, q in robot.configurations.items()} == {"home": [0.6, -1.25, 0.5]}
+    other = rp.load_robot(arm, groups=["left", "right"])
+    assert (other.joint_names, other.tool) == (("a", "b", "c"), "l2")
+    assert rp.load_robot(arm, groups=["left"]).joint_names == rp.load_robot(arm, group="left").joint_names
+
+
+def test_groups_that_cannot_be_joined_are_refused(arm: Path) -> None:
+    (arm.parent / "arm.srdf").write_text(TWO_ARMS)
+    with pytest.raises(UnknownNameError, match="Did you mean 'left'"):
+        rp.load_robot(arm, groups=["right", "lefd"])
+    for wrong in ("left", [], ["left", "left"], 3):
+        with pytest.raises(InputError, match="groups is"):
+            rp.load_robot(arm, groups=wrong)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="expected one of them"):
+        rp.load_robot(arm, group="left", groups=["right"])
+
+
+def test_a_scene_file_names_the_groups_of_a_robot(arm: Path, tmp_path: Path) -> None:
+    (arm.parent / "arm.srdf").write_text(TWO_ARMS)
+    (tmp_path / "cell.toml").write_text('[arms.pair]\nrobot = "urdf/arm.urdf"\ngroups = ["right", "left"]\n')
+    assert rp.load_scene(tmp_path / "cell.toml").joint_names() == ("pair/b", "pair/c", "pair/a")

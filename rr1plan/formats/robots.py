@@ -36,13 +36,13 @@ class Choice:
     """What a caller may choose about a robot; None leaves it to the files.
 
     Args:
-        group: The SRDF group to plan for.
+        groups: The SRDF groups to plan for, as one.
         joints: The joints to plan for, in this order.
         tool: The link whose frame goals mean.
         name: The robot's name.
     """
 
-    group: str | None = None
+    groups: Sequence[str] | None = None
     joints: Sequence[str] | None = None
     tool: str | None = None
     name: str | None = None
@@ -62,14 +62,15 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     """
     known = semantics or Semantics()
     joints = {joint.name: joint for joint in tree.joints}
-    group, names = _planning_joints(tree, known, choice)
+    groups, names = _planning_joints(tree, known, choice)
     limits = urdf_limits([joints[n] for n in names])
     held = {
         j.name: float(np.clip(0.0, j.lower, j.upper))
         for j in tree.joints
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
-    configurations = _configurations(known, group, names, limits)
+    states = _states(known, groups, names)
+    configurations = _configurations(states, limits)
     robot = Robot(
         name=choice.name or tree.name,
         links=tree.links,
@@ -79,13 +80,13 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         configurations={"home": _middle(limits)} | configurations,
         held=held,
         never_collide=known.disabled | rigid_pairs(tree.joints),
-        tool=_tool(tree, known, group, names, choice.tool),
+        tool=_tool(tree, known, groups, names, choice.tool),
         named_held=_held_states(known, held),
         source=tree.source,
     )
     never = _jammed_pairs(robot) if known.disabled else _sampled_pairs(robot)
     robot = replace(robot, never_collide=robot.never_collide | never)
-    if not any(state == "home" and set(names) <= set(values) for (_, state), values in known.states.items()):
+    if "home" not in states:
         home = free_configuration(robot, robot.home, rng=0)
         robot = replace(robot, configurations={**robot.configurations, "home": home})
     touching = touching_links(robot, robot.home)
@@ -144,50 +145,48 @@ def urdf_limits(joints: Sequence[Joint]) -> Limits:
     )
 
 
-def _planning_joints(tree: Tree, known: Semantics, choice: Choice) -> tuple[str | None, tuple[str, ...]]:
-    """The group, where one was taken, and the joints to plan for."""
+def _planning_joints(tree: Tree, known: Semantics, choice: Choice) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The groups that were taken, if any, and the joints to plan for."""
     joints = {joint.name: joint for joint in tree.joints}
-    if choice.joints is not None:
-        names = _chosen(choice.joints)
-        _check_chosen(names, joints)
-        return choice.group, names
-    movable = tuple(n for n, j in joints.items() if _is_driven(j) and n not in known.passive)
-    group = choice.group
-    if group is not None:
+    groups = () if choice.groups is None else _chosen("groups", choice.groups)
+    for group in groups:
         known_name("group", group, known.groups)
-    else:
-        group = _default_group(tree, known)
-    names = movable if group is None else tuple(n for n in known.groups[group] if n in movable)
+    if choice.joints is not None:
+        names = _chosen("joints", choice.joints)
+        for name in names:
+            if not _is_driven(joints[known_name("joint", name, joints)]):
+                raise InputError(f"joint {name!r} is fixed or mimics another, it cannot be planned for")
+        return groups, names
+    movable = tuple(n for n, j in joints.items() if _is_driven(j) and n not in known.passive)
+    groups = groups or _default_groups(tree, known)
+    # Groups may share joints, such as a torso that carries both arms.
+    names = tuple(dict.fromkeys(n for g in groups for n in known.groups[g] if n in movable)) if groups else movable
     if not names:
-        where = "" if group is None else f" in group {group!r}"
+        where = f" in group {' or '.join(map(repr, groups))}" if groups else ""
         raise InputError(f"there is no joint to plan for{where}, expected at least one that moves by itself")
-    return group, names
+    return groups, names
 
 
 def _is_driven(joint: Joint) -> bool:
     return joint.kind != "fixed" and joint.mimic is None
 
 
-def _chosen(joints: Sequence[str]) -> tuple[str, ...]:
-    if isinstance(joints, str) or not isinstance(joints, Iterable):
-        raise InputError(f"joints is {joints!r}, expected a list of names")
-    return tuple(joints)
+def _chosen(what: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Names that a caller chose, in that order."""
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise InputError(f"{what} is {names!r}, expected a list of names")
+    chosen = tuple(names)
+    if not chosen or len(set(chosen)) != len(chosen):
+        raise InputError(f"{what} is {list(chosen)}, expected at least one name and none twice")
+    return chosen
 
 
-def _check_chosen(names: tuple[str, ...], joints: Mapping[str, Joint]) -> None:
-    if not names or len(set(names)) != len(names):
-        raise InputError(f"joints is {list(names)}, expected at least one name and none twice")
-    for name in names:
-        if not _is_driven(joints[known_name("joint", name, joints)]):
-            raise InputError(f"joint {name!r} is fixed or mimics another, it cannot be planned for")
-
-
-def _default_group(tree: Tree, known: Semantics) -> str | None:
+def _default_groups(tree: Tree, known: Semantics) -> tuple[str, ...]:
     """The arm that carries an end effector, else the first group with joints that is no gripper."""
     carriers = [e.parent_group for e in known.end_effectors if e.parent_group not in (None, e.group)]
     grippers = {e.group for e in known.end_effectors if _is_below(tree, known.groups[e.group], e.parent_link)}
     others = [name for name in known.groups if name not in grippers]
-    return next((name for name in (*carriers, *others) if name and known.groups[name]), None)
+    return tuple(name for name in (*carriers, *others) if name and known.groups[name])[:1]
 
 
 def _is_below(tree: Tree, names: Sequence[str], link: str) -> bool:
@@ -199,15 +198,25 @@ def _is_below(tree: Tree, names: Sequence[str], link: str) -> bool:
     return all(joint.parent in links for joint in tree.joints if joint.name in names)
 
 
-def _configurations(known: Semantics, group: str | None, names: tuple[str, ...], limits: Limits) -> dict[str, Array]:
-    """The named states that fix every planning joint; "home" may be another of them."""
-    own_first = sorted(known.states.items(), key=lambda item: item[0][0] != group)
+def _states(known: Semantics, groups: tuple[str, ...], names: tuple[str, ...]) -> dict[str, Array]:
+    """The named states that fix every planning joint, each (nq,): of one group, or of all chosen groups together."""
+    own_first = sorted(known.states.items(), key=lambda item: item[0][0] not in groups)
+    together: dict[str, dict[str, float]] = {}
+    for (group, state), values in known.states.items():
+        if group in groups:
+            together[state] = {**together.get(state, {}), **values}
     found: dict[str, Array] = {}
+    for state, values in (*((state, values) for (_, state), values in own_first), *together.items()):
+        if state not in found and set(names) <= set(values):
+            found[state] = np.array([values[n] for n in names])
+    return found
+
+
+def _configurations(states: Mapping[str, Array], limits: Limits) -> dict[str, Array]:
+    """The named states of all planning joints; "home" may be another of them."""
+    found = dict(states)
     inside: dict[str, Array] = {}
-    for (_, state), values in own_first:
-        if state in found or not set(names) <= set(values):
-            continue
-        q = found[state] = np.array([values[n] for n in names])
+    for state, q in states.items():
         if (q < limits.lower).any() or (q > limits.upper).any():
             log.warning("the state %r is outside the joints' limits", state)
         else:
@@ -235,16 +244,18 @@ def _held_states(known: Semantics, held: Mapping[str, float]) -> dict[str, dict[
     return found
 
 
-def _tool(tree: Tree, known: Semantics, group: str | None, names: tuple[str, ...], chosen: str | None) -> str:
-    """The chosen link, the tip of the group's chain, or the end of what hangs on the last joint."""
+def _tool(tree: Tree, known: Semantics, groups: tuple[str, ...], names: tuple[str, ...], chosen: str | None) -> str:
+    """The chosen link, the tip of the first group's chain, or the end of what hangs on its last joint."""
     links = [link.name for link in tree.links]
     if chosen is not None:
         return known_name("link", chosen, links)
-    if group is not None and group in known.chains:
-        return known.chains[group][1]
-    for effector in known.end_effectors:
-        if group is not None and group in (effector.parent_group, effector.group):
-            return effector.parent_link
+    for group in groups[:1]:
+        if group in known.chains:
+            return known.chains[group][1]
+        for effector in known.end_effectors:
+            if group in (effector.parent_group, effector.group):
+                return effector.parent_link
+        names = tuple(n for n in names if n in known.groups[group]) or names
     link = next(j.child for j in tree.joints if j.name == names[-1])
     while True:
         below = [j.child for j in tree.joints if j.parent == link and j.kind == "fixed"]

@@ -3,7 +3,7 @@
     description = "An RR1 on a table."
 
     [arms.rr1]
-    robot = "rr1"                      # a name, or a file relative to this one (and srdf, group, joints, tool)
+    robot = "rr1"                      # a name, or a file relative to this one (and srdf, group, groups, joints, tool)
     xyz = [0, 0, 0]                    # and rpy, quaternion (wxyz) or rotation (rows)
     q = "home"                         # or numbers
 
@@ -48,10 +48,10 @@ class RobotLoader(Protocol):
     def __call__(
         self,
         name_or_file: str,
-        /,
         *,
         srdf: str | None = None,
         group: str | None = None,
+        groups: Sequence[str] | None = None,
         joints: Sequence[str] | None = None,
         tool: str | None = None,
     ) -> Robot:
@@ -179,7 +179,7 @@ def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, 
         key = _robot_reference(entry, folder)
         if key not in loaded:
             with entry.blame("robot"):
-                loaded[key] = load_robot(key.robot, srdf=key.srdf, group=key.group, joints=key.joints, tool=key.tool)
+                loaded[key] = load_robot(**key._asdict())
         own = (key, repr(entry.raw("limits")), repr(entry.raw("held")))
         if own not in finished:
             finished[own] = _with_settings(loaded[key], entry)
@@ -207,9 +207,10 @@ def _read_arm(entry: Table, robot: Robot) -> Arm:
 class _Reference(NamedTuple):
     """What a robot is loaded from."""
 
-    robot: str
+    name_or_file: str
     srdf: str | None
     group: str | None
+    groups: tuple[str, ...] | None
     joints: tuple[str, ...] | None
     tool: str | None
 
@@ -223,6 +224,7 @@ def _robot_reference(entry: Table, folder: Path) -> _Reference:
         name,
         str((folder / srdf).resolve()) if srdf else None,
         entry.string("group", "") or None,
+        entry.strings("groups") or None,
         entry.strings("joints") or None,
         entry.string("tool", "") or None,
     )
