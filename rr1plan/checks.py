@@ -17,9 +17,20 @@ from rr1plan.errors import InputError, UnknownNameError
 Array = NDArray[np.float64]
 # Beyond this [m] distances are no longer good to a micrometre, and Coal gives wrong ones (or none).
 FARTHEST = 1e4
-# Of one part of a path [bytes], on all common file systems.
+# Of one part of a path, and of a path [bytes], on all common file systems.
 _LONGEST_NAME = 255
+_LONGEST_PATH = 4095
+_LONGEST_SHOWN = 80  # [characters]
 Seed = np.random.Generator | int | None
+
+
+def shown(value: Any) -> str:
+    """A value as messages show it: its repr, cut where it is long, or its type where it has none."""
+    try:
+        text = repr(value)
+    except Exception:  # an int of 5,000 digits, or an object of a caller's own class
+        return f"a {type(value).__name__}"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
 
 
 def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
@@ -38,7 +49,7 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
             raise TypeError("text is no number, though numpy reads it as one")
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name} is not an array of numbers: {value!r}") from error
+        raise InputError(f"{name} is not an array of numbers: {shown(value)}") from error
     if array.ndim != len(shape) or any(
         want is not None and got != want for got, want in zip(array.shape, shape, strict=True)
     ):
@@ -112,16 +123,31 @@ def file_path(value: Any) -> Path:
     """`value` as a path that a file system can hold.
 
     Raises:
-        InputError: neither text nor a path, with a NUL in it, or a name beyond 255 bytes.
+        InputError: neither text nor a path, with a NUL or a character that no file name can have in it, a name
+            beyond 255 bytes or a path beyond 4095.
     """
     if not isinstance(value, str | os.PathLike) or not isinstance(os.fspath(value), str):
-        raise InputError(f"file name is {value!r}, expected text or a path")
+        raise InputError(f"file name is {shown(value)}, expected text or a path")
     path = Path(value)
     if "\0" in str(path):
         raise InputError(f"file name {str(path)!r} holds a NUL")
-    if any(len(os.fsencode(part)) > _LONGEST_NAME for part in path.parts):
-        raise InputError(f"file name {str(path)[:60]!r}... is longer than {_LONGEST_NAME} bytes")
+    try:
+        longest, whole = max((len(os.fsencode(part)) for part in path.parts), default=0), len(os.fsencode(path))
+    except UnicodeEncodeError as error:
+        raise InputError(f"file name {str(path)[:60]!r} holds a character that no file name can have") from error
+    if longest > _LONGEST_NAME or whole > _LONGEST_PATH:
+        most = _LONGEST_NAME if longest > _LONGEST_NAME else _LONGEST_PATH
+        raise InputError(f"file name {str(path)[:60]!r}... is longer than {most} bytes")
     return path
+
+
+def resolved_path(value: Any) -> Path:
+    """`file_path`, absolute and without symbolic links; a loop of links stays, and cannot be opened later.
+
+    Raises:
+        InputError: as `file_path`.
+    """
+    return Path(os.path.realpath(file_path(value)))
 
 
 def known_name(kind: str, name: str, known: Iterable[str]) -> str:
@@ -169,7 +195,7 @@ def as_generator(rng: Seed) -> np.random.Generator:
         return rng
     if rng is None or (isinstance(rng, int | np.integer) and not isinstance(rng, bool) and rng >= 0):
         return np.random.default_rng(rng)
-    raise InputError(f"rng is {rng!r}, expected a numpy Generator, a seed >= 0 or None")
+    raise InputError(f"rng is {shown(rng)}, expected a numpy Generator, a seed >= 0 or None")
 
 
 def as_seed(rng: Seed) -> int:

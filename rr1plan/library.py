@@ -9,7 +9,7 @@ from typing import Literal
 from rr1plan.checks import file_path, known_name, of_kind
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.convex import Convexity
-from rr1plan.formats.files import write_text
+from rr1plan.formats.files import is_regular, write_text
 from rr1plan.formats.motion_bench import read_bench_scene
 from rr1plan.formats.moveit_scene import read_moveit_scene
 from rr1plan.formats.robot_folder import RobotFolder, read_robot_folder
@@ -159,9 +159,9 @@ def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:
 
 def _srdf_beside(file: Path) -> Path | None:
     """An SRDF of the same name beside a URDF, or in the folder "srdf" beside its folder."""
-    name = f"{file.name.removesuffix('.xacro').removesuffix('.urdf')}.srdf"
+    name = f"{file.name.removesuffix('.xacro').removesuffix('.xml').removesuffix('.urdf')}.srdf"
     places = (file.parent / name, file.parent.parent / "srdf" / name)
-    return next((place for place in places if place.is_file()), None)
+    return next((place for place in places if is_regular(place)), None)
 
 
 # ---- scenes ------------------------------------------------------------------------------

@@ -1,4 +1,6 @@
-"""Reading with a size limit, writing in one step.
+"""Reading regular files with a size limit, writing in one step.
+
+Every reader of the package opens files here: a FIFO, a device or a folder is refused before a byte is read.
 
 A file is written next to its place, flushed to the disk and renamed over it, so a crash leaves
 the old file or the new one, never half of one.
@@ -8,18 +10,23 @@ from __future__ import annotations
 
 import gzip
 import os
+import stat
 import tempfile
 import zlib
 from pathlib import Path
+from typing import BinaryIO
 
 from rr1plan.checks import file_path
 from rr1plan.errors import FormatError, InputError
 
 MAX_BYTES = 256 * 1024 * 1024
+# Without O_NONBLOCK opening a FIFO waits for a writer. It has no effect on regular files.
+_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
+_KINDS = {stat.S_IFDIR: "folder", stat.S_IFIFO: "FIFO", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
 
 
 def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
-    """A file's content, unpacked when its name ends in ".gz".
+    """The content of a regular file, unpacked when its name ends in ".gz".
 
     Args:
         file: The file.
@@ -27,19 +34,40 @@ def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
 
     Raises:
         InputError: no file name at all.
-        FormatError: not there, not readable, too large, or a damaged archive.
+        FormatError: not there, not a regular file, not readable, too large, or a damaged archive.
     """
     path = file_path(file)
     try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
-            data = stream.read(max_bytes + 1)
+        with _open(path) as stream:
+            size = os.fstat(stream.fileno()).st_size
+            with gzip.GzipFile(fileobj=stream) if path.suffix == ".gz" else stream as content:
+                data = b"" if size > max_bytes else content.read(max_bytes + 1)
     except FileNotFoundError as error:
-        raise FormatError("there is no such file", file) from error
+        raise FormatError("there is no such file", path) from error
     except (OSError, EOFError, zlib.error) as error:
-        raise FormatError(f"cannot be read: {error}", file) from error
-    if len(data) > max_bytes:
-        raise FormatError(f"is larger than {max_bytes} bytes, the most that is read", file)
+        raise FormatError(f"cannot be read: {getattr(error, 'strerror', None) or error}", path) from error
+    if max(size, len(data)) > max_bytes:
+        raise FormatError(f"is larger than {max_bytes} bytes, the most that is read", path)
     return data
+
+
+def _open(path: Path) -> BinaryIO:
+    """A regular file, opened for reading."""
+    handle = os.open(path, _FLAGS)
+    mode = os.fstat(handle).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(handle)
+        kind = _KINDS.get(stat.S_IFMT(mode), "special file")
+        raise FormatError(f"is a {kind}, expected a regular file", path)
+    return os.fdopen(handle, "rb")
+
+
+def is_regular(path: Path) -> bool:
+    """Whether there is a regular file of this name; False where there cannot be one."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def read_text(file: str | Path, max_bytes: int = MAX_BYTES) -> str:

@@ -13,8 +13,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
-from rr1plan.checks import file_path
+from rr1plan.checks import file_path, resolved_path
 from rr1plan.errors import FormatError, InputError
+from rr1plan.formats.files import is_regular
 from rr1plan.formats.meshes import SUFFIXES
 
 _LEVELS = 5
@@ -37,26 +38,28 @@ class MeshLookup:
         given = [file_path(folder) for folder in package_dirs]
         path = os.environ.get("ROS_PACKAGE_PATH", "")
         self._packages = given + [Path(folder) for folder in path.split(os.pathsep) if folder]
-        self._beside = None if file is None else Path(file).resolve().parent
+        self._beside = None if file is None else resolved_path(file).parent
         self._above = [] if self._beside is None else _folders_above(self._beside)
-        self._allowed = [folder.resolve() for folder in (*self._packages, *self._above)]
+        self._allowed = [resolved_path(folder) for folder in (*self._packages, *self._above)]
 
     def find(self, name: str) -> Path:
         """The file a URDF calls `name`.
 
         Raises:
-            FormatError: an unknown suffix or scheme, a way out of the folders, or no such file;
+            FormatError: not a file name, an unknown suffix or scheme, a way out of the folders, or no such file;
                 the message lists every place that was tried.
         """
-        if "\0" in name:
-            raise FormatError(f"mesh {name!r} is not a file name")
-        if Path(name).suffix.lower() not in SUFFIXES:
+        try:
+            suffix = file_path(name).suffix.lower()
+        except InputError as error:
+            raise FormatError(f"a mesh's {error}") from error
+        if suffix not in SUFFIXES:
             raise FormatError(f"mesh {name!r} has an unknown suffix, expected one of {', '.join(SUFFIXES)}")
         tried: list[Path] = []
         outside = False
         for place in self._places(name):
             tried.append(place)
-            if not place.is_file():
+            if not is_regular(place):
                 continue
             if self._is_allowed(place):
                 return place
@@ -66,7 +69,7 @@ class MeshLookup:
         raise FormatError(f"mesh {name!r} {why}; tried {listed}; try package_dirs=[...] with the folder it is in")
 
     def _is_allowed(self, place: Path) -> bool:
-        resolved = place.resolve()
+        resolved = resolved_path(place)
         return any(resolved.is_relative_to(folder) for folder in self._allowed)
 
     def _places(self, name: str) -> Iterator[Path]:

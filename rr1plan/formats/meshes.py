@@ -18,6 +18,7 @@ import numpy as np
 from rr1plan.checks import file_path, finite_array
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.convex import convex_hull
+from rr1plan.formats.files import read_bytes
 from rr1plan.formats.xml import first_attributes
 from rr1plan.robot import Color
 from rr1plan.shapes import Mesh
@@ -63,7 +64,7 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
     kind = file.suffix.lower()
     if kind not in SUFFIXES:
         raise FormatError(f"has the suffix {kind!r}, expected one of {', '.join(SUFFIXES)}", file)
-    data = _bytes(file)
+    data = read_bytes(file, MAX_BYTES)
     factors = np.array(scale)
     if kind == ".dae":
         factors = factors * _unit(data, file)
@@ -103,15 +104,6 @@ def load_mesh(file: str | Path, scale: float | tuple[float, float, float] = 1.0,
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in parts)])
     faces = [mesh.faces + start for mesh, start in zip(parts, starts, strict=False)]
     return Mesh(np.concatenate([mesh.vertices for mesh in parts]), np.concatenate(faces))
-
-
-def _bytes(file: Path) -> bytes:
-    try:
-        if file.stat().st_size > MAX_BYTES:
-            raise FormatError(f"is larger than {MAX_BYTES // 2**20} MiB; try a decimated mesh", file)
-        return file.read_bytes()
-    except OSError as error:
-        raise FormatError(f"cannot be read: {error.strerror}", file) from error
 
 
 def _unit(data: bytes, file: Path) -> float:

@@ -17,19 +17,16 @@ with `"valid": false` is passed over. Lists by other names are refused: they may
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rr1plan.checks import Array
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.convex import convex_shapes
-from rr1plan.formats.files import read_text
+from rr1plan.formats.documents import read_json, read_yaml
 from rr1plan.formats.moveit_scene import cone
 from rr1plan.formats.tables import Table
 from rr1plan.problem import JointGoal, Problem
@@ -54,7 +51,7 @@ def read_bench_scene(file: str | Path) -> Scene:
     Raises:
         FormatError: not YAML, or not such a scene; names the place.
     """
-    top = _read_yaml(file)
+    top = read_yaml(file, _MAX_BYTES)
     state = top.table("robot_state")
     if state.raw("attached_collision_objects"):
         raise state.error("holds attached objects, which are not read; attach them with scene.attach")
@@ -85,7 +82,7 @@ def read_bench_request(file: str | Path, scene: Scene, arm: str | None = None) -
     """
     arm = scene.only_arm(arm)
     robot = scene.arm(arm).robot
-    top = _read_yaml(file)
+    top = read_yaml(file, _MAX_BYTES)
     state = top.table("start_state").table("joint_state")
     names, values = state.strings("name"), _numbers(state, "position")
     if len(names) != len(values):
@@ -115,7 +112,7 @@ def read_problem_set(file: str | Path, robot: Robot) -> dict[str, Problem]:
     Raises:
         FormatError: not JSON, or not such a set; names the place.
     """
-    top = _read_json(file)
+    top = read_json(file, _MAX_BYTES)
     joints = top.strings("joints")
     if sorted(joints) != sorted(robot.joint_names):
         raise top.error(
@@ -148,7 +145,7 @@ def problem_set_joints(file: str | Path) -> tuple[str, ...]:
     Raises:
         FormatError: not JSON, or not such a set.
     """
-    joints = _read_json(file).strings("joints")
+    joints = read_json(file, _MAX_BYTES).strings("joints")
     if not joints:
         raise FormatError("has no joints, expected a list of names", file)
     return joints
@@ -175,21 +172,6 @@ def hold(robot: Robot, values: Mapping[str, float]) -> Robot:
 
 
 # ---- YAML ------------------------------------------------------------------------------------
-
-
-def _read_yaml(file: str | Path) -> Table:
-    # Most scenes are not YAML, and the parser takes its time to load.
-    import yaml
-
-    try:
-        return Table(yaml.safe_load(read_text(file, _MAX_BYTES)), file)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        raise FormatError(f"is not YAML: {error}", file, None if mark is None else mark.line + 1) from error
-    except (RecursionError, ValueError) as error:
-        if isinstance(error, FormatError):
-            raise
-        raise FormatError(f"is not YAML that can be read: {error}", file) from error
 
 
 def _read_object(entry: Table, name: str) -> tuple[Geometry, ...]:
@@ -230,7 +212,7 @@ def _read_primitive(entry: Table) -> list[Shape]:
 def _read_mesh(entry: Table) -> list[Shape]:
     if "vertices" not in entry or "triangles" not in entry:
         raise entry.error("expected vertices and triangles; a mesh that is named by a resource is not read")
-    mesh = Mesh(entry.numbers("vertices", (None, 3)), entry.numbers("triangles", (None, 3)).astype(np.int32))
+    mesh = Mesh(entry.numbers("vertices", (None, 3)), entry.indices("triangles", (None, 3)))
     return list(convex_shapes([mesh], "pieces"))
 
 
@@ -291,15 +273,6 @@ def _in_order(top: Table, robot: Robot, what: str, values: Mapping[str, float]) 
 
 
 # ---- JSON ------------------------------------------------------------------------------------
-
-
-def _read_json(file: str | Path) -> Table:
-    try:
-        return Table(json.loads(read_text(file, _MAX_BYTES)), file)
-    except json.JSONDecodeError as error:
-        raise FormatError(f"is not JSON: {error}", file, error.lineno) from error
-    except RecursionError as error:
-        raise FormatError("is nested too deeply", file) from error
 
 
 def _read_problem(entry: Table, robot: Robot, order: list[int], name: str) -> Problem:

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from rr1plan.checks import known_name, of_kind
-from rr1plan.errors import FormatError
 from rr1plan.formats.csv_files import load_csv as load_csv
 from rr1plan.formats.csv_files import save_csv as save_csv
-from rr1plan.formats.files import read_text, write_text
+from rr1plan.formats.documents import read_json
+from rr1plan.formats.files import write_text
 from rr1plan.formats.tables import Table
 from rr1plan.formats.values import from_plain, to_plain
 from rr1plan.path import Path
@@ -178,16 +178,7 @@ def _canonical(content: Any) -> str:
 
 def _read(file: _File, kinds: tuple[str, ...]) -> Table:
     """The content of a file, proven whole."""
-    try:
-        top = Table(json.loads(read_text(file)), file)
-    except FormatError:
-        raise
-    except json.JSONDecodeError as error:
-        raise FormatError(f"is not JSON, or was cut off: {error}", file, error.lineno) from error
-    except ValueError as error:
-        raise FormatError(f"holds a number that is too long: {error}", file) from error
-    except RecursionError as error:
-        raise FormatError("is nested too deeply", file) from error
+    top = read_json(file)
     if top.raw("format") != _FORMAT:
         raise top.error("is not a file of rr1plan: it has no entry 'format' that says so")
     if top.raw("version") != _VERSION:

@@ -13,7 +13,6 @@ Keys, all but the first optional:
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ import numpy as np
 
 from rr1plan.checks import known_name
 from rr1plan.errors import FormatError, InputError
+from rr1plan.formats.documents import read_toml
 from rr1plan.formats.tables import Table
 from rr1plan.limits import Limits
 from rr1plan.robot import Robot
@@ -67,11 +67,7 @@ def read_robot_folder(folder: Path) -> RobotFolder:
         FormatError: not TOML, an unknown key, or a value of the wrong kind.
     """
     file = folder / "robot.toml"
-    try:
-        text = file.read_text(encoding="utf-8")
-        table = Table(tomllib.loads(text), file, text=text)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise FormatError(f"cannot be read: {error}", file) from error
+    table = read_toml(file)
     held, presets, about = (table.table(name) for name in ("held", "presets", "about"))
     found = RobotFolder(
         file=file,

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, known_name, read_only
+from rr1plan.checks import Array, known_name, read_only, resolved_path
 from rr1plan.errors import FormatError
 from rr1plan.formats.convex import convex_shapes
 from rr1plan.formats.files import read_bytes, read_text
@@ -170,12 +170,10 @@ def _read_mesh(table: Table, folder: Path) -> tuple[Shape, ...]:
     if "file" in entry:
         return _mesh_from_file(entry, folder)
     vertices = entry.numbers("vertices", (None, 3))
-    faces = entry.numbers("faces", (None, 3))
-    if (faces != np.round(faces)).any():
-        raise entry.error("expected whole numbers", "faces")
+    faces = entry.indices("faces", (None, 3))
     convex = entry.boolean("convex")
     entry.finish()
-    mesh = Mesh(vertices, faces.astype(np.int32), convex)
+    mesh = Mesh(vertices, faces, convex)
     if convex and not _is_convex(mesh):
         raise entry.error("says it is convex, but a vertex lies outside one of its faces", "convex")
     return (mesh,)
@@ -249,7 +247,8 @@ def _inside(entry: Table, folder: Path) -> Path:
     """The file an entry names, which has to be in the scene file's folder or below it."""
     name = entry.string("file")
     root = folder.resolve()
-    path = (root / name).resolve()
+    with entry.blame("file"):
+        path = resolved_path(root / name)
     if not path.is_relative_to(root):
         raise entry.error(f"{name!r} is not inside {folder}, the folder of the scene file", "file")
     return path

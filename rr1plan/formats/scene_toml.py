@@ -20,8 +20,6 @@ The reader is strict: an unknown key, a wrong type, NaN or a missing entry is an
 
 from __future__ import annotations
 
-import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,8 +27,8 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from rr1plan.checks import of_kind
-from rr1plan.errors import FormatError
+from rr1plan.checks import of_kind, resolved_path
+from rr1plan.formats.documents import parse_toml
 from rr1plan.formats.files import read_text, write_text
 from rr1plan.formats.scene_queries import problem_entries, read_queries
 from rr1plan.formats.scene_shapes import geometries_entries, pose_entries, read_geometries, read_pose
@@ -101,14 +99,7 @@ def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFi
     Raises:
         FormatError: not TOML, or not a scene; names the place and the line.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        line = re.search(r"at line (\d+)", str(error))
-        raise FormatError(f"is not TOML: {error}", file, int(line[1]) if line else None) from error
-    except RecursionError as error:
-        raise FormatError("is nested too deeply", file) from error
-    top = Table(data, file, text=text)
+    top = parse_toml(text, file)
     if top.raw("version", _VERSION) != _VERSION:
         raise top.error(f"is version {top.raw('version')!r}, expected {_VERSION}", "version")
     folder = Path(file).absolute().parent
@@ -218,11 +209,14 @@ class _Reference(NamedTuple):
 def _robot_reference(entry: Table, folder: Path) -> _Reference:
     """What an arm's robot is loaded from; a file is meant when the robot's name has a suffix or a slash."""
     name, srdf = entry.string("robot"), entry.string("srdf", "")
-    if _is_file(name):
-        name = str((folder / name).resolve())
+    with entry.blame("robot"):
+        if _is_file(name):
+            name = str(resolved_path(folder / name))
+    with entry.blame("srdf"):
+        srdf = str(resolved_path(folder / srdf)) if srdf else ""
     return _Reference(
         name,
-        str((folder / srdf).resolve()) if srdf else None,
+        srdf or None,
         entry.string("group", "") or None,
         entry.strings("groups") or None,
         entry.strings("joints") or None,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 from rr1plan.checks import file_path
@@ -85,7 +86,7 @@ class _Reader:
 
     def read(self) -> Semantics:
         semantics = Semantics(
-            groups={name: self._in_order(self._members(name, ())) for name in self.groups},
+            groups=self._members(),
             chains=self._chains(),
             states=self._states(),
             end_effectors=self._end_effectors(),
@@ -129,18 +130,25 @@ class _Reader:
             found[name] = element
         return found
 
-    def _members(self, name: str, above: tuple[str, ...]) -> set[str]:
-        """The movable joints of a group, those of its subgroups included."""
-        group = self.groups[name]
-        if name in above:
-            raise group.error(f"group {name!r} contains itself")
+    def _members(self) -> dict[str, tuple[str, ...]]:
+        """The movable joints of each group, those of its subgroups included."""
+        inner = {n: [self._group(e, "name") for e in group.all("group")] for n, group in self.groups.items()}
+        found: dict[str, set[str]] = {}
+        try:
+            for name in TopologicalSorter(inner).static_order():
+                found[name] = self._own_members(self.groups[name]).union(*(found[sub] for sub in inner[name]))
+        except CycleError as error:
+            name = error.args[1][0]
+            raise self.groups[name].error(f"group {name!r} contains itself") from error
+        return {name: self._in_order(found[name]) for name in self.groups}
+
+    def _own_members(self, group: Element) -> set[str]:
+        """The movable joints of a group, without those of its subgroups."""
         joints = {e.text("name") for e in group.all("joint") if self._has_joint(e)}
         links = [e.text("name") for e in group.all("link") if self._has_link(e, "name")]
         joints |= {self.above[name].name for name in links if name in self.above}
         for chain in group.all("chain"):
             joints |= set(self._chain_joints(chain))
-        for sub in group.all("group"):
-            joints |= self._members(self._group(sub, "name"), (*above, name))
         return {n for n in joints if self.joints[n].kind != "fixed"}
 
     def _in_order(self, names: set[str]) -> tuple[str, ...]:

@@ -6,16 +6,17 @@ Every error names the file, the line where it can be found, and the place, e.g.
 
 from __future__ import annotations
 
-import math
 import re
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rr1plan.checks import Array, finite_array
+from rr1plan.checks import Array, finite_array, shown
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 
 
@@ -34,7 +35,7 @@ class Table:
         self.path = path
         self.text = text
         if not isinstance(data, Mapping) or not all(isinstance(key, str) for key in data):
-            raise self.error(f"expected a table with named entries, got {_shown(data)}")
+            raise self.error(f"expected a table with named entries, got {shown(data)}")
         self._data = data
         self._asked: set[str] = set()
 
@@ -64,23 +65,23 @@ class Table:
         """Text; required when there is no default."""
         value = self.required(key) if default is None else self.raw(key, default)
         if not isinstance(value, str):
-            raise self.error(f"expected text, got {_shown(value)}", key)
+            raise self.error(f"expected text, got {shown(value)}", key)
         return value
 
     def number(self, key: str, default: float | None = None) -> float:
         """A finite number; required when there is no default."""
         value = self.required(key) if default is None else self.raw(key, default)
         if not is_number(value):
-            raise self.error(f"expected a number, got {_shown(value)}", key)
-        if not math.isfinite(value):
-            raise self.error(f"expected a finite number, got {value}", key)
+            raise self.error(f"expected a number, got {shown(value)}", key)
+        if not abs(value) <= sys.float_info.max:  # so that NaN is refused too
+            raise self.error(f"expected a finite number, got {shown(value)}", key)
         return float(value)
 
     def boolean(self, key: str, default: bool = False) -> bool:
         """True or false."""
         value = self.raw(key, default)
         if not isinstance(value, bool):
-            raise self.error(f"expected true or false, got {_shown(value)}", key)
+            raise self.error(f"expected true or false, got {shown(value)}", key)
         return value
 
     def numbers(self, key: str, shape: tuple[int | None, ...]) -> Array:
@@ -90,18 +91,25 @@ class Table:
         with self.blame(key):
             return finite_array(key, value, shape)
 
+    def indices(self, key: str, shape: tuple[int | None, ...]) -> NDArray[np.int32]:
+        """An array of whole numbers of a shape (None stands for any length); required."""
+        values = self.numbers(key, shape)
+        if (values != np.round(values)).any() or np.abs(values).max(initial=0.0) >= 2**31:
+            raise self.error("expected whole numbers, none beyond 2**31", key)
+        return values.astype(np.int32)
+
     def strings(self, key: str) -> tuple[str, ...]:
         """A list of texts, empty when it is not there."""
         value = self.raw(key, [])
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            raise self.error(f"expected a list of texts, got {_shown(value)}", key)
+            raise self.error(f"expected a list of texts, got {shown(value)}", key)
         return tuple(value)
 
     def rows(self, key: str) -> list[Any]:
         """A list of anything, empty when it is not there."""
         value = self.raw(key, [])
         if not isinstance(value, list):
-            raise self.error(f"expected a list, got {_shown(value)}", key)
+            raise self.error(f"expected a list, got {shown(value)}", key)
         return value
 
     def table(self, key: str) -> Table:
@@ -166,7 +174,7 @@ def check_numbers(value: Any, error: Callable[[str], FormatError]) -> None:
         for item in value:
             check_numbers(item, error)
     elif not is_number(value):
-        raise error(f"expected a list of numbers, got {_shown(value)} in it")
+        raise error(f"expected a list of numbers, got {shown(value)} in it")
 
 
 def line_of(text: str, place: tuple[str, ...]) -> int | None:
@@ -191,8 +199,3 @@ def line_of(text: str, place: tuple[str, ...]) -> int | None:
 def _key_pattern(part: str) -> str:
     name = re.escape(re.sub(r"\[\d+\]$", "", part))
     return rf"[\"']?{name}[\"']?"
-
-
-def _shown(value: Any) -> str:
-    shown = repr(value.tolist() if isinstance(value, np.ndarray) else value)
-    return shown if len(shown) <= 80 else shown[:77] + "..."

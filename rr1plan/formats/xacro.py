@@ -1,20 +1,41 @@
 """Xacro: a robot written as macros, expanded to URDF by the optional package xacrodoc.
 
-A xacro file is a program: it reads files and evaluates expressions. Load only those you trust.
+A xacro file is a program: it reads files and evaluates expressions. Load only those you trust. It is expanded in
+a process with bounds of time and memory, so that one that does not end (`${10**10**10}`) is an error.
 """
 
 from __future__ import annotations
 
+import importlib.util
+import json
+import logging
+import re
+import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
-from rr1plan.checks import file_path
-from rr1plan.errors import FormatError, MissingPackageError
+from rr1plan.checks import file_path, positive_number, resolved_path
+from rr1plan.errors import BackendError, FormatError, InputError, MissingPackageError
+from rr1plan.formats.files import read_bytes
+from rr1plan.formats.xml import MAX_BYTES
+
+log = logging.getLogger(__name__)
+
+_SECONDS = 60.0
+_MEMORY = 4 * 1024**3
+_WORKER = "import sys; sys.path[:] = sys.argv[1:]; from rr1plan.formats.xacro_worker import main; main()"
+# How terminals are told to color text.
+_COLOR = re.compile(r"\x1b\[[\d;]*m")
 
 
 def expand_xacro(
-    file: str | Path, *, package_dirs: Sequence[str | Path] = (), arguments: Mapping[str, str] | None = None
+    file: str | Path,
+    *,
+    package_dirs: Sequence[str | Path] = (),
+    arguments: Mapping[str, str] | None = None,
+    seconds: float = _SECONDS,
 ) -> str:
     """Expand a xacro file to URDF; `package://` names are left as they are.
 
@@ -22,50 +43,77 @@ def expand_xacro(
         file: The xacro file. It is trusted code.
         package_dirs: Folders of packages, or folders that hold them, for `$(find package)`.
         arguments: Values of its `xacro:arg`.
+        seconds: Time limit [s].
 
     Raises:
         MissingPackageError: xacrodoc is not installed (`pip install 'rr1plan[xacro]'`).
-        FormatError: the file cannot be read or expanded.
+        InputError: arguments that are no mapping of names to values.
+        FormatError: the file cannot be read or expanded, or not within the time limit and 4 GiB of memory.
+        BackendError: there is no Python interpreter to start (in a frozen program).
     """
-    try:
-        import xacro
-        import xacrodoc
-        from xacrodoc import packages
-    except ImportError as error:
-        raise MissingPackageError("xacrodoc", "reading xacro files", "xacro") from error
+    if importlib.util.find_spec("xacro") is None or importlib.util.find_spec("xacrodoc") is None:
+        raise MissingPackageError("xacrodoc", "reading xacro files", "xacro")
+    positive_number("seconds", seconds)
     file = file_path(file)
-    if not file.is_file():
-        raise FormatError("there is no such file", file)
-    try:
-        _find_packages(packages, package_dirs)
-        xacro.init_stacks(str(file))  # what it includes by a plain name is beside it
-        document = xacrodoc.XacroDoc.from_file(file, subargs=dict(arguments or {}), resolve_packages=False)
-        return str(document.dom.toxml())
-    except Exception as error:  # xacro evaluates Python expressions, which may raise anything, RecursionError too
-        package = _missing_package(error, packages.PackageNotFoundError)
-        if package is None:
-            raise FormatError(f"cannot be expanded: {type(error).__name__}: {error}", file) from error
+    read_bytes(file, MAX_BYTES)
+    request = {
+        "file": str(file),
+        "packages": _packages(package_dirs),
+        "arguments": _texts(arguments),
+        "bytes": _MEMORY,
+        "seconds": seconds,
+    }
+    answer = _answer(file, request, seconds)
+    if "package" in answer:
+        package = answer["package"]
         raise FormatError(
             f"refers to the package {package!r}, which is not found; try package_dirs=[...] with the folder that holds "
             f"it or, where the arm itself needs nothing from it, with an empty folder named {package!r}",
             file,
-        ) from error
-    finally:
-        packages.reset()
+        )
+    if "error" in answer:
+        raise FormatError(f"cannot be expanded: {answer['error']}", file)
+    return str(answer["urdf"])
 
 
-def _missing_package(error: BaseException | None, kind: type[BaseException]) -> str | None:
-    """The package that an error is about: xacro wraps the finder's own error."""
-    while error is not None and not isinstance(error, kind):
-        error = error.__context__
-    return None if error is None else str(error.args[0])
-
-
-def _find_packages(packages: ModuleType, package_dirs: Sequence[str | Path]) -> None:
-    """Tell xacrodoc of the given folders, and of the folders in them, by their names."""
-    known: dict[str, Path] = {}
-    for folder in map(file_path, package_dirs):
-        known[folder.resolve().name] = folder
+def _packages(package_dirs: Sequence[str | Path]) -> dict[str, str]:
+    """The given folders, and the folders in them, by their names."""
+    known: dict[str, str] = {}
+    for folder in map(resolved_path, package_dirs):
+        known[folder.name] = str(folder)
         if folder.is_dir():
-            known.update({child.name: child for child in folder.iterdir() if child.is_dir()})
-    packages.update_package_cache(known)
+            known.update({child.name: str(child) for child in folder.iterdir() if child.is_dir()})
+    return known
+
+
+def _texts(arguments: Mapping[str, str] | None) -> dict[str, str]:
+    if arguments is not None and not isinstance(arguments, Mapping):
+        raise InputError(f"xacro_arguments is {arguments!r}, expected a mapping of names to values")
+    return {str(name): str(value) for name, value in (arguments or {}).items()}
+
+
+def _answer(file: Path, request: dict[str, Any], seconds: float) -> dict[str, str]:
+    """What the process that expands the file answers."""
+    if getattr(sys, "frozen", False) or not sys.executable:
+        raise BackendError("a frozen program has no Python to expand xacro files with; try the URDF: xacro FILE > URDF")
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _WORKER, *sys.path],
+            input=json.dumps(request).encode(),
+            capture_output=True,
+            timeout=seconds,
+            check=False,
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+    except subprocess.TimeoutExpired as error:
+        raise FormatError(f"is not expanded within {seconds:g} s; a macro or expression may never end", file) from error
+    except OSError as error:
+        raise BackendError(f"{sys.executable} does not start, to expand {file}: {error}") from error
+    said = _COLOR.sub("", done.stderr.decode(errors="replace")).strip()
+    try:
+        answer: dict[str, str] = json.loads(done.stdout)
+    except ValueError as error:
+        raise FormatError(f"cannot be expanded: xacro ended with {done.returncode} and says {said!r}", file) from error
+    if said:
+        log.warning("%s: xacro says: %s", file, said)
+    return answer

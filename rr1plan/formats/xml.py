@@ -14,6 +14,7 @@ from typing import Any
 from xml.parsers import expat
 
 from rr1plan.errors import FormatError
+from rr1plan.formats.files import read_bytes
 
 MAX_BYTES = 64 * 1024 * 1024
 MAX_DEPTH = 100
@@ -222,10 +223,4 @@ def parse_xml_file(file: Path, root: str) -> Element:
     Raises:
         FormatError: the file cannot be read, or as `parse_xml`.
     """
-    try:
-        if file.stat().st_size > MAX_BYTES:
-            raise FormatError(f"is longer than {MAX_BYTES} bytes", file)
-        data = file.read_bytes()
-    except OSError as error:
-        raise FormatError(f"cannot be read: {error.strerror}", file) from error
-    return parse_xml(data, root, file)
+    return parse_xml(read_bytes(file, MAX_BYTES), root, file)
