@@ -191,7 +191,7 @@ def test_the_arm_that_carries_the_gripper_is_planned_for_and_the_gripper_held(ch
 def test_a_group_that_only_holds_a_gripper_with_no_joint_is_refused(chain: Tree) -> None:
     semantics = read_srdf(srdf_text('<group name="g"><joint name="jt"/></group>'), chain)
     with pytest.raises(InputError, match="no joint to plan for in group 'g'"):
-        assemble(chain, semantics, Choice(group="g"))
+        assemble(chain, semantics, Choice(groups=["g"]))
 
 
 def test_neighbours_links_that_always_touch_and_that_never_can_are_proposed() -> None:
