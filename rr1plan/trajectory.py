@@ -54,7 +54,8 @@ class Trajectory(Value):
 
     def __repr__(self) -> str:
         joints = ", ".join(self.joint_names)
-        return f"Trajectory({self.duration:.3f} s, pieces={len(self.coefficients)}, joints=[{joints}])"
+        pieces = f"pieces={len(self.coefficients)}, degree={self.degree}"
+        return f"Trajectory({self.duration:.3f} s, {pieces}, joints=[{joints}])"
 
     # ---- construction ------------------------------------------------------------------
 
@@ -86,6 +87,47 @@ class Trajectory(Value):
         start, duration = finite_number("start", start), finite_number("duration", duration)
         breaks = [start] if duration == 0.0 else [start, start + duration]
         return Trajectory(names, np.array(breaks), q[None, None, :])
+
+    @staticmethod
+    def from_samples(times: Any, q: Any, qd: Any = None, qdd: Any = None, *, joint_names: Any) -> Trajectory:
+        """A motion through samples, as a ROS joint trajectory controller interpolates them.
+
+        What the samples carry decides what lies between them: positions alone, straight lines (velocity jumps at each
+        sample, which the referee reports); velocities too, cubics; accelerations too, quintics. `degree` of the result
+        says which.
+
+        Args:
+            times: Strictly increasing [s], shape (n,), n >= 1.
+            q: Positions [rad or m], shape (n, nq).
+            qd: Velocities [rad/s or m/s], shape (n, nq), or None.
+            qdd: Accelerations [rad/s² or m/s²], shape (n, nq), or None.
+            joint_names: Name of each column, "arm/joint", length nq.
+
+        Raises:
+            InputError: shapes that do not fit, numbers that are not finite, times that do not increase, samples so
+                close together that rates between them overflow, or accelerations without velocities.
+        """
+        names = check_joint_names(joint_names)
+        times = finite_array("times", times, (None,))
+        if len(times) == 0:
+            raise InputError("a trajectory has at least one sample, got none")
+        if qdd is not None and qd is None:
+            raise InputError("got accelerations without velocities, expected qd too")
+        shape = (len(times), len(names))
+        rows = [finite_array(n, v, shape) for n, v in (("q", q), ("qd", qd), ("qdd", qdd)) if v is not None]
+        if not (np.diff(times) > 0.0).all():
+            i = int(np.argmax(np.diff(times) <= 0.0))
+            raise InputError(f"times do not strictly increase: times[{i + 1}] = {times[i + 1]} after {times[i]}")
+        if len(times) == 1:
+            return Trajectory(names, times, rows[0][None])
+        with np.errstate(all="ignore"):
+            coefficients = _interpolate(np.diff(times)[:, None], rows)
+        if not np.isfinite(coefficients).all():
+            i = int(np.argwhere(~np.isfinite(coefficients))[0, 0])
+            raise InputError(
+                f"samples {i} and {i + 1}, {times[i + 1] - times[i]:.3g} s apart, give rates that overflow"
+            )
+        return Trajectory(names, times, coefficients)
 
     @staticmethod
     def merge(*parts: Trajectory) -> Trajectory:
@@ -132,6 +174,11 @@ class Trajectory(Value):
     def arms(self) -> tuple[str, ...]:
         """Names of the arms that have columns here, in order."""
         return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
+
+    @property
+    def degree(self) -> int:
+        """Degree of the polynomials: 1 for straight lines between samples, 3 for cubics, 5 for quintics."""
+        return int(self.coefficients.shape[1]) - 1
 
     @property
     def start_time(self) -> float:
@@ -223,3 +270,20 @@ class Trajectory(Value):
         out[~inside] = 0.0
         out[~inside, 0] = self(np.where(starts < self.breaks[0], self.breaks[0], self.breaks[-1]))[~inside]
         return out
+
+
+def _interpolate(h: Array, rows: list[Array]) -> Array:
+    """Coefficients between samples h (m, 1) [s] apart, of degree 1, 3 or 5 by how many derivatives there are."""
+    q0, q1 = rows[0][:-1], rows[0][1:]
+    if len(rows) == 1:
+        return np.stack([q0, (q1 - q0) / h], axis=1)
+    v0, v1 = rows[1][:-1], rows[1][1:]
+    if len(rows) == 2:
+        dq, dv = q1 - q0 - v0 * h, (v1 - v0) * h
+        return np.stack([q0, v0, (3.0 * dq - dv) / h**2, (dv - 2.0 * dq) / h**3], axis=1)
+    a0, a1 = rows[2][:-1], rows[2][1:]
+    dq, dv, da = q1 - q0 - v0 * h - a0 * h**2 / 2.0, (v1 - v0 - a0 * h) * h, (a1 - a0) * h**2
+    cubic = (10.0 * dq - 4.0 * dv + da / 2.0) / h**3
+    quartic = (-15.0 * dq + 7.0 * dv - da) / h**4
+    quintic = (6.0 * dq - 3.0 * dv + da / 2.0) / h**5
+    return np.stack([q0, v0, a0 / 2.0, cubic, quartic, quintic], axis=1)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import BPoly
 
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.trajectory import Trajectory
@@ -16,7 +17,7 @@ from rr1plan.trajectory import Trajectory
 
 def test_a_trajectory_is_shown_in_a_line() -> None:
     still = Trajectory.rest(("a/x", "a/y"), [0.0, 1.0], duration=1.5)
-    assert repr(still) == "Trajectory(1.500 s, pieces=1, joints=[a/x, a/y])"
+    assert repr(still) == "Trajectory(1.500 s, pieces=1, degree=0, joints=[a/x, a/y])"
 
 
 @st.composite
@@ -208,3 +209,48 @@ def test_times_and_parts_of_the_wrong_kind_are_named() -> None:
     for part in (None, 3, [moving]):
         with pytest.raises(InputError, match="part to merge"):
             Trajectory.merge(moving, part)
+
+
+# ---- from samples ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("carried", [1, 2, 3])
+def test_samples_are_met_with_all_they_carry_and_scipy_agrees_between_them(carried: int) -> None:
+    rng = np.random.default_rng(carried)
+    times = np.cumsum(rng.uniform(0.05, 1.0, 6))
+    samples = [rng.normal(size=(6, 3)) for _ in range(carried)]
+    made = Trajectory.from_samples(times, *samples, joint_names=("a/x", "a/y", "b/z"))
+    assert made.degree == 2 * carried - 1
+    for order, values in enumerate(samples):
+        np.testing.assert_allclose(made(times[:-1], order), values[:-1], atol=1e-12)
+        before = made(np.nextafter(times[1:], 0.0), order)
+        np.testing.assert_allclose(before, values[1:], atol=1e-9)
+    slow = BPoly.from_derivatives(times, np.stack(samples, axis=1))
+    between = np.linspace(times[0], times[-1], 101)[:-1]
+    np.testing.assert_allclose(made(between), slow(between), atol=1e-9)
+
+
+def test_one_sample_is_a_motion_of_no_duration() -> None:
+    still = Trajectory.from_samples([2.0], [[0.5]], [[0.0]], [[0.0]], joint_names=["a/x"])
+    assert still.duration == 0.0
+    np.testing.assert_array_equal(still(2.0), [0.5])
+
+
+@pytest.mark.parametrize(
+    ("samples", "message"),
+    [
+        (([], np.zeros((0, 1))), "at least one sample"),
+        (([0.0, 1.0], [[0.0]]), r"q has shape \(1, 1\), expected \(2, 1\)"),
+        (([0.0, 1.0], [[0.0], [1.0]], [[0.0]]), "qd has shape"),
+        (([0.0, 1.0], [[0.0], [np.nan]]), "q.*finite"),
+        (([0.0, np.inf], [[0.0], [1.0]]), "times.*finite"),
+        (([0.0, 0.0], [[0.0], [1.0]]), r"times do not strictly increase: times\[1\] = 0.0 after 0.0"),
+        (([1.0, 0.0], [[0.0], [1.0]]), "strictly increase"),
+        (([0.0, 1.0], [[0.0], [1.0]], None, [[0.0], [0.0]]), "accelerations without velocities"),
+        (([0.0, 1e-200], [[0.0], [1.0]], [[0.0], [1.0]]), "samples 0 and 1.*overflow"),
+        (("now", [[0.0]]), "times is not an array of numbers"),
+    ],
+)
+def test_samples_that_make_no_motion_are_refused(samples: tuple[Any, ...], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Trajectory.from_samples(*samples, joint_names=["a/x"])

@@ -18,7 +18,7 @@ from rr1plan.robot import Robot
 
 _REQUIRED = (
     "numpy", "scipy", "numba", "pin", "coal", "ompl", "toppra", "ruckig", "mujoco", "meshcat", "tornado",
-    "trimesh", "pycollada", "coacd", "matplotlib", "pyyaml", "rich",
+    "trimesh", "pycollada", "coacd", "matplotlib", "msgspec", "pyyaml", "rich",
 )  # fmt: skip
 _OPTIONAL = {
     "xacrodoc": "xacro",

@@ -24,6 +24,7 @@ from rr1plan.checks import Array, finite_array, finite_number, of_kind, positive
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.errors import InputError
+from rr1plan.path import Path
 from rr1plan.scene import Scene
 
 TOLERANCE = 1e-6
@@ -190,17 +191,26 @@ class MotionChecker:
         """Every edge between consecutive waypoints is free; a single waypoint is an edge of length zero.
 
         Args:
-            waypoints: Configurations [rad or m], shape (n, nq).
+            waypoints: A `Path` of the moving arms, or configurations [rad or m], shape (n, nq).
 
         Raises:
-            InputError: wrong shape, no waypoint, or not finite.
+            InputError: wrong shape, no waypoint, not finite, or a path of other joints.
         """
+        if isinstance(waypoints, Path):
+            waypoints = self._in_order(waypoints)
         points = finite_array("waypoints", waypoints, (None, self.checker.nq))
         if len(points) == 0:
             raise InputError("a path has at least one waypoint, got none")
         if len(points) == 1:
             return self.edge_is_free(points[0], points[0])
         return all(self.edge_is_free(a, b) for a, b in pairwise(points))
+
+    def _in_order(self, path: Path) -> Array:
+        """The waypoints of a path, columns in the checker's order."""
+        names = self.checker.joint_names
+        if sorted(path.joint_names) != sorted(names):
+            raise InputError(f"the path's joints are {', '.join(path.joint_names)}, expected {', '.join(names)}")
+        return path.waypoints[:, [path.joint_names.index(name) for name in names]]
 
     def polynomial_is_free(self, coefficients: Any, duration: float) -> bool:
         """Every configuration on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, is free.

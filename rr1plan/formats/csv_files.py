@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pathlib
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,8 @@ from rr1plan.formats.files import read_text, write_text
 from rr1plan.trajectory import Trajectory
 
 _File = str | pathlib.Path
+_TIMES = ("t", "time")
+_HEADER = "t,q:<joint>...,v:<joint>...,a:<joint>..."
 
 
 def save_csv(file: _File, trajectory: Trajectory, dt: float = 0.01) -> pathlib.Path:
@@ -42,45 +43,55 @@ def save_csv(file: _File, trajectory: Trajectory, dt: float = 0.01) -> pathlib.P
 
 
 def load_csv(file: _File) -> Trajectory:
-    """Read a trajectory from CSV samples: between rows a quintic that meets position, velocity and acceleration.
+    """Read a trajectory from CSV samples: one column of times, and columns of each joint.
+
+    The header names them: `t` (or `time`) [s], `q:<joint>` (or the bare name) for positions, `v:<joint>` for
+    velocities, `a:<joint>` for accelerations, in any order; SI units and radians. Between rows lie straight lines,
+    cubics or quintics, by what the columns carry; see `Trajectory.from_samples`.
 
     Raises:
-        FormatError: another header, a row that is too short, not numbers, or times that do not increase.
+        FormatError: another header, a row of another length, not numbers, or times that do not increase.
     """
     lines = read_text(file).splitlines()
-    header = lines[0].split(",") if lines else []
-    count = (len(header) - 1) // 3
-    names = tuple(column[2:] for column in header[1 : count + 1])
-    if count < 1 or header != ["t", *(f"{kind}:{name}" for kind in "qva" for name in names)]:
-        raise FormatError("has another header, expected t,q:<joint>...,v:<joint>...,a:<joint>...", file, 1)
-    rows = []
-    for number, line in enumerate(lines[1:], start=2):
-        try:
-            row = [float(cell) for cell in line.split(",")]
-        except ValueError as error:
-            raise FormatError(str(error), file, number) from error
-        if len(row) != len(header):
-            raise FormatError(f"has {len(row)} values, expected {len(header)}", file, number)
-        rows.append(row)
-    if not rows:
+    header = [column.strip() for column in lines[0].split(",")] if lines else []
+    time, names, columns = _columns(header, file)
+    rows = np.array([_row(line, len(header), file, number) for number, line in enumerate(lines[1:], 2) if line.strip()])
+    if not len(rows):
         raise FormatError("has no rows", file)
+    q, qd, qdd = (rows[:, [where[name] for name in names]] if where else None for where in columns)
     try:
-        return _quintic(names, np.array(rows))
+        return Trajectory.from_samples(rows[:, time], q, qd, qdd, joint_names=names)
     except InputError as error:
         raise FormatError(str(error), file) from error
 
 
-def _quintic(names: tuple[str, ...], rows: Any) -> Trajectory:
-    times = rows[:, 0]
-    q, v, a = np.split(rows[:, 1:], 3, axis=1)
-    if len(rows) == 1:
-        return Trajectory(names, times, q[None, :1])
-    h = np.diff(times)[:, None]
-    if not (h > 0.0).all():
-        raise InputError("has times that do not strictly increase")
-    dq = q[1:] - q[:-1] - v[:-1] * h - a[:-1] * h**2 / 2
-    dv = (v[1:] - v[:-1] - a[:-1] * h) * h
-    da = (a[1:] - a[:-1]) * h**2
-    cubic, quartic, last = 10 * dq - 4 * dv + da / 2, -15 * dq + 7 * dv - da, 6 * dq - 3 * dv + da / 2
-    powers = [q[:-1], v[:-1], a[:-1] / 2, cubic / h**3, quartic / h**4, last / h**5]
-    return Trajectory(names, times, np.stack(powers, axis=1))
+def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[str, int]]]:
+    """The index of the time, the names of the joints, and the index of each one's position, velocity, acceleration."""
+    columns: list[dict[str, int]] = [{}, {}, {}]
+    times = [i for i, column in enumerate(header) if column in _TIMES]
+    for i, column in enumerate(header):
+        if i in times:
+            continue
+        kind, name = (column[0], column[2:]) if column[:2] in ("q:", "v:", "a:") else ("q", column)
+        where = columns["qva".index(kind)]
+        if name in where:
+            raise FormatError(f"has the column {column!r} twice", file, 1)
+        where[name] = i
+    names = list(columns[0])
+    if len(times) != 1 or not names or "" in names:
+        raise FormatError(f"has another header, expected {_HEADER}", file, 1)
+    for what, where in (("velocities", columns[1]), ("accelerations", columns[2])):
+        if where and set(where) != set(names):
+            odd = sorted(set(where) ^ set(names))
+            raise FormatError(f"has {what} for other joints than positions: {', '.join(odd)}", file, 1)
+    return times[0], names, columns
+
+
+def _row(line: str, count: int, file: _File, number: int) -> list[float]:
+    try:
+        row = [float(cell) for cell in line.split(",")]
+    except ValueError as error:
+        raise FormatError(str(error), file, number) from error
+    if len(row) != count:
+        raise FormatError(f"has {len(row)} values, expected {count}", file, number)
+    return row

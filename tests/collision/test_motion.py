@@ -12,6 +12,7 @@ from rr1plan._kernels.poses import bound_travel, place_body, place_joints
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.library import load_scene
+from rr1plan.path import Path
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud, Sphere
 from rr1plan.transforms import pose
@@ -441,3 +442,14 @@ def test_motions_that_are_none_are_refused(planar, question, arguments):
     motion = MotionChecker(Scene().with_arm("p", planar))
     with pytest.raises(InputError):
         getattr(motion, question)(*arguments)
+
+
+def test_a_path_is_checked_by_the_names_of_its_joints(planar):
+    motion = MotionChecker(Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0]))
+    names, points = motion.checker.joint_names, np.array([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [np.pi / 2, 0.0]])
+    for waypoints in (points[:3], points):
+        swapped = Path(names[::-1], waypoints[:, ::-1])
+        assert motion.path_is_free(Path(names, waypoints)) is motion.path_is_free(waypoints)
+        assert motion.path_is_free(swapped) is motion.path_is_free(waypoints)
+    with pytest.raises(InputError, match=r"path's joints are .*other, expected"):
+        motion.path_is_free(Path((names[0], "arm/other"), points))

@@ -50,17 +50,37 @@ def test_a_motion_that_does_not_end_at_rest_is_not_written_as_csv(tmp_path: File
     ("text", "message"),
     [
         ("", "another header"),
-        ("t,q:a,v:a\n0,0,0\n", "another header"),
-        ("t,q:a,v:b,a:a\n", "another header"),
+        ("q:a,v:a\n0,0\n", "another header"),
+        ("t,time,q:a\n0,0,0\n", "another header"),
+        ("t,\n0,0\n", "another header"),
+        ("t,q:a,v:b,a:a\n", "velocities for other joints than positions: a, b"),
+        ("t,q:a,q:b,v:a,v:b,a:a\n", "accelerations for other joints than positions: b"),
+        ("t,q:a,a:a\n0,0,0\n", "accelerations without velocities"),
         ("t,q:a,v:a,a:a\n", "has no rows"),
         ("t,q:a,v:a,a:a\n0,0,0\n", ":2: has 3 values, expected 4"),
         ("t,q:a,v:a,a:a\n0,0,0,x\n", ":2: could not convert"),
         ("t,q:a,v:a,a:a\n0,nan,0,0\n1,0,0,0\n", "is nan"),
         ("t,q:a,v:a,a:a\n1,0,0,0\n1,0,0,0\n", "strictly increase"),
-        ("t,q:a,q:a,v:a,v:a,a:a,a:a\n0,0,0,0,0,0,0\n", "'a' twice"),
+        ("t,q:a,q:a,v:a,v:a,a:a,a:a\n0,0,0,0,0,0,0\n", "'q:a' twice"),
     ],
 )
 def test_wrong_csv_is_refused(tmp_path: FilePath, text: str, message: str) -> None:
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(FormatError, match=message):
         load_csv(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize(
+    ("header", "degree"),
+    [("t,q:a,q:b", 1), ("time,a,b", 1), ("t,v:b,q:a,v:a,q:b", 3), ("a:b,a:a,t,q:a,q:b,v:a,v:b", 5)],
+)
+def test_columns_decide_what_lies_between_rows_in_any_order(tmp_path: FilePath, header: str, degree: int) -> None:
+    columns = header.split(",")
+    values = {"t": 1.0, "time": 1.0, "q:a": 2.0, "a": 2.0, "q:b": 3.0, "b": 3.0}
+    rows = [[0.0] * len(columns), [values.get(name, 0.0) for name in columns]]
+    (tmp_path / "t.csv").write_text("\n".join([header, *(",".join(map(str, row)) for row in rows), ""]))
+    read = load_csv(tmp_path / "t.csv")
+    assert read.degree == degree
+    assert read.joint_names == ("a", "b")
+    np.testing.assert_allclose(read(1.0), [2.0, 3.0], atol=1e-15)
+    np.testing.assert_allclose(read(0.5), [1.0, 1.5], atol=1e-15)

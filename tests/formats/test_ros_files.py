@@ -1,0 +1,126 @@
+"""Trajectories of ROS programs: what a controller would drive is what is read, or the file is refused by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import rr1plan as rp
+from rr1plan.errors import FormatError, InputError, UnknownNameError
+from rr1plan.formats.ros_files import load_joint_trajectory
+from rr1plan.playback.export import TRAJECTORY_TOPIC, save_rosbag
+
+_POINTS = [
+    {"positions": [0.0, 1.0], "time_from_start": {"sec": 0, "nanosec": 0}},
+    {"positions": [0.5, 2.0], "time_from_start": {"sec": 1, "nanosec": 500_000_000}},
+]
+
+
+def message(points: object = _POINTS, **fields: object) -> dict[str, object]:
+    return {"joint_names": ["shoulder", "elbow"], "points": points, **fields}
+
+
+def written(folder: Path, data: object) -> Path:
+    file = folder / "motion.yaml"
+    file.write_text(data if isinstance(data, str) else yaml.safe_dump(data))
+    return file
+
+
+@pytest.mark.parametrize(
+    "wrap",
+    [
+        lambda m: m,
+        lambda m: {"header": {"frame_id": ""}, **m},
+        lambda m: {"joint_trajectory": m, "multi_dof_joint_trajectory": {}},
+        lambda m: {"goal": {"trajectory": m}},
+        lambda m: {"model_id": "arm", "trajectory": [{"joint_trajectory": m}]},
+        lambda m: yaml.safe_dump(m) + "---\n",
+    ],
+)
+def test_a_yaml_message_is_read_alone_or_in_what_holds_it(tmp_path: Path, wrap) -> None:
+    read = load_joint_trajectory(written(tmp_path, wrap(message())))
+    assert read.joint_names == ("shoulder", "elbow")
+    assert read.degree == 1
+    np.testing.assert_array_equal(read.breaks, [0.0, 1.5])
+    np.testing.assert_allclose(read(0.75), [0.25, 1.5])
+
+
+@pytest.mark.parametrize(("carried", "degree"), [(("velocities",), 3), (("velocities", "accelerations"), 5)])
+def test_what_points_carry_decides_what_lies_between_them(
+    tmp_path: Path, carried: tuple[str, ...], degree: int
+) -> None:
+    points = [{**p, **{name: [0.1, -0.2] for name in carried}, "effort": []} for p in _POINTS]
+    read = load_joint_trajectory(written(tmp_path, message(points)))
+    assert read.degree == degree
+    np.testing.assert_allclose(read(1.5, 1), [0.1, -0.2])
+
+
+def test_times_of_ros_1_and_plain_seconds_are_read(tmp_path: Path) -> None:
+    for time in ({"secs": 1, "nsecs": 500_000_000}, 1.5):
+        read = load_joint_trajectory(written(tmp_path, message([_POINTS[0], {**_POINTS[1], "time_from_start": time}])))
+        assert read.end_time == 1.5
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ("a: [", "is not YAML"),
+        ("[" * 3000, r"not YAML|nested too deeply"),
+        ("2020-99-99", "cannot be read"),
+        ("", "holds 0 messages"),
+        ("a: 1\n---\na: 2\n", "holds 2 messages"),
+        ({"fixed_frame": "map"}, "holds no trajectory_msgs"),
+        ([1, 2], "holds no trajectory_msgs"),
+        (message(extra=1), "unknown field `extra`"),
+        (message([]), "no points"),
+        (message(3), r"Expected `array`.*\$\.points"),
+        (message([{"time_from_start": 0}]), "missing required field `positions`"),
+        (message([{**_POINTS[0], "positions": [1.0]}]), "point 0 has 1 positions, expected 2"),
+        (message([{**_POINTS[0], "positions": ["a", 1.0]}]), r"points\[0\]\.positions\[0\]"),
+        (message([{**_POINTS[0], "positions": [float("nan"), 1.0]}]), "nan"),
+        (message([{**_POINTS[0], "velocities": [0.0, 0.0]}, _POINTS[1]]), "point 1 has none"),
+        (message([_POINTS[1], _POINTS[0]]), "do not strictly increase"),
+        (message([{**_POINTS[0], "accelerations": [0.0, 0.0]}]), "accelerations without velocities"),
+    ],
+)
+def test_a_wrong_yaml_message_is_refused_by_name(tmp_path: Path, data: object, words: str) -> None:
+    with pytest.raises(FormatError, match=words) as caught:
+        load_joint_trajectory(written(tmp_path, data))
+    assert "motion.yaml" in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> tuple[rp.Trajectory, Path]:
+    pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
+    coefficients = np.zeros((1, 6, 2))
+    coefficients[0, 3:] = np.outer([10, -15, 6], [1.0, -0.5])
+    motion = rp.Trajectory(("arm/a", "arm/b"), np.array([0.0, 1.0]), coefficients)
+    return motion, save_rosbag(tmp_path_factory.mktemp("bag") / "bag", motion, dt=0.1)
+
+
+def test_a_bag_that_was_written_reads_back_the_same_motion(bag: tuple[rp.Trajectory, Path]) -> None:
+    motion, folder = bag
+    for file in (folder, next(folder.glob("*.mcap"))):
+        read = load_joint_trajectory(file)
+        assert read.joint_names == ("a", "b")
+        assert read.degree == 5
+        times = np.linspace(0.0, 1.0, 57)
+        np.testing.assert_allclose(read(times), motion(times), atol=1e-9)
+    assert load_joint_trajectory(folder, TRAJECTORY_TOPIC).degree == 5
+
+
+def test_wrong_bags_and_topics_are_refused_by_name(bag: tuple[rp.Trajectory, Path], tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match=TRAJECTORY_TOPIC):
+        load_joint_trajectory(bag[1], "/joint_trajectoryy")
+    (tmp_path / "broken.bag").write_bytes(b"#ROSBAG V2.0\n" + b"x" * 100)
+    (tmp_path / "empty").mkdir()
+    for name in ("broken.bag", "empty"):
+        with pytest.raises(FormatError, match=f"{name}: cannot be read as a ROS bag"):
+            load_joint_trajectory(tmp_path / name)
+    with pytest.raises(FormatError, match="no such file"):
+        load_joint_trajectory(tmp_path / "none.mcap")
+    with pytest.raises(InputError, match="no bag and has no topics"):
+        load_joint_trajectory(written(tmp_path, message()), "/a")
