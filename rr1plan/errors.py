@@ -7,6 +7,7 @@
     ├── NoPlanError                   "no answer", only when asked for as an exception
     ├── RetimingError                 a path that cannot be given times under the limits
     ├── MissingPackageError (ImportError)   an optional package; names the extra to install
+    ├── InstallationError (ImportError)     a part of rr1plan that the build makes is missing or broken
     └── BackendError                  a library failed in a way we did not foresee
 
 "No answer" is a value (`PlanResult.status`), a wrong call is an exception.
@@ -84,6 +85,10 @@ class MissingPackageError(Rr1PlanError, ImportError):
     def __init__(self, package: str, purpose: str, extra: str | None = None) -> None:
         what = f"rr1plan[{extra}]" if extra else package
         super().__init__(f"{purpose} needs the package {package!r}; try: pip install '{what}'")
+
+
+class InstallationError(Rr1PlanError, ImportError):
+    """A part of rr1plan that its build makes is missing, or does not fit the rest; says how to build it."""
 
 
 class BackendError(Rr1PlanError):

@@ -1,0 +1,266 @@
+"""The certified edge in C: a scene's tables handed over once, then edges and curves certified by one call each."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan._kernels.cover import Cover
+from rr1plan._kernels.exact import ExactTables
+from rr1plan.checks import Array
+from rr1plan.kernels.library import load_library
+from rr1plan.kernels.memory import CStruct, address_of, zeroed
+
+# Intervals of one edge, and those left open, that are kept before the whole edge goes to the exact kernel.
+_INTERVALS = 512
+# Pairs and intervals that the exact kernel keeps open at once, at least; a power of two.
+_QUEUE = 1 << 15
+# Coefficients of a curve there is room for until a longer one comes.
+_TERMS = 8
+
+Answer = tuple[int, float, int]
+
+
+def exact_struct(tables: ExactTables, columns: int) -> CStruct:
+    """The exact kernel's tables as C reads them.
+
+    Args:
+        tables: The tables.
+        columns: Number of columns of q.
+    """
+    return CStruct(
+        "ExactTables",
+        joint_count=len(tables.joints),
+        body_count=len(tables.bodies),
+        pair_count=len(tables.pairs),
+        column_count=columns,
+        joints=tables.joints,
+        placements=tables.joint_values,
+        bodies=tables.bodies,
+        shapes=tables.body_values,
+        corners=tables.corners,
+        links=tables.links,
+        chain=tables.chain,
+        chain_reach=tables.chain_reach,
+        pairs=tables.pairs,
+        padding=tables.padding,
+    )
+
+
+def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS) -> CStruct:
+    """Memory that the exact kernel writes.
+
+    Args:
+        tables: Its tables; poses of what does not move are copied from them.
+        columns: Number of columns of q.
+        terms: Coefficients of the longest curve.
+    """
+    queue = max(_QUEUE, 1 << (8 * len(tables.pairs)).bit_length())
+    return CStruct(
+        "ExactScratch",
+        joint_poses=tables.joint_poses.copy(),
+        poses=tables.poses.copy(),
+        centers=tables.centres.copy(),
+        directions=np.zeros((len(tables.pairs), 3)),
+        travel=np.zeros((len(tables.bodies), len(tables.joints) + 1)),
+        travel_stride=len(tables.joints) + 1,
+        coefficients=np.zeros((terms, columns)),
+        coefficient_rows=terms,
+        q=np.zeros(columns),
+        reach=np.zeros(columns),
+        placed_at=np.zeros(len(tables.bodies), np.int64),
+        queue=zeroed("OpenInterval", queue),
+        queue_size=queue,
+    )
+
+
+def scene_struct(cover: Cover, exact: CStruct, columns: int, tolerance: float) -> CStruct:
+    """A scene's tables as C reads them.
+
+    Args:
+        cover: What the kernel knows of spheres, cores and pairs.
+        exact: What the exact kernel knows of the same pairs.
+        columns: Number of columns of q.
+        tolerance: Motions that pass at less than this beyond the padding are refused [m].
+    """
+    arm = CStruct(
+        "ArmGeometry",
+        joint_count=len(cover.joints),
+        body_count=len(cover.bodies),
+        group_count=len(cover.groups),
+        sphere_count=len(cover.spheres),
+        joints=cover.joints,
+        placements=cover.joint_values,
+        bodies=cover.bodies,
+        groups=cover.groups,
+        spheres=cover.spheres,
+        chain=cover.chain,
+        chain_reach=cover.chain_reach,
+        cores=cover.cores,
+        core_shapes=cover.core_values,
+        points=cover.points,
+        blocks=cover.blocks,
+        lowest=cover.lowest.view(np.uint64),
+    )
+    obstacles = CStruct(
+        "ObstacleTables",
+        count=len(cover.obstacles),
+        kinds=cover.obstacles,
+        shapes=cover.obstacle_values,
+        boxes=cover.boxes,
+        core=cover.core_of,
+    )
+    pairs = CStruct(
+        "PairTables",
+        pair_count=len(cover.padding),
+        body_pair_count=len(cover.meetings),
+        group_pair_count=len(cover.families),
+        padding=cover.padding,
+        obstacle_pair=cover.pair_of,
+        body_pairs=cover.meetings,
+        group_pairs=cover.families,
+        map_ranges=cover.map_ranges,
+        maps=cover.maps,
+    )
+    return CStruct(
+        "SceneTables",
+        arm=arm,
+        obstacles=obstacles,
+        pairs=pairs,
+        exact=exact,
+        column_count=columns,
+        margin=float(cover.margins[0]),
+        max_padding=float(cover.margins[1]),
+        tolerance=tolerance,
+    )
+
+
+def edge_scratch(cover: Cover, exact: CStruct, columns: int) -> CStruct:
+    """Memory that the kernel writes: one thread's.
+
+    Args:
+        cover: What the kernel knows of spheres, cores and pairs.
+        exact: Memory of the exact kernel.
+        columns: Number of columns of q.
+    """
+    longest = int((cover.groups[:, 5] - cover.groups[:, 4]).max(initial=0))
+    frames = zeroed("FrameLanes", len(cover.joints))
+    # The world's frame; all others are placed for every batch.
+    frames.view(np.float64).reshape(len(frames), 18, 8)[0, [0, 4, 8]] = 1.0
+    return CStruct(
+        "Scratch",
+        frames=frames,
+        spheres=zeroed("SphereLanes", len(cover.spheres)),
+        placed_batch=np.zeros(len(cover.bodies), np.int64),
+        near_obstacles=zeroed("Near", len(cover.obstacles)),
+        near_spheres=zeroed("Near", len(cover.spheres)),
+        group_lanes=np.zeros(len(cover.bodies), np.uint64),
+        speeds=np.zeros((len(cover.groups), longest + 1)),
+        accelerations=np.zeros((len(cover.groups), longest + 1)),
+        chain_stride=longest + 1,
+        joint_motions=zeroed("JointMotion", len(cover.joints)),
+        candidates=zeroed("Candidate", len(cover.padding) + 1),
+        intervals=zeroed("Interval", _INTERVALS),
+        open=zeroed("OpenInterval", _INTERVALS),
+        interval_size=_INTERVALS,
+        seeds=zeroed("DirectionSeed", len(cover.padding)),
+        curve=np.zeros((3, columns)),
+        exact=exact,
+    )
+
+
+class EdgeKernel:
+    """Edges and curves of a scene's moving arms, certified in C. It keeps scratch memory: give each thread its own.
+
+    Args:
+        cover: What the kernel knows of spheres, cores and pairs.
+        tables: What the exact kernel knows of the same pairs.
+        columns: Number of columns of q.
+        tolerance: Motions that pass at less than this beyond the padding are refused [m].
+        library: The compiled kernels (default: the fastest ones this processor can run).
+    """
+
+    def __init__(
+        self, cover: Cover, tables: ExactTables, columns: int, tolerance: float, library: ctypes.CDLL | None = None
+    ) -> None:
+        self._library = library or load_library()
+        self._exact = exact_struct(tables, columns)
+        self._exact_scratch = exact_scratch(tables, columns)
+        self.scene = scene_struct(cover, self._exact, columns, tolerance)
+        self.scratch = edge_scratch(cover, self._exact_scratch, columns)
+        self._ends = np.zeros((2, columns))
+        row = self._ends.strides[0]
+        begin = address_of(self._ends, "double")
+        self._edge_call = self.scene.address, self.scratch.address, begin, begin + row
+        self._certify_edge = self._library.rr1_certify_edge
+
+    def certify_edge(self, q0: Array, q1: Array) -> Answer:
+        """Certify the straight line between two configurations; shapes and numbers have been checked.
+
+        Args:
+            q0: Begin [rad or m], shape (nq,).
+            q1: End [rad or m], shape (nq,).
+
+        Returns:
+            FREE, CONTACT or GRAZING; where that is found (0..1); which pair (-1: free).
+        """
+        self._ends[0], self._ends[1] = q0, q1
+        status = self._certify_edge(*self._edge_call)
+        return self._answer(status)
+
+    def certify_parabola(self, curve: Array, duration: float) -> Answer:
+        """Certify a curve q(t) = sum_k curve[k] t^k, 0 <= t <= duration, of one to three terms.
+
+        Args:
+            curve: Coefficients, shape (k, nq).
+            duration: End of the curve; it begins at 0.
+
+        Returns:
+            See `certify_edge`.
+        """
+        curve = np.ascontiguousarray(curve)
+        status = self._library.rr1_certify_parabola(
+            self.scene.address, self.scratch.address, address_of(curve, "double"), len(curve), duration
+        )
+        return self._answer(status)
+
+    def certify_curve(self, curve: Array, duration: float) -> Answer:
+        """Certify a curve of any number of terms by the exact kernel alone.
+
+        Args:
+            curve: Coefficients, shape (k, nq).
+            duration: End of the curve; it begins at 0.
+
+        Returns:
+            See `certify_edge`, where in units of the duration.
+        """
+        curve = np.ascontiguousarray(curve)
+        exact = self._exact_scratch.value
+        if len(curve) > exact.coefficient_rows:
+            self._coefficients = np.zeros_like(curve)
+            exact.coefficients, exact.coefficient_rows = address_of(self._coefficients, "double"), len(curve)
+        status = self._library.rr1_certify_curve(
+            self.scene.address, self.scratch.address, address_of(curve, "double"), len(curve), duration
+        )
+        return self._answer(status)
+
+    def certify_edges(self, begins: Array, ends: Array) -> NDArray[np.int64]:
+        """The statuses of many edges.
+
+        Args:
+            begins: Configurations [rad or m], shape (n, nq).
+            ends: The same.
+        """
+        begins, ends = np.ascontiguousarray(begins), np.ascontiguousarray(ends)
+        statuses = np.zeros(len(begins), np.int64)
+        addresses = (address_of(table, "double") for table in (begins, ends))
+        self._library.rr1_certify_edges(
+            self.scene.address, self.scratch.address, *addresses, len(begins), address_of(statuses, "int64_t")
+        )
+        return statuses
+
+    def _answer(self, status: int) -> Answer:
+        result = self.scratch.value.result
+        return status, result.fraction, result.pair

@@ -1,0 +1,206 @@
+// What may meet on an edge, from coarse to fine: groups of bodies, bodies, clearance maps, spheres.
+//
+// What is left open is a list of candidates: a body and an obstacle or another body, and in which lanes.
+#include "scene_tables.h"
+
+// Candidates from this one on share a bit.
+#define LAST_BIT 62
+
+typedef struct {
+    double low[3], high[3];
+} Box;
+
+// The box around a ball on the whole edge, with all that any pair has to keep.
+INLINE Box box_around(int64_t sphere, const SceneTables *scene, const Scratch *scratch) {
+    const SphereLanes *placed = &scratch->spheres[sphere];
+    f64x8 travel = placed->travel + (scene->arm->spheres[sphere].radius + scene->margin + scene->max_padding);
+    Box box;
+    for (int c = 0; c < 3; c++) {
+        box.low[c] = min_of_lanes(placed->center[c] - travel);
+        box.high[c] = max_of_lanes(placed->center[c] + travel);
+    }
+    return box;
+}
+
+// Bits of the LANES obstacles from one on whose boxes meet a box.
+INLINE uint64_t boxes_near(const Box *box, int64_t first, const ObstacleTables *obstacles) {
+    const double *low = obstacles->boxes + first, *high = low + 3 * obstacles->count;
+    int64_t n = obstacles->count;
+    // Comparisons that are true of all that is not proven apart.
+    i64x8 apart = (load_lanes(low) >= box->high[0]) | (load_lanes(low + n) >= box->high[1]) |
+                  (load_lanes(low + 2 * n) >= box->high[2]) | (load_lanes(high) <= box->low[0]) |
+                  (load_lanes(high + n) <= box->low[1]) | (load_lanes(high + 2 * n) <= box->low[2]);
+    return bits_of(~apart);
+}
+
+// Report a contact, in the first of the lanes.
+static void report_contact(int64_t pair, uint64_t lanes, Scratch *scratch) {
+    scratch->result.status = EDGE_CONTACT;
+    scratch->result.pair = pair;
+    scratch->result.fraction = scratch->middles[first_bit(lanes)];
+}
+
+// Test a candidate whose balls are placed and near; its lanes become fewer. 1 if it is a contact.
+static __attribute__((noinline)) int test_candidate(Candidate *candidate, int64_t batch, f64x8 h,
+                                                    const SceneTables *scene, Scratch *scratch) {
+    SphereTest found;
+    if (candidate->body_pair >= 0) {
+        uint64_t lanes = lanes_not_mapped(candidate->body_pair, candidate->lanes, scene, scratch);
+        candidate->lanes = lanes;
+        if (lanes == 0) return 0;
+        found = test_body(&scene->pairs->body_pairs[candidate->body_pair], lanes, batch, h, scene, scratch);
+    } else {
+        found = test_obstacle(candidate->body, candidate->other, candidate->pair, candidate->lanes, batch, h, scene,
+                              scratch);
+    }
+    candidate->lanes = found.open;
+    candidate->sphere = found.sphere;
+    candidate->other_sphere = found.other_sphere;
+    if (found.touching == 0) return 0;
+    report_contact(candidate->pair, found.touching, scratch);
+    return 1;
+}
+
+// Add a candidate if spheres do not clear it; their number, or -1 for a contact.
+INLINE int64_t add_candidate(int64_t count, int64_t body, int64_t other, int64_t body_pair, int64_t pair,
+                             uint64_t lanes, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    Candidate *candidate = &scratch->candidates[count];
+    candidate->body = body;
+    candidate->other = other;
+    candidate->body_pair = body_pair;
+    candidate->pair = pair;
+    candidate->lanes = lanes;
+    if (test_candidate(candidate, 1, h, scene, scratch)) return -1;
+    return candidate->lanes ? count + 1 : count;
+}
+
+// List the obstacles that the ball around a group may come too near, and in which lanes; how many.
+INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    int64_t ball = scene->arm->groups[g].ball, count = 0;
+    place_ball(g, ball, h, scene, scratch);
+    Box box = box_around(ball, scene, scratch);
+    for (int64_t block = 0; block < scene->obstacles->count; block += LANES) {
+        for (uint64_t near = boxes_near(&box, block, scene->obstacles); near; near &= near - 1) {
+            int64_t o = block + first_bit(near);
+            uint64_t lanes = lanes_near_obstacle(g, ball, o, scene->max_padding, ALL_LANES, h, scene, scratch);
+            if (lanes) scratch->near_obstacles[count++] = (Near){o, lanes};
+        }
+    }
+    return count;
+}
+
+// List the obstacles that spheres do not clear on the whole edge, the bodies farthest from the base first.
+//
+// The number of candidates, or -1 for a contact.
+static int64_t meet_obstacles(f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    const ArmGeometry *arm = scene->arm;
+    int64_t count = 0;
+    for (int64_t g = arm->group_count - 1; g >= 0; g--) {
+        const Group *group = &arm->groups[g];
+        int64_t listed = list_obstacles(g, h, scene, scratch);
+        // A single body's ball is the group's, placed by now.
+        int alone = group->last_body - group->first_body == 1;
+        if (alone) scratch->placed_batch[group->first_body] = -1;
+        if (listed == 0) continue;
+        for (int64_t b = group->first_body; b < group->last_body; b++) {
+            const int64_t *pairs = scene->pairs->obstacle_pair + b * scene->obstacles->count;
+            ready_ball(b, 1, h, scene, scratch);
+            for (int64_t n = 0; n < listed; n++) {
+                int64_t o = scratch->near_obstacles[n].index, pair = pairs[o];
+                uint64_t lanes = scratch->near_obstacles[n].lanes;
+                if (pair < 0) continue;
+                if (!alone)
+                    lanes = lanes_near_obstacle(g, arm->bodies[b].first_sphere, o, scene->pairs->padding[pair], lanes,
+                                                h, scene, scratch);
+                if (lanes == 0) continue;
+                count = add_candidate(count, b, o, -1, pair, lanes, h, scene, scratch);
+                if (count < 0) return -1;
+            }
+        }
+    }
+    return count;
+}
+
+// In which of the lanes given each body of a group may come too near the ball around another group.
+INLINE void list_bodies(Groups of, uint64_t lanes, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    const ArmGeometry *arm = scene->arm;
+    int64_t ball = arm->groups[of.other].ball;
+    for (int64_t b = arm->groups[of.group].first_body; b < arm->groups[of.group].last_body; b++) {
+        ready_ball(b, 1, h, scene, scratch);
+        scratch->group_lanes[b] =
+            lanes_near_sphere(of, arm->bodies[b].first_sphere, ball, lanes, scene->max_padding, h, scene, scratch);
+    }
+}
+
+// Add the body pairs of two groups that neither maps nor spheres prove apart; -1 for a contact.
+INLINE int64_t meet_groups(int64_t count, const GroupPair *groups, f64x8 h, const SceneTables *scene,
+                           Scratch *scratch) {
+    const ArmGeometry *arm = scene->arm;
+    const Group *group = &arm->groups[groups->group], *other = &arm->groups[groups->other];
+    Groups of = {groups->group, groups->other, groups->shared};
+    int64_t pairs = groups->last - groups->first;
+    if (groups->map >= 0 && map_is_free(groups->map, groups->first, 0.0, 1.0, scene, scratch)) return count;
+    uint64_t near = ALL_LANES;
+    if (pairs > 1) {
+        near = lanes_near_sphere(of, group->ball, other->ball, ALL_LANES, scene->max_padding, h, scene, scratch);
+        if (near == 0) return count;
+    }
+    // Where there are more pairs than bodies, each body against the other group first.
+    int64_t bodies = group->last_body - group->first_body + other->last_body - other->first_body;
+    int by_body = pairs > bodies;
+    if (by_body) {
+        list_bodies(of, near, h, scene, scratch);
+        list_bodies((Groups){of.other, of.group, of.shared}, near, h, scene, scratch);
+    }
+    for (int64_t m = groups->first; m < groups->last; m++) {
+        const BodyPair *pair = &scene->pairs->body_pairs[m];
+        uint64_t lanes = by_body ? near & scratch->group_lanes[pair->body] & scratch->group_lanes[pair->other] : near;
+        if (lanes == 0) continue;
+        if (pair->map >= 0 && map_is_free(pair->map, m, 0.0, 1.0, scene, scratch)) continue;
+        ready_ball(pair->body, 1, h, scene, scratch);
+        ready_ball(pair->other, 1, h, scene, scratch);
+        lanes = lanes_near_sphere(of, arm->bodies[pair->body].first_sphere, arm->bodies[pair->other].first_sphere,
+                                  lanes, scene->pairs->padding[pair->pair], h, scene, scratch);
+        if (lanes == 0) continue;
+        count = add_candidate(count, pair->body, pair->other, m, pair->pair, lanes, h, scene, scratch);
+        if (count < 0) return -1;
+    }
+    return count;
+}
+
+// Add the body pairs that neither maps nor spheres prove apart on the whole edge; -1 for a contact.
+static int64_t meet_bodies(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    for (int64_t f = 0; f < scene->pairs->group_pair_count && count >= 0; f++)
+        count = meet_groups(count, &scene->pairs->group_pairs[f], h, scene, scratch);
+    return count;
+}
+
+// In which of the lanes given the balls of a candidate may be too near.
+INLINE uint64_t lanes_near(const Candidate *candidate, uint64_t lanes, int64_t batch, f64x8 h,
+                           const SceneTables *scene, Scratch *scratch) {
+    const Body *body = &scene->arm->bodies[candidate->body];
+    double padding = scene->pairs->padding[candidate->pair];
+    ready_ball(candidate->body, batch, h, scene, scratch);
+    if (candidate->body_pair < 0)
+        return lanes_near_obstacle(body->group, body->first_sphere, candidate->other, padding, lanes, h, scene,
+                                   scratch);
+    const Body *other = &scene->arm->bodies[candidate->other];
+    ready_ball(candidate->other, batch, h, scene, scratch);
+    Groups of = {body->group, other->group, scene->pairs->body_pairs[candidate->body_pair].shared};
+    return lanes_near_sphere(of, body->first_sphere, other->first_sphere, lanes, padding, h, scene, scratch);
+}
+
+// Test candidates again in the lanes of a later batch in which they are open; 1 if there is a contact.
+static int meet_again(int64_t count, int64_t head, int64_t taken, int64_t batch, f64x8 h, const SceneTables *scene,
+                      Scratch *scratch) {
+    for (int64_t k = 0; k < count; k++) {
+        Candidate *candidate = &scratch->candidates[k];
+        uint64_t lanes = 0;
+        int64_t bit = k < LAST_BIT ? k : LAST_BIT;
+        for (int64_t i = 0; i < taken; i++) lanes |= (scratch->intervals[head + i].candidates >> bit & 1) << i;
+        if (lanes) lanes = lanes_near(candidate, lanes, batch, h, scene, scratch);
+        candidate->lanes = lanes;
+        if (lanes && test_candidate(candidate, batch, h, scene, scratch)) return 1;
+    }
+    return 0;
+}

@@ -1,0 +1,167 @@
+// A certificate for a whole curve in joint space by the exact kernel (Schwarzer, Saha and Latombe, Adaptive dynamic
+// collision checking for single and multiple articulated robots in complex environments, 2005).
+//
+// Around a configuration, a pair of bodies with a gap c stays apart as long as they move against each other by less
+// than c. How far that can be on an interval is bounded by the sum, over the joints that move one but not the other, of
+// how much the joint turns times how far from its axis the body reaches. Intervals whose gap does not suffice are
+// halved, all of one width before any narrower one, so that contacts show early.
+//
+// Curves are polynomials in t; a straight edge is one of degree 1.
+#include "scene_tables.h"
+
+// Rounding of positions is far below this [m]; every bound of a displacement is made larger by it.
+#define ROUNDING 1e-9
+#define EPSILON 2.3e-16
+// Where bodies move farther than this, only contacts are looked for [m].
+#define COARSE 0.07
+// Numbers so large that their rounding alone exceeds the tolerance would halve for ever.
+#define MOST_CONFIGURATIONS 2000000
+
+// What a pair is besides, until its intervals are halved often enough.
+enum { PAIR_OPEN = EDGE_GRAZING + 1 };
+
+// q(t) = sum_k coefficients[k] t^k, 0 <= t <= duration, shape (terms, nq).
+typedef struct {
+    const double *coefficients;
+    int64_t terms;
+    double duration;
+} Curve;
+
+// Position at the middle of an interval into `q`, and how far each column gets from it on the interval into `reach`.
+static void place_interval(const Curve *curve, double middle, double half, int64_t nq, ExactScratch *scratch) {
+    double *at = scratch->coefficients;
+    int64_t terms = curve->terms;
+    for (int64_t j = 0; j < nq; j++) {
+        double size = 0.0, power = 1.0;
+        for (int64_t k = 0; k < terms; k++) {
+            at[k * nq + j] = curve->coefficients[k * nq + j];
+            size += abs_number(curve->coefficients[k * nq + j]) * power;
+            power *= curve->duration;
+        }
+        // Taylor's coefficients at the middle, by repeated division.
+        for (int64_t first = 0; first < terms - 1; first++)
+            for (int64_t k = terms - 2; k >= first; k--) at[k * nq + j] += middle * at[(k + 1) * nq + j];
+        scratch->q[j] = at[j];
+        double bound = 0.0;
+        for (int64_t k = terms - 1; k > 0; k--) bound = (bound + abs_number(at[k * nq + j])) * half;
+        scratch->reach[j] = bound * SLACK + 8.0 * (double)terms * (double)terms * EPSILON * size;
+    }
+}
+
+// What a pair is on the interval at hand, of number `seen`: EDGE_FREE, EDGE_CONTACT, EDGE_GRAZING or PAIR_OPEN.
+static int judge_pair(int64_t p, double tolerance, int64_t seen, const ExactTables *exact, ExactScratch *scratch,
+                      Counters *done) {
+    const ExactPair *pair = &exact->pairs[p];
+    double moved = 0.0;
+    for (int side = 0; side < 2; side++) {
+        int64_t body = side ? pair->other : pair->body;
+        if (!moves(&exact->bodies[body])) continue;
+        if (scratch->placed_at[body] != seen) {
+            scratch->placed_at[body] = seen;
+            place_body(body, exact, scratch);
+            bound_travel(body, scratch->reach, exact, scratch);
+        }
+        moved += scratch->travel[body * scratch->travel_stride + pair->shared];
+    }
+    double padding = exact->padding[p], enough = padding + moved * SLACK + ROUNDING;
+    double quick = quick_gap(pair->body, pair->other, enough, exact, scratch);
+    if (quick >= enough) return EDGE_FREE;
+    // Too wide an interval to prove anything on, and no contact to be seen: halve it.
+    if (moved > COARSE && quick > padding) return PAIR_OPEN;
+    done->gaps++;
+    GapBounds gap =
+        fine_gap(pair->body, pair->other, padding, enough, &scratch->directions[p], exact, scratch);
+    if (gap.lower >= enough) return EDGE_FREE;
+    if (gap.upper <= padding) return EDGE_CONTACT;
+    return moved < tolerance ? EDGE_GRAZING : PAIR_OPEN;
+}
+
+// What is open, as a ring of which both ends can be taken from; entries of one interval are neighbors.
+typedef struct {
+    OpenInterval *entries;
+    int64_t size;  // a power of two
+    int64_t head;  // counted on beyond the end of the ring
+    int64_t tail;
+} Queue;
+
+INLINE OpenInterval *queue_at(const Queue *queue, int64_t i) { return &queue->entries[i & (queue->size - 1)]; }
+
+INLINE int same_interval(const OpenInterval *a, const OpenInterval *b) {
+    return a->middle == b->middle && a->half == b->half;
+}
+
+// Number of entries at the front (or the back) that belong to one interval.
+static int64_t run_length(const Queue *queue, int back) {
+    int64_t count = queue->tail - queue->head, run = 1;
+    int64_t first = back ? queue->tail - 1 : queue->head, step = back ? -1 : 1;
+    while (run < count && same_interval(queue_at(queue, first), queue_at(queue, first + step * run))) run++;
+    return run;
+}
+
+// Fill the ring with the entries given, those of one interval brought together in the order of their first.
+static int fill_queue(Queue *queue, const OpenInterval *open, int64_t count) {
+    if (count > queue->size) return 0;
+    for (int64_t i = 0; i < count; i++) {
+        int seen = 0;
+        for (int64_t k = 0; k < i && !seen; k++) seen = same_interval(&open[i], &open[k]);
+        for (int64_t k = i; k < count && !seen; k++)
+            if (same_interval(&open[i], &open[k])) *queue_at(queue, queue->tail++) = open[k];
+    }
+    return 1;
+}
+
+// Halve intervals until every pair open on them is proven apart, or one is not.
+//
+// The widest come first. Where the ring is half full the narrowest do, which takes no more room than their depth.
+static EdgeResult halve(const Curve *curve, double tolerance, Queue *queue, const ExactTables *exact,
+                        ExactScratch *scratch, Counters *done) {
+    int64_t seen = 0;
+    for (int64_t b = 0; b < exact->body_count; b++) scratch->placed_at[b] = -1;
+    // From one interval to the next a pair keeps its direction; from call to call it does not: same edge, same answer.
+    for (int64_t p = 0; p < exact->pair_count; p++) scratch->directions[p] = (ExactPoint){0.0, 0.0, 0.0};
+    while (queue->tail > queue->head) {
+        int back = queue->tail - queue->head > queue->size / 2;
+        int64_t run = run_length(queue, back), first = back ? queue->tail - run : queue->head;
+        OpenInterval interval = *queue_at(queue, first);
+        if (seen > MOST_CONFIGURATIONS) return (EdgeResult){EDGE_GRAZING, interval.pair, interval.middle};
+        place_interval(curve, interval.middle, interval.half, exact->column_count, scratch);
+        place_joints(scratch->q, exact, scratch);
+        seen++;
+        done->configurations++;
+        // Taken from the back, halves overwrite their interval; from the front, they are added behind all others.
+        if (back) queue->tail = first;
+        int64_t left = queue->tail;
+        double half = 0.5 * interval.half;
+        for (int64_t k = 0; k < run; k++) {
+            int64_t pair = queue_at(queue, first + k)->pair;
+            int status = judge_pair(pair, tolerance, seen, exact, scratch, done);
+            if (status == PAIR_OPEN) {
+                if (queue->tail - queue->head == queue->size)
+                    return (EdgeResult){EDGE_GRAZING, pair, interval.middle};
+                *queue_at(queue, queue->tail++) = (OpenInterval){interval.middle - half, half, pair};
+            } else if (status != EDGE_FREE) {
+                return (EdgeResult){status, pair, interval.middle};
+            }
+        }
+        int64_t open = queue->tail - left;
+        if (queue->tail - queue->head + open > queue->size)
+            return (EdgeResult){EDGE_GRAZING, interval.pair, interval.middle};
+        for (int64_t k = 0; k < open; k++)
+            *queue_at(queue, queue->tail++) =
+                (OpenInterval){interval.middle + half, half, queue_at(queue, left + k)->pair};
+        if (!back) queue->head += run;
+    }
+    return (EdgeResult){EDGE_FREE, -1, 0.0};
+}
+
+// Certify what is open of a curve, entries of one interval in any order; a count of -1: all pairs on all of it.
+static EdgeResult certify_open(const Curve *curve, double tolerance, const OpenInterval *open, int64_t count,
+                               const ExactTables *exact, ExactScratch *scratch, Counters *done) {
+    Queue queue = {scratch->queue, scratch->queue_size, 0, 0};
+    double half = 0.5 * curve->duration;
+    if (count < 0)
+        for (int64_t p = 0; p < exact->pair_count; p++) *queue_at(&queue, queue.tail++) = (OpenInterval){half, half, p};
+    else if (!fill_queue(&queue, open, count))
+        return (EdgeResult){EDGE_GRAZING, open[0].pair, open[0].middle};
+    return halve(curve, tolerance, &queue, exact, scratch, done);
+}

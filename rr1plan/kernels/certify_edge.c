@@ -1,0 +1,168 @@
+// A straight edge or a parabola certified free of contact: by spheres and directions in lanes, and by the exact kernel
+// where those leave something open.
+//
+// The edge is cut into intervals until each is proven, eight looked at together. What is proven is dropped, the rest is
+// halved; what neither spheres nor directions can decide is listed for the exact kernel.
+//
+// The answer is the exact kernel's: what spheres prove free has a gap beyond its tolerance everywhere, and what they
+// prove to touch is nearer than the padding.
+#include "scene_tables.h"
+
+// Intervals are halved down to this half width.
+#define NARROWEST (1.0 / 1024.0)
+
+enum { SWEEP_PROVEN, SWEEP_CONTACT, SWEEP_OPEN, SWEEP_FULL };
+
+// Remember the open lanes of a candidate: to be halved, or for the exact kernel; 0 if there is no room.
+INLINE int keep_open(const Candidate *candidate, Separation8 found, int64_t bit, int64_t batch, Scratch *scratch) {
+    for (uint64_t left = found.open; left; left &= left - 1) {
+        int64_t i = first_bit(left);
+        double half = scratch->halves[i];
+        if (half > NARROWEST && (batch == 1 || !(found.stuck >> i & 1))) {
+            scratch->lane_candidates[i] |= (uint64_t)1 << bit;
+        } else {
+            if (scratch->open_count == scratch->interval_size) return 0;
+            scratch->open[scratch->open_count++] = (OpenInterval){scratch->middles[i], half, candidate->pair};
+        }
+    }
+    return 1;
+}
+
+// What spheres left of the candidates, by directions; after the first batch those that are still open move up.
+static int meet_by_directions(int64_t *count, int64_t batch, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    Candidate *candidates = scratch->candidates;
+    int64_t kept = 0;
+    for (int64_t k = 0; k < *count; k++) {
+        if (candidates[k].lanes == 0) continue;
+        Separation8 found = separate(&candidates[k], h, scene, scratch);
+        if (found.touching) {
+            report_contact(candidates[k].pair, found.touching, scratch);
+            return SWEEP_CONTACT;
+        }
+        if (found.open == 0) continue;
+        int64_t bit = batch == 1 ? kept : k;
+        if (!keep_open(&candidates[k], found, bit < LAST_BIT ? bit : LAST_BIT, batch, scratch)) return SWEEP_FULL;
+        if (batch == 1) candidates[kept++] = candidates[k];
+    }
+    if (batch == 1) *count = kept;
+    return SWEEP_OPEN;
+}
+
+// Add both halves of each interval of a batch on which something is open; the new number of intervals.
+INLINE int64_t halve_intervals(int64_t tail, int64_t taken, Scratch *scratch) {
+    for (int64_t i = 0; i < taken; i++) {
+        if (scratch->lane_candidates[i] == 0) continue;
+        double half = 0.5 * scratch->halves[i];
+        for (int side = 0; side < 2; side++)
+            scratch->intervals[tail++] =
+                (Interval){scratch->middles[i] + (2.0 * side - 1.0) * half, half, scratch->lane_candidates[i]};
+    }
+    return tail;
+}
+
+// The edge in `curve` against all obstacles and between its own bodies, by spheres and directions.
+//
+// SWEEP_PROVEN; SWEEP_CONTACT, reported; or SWEEP_OPEN: `open_count` intervals and pairs are left to the exact kernel
+// (-1: the whole edge).
+static int sweep(const SceneTables *scene, Scratch *scratch) {
+    scratch->open_count = 0;
+    scratch->batches = 0;
+    scratch->edge++;
+    if (!angles_are_small(scene, scratch)) {
+        scratch->open_count = -1;
+        return SWEEP_OPEN;
+    }
+    bound_motion(scene, scratch);
+    for (int64_t b = 0; b < scene->arm->body_count; b++) scratch->placed_batch[b] = 0;
+    int64_t head = 0, tail = LANES, count = 0;
+    for (int64_t i = 0; i < LANES; i++)
+        scratch->intervals[i] = (Interval){((double)i + 0.5) / LANES, 0.5 / LANES, 0};
+    while (head < tail) {
+        int64_t batch = ++scratch->batches, taken = tail - head < LANES ? tail - head : LANES;
+        for (int64_t i = 0; i < LANES; i++) {
+            const Interval *interval = &scratch->intervals[head + (i < taken ? i : taken - 1)];
+            scratch->middles[i] = interval->middle;
+            scratch->halves[i] = interval->half;
+            scratch->lane_candidates[i] = 0;
+        }
+        f64x8 h = load_lanes(scratch->halves);
+        place_frames(load_lanes(scratch->middles), scene, scratch);
+        int contact;
+        if (batch == 1) {
+            count = meet_obstacles(h, scene, scratch);
+            if (count >= 0) count = meet_bodies(count, h, scene, scratch);
+            contact = count < 0;
+        } else {
+            contact = meet_again(count, head, taken, batch, h, scene, scratch);
+        }
+        if (contact) return SWEEP_CONTACT;
+        int answer = meet_by_directions(&count, batch, h, scene, scratch);
+        if (answer == SWEEP_CONTACT) return answer;
+        if (answer == SWEEP_FULL || tail + 2 * LANES > scratch->interval_size) {
+            // All that is open at present may not fit: the edge is left to the exact kernel.
+            scratch->open_count = -1;
+            return SWEEP_OPEN;
+        }
+        tail = halve_intervals(tail, taken, scratch);
+        head += taken;
+    }
+    return scratch->open_count == 0 ? SWEEP_PROVEN : SWEEP_OPEN;
+}
+
+// The answer for the edge in `curve`, of which so many coefficients count.
+static int64_t decide(int64_t terms, const SceneTables *scene, Scratch *scratch) {
+    Counters *done = &scratch->done;
+    done->edges++;
+    int answer = sweep(scene, scratch);
+    done->configurations += LANES * scratch->batches;
+    if (answer == SWEEP_PROVEN) {
+        scratch->result = (EdgeResult){EDGE_FREE, -1, 0.0};
+    } else if (answer == SWEEP_OPEN) {
+        done->exact_edges++;
+        Curve curve = {scratch->curve, terms, 1.0};
+        scratch->result =
+            certify_open(&curve, scene->tolerance, scratch->open, scratch->open_count, scene->exact, scratch->exact, done);
+    }
+    return scratch->result.status;
+}
+
+// Certify the straight line from q0 to q1, shape (nq,); the status, and all of the answer in `result`.
+EXPORT int64_t rr1_certify_edge(const SceneTables *scene, Scratch *scratch, const double *q0, const double *q1) {
+    int64_t nq = scene->column_count;
+    for (int64_t c = 0; c < nq; c++) {
+        scratch->curve[c] = q0[c];
+        scratch->curve[nq + c] = q1[c] - q0[c];
+        scratch->curve[2 * nq + c] = 0.0;
+    }
+    return decide(2, scene, scratch);
+}
+
+// Certify the curve sum_k coefficients[k] t^k, 0 <= t <= duration, of 1, 2 or 3 terms, shape (terms, nq).
+EXPORT int64_t rr1_certify_parabola(const SceneTables *scene, Scratch *scratch, const double *coefficients,
+                                    int64_t terms, double duration) {
+    int64_t nq = scene->column_count;
+    double factor = 1.0;
+    for (int64_t k = 0; k < 3; k++) {
+        for (int64_t c = 0; c < nq; c++)
+            scratch->curve[k * nq + c] = k < terms ? coefficients[k * nq + c] * factor : 0.0;
+        factor *= duration;
+    }
+    return decide(3, scene, scratch);
+}
+
+// Certify a curve of any number of terms by the exact kernel alone; up to `coefficient_rows` of its scratch.
+EXPORT int64_t rr1_certify_curve(const SceneTables *scene, Scratch *scratch, const double *coefficients,
+                                 int64_t terms, double duration) {
+    Curve curve = {coefficients, terms, duration};
+    scratch->done.edges++;
+    scratch->result = certify_open(&curve, scene->tolerance, 0, -1, scene->exact, scratch->exact, &scratch->done);
+    return scratch->result.status;
+}
+
+// Certify straight edges, each from a row of `begins` to that of `ends`, shape (count, nq); their statuses.
+EXPORT void rr1_certify_edges(const SceneTables *scene, Scratch *scratch, const double *begins, const double *ends,
+                              int64_t count, int64_t *statuses) {
+    int64_t nq = scene->column_count;
+    for (int64_t i = 0; i < count; i++)
+        statuses[i] = rr1_certify_edge(scene, scratch, begins + i * nq, ends + i * nq);
+}

@@ -1,0 +1,106 @@
+// How far two bodies are apart in one configuration: a quick bound from below, and the gap itself.
+#include "scene_tables.h"
+
+// Distance from the center of a's ball to the bounding box of b [m].
+static double center_to_box(int64_t a, int64_t b, const ExactTables *exact, const ExactScratch *scratch) {
+    const ExactShape *shape = &exact->shapes[b];
+    const double *R = scratch->poses[b].rotation, *o = scratch->poses[b].origin;
+    const ExactPoint *center = &scratch->centers[a];
+    double dx = center->x - o[0], dy = center->y - o[1], dz = center->z - o[2], square = 0.0;
+    for (int c = 0; c < 3; c++) {
+        double along = R[c] * dx + R[3 + c] * dy + R[6 + c] * dz;
+        double out = abs_number(along - shape->box_center[c]) - shape->box_half[c];
+        if (out > 0.0) square += out * out;
+    }
+    return sqrt_number(square);
+}
+
+// A lower bound of the distance of two bodies from their balls and boxes [m]; it stops at `enough`.
+static double quick_gap(int64_t a, int64_t b, double enough, const ExactTables *exact, const ExactScratch *scratch) {
+    if (exact->bodies[b].kind == BODY_HALF_SPACE) return -__builtin_inf();
+    const ExactPoint *p = &scratch->centers[a], *o = &scratch->centers[b];
+    double dx = p->x - o->x, dy = p->y - o->y, dz = p->z - o->z;
+    double ra = exact->shapes[a].ball_radius, rb = exact->shapes[b].ball_radius;
+    double gap = sqrt_number(dx * dx + dy * dy + dz * dz) - ra - rb;
+    if (gap < enough && exact->bodies[b].kind != BODY_POINT)
+        gap = max_number(gap, center_to_box(a, b, exact, scratch) - ra);
+    if (gap < enough && exact->bodies[a].kind != BODY_POINT)
+        gap = max_number(gap, center_to_box(b, a, exact, scratch) - rb);
+    return gap;
+}
+
+INLINE Core core_of(int64_t body, const ExactTables *exact, const ExactScratch *scratch) {
+    const ExactBody *of = &exact->bodies[body];
+    return (Core){of->kind, exact->shapes[body].size, &scratch->poses[body], exact->corners, exact->links,
+                  of->first_corner};
+}
+
+// Exact distance of a body's core to the plane of half-space b [m].
+static double half_space_gap(int64_t a, int64_t b, const ExactTables *exact, const ExactScratch *scratch) {
+    const double *R = scratch->poses[b].rotation, *o = scratch->poses[b].origin, *normal = exact->shapes[b].size;
+    Vec n = {
+        R[0] * normal[0] + R[1] * normal[1] + R[2] * normal[2],
+        R[3] * normal[0] + R[4] * normal[1] + R[5] * normal[2],
+        R[6] * normal[0] + R[7] * normal[1] + R[8] * normal[2],
+    };
+    Core core = core_of(a, exact, scratch);
+    Vec p = farthest_point(&core, (Vec){-n.x, -n.y, -n.z});
+    return n.x * (p.x - o[0]) + n.y * (p.y - o[1]) + n.z * (p.z - o[2]) - exact->shapes[b].offset;
+}
+
+// Bounds of the distance of a body to the occupied cells of cloud b [m].
+static GapBounds cells_gap(int64_t a, int64_t b, double least, double enough, ExactPoint *direction,
+                           const ExactTables *exact, const ExactScratch *scratch) {
+    const Pose *pose = &scratch->poses[b];
+    const double *R = pose->rotation, *o = pose->origin;
+    const ExactPoint *center = &scratch->centers[a];
+    double half = exact->shapes[b].size[0], radius = exact->shapes[a].radius;
+    double dx = center->x - o[0], dy = center->y - o[1], dz = center->z - o[2];
+    double lx = R[0] * dx + R[3] * dy + R[6] * dz;
+    double ly = R[1] * dx + R[4] * dy + R[7] * dz;
+    double lz = R[2] * dx + R[5] * dy + R[8] * dz;
+    double near = enough + exact->shapes[a].ball_radius;
+    Pose cell = *pose;
+    GapBounds gap = {__builtin_inf(), __builtin_inf()};
+    for (int64_t i = exact->bodies[b].first_corner; i < exact->bodies[b].last_corner; i++) {
+        const ExactPoint *middle = &exact->corners[i];
+        double ox = max_number(0.0, abs_number(lx - middle->x) - half);
+        double oy = max_number(0.0, abs_number(ly - middle->y) - half);
+        double oz = max_number(0.0, abs_number(lz - middle->z) - half);
+        double square = ox * ox + oy * oy + oz * oz;
+        if (near >= 0.0 && square >= near * near) continue;
+        for (int r = 0; r < 3; r++)
+            cell.origin[r] = o[r] + R[3 * r] * middle->x + R[3 * r + 1] * middle->y + R[3 * r + 2] * middle->z;
+        *direction =
+            (ExactPoint){center->x - cell.origin[0], center->y - cell.origin[1], center->z - cell.origin[2]};
+        Core core = core_of(a, exact, scratch);
+        Core box = {BODY_BOX, exact->shapes[b].size, &cell, exact->corners, exact->links, 0};
+        GapBounds found = core_gap(&core, &box, least + radius, enough + radius, direction);
+        gap.lower = min_number(gap.lower, found.lower - radius);
+        gap.upper = min_number(gap.upper, found.upper - radius);
+        if (gap.upper <= least) return gap;
+    }
+    return gap;
+}
+
+// Bounds of the distance of two bodies [m], b being the half-space or cloud if there is one.
+//
+// It may stop where the distance is proven to be at most `least`, or at least `enough`. `direction`: to begin with,
+// zero where none is known; on return the last one.
+static GapBounds fine_gap(int64_t a, int64_t b, double least, double enough, ExactPoint *direction,
+                          const ExactTables *exact, const ExactScratch *scratch) {
+    double radius = exact->shapes[a].radius + exact->shapes[b].radius;
+    if (exact->bodies[b].kind == BODY_HALF_SPACE) {
+        double gap = half_space_gap(a, b, exact, scratch) - radius;
+        return (GapBounds){gap, gap};
+    }
+    if (exact->bodies[b].kind == BODY_CELLS) return cells_gap(a, b, least, enough, direction, exact, scratch);
+    if (direction->x == 0.0 && direction->y == 0.0 && direction->z == 0.0) {
+        const ExactPoint *p = &scratch->centers[a], *o = &scratch->centers[b];
+        *direction = (ExactPoint){p->x - o->x, p->y - o->y, p->z - o->z};
+        if (direction->x == 0.0 && direction->y == 0.0 && direction->z == 0.0) direction->z = 1.0;
+    }
+    Core one = core_of(a, exact, scratch), two = core_of(b, exact, scratch);
+    GapBounds gap = core_gap(&one, &two, least + radius, enough + radius, direction);
+    return (GapBounds){gap.lower - radius, gap.upper - radius};
+}

@@ -1,0 +1,27 @@
+// All kernels as one translation unit, so that what is called in loops is compiled into its callers.
+#include <stddef.h>
+
+#include "scene_tables.h"
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+// One configuration: exact distances.
+#include "fk.c"
+#include "gjk.c"
+#include "distance.c"
+#include "certify_curve.c"
+#include "clearance.c"
+// Eight at once: spheres, clearance maps, separating directions.
+#include "fk_simd.c"
+#include "sphere_tests.c"
+#include "clearance_map.c"
+#include "broad_phase.c"
+#include "gjk_simd.c"
+#include "certify_edge.c"
+#include "cpu_level.c"
+// Offsets of all tables as this compiler has them; made by the build from the headers.
+#include "layout.inc"

@@ -1,0 +1,122 @@
+// All that a certified edge reads, and all that it writes. Tables are shared and constant; a scratch is one thread's.
+#ifndef RR1_SCENE_TABLES_H
+#define RR1_SCENE_TABLES_H
+
+#include "arm_geometry.h"
+#include "exact_tables.h"
+#include "obstacle_tables.h"
+#include "pair_tables.h"
+#include "simd.h"
+
+typedef struct {
+    const ArmGeometry *arm;
+    const ObstacleTables *obstacles;
+    const PairTables *pairs;
+    const ExactTables *exact;
+    int64_t column_count;  // of q
+    double margin;         // what must be left of a gap beyond everything else for a proof [m]
+    double max_padding;    // [m]
+    double tolerance;      // motions that pass at less than this beyond the padding are refused [m]
+} SceneTables;
+
+// World pose and velocity of a joint's frame, in eight configurations; velocities are derivatives by t, 0..1.
+typedef struct {
+    f64x8 rotation[9];  // row by row
+    f64x8 origin[3];
+    f64x8 angular[3];
+    f64x8 linear[3];
+} FrameLanes;
+
+typedef struct {
+    f64x8 center[3];
+    f64x8 travel;  // bound of how far it gets from there in its interval [m]
+} SphereLanes;
+
+// How an edge moves a joint: its value is (bend t + rate) t + begin.
+typedef struct {
+    double begin;
+    double rate;
+    double bend;
+    double max_rate;
+    double max_value;
+} JointMotion;
+
+// What is near, and in which lanes.
+typedef struct {
+    int64_t index;
+    uint64_t lanes;
+} Near;
+
+// A body and an obstacle, or two bodies, that are not proven apart yet.
+typedef struct {
+    int64_t body;
+    int64_t other;
+    int64_t body_pair;  // -1: `other` is an obstacle
+    int64_t pair;
+    uint64_t lanes;  // in which it is open
+    int64_t sphere;  // of either, that were too near; the same: of an obstacle
+    int64_t other_sphere;
+} Candidate;
+
+typedef struct {
+    double middle;
+    double half;
+    uint64_t candidates;  // bits of those it is open for
+} Interval;
+
+// Direction where the search for a pair ended last, on the edge of that number.
+typedef struct {
+    double direction[3];
+    int64_t edge;
+} DirectionSeed;
+
+// What the kernel answers. `fraction` and `pair` tell where it is not proven free.
+typedef struct {
+    int64_t status;
+    int64_t pair;
+    double fraction;
+} EdgeResult;
+
+// What has been done so far.
+typedef struct {
+    int64_t edges;
+    int64_t exact_edges;
+    int64_t configurations;
+    int64_t gaps;
+} Counters;
+
+typedef struct {
+    FrameLanes *frames;
+    SphereLanes *spheres;
+    int64_t *placed_batch;  // batch a body was placed for last, below zero: only the ball around it
+    Near *near_obstacles;
+    Near *near_spheres;
+    uint64_t *group_lanes;  // in which a body may be near the group at hand
+    // Bounds over the edge, by group and by the number of joints above it that do not count; rows of `chain_stride`.
+    double *speeds;
+    double *accelerations;
+    int64_t chain_stride;
+    JointMotion *joint_motions;
+    Candidate *candidates;
+    Interval *intervals;
+    OpenInterval *open;
+    int64_t interval_size;  // of both
+    DirectionSeed *seeds;
+    double *curve;       // q(t) = curve[0] + curve[1] t + curve[2] t^2, 0 <= t <= 1, shape (3, columns of q)
+    ExactScratch *exact;
+    int64_t edge;        // number of the edge at hand
+    int64_t open_count;  // of `open`; -1: the whole edge is left to the exact kernel
+    int64_t batches;     // of eight intervals
+    double middles[8];
+    double halves[8];
+    uint64_t lane_candidates[8];
+    EdgeResult result;
+    Counters done;
+} Scratch;
+
+enum { EDGE_FREE, EDGE_CONTACT, EDGE_GRAZING };
+
+// Factor for bounds that are sums of products in floating point.
+#define SLACK (1.0 + 1e-9)
+
+#endif

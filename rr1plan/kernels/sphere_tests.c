@@ -1,0 +1,167 @@
+// Spheres against obstacles and each other, in eight configurations of an edge.
+//
+// Bodies that move are covered by spheres. Around a configuration, a sphere's center with velocity v along the edge
+// and an acceleration of at most a stays, for the time h before and after, within |n.v| h + a h^2 / 2 of where it is,
+// measured along any direction n. With n the direction from an obstacle's nearest point (or from the other sphere),
+// that bounds how far the gap can close, because the obstacle is convex. A ball inside a body that touches proves a
+// contact.
+#include "primitives_simd.h"
+
+// Of a candidate: lanes that stay open, lanes with a proven contact, and a sphere of either that were too near.
+typedef struct {
+    uint64_t open;
+    uint64_t touching;
+    int64_t sphere;
+    int64_t other_sphere;
+} SphereTest;
+
+// Place the ball around a body, once in a batch.
+INLINE void ready_ball(int64_t body, int64_t batch, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    int64_t *placed = &scratch->placed_batch[body];
+    if (*placed != batch && *placed != -batch) {
+        *placed = -batch;
+        place_ball(scene->arm->bodies[body].group, scene->arm->bodies[body].first_sphere, h, scene, scratch);
+    }
+}
+
+// Place the spheres of a body whose ball is placed, once in a batch.
+INLINE void ready_spheres(int64_t body, int64_t batch, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    if (scratch->placed_batch[body] != batch) {
+        scratch->placed_batch[body] = batch;
+        place_spheres(body, h, scene, scratch);
+    }
+}
+
+// ---- against obstacles ---------------------------------------------------------------------------------------------
+
+// The lanes, of those given, in which a sphere of a group may come too near an obstacle.
+//
+// With d the distance of the center from the obstacle's core, r the least that it has to be and s the speed along it,
+// that is d - r < s h + a h^2 / 2, or with all of it times d, (d - r) d < s d h + d a h^2 / 2: nothing is divided.
+INLINE uint64_t lanes_near_obstacle(int64_t group, int64_t sphere, int64_t o, double padding, uint64_t lanes, f64x8 h,
+                                    const SceneTables *scene, const Scratch *scratch) {
+    const SphereLanes *placed = &scratch->spheres[sphere];
+    double needed = scene->arm->spheres[sphere].radius + padding + scene->margin + scene->obstacles->shapes[o].radius;
+    Vec8 center = center_of(placed);
+    f64x8 square = square_to(scene->obstacles, o, center);
+    f64x8 limit = placed->travel + needed;
+    lanes &= less_than(square, limit * limit);
+    // Where it is too near at once, no speed has to be known.
+    uint64_t others = lanes & ~less_than(square, splat(needed * needed));
+    if (others == 0) return lanes;
+    Vec8 velocity = velocity_of(scene->arm->groups[group].joint, sphere, scratch);
+    f64x8 distance = sqrt_lanes(square);
+    double acceleration = scratch->accelerations[group * scratch->chain_stride];
+    f64x8 lost = approach_to(scene->obstacles, o, center, velocity) * h + distance * (h * h * (0.5 * acceleration));
+    return (lanes & ~others) | (others & less_than((distance - needed) * distance, lost));
+}
+
+// A body, the ball around which is placed and may be too near, against an obstacle.
+INLINE SphereTest test_obstacle(int64_t body, int64_t o, int64_t pair, uint64_t lanes, int64_t batch, f64x8 h,
+                                const SceneTables *scene, Scratch *scratch) {
+    const Body *of = &scene->arm->bodies[body];
+    const LinkSphere *spheres = scene->arm->spheres;
+    int64_t ball = of->first_sphere, count = 0;
+    double padding = scene->pairs->padding[pair], kept = padding + scene->obstacles->shapes[o].radius;
+    ready_spheres(body, batch, h, scene, scratch);
+    // Contacts first: once one is found no speeds are needed.
+    for (int64_t i = ball + 1; i < of->last_sphere; i++) {
+        const SphereLanes *placed = &scratch->spheres[i];
+        f64x8 square = square_to(scene->obstacles, o, center_of(placed));
+        f64x8 limit = placed->travel + (spheres[i].radius + kept + scene->margin);
+        uint64_t near = less_than(square, limit * limit) & lanes;
+        if (near) {
+            double inner = spheres[i].inner_radius + kept - scene->margin;
+            if (inner > 0.0 && scene->obstacles->kinds[o].is_exact) {
+                uint64_t touching = less_than(square, splat(inner * inner)) & near;
+                if (touching) return (SphereTest){near, touching, i, i};
+            }
+            scratch->near_spheres[count++] = (Near){i, near};
+        }
+    }
+    uint64_t open = 0;
+    int64_t last = ball;
+    for (int64_t n = 0; n < count; n++) {
+        int64_t i = scratch->near_spheres[n].index;
+        uint64_t near = scratch->near_spheres[n].lanes & ~open;
+        if (near) near = lanes_near_obstacle(of->group, i, o, padding, near, h, scene, scratch);
+        if (near) {
+            open |= near;
+            last = i;
+        }
+    }
+    return (SphereTest){open, 0, last, last};
+}
+
+// ---- against each other --------------------------------------------------------------------------------------------
+
+// Square of the distance of the centers of two spheres [m^2].
+INLINE f64x8 square_between(int64_t one, int64_t two, const Scratch *scratch) {
+    Vec8 d = vec8_sub(center_of(&scratch->spheres[one]), center_of(&scratch->spheres[two]));
+    return vec8_dot(d, d);
+}
+
+// Two groups, and how many joints of their chains move both.
+typedef struct {
+    int64_t group;
+    int64_t other;
+    int64_t shared;
+} Groups;
+
+// The lanes, of those given, in which a sphere of one group and one of another may come too near each other.
+INLINE uint64_t lanes_near_sphere(Groups of, int64_t one, int64_t two, uint64_t lanes, double padding, f64x8 h,
+                                  const SceneTables *scene, const Scratch *scratch) {
+    const SphereLanes *a = &scratch->spheres[one], *b = &scratch->spheres[two];
+    int64_t row = of.group * scratch->chain_stride + of.shared, row2 = of.other * scratch->chain_stride + of.shared;
+    double needed = scene->arm->spheres[one].radius + scene->arm->spheres[two].radius + padding + scene->margin;
+    f64x8 far = h * (scratch->speeds[row] + scratch->speeds[row2]);
+    Vec8 d = vec8_sub(center_of(a), center_of(b));
+    f64x8 square = vec8_dot(d, d);
+    f64x8 limit = min_lanes(a->travel + b->travel, far) + needed;
+    lanes &= less_than(square, limit * limit);
+    uint64_t others = lanes & ~less_than(square, splat(needed * needed));
+    if (others == 0) return lanes;
+    Vec8 v = velocity_of(scene->arm->groups[of.group].joint, one, scratch);
+    Vec8 v2 = velocity_of(scene->arm->groups[of.other].joint, two, scratch);
+    f64x8 along = abs_lanes(vec8_dot(d, vec8_sub(v, v2))) * SLACK;
+    f64x8 distance = sqrt_lanes(square);
+    double acceleration = scratch->accelerations[row] + scratch->accelerations[row2];
+    f64x8 lost = along * h + distance * (h * h * (0.5 * acceleration));
+    return (lanes & ~others) | (others & less_than((distance - needed) * distance, lost));
+}
+
+// A body against another, the balls around both being placed.
+INLINE SphereTest test_body(const BodyPair *bodies, uint64_t lanes, int64_t batch, f64x8 h, const SceneTables *scene,
+                            Scratch *scratch) {
+    const Body *a = &scene->arm->bodies[bodies->body], *b = &scene->arm->bodies[bodies->other];
+    const LinkSphere *spheres = scene->arm->spheres;
+    Groups groups = {a->group, b->group, bodies->shared};
+    int64_t ball_a = a->first_sphere, ball_b = b->first_sphere, count = 0;
+    double padding = scene->pairs->padding[bodies->pair];
+    ready_spheres(bodies->body, batch, h, scene, scratch);
+    ready_spheres(bodies->other, batch, h, scene, scratch);
+    // Only the spheres of either that are near the other's ball.
+    for (int64_t k = ball_b + 1; k < b->last_sphere; k++) {
+        uint64_t near = lanes_near_sphere(groups, ball_a, k, lanes, padding, h, scene, scratch);
+        if (near) scratch->near_spheres[count++] = (Near){k, near};
+    }
+    SphereTest found = {0, 0, ball_a, ball_b};
+    for (int64_t i = ball_a + 1; count && i < a->last_sphere; i++) {
+        uint64_t beside = lanes_near_sphere(groups, i, ball_b, lanes, padding, h, scene, scratch);
+        for (int64_t n = 0; beside && n < count; n++) {
+            int64_t k = scratch->near_spheres[n].index;
+            uint64_t near = scratch->near_spheres[n].lanes & beside & ~found.open;
+            if (near) near = lanes_near_sphere(groups, i, k, near, padding, h, scene, scratch);
+            if (near == 0) continue;
+            double inner = spheres[i].inner_radius + spheres[k].inner_radius + padding - scene->margin;
+            if (inner > 0.0) {
+                uint64_t touching = less_than(square_between(i, k, scratch), splat(inner * inner)) & near;
+                if (touching) return (SphereTest){near, touching, i, k};
+            }
+            found.open |= near;
+            found.sphere = i;
+            found.other_sphere = k;
+        }
+    }
+    return found;
+}

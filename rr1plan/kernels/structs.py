@@ -1,0 +1,125 @@
+"""Layouts of the kernels' tables, read from the C headers: these are their one source.
+
+The headers keep to a subset of C that is read here line by line: structs of numbers, arrays of numbers, pointers and
+earlier structs, and enums. The build compiles the offsets that the C compiler gives every field into the library, and
+`library.py` refuses a library in which they differ.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+FOLDER = Path(__file__).parent
+HEADERS = ("arm_geometry.h", "obstacle_tables.h", "pair_tables.h", "exact_tables.h", "scene_tables.h")
+
+_NUMBERS: dict[str, type] = {
+    "double": ctypes.c_double,
+    "int64_t": ctypes.c_int64,
+    "uint64_t": ctypes.c_uint64,
+    "int16_t": ctypes.c_int16,
+    "f64x8": ctypes.c_double * 8,
+}
+_COMMENT = re.compile(r"//[^\n]*")
+_STRUCT = re.compile(r"typedef struct \{(.*?)\} (\w+);", re.DOTALL)
+_ENUM = re.compile(r"enum \{(.*?)\};", re.DOTALL)
+_FIELD = re.compile(r"(?:const )?(\w+) (.+)", re.DOTALL)
+_NAME = re.compile(r"(\*?)(\w+)(?:\[(\d+)\])?")
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a struct.
+
+    Args:
+        name: Its name.
+        kind: The C type; of a pointer, of what it points to.
+        pointer: Whether it is a pointer.
+        count: Length of an array, 1 of anything else.
+    """
+
+    name: str
+    kind: str
+    pointer: bool
+    count: int
+
+
+def parse_structs(text: str) -> dict[str, tuple[Field, ...]]:
+    """The structs of a header, in order."""
+    text = _COMMENT.sub("", text)
+    return {name: tuple(_fields(body)) for body, name in _STRUCT.findall(text)}
+
+
+def parse_enums(text: str) -> dict[str, int]:
+    """The constants of all enums of a header."""
+    constants: dict[str, int] = {}
+    for body in _ENUM.findall(_COMMENT.sub("", text)):
+        value = -1
+        for entry in filter(None, (part.strip() for part in body.split(","))):
+            name, _, given = (part.strip() for part in entry.partition("="))
+            value = value + 1 if not given else constants[given] if given in constants else _sum(given, constants)
+            constants[name] = value
+    return constants
+
+
+def _sum(text: str, constants: dict[str, int]) -> int:
+    return sum(constants[part] if part in constants else int(part) for part in text.replace(" ", "").split("+"))
+
+
+def _fields(body: str) -> Iterator[Field]:
+    for line in filter(None, (part.strip() for part in body.split(";"))):
+        declared = _FIELD.fullmatch(line)
+        assert declared is not None, line
+        for part in declared[2].split(","):
+            name = _NAME.fullmatch(part.strip())
+            assert name is not None, line
+            yield Field(name[2], declared[1], bool(name[1]), int(name[3] or 1))
+
+
+def header_text() -> str:
+    """All headers that declare tables, one after the other."""
+    return "".join((FOLDER / header).read_text(encoding="utf-8") for header in HEADERS)
+
+
+def struct_classes(structs: dict[str, tuple[Field, ...]]) -> dict[str, type[ctypes.Structure]]:
+    """A ctypes class for each struct."""
+    classes: dict[str, type[ctypes.Structure]] = {}
+    for name, fields in structs.items():
+        rows = [(field.name, _type_of(field, classes)) for field in fields]
+        classes[name] = type(name, (ctypes.Structure,), {"_fields_": rows})
+    return classes
+
+
+def _type_of(field: Field, classes: dict[str, type[ctypes.Structure]]) -> type:
+    if field.pointer:
+        return ctypes.c_void_p
+    kind: type = classes[field.kind] if field.kind in classes else _NUMBERS[field.kind]
+    return kind * field.count if field.count > 1 else kind
+
+
+def item_size(kind: str, classes: dict[str, type[ctypes.Structure]]) -> int:
+    """Bytes of one item that a pointer of a kind points to."""
+    return ctypes.sizeof(classes[kind] if kind in classes else _NUMBERS[kind])
+
+
+def layout_of(classes: dict[str, type[ctypes.Structure]]) -> list[int]:
+    """Size of each struct, then the offset and size of each of its fields, as ctypes has them."""
+    numbers = []
+    for made in classes.values():
+        numbers.append(ctypes.sizeof(made))
+        for name, *_ in made._fields_:
+            numbers += [getattr(made, name).offset, getattr(made, name).size]
+    return numbers
+
+
+def layout_source(structs: dict[str, tuple[Field, ...]]) -> str:
+    """C that exports the same numbers as the compiler has them."""
+    entries = []
+    for name, fields in structs.items():
+        entries.append(f"    sizeof({name}),")
+        for field in fields:
+            entries.append(f"    offsetof({name}, {field.name}), sizeof((({name} *)0)->{field.name}),")
+    return "\n".join(["EXPORT const int64_t rr1_layout[] = {", *entries, "    -1,", "};", ""])
