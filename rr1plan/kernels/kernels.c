@@ -22,6 +22,22 @@
 #include "broad_phase.c"
 #include "gjk_simd.c"
 #include "certify_edge.c"
+// Loops of planners, which ask for certified edges.
+#include "trees.c"
+#include "tree_samples.c"
+#include "rrt_connect.c"
+#include "check_endpoints.c"
+#include "shortcut.c"
+#include "roadmap.c"
+#include "astar.c"
+#include "polyline.c"
+#include "chain.c"
+#include "inverse_kinematics.c"
+// Motions along paths.
+#include "path_grid.c"
+#include "parameterize.c"
+#include "timed_pieces.c"
+#include "blends.c"
 #include "cpu_level.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.
 #include "layout.inc"

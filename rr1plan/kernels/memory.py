@@ -13,7 +13,14 @@ from rr1plan.kernels.structs import item_size
 
 # Vectors across two lines of the processor's cache take twice as long.
 _LINE = 64
-_DTYPES = {"double": np.float64, "int64_t": np.int64, "uint64_t": np.uint64, "int16_t": np.int16}
+_DTYPES = {
+    "double": np.float64,
+    "int64_t": np.int64,
+    "uint64_t": np.uint64,
+    "int16_t": np.int16,
+    "int8_t": np.int8,
+    "uint8_t": np.uint8,
+}
 
 
 class CStruct:

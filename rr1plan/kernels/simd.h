@@ -18,6 +18,8 @@ typedef int64_t i64x8 __attribute__((vector_size(64)));
 // The same at any address of a double.
 typedef double f64x8_unaligned __attribute__((vector_size(64), aligned(8), may_alias));
 
+#define INFINITY __builtin_inf()
+
 #define INLINE static inline __attribute__((always_inline))
 
 INLINE f64x8 splat(double value) { return (f64x8){value, value, value, value, value, value, value, value}; }

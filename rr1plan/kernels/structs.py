@@ -14,13 +14,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-HEADERS = ("arm_geometry.h", "obstacle_tables.h", "pair_tables.h", "exact_tables.h", "scene_tables.h")
+HEADERS = ("arm_geometry.h", "obstacle_tables.h", "pair_tables.h", "exact_tables.h", "scene_tables.h", "trees.h", "shortcut.h", "roadmap.h", "chain.h", "arena.h", "path_curve.h")
 
 _NUMBERS: dict[str, type] = {
     "double": ctypes.c_double,
     "int64_t": ctypes.c_int64,
     "uint64_t": ctypes.c_uint64,
     "int16_t": ctypes.c_int16,
+    "int8_t": ctypes.c_int8,
+    "uint8_t": ctypes.c_uint8,
     "f64x8": ctypes.c_double * 8,
 }
 _COMMENT = re.compile(r"//[^\n]*")

@@ -1,0 +1,204 @@
+// The fastest speed along straight lines and parabolas under velocity and acceleration limits.
+//
+// On an interval of length d with constant path acceleration the squared path speed is linear, from x to y, and every
+// limit is |alpha x + beta y| <= 1: two numbers instead of (u, x), and symmetric ones, so that standing still is always
+// allowed and the speeds from which the end can be reached are [0, high]. One pass backward finds the highest of them, one
+// forward takes the fastest (Pham, Pham, A New Approach to Time-Optimal Path Parameterization Based on Reachability
+// Analysis, IEEE T-RO 34(3), 2018). Their linear program is solved exactly: its bound of x is a concave function of y, a
+// minimum of lines, and its peak is found by intersecting a rising and a falling one.
+#include "path_curve.h"
+
+// Below this ratio of its coefficients a row bounds one of x and y alone.
+#define ROW_RATIO 1e-9
+enum { ROW_ROUNDS = 100 };
+// Places within an interval at which velocity is limited.
+enum { VELOCITY_PLACES = 4 };
+#define MIN_SLOWNESS 1e-12
+
+// A row is |alpha x + beta y| <= 1; an interval of a curve with nq columns has ROWS(nq) of them.
+#define ROWS(nq) (2 * (nq) + VELOCITY_PLACES + 1)
+
+// The inverse of the highest squared path speed at s of a piece.
+static double slowness_at(const double *piece, int64_t nq, double s, const double *inverse_velocity) {
+    double slowest = max_number(MIN_SLOWNESS, derivative_at(piece, nq, s, inverse_velocity));
+    return slowest * slowest;
+}
+
+INLINE void set_row(double *alpha, double *beta, double a, double b) {
+    *alpha = abs_number(a);
+    *beta = a >= 0.0 ? b : -b;
+}
+
+// Rows of an interval on a parabola, alpha >= 0; the last row is the caller's.
+//
+// Acceleration is linear in s, so limiting it at both ends limits it in between. Velocity is limited at VELOCITY_PLACES
+// places in between.
+static void fill_rows(const double *piece, int64_t nq, double offset, double delta, const RateLimits *limits,
+                      double *alpha, double *beta) {
+    double scale = 0.5 / delta;
+    for (int64_t j = 0; j < nq; j++) {
+        double second = 2.0 * piece[2 * nq + j], weight = limits->inverse_acceleration[j];
+        double begin = (piece[nq + j] + offset * second) * scale;
+        double end = (piece[nq + j] + (offset + delta) * second) * scale;
+        set_row(&alpha[j], &beta[j], (second - begin) * weight, begin * weight);
+        set_row(&alpha[nq + j], &beta[nq + j], -end * weight, (second + end) * weight);
+    }
+    for (int64_t k = 0; k < VELOCITY_PLACES; k++) {
+        double at = ((double)k + 0.5) / VELOCITY_PLACES;
+        double slow = slowness_at(piece, nq, offset + at * delta, limits->inverse_velocity);
+        alpha[2 * nq + k] = (1.0 - at) * slow;
+        beta[2 * nq + k] = at * slow;
+    }
+}
+
+// Which of the lines sign size[r] - slope[r] y is the lowest (sign 1) or the highest (sign -1).
+static int64_t lowest_line(const double *size, const double *slope, int64_t count, double sign, double y) {
+    int64_t best = 0;
+    double value = INFINITY;
+    for (int64_t r = 0; r < count; r++) {
+        double here = size[r] - sign * slope[r] * y;
+        if (here < value) {
+            best = r;
+            value = here;
+        }
+    }
+    return best;
+}
+
+// The highest x for which some y in [0, high] satisfies all rows; some alpha is above zero.
+static double highest_speed(const double *alpha, const double *beta, int64_t count, double high) {
+    double size[count], slope[count];
+    for (int64_t r = 0; r < count; r++) {
+        if (alpha[r] > ROW_RATIO * abs_number(beta[r])) {
+            size[r] = 1.0 / alpha[r];
+            slope[r] = beta[r] * size[r];
+        } else {
+            size[r] = INFINITY;
+            slope[r] = 0.0;
+            if (beta[r] != 0.0) high = min_number(high, 1.0 / abs_number(beta[r]));
+        }
+    }
+    double y = high;
+    int64_t falling = lowest_line(size, slope, count, 1.0, y);
+    if (slope[falling] > 0.0) {
+        y = 0.0;
+        int64_t rising = lowest_line(size, slope, count, 1.0, y);
+        for (int round = 0; round < ROW_ROUNDS && slope[rising] < 0.0; round++) {
+            y = (size[falling] - size[rising]) / (slope[falling] - slope[rising]);
+            int64_t r = lowest_line(size, slope, count, 1.0, y);
+            if (r == rising || r == falling || slope[r] == 0.0) break;
+            if (slope[r] > 0.0) {
+                falling = r;
+            } else {
+                rising = r;
+            }
+        }
+    }
+    // The other side of the rows bounds x from below: back to where there is room, which y = 0 has.
+    for (int round = 0; round < ROW_ROUNDS; round++) {
+        int64_t upper = lowest_line(size, slope, count, 1.0, y), lower = lowest_line(size, slope, count, -1.0, y);
+        double room = size[upper] + size[lower] - (slope[upper] - slope[lower]) * y;
+        double closing = slope[upper] - slope[lower];
+        if (room >= -1e-12 * size[upper] || closing <= 0.0) break;
+        y = (size[upper] + size[lower]) / closing;
+    }
+    int64_t r = lowest_line(size, slope, count, 1.0, y);
+    return max_number(0.0, size[r] - slope[r] * y);
+}
+
+// The highest y in [0, high] that satisfies all rows with x, for which there is one.
+static double next_speed(const double *alpha, const double *beta, int64_t count, double x, double high) {
+    double y = high;
+    for (int64_t r = 0; r < count; r++) {
+        double steep = abs_number(beta[r]);
+        if (!(steep > ROW_RATIO * alpha[r])) continue;
+        double used = beta[r] > 0.0 ? alpha[r] * x : -alpha[r] * x;
+        if (used + steep * y > 1.0) y = (1.0 - used) / steep;
+    }
+    return max_number(0.0, y);
+}
+
+// Highest change of the squared path speed along a straight piece, per length.
+static double speed_gain(const double *piece, int64_t nq, const double *inverse_acceleration) {
+    double slowest = 0.0;
+    for (int64_t j = 0; j < nq; j++)
+        slowest = max_number(slowest, abs_number(piece[nq + j]) * inverse_acceleration[j]);
+    return 2.0 / slowest;
+}
+
+// A bang-bang profile on a straight interval: where acceleration ends, where deceleration begins, and the squared speed
+// in between.
+typedef struct {
+    double rise, fall, peak;
+} Profile;
+
+static Profile bang_bang_profile(const double *piece, int64_t nq, double delta, const RateLimits *limits, double x,
+                                 double y) {
+    double gain = speed_gain(piece, nq, limits->inverse_acceleration);
+    double top = min_number(1.0 / slowness_at(piece, nq, 0.0, limits->inverse_velocity), 0.5 * (x + y + gain * delta));
+    double peak = max_number(max_number(top, x), y), rise = min_number((peak - x) / gain, delta);
+    return (Profile){rise, max_number(delta - (peak - y) / gain, rise), peak};
+}
+
+// How much of its limit the tightest of some rows takes.
+static double tightest_row(const double *alpha, const double *beta, double x, double y, int64_t first, int64_t stop) {
+    double most = 0.0;
+    for (int64_t r = first; r < stop; r++) most = max_number(most, abs_number(alpha[r] * x + beta[r] * y));
+    return most;
+}
+
+typedef struct {
+    double *x;         // squared speeds at the gridpoints, shape (count + 1,)
+    double duration;   // of the motion [s]
+    double looseness;  // mean over time of what the joint nearest to a limit leaves unused of it
+} Speeds;
+
+// The fastest squared speeds on a grid; 0 where the arena is used up.
+//
+// In the fastest motion some joint is at a limit everywhere. On a grid one is at an end of each interval, and what is
+// unused at the other end is lost: the looseness.
+static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits *limits, Arena *arena, Speeds *speeds) {
+    int64_t n = grid->count, nq = curve->column_count, rows = ROWS(nq);
+    double *x = arena_take(arena, n + 1), *alpha = arena_take(arena, 2 * n * rows);
+    if (!x || !alpha) return 0;
+    double *beta = alpha + n * rows;
+    for (int64_t i = 0; i < 2 * n * rows; i++) alpha[i] = 0.0;
+    x[n] = 0.0;
+    for (int64_t i = n - 1; i >= 0; i--) {
+        const double *piece = piece_of(curve, grid->piece[i]);
+        double *a = alpha + i * rows, *b = beta + i * rows;
+        double slow = slowness_at(piece, nq, grid->offset[i], limits->inverse_velocity);
+        if (is_bent(piece, nq)) {
+            fill_rows(piece, nq, grid->offset[i], grid->delta[i], limits, a, b);
+            a[rows - 1] = slow;
+            x[i] = highest_speed(a, b, rows, x[i + 1]);
+        } else {
+            double gain = grid->delta[i] * speed_gain(piece, nq, limits->inverse_acceleration);
+            a[0] = 1.0 / gain;
+            b[0] = -1.0 / gain;
+            x[i] = min_number(1.0 / slow, x[i + 1] + gain);
+        }
+    }
+    x[0] = 0.0;
+    for (int64_t i = 0; i < n; i++) x[i + 1] = next_speed(alpha + i * rows, beta + i * rows, rows, x[i], x[i + 1]);
+    double total = 0.0, loose = 0.0;
+    for (int64_t i = 0; i < n; i++) {
+        const double *piece = piece_of(curve, grid->piece[i]), *a = alpha + i * rows, *b = beta + i * rows;
+        double begin = sqrt_number(x[i]), end = sqrt_number(x[i + 1]), delta = grid->delta[i], duration;
+        if (is_bent(piece, nq)) {
+            duration = 2.0 * delta / (begin + end);
+            double first = max_number(tightest_row(a, b, x[i], x[i + 1], 0, nq), x[i] * a[rows - 1]);
+            double slow = slowness_at(piece, nq, grid->offset[i] + delta, limits->inverse_velocity);
+            double last = max_number(tightest_row(a, b, x[i], x[i + 1], nq, 2 * nq), x[i + 1] * slow);
+            loose += duration * max_number(0.0, 1.0 - min_number(first, last));
+        } else {
+            Profile profile = bang_bang_profile(piece, nq, delta, limits, x[i], x[i + 1]);
+            double top = sqrt_number(profile.peak);
+            duration = 2.0 * profile.rise / (begin + top) + (profile.fall - profile.rise) / top +
+                       2.0 * (delta - profile.fall) / (top + end);
+        }
+        total += duration;
+    }
+    *speeds = (Speeds){x, total, loose / total};
+    return 1;
+}

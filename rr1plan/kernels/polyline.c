@@ -1,0 +1,49 @@
+// Corners of polylines: points that are no duplicates and not on a straight line between others.
+
+static double polyline_distance(const double *points, int64_t nq, int64_t a, int64_t b) {
+    double square = 0.0;
+    for (int64_t j = 0; j < nq; j++) {
+        double difference = points[b * nq + j] - points[a * nq + j];
+        square += difference * difference;
+    }
+    return sqrt_number(square);
+}
+
+// Whether the points between two of them are on the line from one to the other, in this order.
+static int is_straight(const double *points, int64_t nq, const int64_t *index, int64_t first, int64_t last,
+                       double tolerance) {
+    const double *a = points + index[first] * nq, *b = points + index[last] * nq;
+    double length = polyline_distance(points, nq, index[first], index[last]), before = 0.0;
+    if (length < tolerance) return 0;
+    for (int64_t i = first + 1; i < last; i++) {
+        const double *point = points + index[i] * nq;
+        double along = 0.0, square = 0.0;
+        for (int64_t j = 0; j < nq; j++) along += (point[j] - a[j]) * (b[j] - a[j]) / length;
+        for (int64_t j = 0; j < nq; j++) {
+            double off = point[j] - a[j] - along * (b[j] - a[j]) / length;
+            square += off * off;
+        }
+        if (along <= before || square > tolerance * tolerance) return 0;
+        before = along;
+    }
+    return before < length;
+}
+
+// Which points of a polyline, shape (count, nq), are its ends or corners; how many, written to `index`, ascending.
+//
+// Points closer together than the tolerance, and points this close to a straight line, are dropped. The first and the
+// last point are kept, the first alone where all are one. `index` has room for `count`.
+EXPORT int64_t rr1_find_corners(const double *points, int64_t count, int64_t nq, double tolerance, int64_t *index) {
+    int64_t size = 1, kept = 1;
+    index[0] = 0;
+    for (int64_t i = 1; i < count; i++)
+        if (polyline_distance(points, nq, index[size - 1], i) >= tolerance) index[size++] = i;
+    if (size > 1) index[size - 1] = count - 1;
+    for (int64_t last = 0; last < size - 1;) {
+        int64_t end = last + 1;
+        while (end + 1 < size && is_straight(points, nq, index, last, end + 1, tolerance)) end++;
+        index[kept++] = index[end];  // never ahead of what is still to be read: kept <= end
+        last = end;
+    }
+    return kept;
+}

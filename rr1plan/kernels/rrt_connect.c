@@ -1,0 +1,147 @@
+// RRT-Connect, for any path or for one shorter than a bound.
+//
+// Two trees, one rooted in the start, one in all goals. The smaller one takes a step toward a random configuration; the
+// other one then advances toward the new vertex, step by step, until it gets there or is blocked (Kuffner and LaValle,
+// RRT-Connect: an efficient approach to single-query path planning, 2000). A vertex with a blocked edge takes only
+// samples near it: others would lead into the same obstacle again (Yershova et al., Dynamic-domain RRTs, 2005).
+//
+// A joint that turns without end has no seam. When the trees meet, the goals' tree is moved by whole turns to where the
+// start's is.
+//
+// Under a bound, a sample also has a length at which it is to be reached. It is joined to the nearest of the vertices
+// that reach it within that length, so samples are drawn from the space of configurations and costs (Hauser and Zhou,
+// Asymptotically optimal planning by feasible kinodynamic planning in a state-cost space, 2016; Wilson et al., AORRTC,
+// 2025).
+//
+// Why a path shorter than the bound is found with a probability that tends to one, where there is one with some clearance
+// d around it: put balls along that path, smaller and nearer to each other than d. Let a vertex be in the k-th ball,
+// reached within the length of the path up to there and a little. Each sample has the same positive probability of
+// falling into the next ball with a length a little above that. The nearest vertex that reaches it within its length is
+// no farther than that vertex, which is nearer than d; so the edge is free, and the new vertex is reached within its
+// length.
+//
+// The search stops after a given number of samples and continues where it stopped: its whole state is in `Trees`.
+#include "random.h"
+#include "trees.h"
+
+// So many samples in a row may be skipped: in spaces of many joints hardly any is near a vertex.
+enum { MAX_SKIPPED = 4 };
+#define WHOLE_TURN 6.283185307179586
+// Longest edge where a joint wraps: less than half a turn, so that its ends alone tell the direction.
+#define MAX_WRAPPED_STEP 3.0
+
+// Whether an edge of a tree is free, checked in the direction of the path: the same question has the same answer.
+static int tree_edge_is_free(Trees *trees, int side, const double *from, const double *to, const SceneTables *scene,
+                             Scratch *scratch) {
+    trees->edges++;
+    if (side == GOAL_SIDE) return rr1_certify_edge(scene, scratch, to, from) == EDGE_FREE;
+    return rr1_certify_edge(scene, scratch, from, to) == EDGE_FREE;
+}
+
+// Whether a sample is too far from a nearest vertex that has a blocked edge.
+static int skip_sample(Trees *trees, const Tree *tree, int64_t index, double distance, double domain) {
+    int skip = tree->blocked[index] && distance > domain && trees->skipped < MAX_SKIPPED;
+    trees->skipped = skip ? trees->skipped + 1 : 0;
+    return skip;
+}
+
+// Advance from a vertex toward a target in steps of equal length; whether it was reached.
+//
+// What is reached becomes vertices; the target does not, so the last vertex joins the trees.
+static int connect_trees(Trees *trees, int side, int64_t index, double distance, const double *target, double step,
+                         double *a, double *b, const SceneTables *scene, Scratch *scratch) {
+    int64_t nq = trees->column_count, capacity = trees->capacity;
+    Tree *tree = &trees->sides[side];
+    if (distance == 0.0 && tree->parents[index] >= 0) {
+        // They meet in one configuration, which is a waypoint once.
+        tree->meeting = tree->parents[index];
+        return 1;
+    }
+    int64_t steps = (int64_t)__builtin_ceil(distance / step);
+    if (steps < 1) steps = 1;
+    for (int64_t j = 0; j < nq; j++) a[j] = tree->vertices[j * capacity + index];
+    for (int64_t k = 1; k <= steps; k++) {
+        double fraction = (double)k / (double)steps;
+        for (int64_t j = 0; j < nq; j++) {
+            double from = tree->vertices[j * capacity + index];
+            b[j] = k == steps ? target[j] : from + (target[j] - from) * fraction;
+        }
+        if (!tree_edge_is_free(trees, side, a, b, scene, scratch)) return 0;
+        int64_t parent = k == 1 ? index : tree->size - 1;
+        if (k == steps) {
+            tree->meeting = parent;
+            return 1;
+        }
+        add_vertex(tree, b, nq, capacity, parent, tree->lengths[index] + distance * fraction);
+        for (int64_t j = 0; j < nq; j++) a[j] = b[j];
+    }
+    return 0;
+}
+
+// Grow both trees until `samples` have been drawn in all, or until they meet in a path no longer than the bound.
+//
+// Trees of size 0 begin with their roots. Returns SEARCH_GOING, SEARCH_SOLVED, or SEARCH_FULL when the arrays have to be
+// made larger.
+EXPORT int64_t rr1_grow_trees(Trees *trees, const TreeQuery *query, uint64_t *random, int64_t samples,
+                              const SceneTables *scene, Scratch *scratch) {
+    int64_t nq = trees->column_count, capacity = trees->capacity;
+    double *q = trees->scratch, *a = q + nq, *b = a + nq, *lower = b + nq, *extent = lower + nq, *turns = extent + nq;
+    double step = query->step, bound = query->bound, steps_across = 3.0;
+    for (int64_t j = 0; j < nq; j++) {
+        int wraps = query->extent[j] == INFINITY;
+        lower[j] = wraps ? -0.5 * WHOLE_TURN : query->lower[j];
+        extent[j] = wraps ? WHOLE_TURN : query->extent[j];
+        turns[j] = wraps ? WHOLE_TURN : 0.0;
+        if (wraps) step = min_number(step, MAX_WRAPPED_STEP);
+    }
+    SampleBox box = {lower, extent, turns, nq};
+    // The most vertices that one sample can add.
+    for (int64_t j = 0; j < nq; j++) steps_across += extent[j] / step;
+    if (trees->sides[START_SIDE].size == 0) init_trees(trees, query);
+    while (trees->samples < samples) {
+        int64_t sizes[2] = {trees->sides[START_SIDE].size, trees->sides[GOAL_SIDE].size};
+        if ((double)(sizes[0] > sizes[1] ? sizes[0] : sizes[1]) + steps_across > (double)capacity) return SEARCH_FULL;
+        int side = sizes[START_SIDE] <= sizes[GOAL_SIDE] ? START_SIDE : GOAL_SIDE;
+        Tree *tree = &trees->sides[side], *other = &trees->sides[1 - side];
+        trees->samples++;
+        double root_distances[2], distance;
+        if (!draw_sample(trees, bound, random, &box, q, root_distances)) continue;
+        double max_length = INFINITY;
+        if (bound < INFINITY) {
+            double slack = bound - root_distances[0] - root_distances[1];
+            max_length = root_distances[side] + draw_uniform(random) * slack;
+        }
+        int64_t index = nearest_vertex(tree, tree->size, q, nq, capacity, max_length, turns, &distance);
+        if (index < 0 || distance == 0.0) continue;
+        if (is_stalled(trees, bound)) {
+            if (draw_uniform(random) < 0.5) index = draw_index(random, tree->size);
+            distance = escape_sample(tree, capacity, index, step, random, &box, q);
+            if (distance == 0.0) continue;
+        } else if (skip_sample(trees, tree, index, distance, query->domain)) {
+            continue;
+        }
+        wrap_near(q, tree, index, turns, nq, capacity);
+        double fraction = min_number(1.0, step / distance);
+        for (int64_t j = 0; j < nq; j++) {
+            a[j] = tree->vertices[j * capacity + index];
+            if (fraction < 1.0) q[j] = a[j] + (q[j] - a[j]) * fraction;
+        }
+        if (!tree_edge_is_free(trees, side, a, q, scene, scratch)) {
+            tree->blocked[index] = 1;
+            continue;
+        }
+        trees->idle = 0;
+        double length = tree->lengths[index] + fraction * distance;
+        add_vertex(tree, q, nq, capacity, index, length);
+        index = nearest_vertex(other, other->size, q, nq, capacity, bound - length, turns, &distance);
+        if (index < 0) continue;
+        wrap_near(q, other, index, turns, nq, capacity);
+        if (connect_trees(trees, 1 - side, index, distance, q, step, a, b, scene, scratch)) {
+            tree->meeting = tree->size - 1;
+            align_turns(trees, turns);
+            trace_path(trees);
+            return SEARCH_SOLVED;
+        }
+    }
+    return SEARCH_GOING;
+}
