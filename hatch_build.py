@@ -27,7 +27,7 @@ except ImportError:  # by hand, without hatchling
 SOURCES = Path(__file__).parent / "rr1plan" / "kernels"
 BUILT = SOURCES / "built"
 # Each floating-point operation is rounded by itself and sums stay in their order: all variants give the same bytes.
-FLAGS = ("-std=gnu99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-strict-aliasing")
+FLAGS = ("-std=gnu99", "-O3", "-ffp-contract=off", "-fno-math-errno")
 LINKING = ("-shared", "-fPIC", "-fvisibility=hidden", "-s")
 WASM = ("-target", "wasm32-freestanding", "-msimd128", "-nostdlib", "-Wl,--no-entry", "-Wl,--export-dynamic", "-s")
 VARIANTS = {"x86_64": ("x86_64_v2", "x86_64_v3", "x86_64_v4"), "aarch64": ("aarch64",)}

@@ -154,8 +154,10 @@ def edge_scratch(cover: Cover, exact: CStruct, columns: int) -> CStruct:
         frames=frames,
         spheres=zeroed("SphereLanes", len(cover.spheres)),
         placed_batch=np.zeros(len(cover.bodies), np.int64),
-        near_obstacles=zeroed("Near", len(cover.obstacles)),
-        near_spheres=zeroed("Near", len(cover.spheres)),
+        group_boxes=zeroed("Box", len(cover.groups)),
+        # One more than there are: what is not kept is written behind the last.
+        near_obstacles=zeroed("Near", len(cover.obstacles) + 1),
+        near_spheres=zeroed("Near", len(cover.spheres) + 1),
         group_lanes=np.zeros(len(cover.bodies), np.uint64),
         speeds=np.zeros((len(cover.groups), longest + 1)),
         accelerations=np.zeros((len(cover.groups), longest + 1)),

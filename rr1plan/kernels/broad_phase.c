@@ -6,31 +6,33 @@
 // Candidates from this one on share a bit.
 #define LAST_BIT 62
 
-typedef struct {
-    double low[3], high[3];
-} Box;
-
-// The box around a ball on the whole edge, with all that any pair has to keep.
-INLINE Box box_around(int64_t sphere, const SceneTables *scene, const Scratch *scratch) {
+// The box around a ball that is placed.
+INLINE void place_box(int64_t group, int64_t sphere, const SceneTables *scene, Scratch *scratch) {
     const SphereLanes *placed = &scratch->spheres[sphere];
     f64x8 travel = placed->travel + (scene->arm->spheres[sphere].radius + scene->margin + scene->max_padding);
-    Box box;
+    f64x8 ends[6];
     for (int c = 0; c < 3; c++) {
-        box.low[c] = min_of_lanes(placed->center[c] - travel);
-        box.high[c] = max_of_lanes(placed->center[c] + travel);
+        ends[c] = placed->center[c] - travel;
+        ends[3 + c] = -placed->center[c] - travel;
     }
-    return box;
+    store_lanes(scratch->group_boxes[group].ends, min_of_each(ends));
 }
 
-// Bits of the LANES obstacles from one on whose boxes meet a box.
+// Bits of the LANES obstacles from one on whose boxes meet a box; of those that are not proven apart.
 INLINE uint64_t boxes_near(const Box *box, int64_t first, const ObstacleTables *obstacles) {
-    const double *low = obstacles->boxes + first, *high = low + 3 * obstacles->count;
+    const double *low = obstacles->boxes + first, *high = low + 3 * obstacles->count, *ends = box->ends;
     int64_t n = obstacles->count;
-    // Comparisons that are true of all that is not proven apart.
-    i64x8 apart = (load_lanes(low) >= box->high[0]) | (load_lanes(low + n) >= box->high[1]) |
-                  (load_lanes(low + 2 * n) >= box->high[2]) | (load_lanes(high) <= box->low[0]) |
-                  (load_lanes(high + n) <= box->low[1]) | (load_lanes(high + 2 * n) <= box->low[2]);
+    i64x8 apart = (load_lanes(low) >= -ends[3]) | (load_lanes(low + n) >= -ends[4]) |
+                  (load_lanes(low + 2 * n) >= -ends[5]) | (load_lanes(high) <= ends[0]) |
+                  (load_lanes(high + n) <= ends[1]) | (load_lanes(high + 2 * n) <= ends[2]);
     return bits_of(~apart);
+}
+
+// 1 if the boxes around two groups have nothing in common: a low end of one is above the high end of the other.
+INLINE int boxes_apart(const Box *a, const Box *b) {
+    f64x8 one = load_lanes(a->ends), two = load_lanes(b->ends);
+    i64x8 above = one > -__builtin_shufflevector(two, two, 3, 4, 5, 0, 1, 2, 6, 7);
+    return (bits_of(above) & 0x3f) != 0;
 }
 
 // Report a contact, in the first of the lanes.
@@ -41,7 +43,7 @@ static void report_contact(int64_t pair, uint64_t lanes, Scratch *scratch) {
 }
 
 // Test a candidate whose balls are placed and near; its lanes become fewer. 1 if it is a contact.
-static __attribute__((noinline)) int test_candidate(Candidate *candidate, int64_t batch, f64x8 h,
+NOINLINE int test_candidate(Candidate *candidate, int64_t batch, f64x8 h,
                                                     const SceneTables *scene, Scratch *scratch) {
     SphereTest found;
     if (candidate->body_pair >= 0) {
@@ -77,13 +79,13 @@ INLINE int64_t add_candidate(int64_t count, int64_t body, int64_t other, int64_t
 // List the obstacles that the ball around a group may come too near, and in which lanes; how many.
 INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     int64_t ball = scene->arm->groups[g].ball, count = 0;
-    place_ball(g, ball, h, scene, scratch);
-    Box box = box_around(ball, scene, scratch);
+    const Box *box = &scratch->group_boxes[g];
     for (int64_t block = 0; block < scene->obstacles->count; block += LANES) {
-        for (uint64_t near = boxes_near(&box, block, scene->obstacles); near; near &= near - 1) {
+        for (uint64_t near = boxes_near(box, block, scene->obstacles); near; near &= near - 1) {
             int64_t o = block + first_bit(near);
             uint64_t lanes = lanes_near_obstacle(g, ball, o, scene->max_padding, ALL_LANES, h, scene, scratch);
-            if (lanes) scratch->near_obstacles[count++] = (Near){o, lanes};
+            scratch->near_obstacles[count] = (Near){o, lanes};
+            count += lanes != 0;
         }
     }
     return count;
@@ -92,9 +94,14 @@ INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scra
 // List the obstacles that spheres do not clear on the whole edge, the bodies farthest from the base first.
 //
 // The number of candidates, or -1 for a contact.
-static int64_t meet_obstacles(f64x8 h, const SceneTables *scene, Scratch *scratch) {
+NOINLINE int64_t meet_obstacles(f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     int64_t count = 0;
+    // All balls first: none waits for another, and no branch comes in between.
+    for (int64_t g = 0; g < arm->group_count; g++) {
+        place_ball(g, arm->groups[g].ball, h, scene, scratch);
+        place_box(g, arm->groups[g].ball, scene, scratch);
+    }
     for (int64_t g = arm->group_count - 1; g >= 0; g--) {
         const Group *group = &arm->groups[g];
         int64_t listed = list_obstacles(g, h, scene, scratch);
@@ -140,6 +147,7 @@ INLINE int64_t meet_groups(int64_t count, const GroupPair *groups, f64x8 h, cons
     Groups of = {groups->group, groups->other, groups->shared};
     int64_t pairs = groups->last - groups->first;
     if (groups->map >= 0 && map_is_free(groups->map, groups->first, 0.0, 1.0, scene, scratch)) return count;
+    if (boxes_apart(&scratch->group_boxes[of.group], &scratch->group_boxes[of.other])) return count;
     uint64_t near = ALL_LANES;
     if (pairs > 1) {
         near = lanes_near_sphere(of, group->ball, other->ball, ALL_LANES, scene->max_padding, h, scene, scratch);
@@ -169,7 +177,7 @@ INLINE int64_t meet_groups(int64_t count, const GroupPair *groups, f64x8 h, cons
 }
 
 // Add the body pairs that neither maps nor spheres prove apart on the whole edge; -1 for a contact.
-static int64_t meet_bodies(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+NOINLINE int64_t meet_bodies(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     for (int64_t f = 0; f < scene->pairs->group_pair_count && count >= 0; f++)
         count = meet_groups(count, &scene->pairs->group_pairs[f], h, scene, scratch);
     return count;
@@ -191,7 +199,7 @@ INLINE uint64_t lanes_near(const Candidate *candidate, uint64_t lanes, int64_t b
 }
 
 // Test candidates again in the lanes of a later batch in which they are open; 1 if there is a contact.
-static int meet_again(int64_t count, int64_t head, int64_t taken, int64_t batch, f64x8 h, const SceneTables *scene,
+NOINLINE int meet_again(int64_t count, int64_t head, int64_t taken, int64_t batch, f64x8 h, const SceneTables *scene,
                       Scratch *scratch) {
     for (int64_t k = 0; k < count; k++) {
         Candidate *candidate = &scratch->candidates[k];

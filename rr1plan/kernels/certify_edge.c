@@ -74,19 +74,14 @@ static int sweep(const SceneTables *scene, Scratch *scratch) {
     }
     bound_motion(scene, scratch);
     for (int64_t b = 0; b < scene->arm->body_count; b++) scratch->placed_batch[b] = 0;
-    int64_t head = 0, tail = LANES, count = 0;
-    for (int64_t i = 0; i < LANES; i++)
-        scratch->intervals[i] = (Interval){((double)i + 0.5) / LANES, 0.5 / LANES, 0};
-    while (head < tail) {
-        int64_t batch = ++scratch->batches, taken = tail - head < LANES ? tail - head : LANES;
-        for (int64_t i = 0; i < LANES; i++) {
-            const Interval *interval = &scratch->intervals[head + (i < taken ? i : taken - 1)];
-            scratch->middles[i] = interval->middle;
-            scratch->halves[i] = interval->half;
-            scratch->lane_candidates[i] = 0;
-        }
-        f64x8 h = load_lanes(scratch->halves);
-        place_frames(load_lanes(scratch->middles), scene, scratch);
+    int64_t head = 0, tail = 0, taken = LANES, count = 0;
+    f64x8 t = (f64x8){0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5} / LANES, h = splat(0.5 / LANES);
+    for (;;) {
+        int64_t batch = ++scratch->batches;
+        store_lanes(scratch->middles, t);
+        store_lanes(scratch->halves, h);
+        for (int64_t i = 0; i < LANES; i++) scratch->lane_candidates[i] = 0;
+        place_frames(t, scene, scratch);
         int contact;
         if (batch == 1) {
             count = meet_obstacles(h, scene, scratch);
@@ -103,8 +98,16 @@ static int sweep(const SceneTables *scene, Scratch *scratch) {
             scratch->open_count = -1;
             return SWEEP_OPEN;
         }
+        // The first batch is no part of the list.
+        if (batch > 1) head += taken;
         tail = halve_intervals(tail, taken, scratch);
-        head += taken;
+        if (head == tail) break;
+        taken = tail - head < LANES ? tail - head : LANES;
+        for (int64_t i = 0; i < LANES; i++) {
+            const Interval *interval = &scratch->intervals[head + (i < taken ? i : taken - 1)];
+            t[i] = interval->middle;
+            h[i] = interval->half;
+        }
     }
     return scratch->open_count == 0 ? SWEEP_PROVEN : SWEEP_OPEN;
 }

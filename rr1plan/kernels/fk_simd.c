@@ -48,7 +48,7 @@ static void bound_joints(const SceneTables *scene, Scratch *scratch) {
 }
 
 // Greatest speeds and accelerations over the edge, by group and by the joints that count.
-static void bound_motion(const SceneTables *scene, Scratch *scratch) {
+NOINLINE void bound_motion(const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     bound_joints(scene, scratch);
     for (int64_t g = 0; g < arm->group_count; g++) {
@@ -79,7 +79,7 @@ static void bound_motion(const SceneTables *scene, Scratch *scratch) {
 }
 
 // World poses and velocities of all joints at the times t of the edge.
-static void place_frames(f64x8 t, const SceneTables *scene, Scratch *scratch) {
+NOINLINE void place_frames(f64x8 t, const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     for (int64_t j = 1; j < arm->joint_count; j++) {
         const JointMotion *motion = &scratch->joint_motions[j];
@@ -123,29 +123,25 @@ INLINE Vec8 center_of(const SphereLanes *sphere) {
     return (Vec8){sphere->center[0], sphere->center[1], sphere->center[2]};
 }
 
-// Velocity of the center of a sphere that a joint carries.
-INLINE Vec8 velocity_of(int64_t joint, int64_t sphere, const Scratch *scratch) {
-    const FrameLanes *frame = &scratch->frames[joint];
-    const SphereLanes *lanes = &scratch->spheres[sphere];
-    const f64x8 *w = frame->angular;
-    f64x8 dx = lanes->center[0] - frame->origin[0];
-    f64x8 dy = lanes->center[1] - frame->origin[1];
-    f64x8 dz = lanes->center[2] - frame->origin[2];
-    return (Vec8){
-        frame->linear[0] + w[1] * dz - w[2] * dy,
-        frame->linear[1] + w[2] * dx - w[0] * dz,
-        frame->linear[2] + w[0] * dy - w[1] * dx,
-    };
+INLINE Vec8 velocity_of(const SphereLanes *sphere) {
+    return (Vec8){sphere->velocity[0], sphere->velocity[1], sphere->velocity[2]};
 }
 
+// Places and velocities of the centers of spheres that a joint carries.
 INLINE void place_centers(int64_t joint, int64_t first, int64_t last, const SceneTables *scene, Scratch *scratch) {
     const FrameLanes *frame = &scratch->frames[joint];
-    const f64x8 *R = frame->rotation;
+    const f64x8 *R = frame->rotation, *w = frame->angular;
     for (int64_t i = first; i < last; i++) {
         const double *c = scene->arm->spheres[i].center;
         SphereLanes *sphere = &scratch->spheres[i];
-        for (int r = 0; r < 3; r++)
-            sphere->center[r] = frame->origin[r] + (R[3 * r] * c[0] + R[3 * r + 1] * c[1] + R[3 * r + 2] * c[2]);
+        f64x8 d[3];
+        for (int r = 0; r < 3; r++) {
+            d[r] = R[3 * r] * c[0] + R[3 * r + 1] * c[1] + R[3 * r + 2] * c[2];
+            sphere->center[r] = frame->origin[r] + d[r];
+        }
+        sphere->velocity[0] = frame->linear[0] + w[1] * d[2] - w[2] * d[1];
+        sphere->velocity[1] = frame->linear[1] + w[2] * d[0] - w[0] * d[2];
+        sphere->velocity[2] = frame->linear[2] + w[0] * d[1] - w[1] * d[0];
     }
 }
 
@@ -153,7 +149,7 @@ INLINE void place_centers(int64_t joint, int64_t first, int64_t last, const Scen
 INLINE void place_ball(int64_t group, int64_t sphere, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     int64_t joint = scene->arm->groups[group].joint;
     place_centers(joint, sphere, sphere + 1, scene, scratch);
-    Vec8 v = velocity_of(joint, sphere, scratch);
+    Vec8 v = velocity_of(&scratch->spheres[sphere]);
     int64_t row = group * scratch->chain_stride;
     f64x8 travel = sqrt_lanes(vec8_dot(v, v)) * h * SLACK + h * h * (0.5 * scratch->accelerations[row]);
     scratch->spheres[sphere].travel = min_lanes(travel, h * scratch->speeds[row]);

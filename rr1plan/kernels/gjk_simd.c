@@ -117,7 +117,7 @@ static void end_search(int64_t pair, uint64_t left, Vec8 n, Scratch *scratch) {
 }
 
 // A body against another, or against an obstacle, in the lanes given; h: half widths of the intervals.
-static __attribute__((noinline)) Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
+NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
                                                       const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     const FrameLanes *frame = &scratch->frames[arm->cores[query->core].frame];

@@ -29,8 +29,14 @@ typedef struct {
 
 typedef struct {
     f64x8 center[3];
-    f64x8 travel;  // bound of how far it gets from there in its interval [m]
+    f64x8 travel;       // bound of how far it gets from there in its interval [m]
+    f64x8 velocity[3];  // of the center
 } SphereLanes;
+
+// The box around a ball on the whole edge, with all that any pair has to keep [m]: low x, y, z, then -high x, y, z.
+typedef struct {
+    double ends[8];  // the last two are of no meaning
+} Box;
 
 // How an edge moves a joint: its value is (bend t + rate) t + begin.
 typedef struct {
@@ -89,6 +95,7 @@ typedef struct {
     FrameLanes *frames;
     SphereLanes *spheres;
     int64_t *placed_batch;  // batch a body was placed for last, below zero: only the ball around it
+    Box *group_boxes;
     Near *near_obstacles;
     Near *near_spheres;
     uint64_t *group_lanes;  // in which a body may be near the group at hand

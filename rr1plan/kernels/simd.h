@@ -21,6 +21,8 @@ typedef double f64x8_unaligned __attribute__((vector_size(64), aligned(8), may_a
 #define INFINITY __builtin_inf()
 
 #define INLINE static inline __attribute__((always_inline))
+// Once in the code and visible in profiles.
+#define NOINLINE static __attribute__((noinline))
 
 INLINE f64x8 splat(double value) { return (f64x8){value, value, value, value, value, value, value, value}; }
 
@@ -77,14 +79,22 @@ INLINE uint64_t bits_of(i64x8 mask) {
 // Bits of the lanes where a is not proven to be at least b; a NaN proves nothing, so it counts as less.
 INLINE uint64_t less_than(f64x8 a, f64x8 b) { return bits_of(~(a >= b)); }
 
-INLINE double min_of_lanes(f64x8 a) {
-    a = min_lanes(a, __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3));
-    a = min_lanes(a, __builtin_shufflevector(a, a, 2, 3, 0, 1, 6, 7, 4, 5));
-    a = min_lanes(a, __builtin_shufflevector(a, a, 1, 0, 3, 2, 5, 4, 7, 6));
-    return a[0];
+// The least of all lanes of each of six, as the first six lanes.
+INLINE f64x8 min_of_each(const f64x8 a[6]) {
+    f64x8 pairs[3], quads[2];
+    for (int i = 0; i < 3; i++) {
+        f64x8 one = a[2 * i], two = a[2 * i + 1];
+        pairs[i] = min_lanes(__builtin_shufflevector(one, two, 0, 8, 2, 10, 4, 12, 6, 14),
+                             __builtin_shufflevector(one, two, 1, 9, 3, 11, 5, 13, 7, 15));
+    }
+    for (int i = 0; i < 2; i++) {
+        f64x8 one = pairs[2 * i], two = pairs[i + 1];
+        quads[i] = min_lanes(__builtin_shufflevector(one, two, 0, 1, 8, 9, 4, 5, 12, 13),
+                             __builtin_shufflevector(one, two, 2, 3, 10, 11, 6, 7, 14, 15));
+    }
+    return min_lanes(__builtin_shufflevector(quads[0], quads[1], 0, 1, 2, 3, 8, 9, 10, 11),
+                     __builtin_shufflevector(quads[0], quads[1], 4, 5, 6, 7, 12, 13, 14, 15));
 }
-
-INLINE double max_of_lanes(f64x8 a) { return -min_of_lanes(-a); }
 
 // Number of the lowest bit that is set in a word that is not zero.
 INLINE int64_t first_bit(uint64_t word) { return __builtin_ctzll(word); }

@@ -49,10 +49,9 @@ INLINE uint64_t lanes_near_obstacle(int64_t group, int64_t sphere, int64_t o, do
     // Where it is too near at once, no speed has to be known.
     uint64_t others = lanes & ~less_than(square, splat(needed * needed));
     if (others == 0) return lanes;
-    Vec8 velocity = velocity_of(scene->arm->groups[group].joint, sphere, scratch);
     f64x8 distance = sqrt_lanes(square);
     double acceleration = scratch->accelerations[group * scratch->chain_stride];
-    f64x8 lost = approach_to(scene->obstacles, o, center, velocity) * h + distance * (h * h * (0.5 * acceleration));
+    f64x8 lost = approach_to(scene->obstacles, o, center, velocity_of(placed)) * h + distance * (h * h * (0.5 * acceleration));
     return (lanes & ~others) | (others & less_than((distance - needed) * distance, lost));
 }
 
@@ -121,9 +120,7 @@ INLINE uint64_t lanes_near_sphere(Groups of, int64_t one, int64_t two, uint64_t 
     lanes &= less_than(square, limit * limit);
     uint64_t others = lanes & ~less_than(square, splat(needed * needed));
     if (others == 0) return lanes;
-    Vec8 v = velocity_of(scene->arm->groups[of.group].joint, one, scratch);
-    Vec8 v2 = velocity_of(scene->arm->groups[of.other].joint, two, scratch);
-    f64x8 along = abs_lanes(vec8_dot(d, vec8_sub(v, v2))) * SLACK;
+    f64x8 along = abs_lanes(vec8_dot(d, vec8_sub(velocity_of(a), velocity_of(b)))) * SLACK;
     f64x8 distance = sqrt_lanes(square);
     double acceleration = scratch->accelerations[row] + scratch->accelerations[row2];
     f64x8 lost = along * h + distance * (h * h * (0.5 * acceleration));
@@ -143,7 +140,8 @@ INLINE SphereTest test_body(const BodyPair *bodies, uint64_t lanes, int64_t batc
     // Only the spheres of either that are near the other's ball.
     for (int64_t k = ball_b + 1; k < b->last_sphere; k++) {
         uint64_t near = lanes_near_sphere(groups, ball_a, k, lanes, padding, h, scene, scratch);
-        if (near) scratch->near_spheres[count++] = (Near){k, near};
+        scratch->near_spheres[count] = (Near){k, near};
+        count += near != 0;
     }
     SphereTest found = {0, 0, ball_a, ball_b};
     for (int64_t i = ball_a + 1; count && i < a->last_sphere; i++) {

@@ -116,7 +116,7 @@ INLINE f64x8 swept_height(const double p[3], Vec8 n, Speed8 speed, f64x8 h) {
 // The least n.p - h |n.v| over a core, n a direction of the world, v seen from frame `base`, in the lanes given.
 //
 // It is found sooner the lower the point `low` of the core is that it begins with.
-static __attribute__((noinline)) f64x8 lowest_within(int64_t core, Vec8 n, Vec8 low, int64_t base, uint64_t lanes,
+NOINLINE f64x8 lowest_within(int64_t core, Vec8 n, Vec8 low, int64_t base, uint64_t lanes,
                                                      f64x8 h, const SceneTables *scene, const Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     const CoreRange *range = &arm->cores[core];
