@@ -162,6 +162,11 @@ def known_name(kind: str, name: str, known: Iterable[str]) -> str:
     return name
 
 
+def counted(number: int, noun: str, plural: str | None = None) -> str:
+    """A number with its noun: "1 waypoint", "2 waypoints"; `plural` where that takes no s alone."""
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
     """The same array, no longer writeable."""
     array.setflags(write=False)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
-from rr1plan.checks import Seed, as_generator, finite_number, known_name, of_kind
+from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, of_kind
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
@@ -86,13 +86,13 @@ class MotionPlan:
     def __repr__(self) -> str:
         if self._report is None:
             return f"MotionPlan({self.result!r})"
-        return f"MotionPlan({len(self.path)} waypoints, {self.path.length:.2f} rad, {self._report!r})"
+        return f"MotionPlan({counted(len(self.path), 'waypoint')}, {self.path.length:.2f} rad, {self._report!r})"
 
     def __str__(self) -> str:
         if self._report is None:
             return f"no plan ({self.result.planner}, {self.status.value}): {self.result.reason}"
         stages = ", ".join(f"{name} {1e3 * seconds:.1f} ms" for name, seconds in self.seconds.items())
-        return f"{len(self.path)} waypoints, {self.path.length:.2f} rad long; {stages}\n{self._report}"
+        return f"{counted(len(self.path), 'waypoint')}, {self.path.length:.2f} rad long; {stages}\n{self._report}"
 
     def show(self, **options: Any) -> Any:
         """Open the motion in a live Meshcat page and print its address; options as in `rr1plan.playback.show`.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
-from rr1plan.checks import Value
+from rr1plan.checks import Value, counted
 from rr1plan.errors import FormatError
 
 ViolationKind = Literal[
@@ -124,8 +124,7 @@ class Report(Value):
         if self.valid:
             head = "VALID" + (", certified free of collision in continuous time" if self.certified else "")
         else:
-            count = len(self.violations)
-            head = f"INVALID, {count} violation{'s' if count > 1 else ''}"
+            head = f"INVALID, {counted(len(self.violations), 'violation')}"
         lines = [f"{head} ({self.duration:.3f} s of motion)"]
         lines += [f"  violation    {v.kind}: {v.message}" for v in self.violations]
         width = max((len(name) for name in self.margins), default=0)

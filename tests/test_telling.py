@@ -68,3 +68,22 @@ def test_a_misspelt_name_is_told_with_what_python_needs_to_suggest_another() -> 
     with pytest.raises(AttributeError) as caught:
         getattr(rp, name)
     assert (caught.value.name, caught.value.obj) == (name, rp)
+
+
+def test_one_of_anything_is_not_plural() -> None:
+    scene = rp.load_scene("rr1_table")
+    still = rp.plan_motion(rp.Problem(scene, "home", "home"), rng=0)
+    for text in (str(still), repr(still), repr(still.result), repr(still.path)):
+        assert "1 waypoint," in text
+    step = rp.simulate(still.trajectory, scene, hold=0.002)
+    assert str(step).startswith("dynamic replay: 1 step of 2 ms")
+    kinematics = rp.Kinematics(scene)
+    reached = rp.PoseGoal("tool", kinematics.pose(scene.configuration(), "tool"))
+    refused = rp.solve_ik(kinematics, reached, accept=lambda _: False, attempts=1)
+    assert "in 1 configuration, none of them accepted (1 start)" in refused.reason
+    inside = scene.link_poses()["rr1/tool"][:3, 3]
+    blocked = scene.with_obstacle("ball", rp.Sphere(0.03), inside)
+    (found,) = rp.solve_ik(kinematics, reached, rng=0).solutions
+    assert not rp.CollisionChecker(blocked).is_free(found)
+    result = rp.plan(rp.Problem(blocked, [0.5, *found[1:]], reached), rng=0)
+    assert "every configuration found (1 configuration)" in result.reason

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, read_only
+from rr1plan.checks import Array, counted, read_only
 
 # A joint that is farther than this behind lost its way, not some accuracy [rad or m].
 _LEFT_BEHIND = 0.01
@@ -94,7 +94,7 @@ class Replay:
 
     def __str__(self) -> str:
         lines = [
-            f"{self.mode} replay: {self.steps} steps of {self.timestep * 1e3:g} ms, "
+            f"{self.mode} replay: {counted(self.steps, 'step')} of {self.timestep * 1e3:g} ms, "
             f"{self.real_time_factor:.0f} times real time"
         ]
         if self.mode == "dynamic":

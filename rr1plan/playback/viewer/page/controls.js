@@ -130,7 +130,7 @@ class Controls {
     if (around) rows.push(["Spheres", around]);
     if (doc.replay) {
       const { worst_error: worst, contacts, mode } = doc.replay.summary;
-      rows.push(["MuJoCo", `${mode === "dynamic" ? `off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contacts` : "no contact"}`]);
+      rows.push(["MuJoCo", `${mode === "dynamic" ? `off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contact${contacts.length > 1 ? "s" : ""}` : "no contact"}`]);
     }
     facts.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
   }
