@@ -154,7 +154,9 @@ def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:
     try:
         return None if srdf is None else read_srdf(srdf, tree)
     except FormatError as error:
-        raise FormatError(f"{error}; to load {tree.name!r} without this SRDF, say srdf=False") from error
+        raise FormatError(
+            f"{error}; to load {tree.name!r} without this SRDF, rename it, or set option srdf to False"
+        ) from error
 
 
 def _srdf_beside(file: Path) -> Path | None:

@@ -93,7 +93,7 @@ class Kinematics:
             InputError: None where several arms move.
         """
         if arm is None and len(self.arms) != 1:
-            raise InputError(f"{len(self.arms)} arms move ({', '.join(self.arms)}); say which one")
+            raise InputError(f"{len(self.arms)} arms move ({', '.join(self.arms)}); say which one with option arm")
         arm = self.scene.only_arm(arm or self.arms[0])
         if tuple(self.scene.arms) == self.arms == (arm,):
             return self

@@ -103,7 +103,7 @@ class Replay:
             busiest = int(np.argmax(self.peak_effort))
             lines.append(
                 f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
-                + ("; try torque_limits=True, or lower limits of acceleration" if self._is_spent else "")
+                + ("; plan with option torque_limits, or with lower limits of acceleration" if self._is_spent else "")
             )
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"

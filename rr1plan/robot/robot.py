@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import FARTHEST, Array, Value, finite_array, finite_number, known_name, read_only
+from rr1plan.checks import FARTHEST, Array, Value, counted, finite_array, finite_number, known_name, read_only
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.robot.digest import feed_digest
@@ -121,10 +121,9 @@ class Robot(Value):
         if isinstance(value, str):
             return self.configurations[known_name("configuration", value, self.configurations)]
         if np.shape(value) != (self.nq,):
+            got = f"shape {np.shape(value)}" if np.ndim(value) != 1 else counted(len(value), "number")
             joints = ", ".join(self.joint_names)
-            raise InputError(
-                f"{name} has shape {np.shape(value)}, expected ({self.nq},): one value for each of {joints}"
-            )
+            raise InputError(f"{name} has {got}, expected {self.nq}: one for each of {joints}")
         joints = ", ".join(n for n, v in zip(self.joint_names, value, strict=True) if not _is_joint_value(v))
         if joints:
             raise InputError(f"{name} is {value}, expected finite numbers within ±{FARTHEST:g} (joint {joints})")

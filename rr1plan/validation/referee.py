@@ -87,7 +87,7 @@ def validate(
     if torque_limits:
         check_torques(ledger, trajectory, scene)
     else:
-        ledger.not_checked["torque"] = "not asked for (torque_limits=True checks it)"
+        ledger.not_checked["torque"] = "not asked for (option torque_limits)"
     check_ends(ledger, trajectory, scene, motion, problem)
     return _report(ledger, trajectory.duration)
 

@@ -90,7 +90,7 @@ def test_questions_may_be_asked_in_many_ways(
         (["plan", "rr1_table", "--planner", "rrtconnect"], "Did you mean 'rrt_connect'"),
         (["plan", "rr1_table", "--retiming", "blends"], "Did you mean 'blend'"),
         (["plan", "rr1_table", "--goal", "hme"], "Did you mean 'home'"),
-        (["plan", "rr1_table", "--goal", "1", "2"], "expected (6,)"),
+        (["plan", "rr1_table", "--goal", "1", "2"], "has 2 numbers, expected 6"),
         (["plan", "rr1_table", "--goal", "9", "0", "0", "0", "0", "0"], "shoulder_joint"),
         (["plan", "rr1_table", "--goal", "nan", "0", "0", "0", "0", "0"], "shoulder_joint"),
         (["plan", "rr1_table", "--goal", "home", "--position", "0", "0", "1"], "more than one goal"),
