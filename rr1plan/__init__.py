@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from rr1plan.formats.meshes import load_mesh as load_mesh
     from rr1plan.formats.plan_files import load_motion as load_motion
     from rr1plan.formats.plan_files import save_motion as save_motion
+    from rr1plan.formats.point_files import load_point_cloud as load_point_cloud
     from rr1plan.formats.srdf_proposal import propose_never_collide as propose_never_collide
     from rr1plan.kinematics import IkResult as IkResult
     from rr1plan.kinematics import Kinematics as Kinematics
@@ -127,6 +128,7 @@ _EXPORTS = {
     "rr1plan.formats.csv_files": ("load_csv", "save_csv"),
     "rr1plan.formats.meshes": ("load_mesh",),
     "rr1plan.formats.plan_files": ("load_motion", "save_motion"),
+    "rr1plan.formats.point_files": ("load_point_cloud",),
     "rr1plan.formats.srdf_proposal": ("propose_never_collide",),
     "rr1plan.kinematics": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
     "rr1plan.library": ("load_problems", "load_robot", "load_scene", "robot_names", "save_scene", "scene_names"),

@@ -324,7 +324,7 @@ def test_points_are_never_unpickled(tmp_path: Path) -> None:
     (tmp_path / "words.csv").write_text("1, 2, x\n")
     assert "is not a list of points" in refusal(tmp_path, "[obstacles.a]\npoints = { file = 'words.csv' }\n")
     (tmp_path / "scan.las").write_text("")
-    assert "expected .npy, .csv" in refusal(tmp_path, "[obstacles.a]\npoints = { file = 'scan.las' }\n")
+    assert "one of .npy, .ply, .pcd" in refusal(tmp_path, "[obstacles.a]\npoints = { file = 'scan.las' }\n")
 
 
 def test_deep_nesting_and_other_bytes_are_refused(tmp_path: Path) -> None:
