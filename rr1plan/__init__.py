@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from rr1plan.collision import Nearest as Nearest
     from rr1plan.collision import cover_with_spheres as cover_with_spheres
     from rr1plan.errors import BackendError as BackendError
+    from rr1plan.errors import CancelledError as CancelledError
     from rr1plan.errors import FormatError as FormatError
     from rr1plan.errors import InputError as InputError
     from rr1plan.errors import MissingPackageError as MissingPackageError
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from rr1plan.errors import RetimingError as RetimingError
     from rr1plan.errors import Rr1PlanError as Rr1PlanError
     from rr1plan.errors import UnknownNameError as UnknownNameError
+    from rr1plan.formats.convex_pieces import convex_pieces as convex_pieces
     from rr1plan.formats.csv_files import load_csv as load_csv
     from rr1plan.formats.csv_files import save_csv as save_csv
     from rr1plan.formats.meshes import load_mesh as load_mesh
@@ -117,6 +119,7 @@ _EXPORTS = {
     ),
     "rr1plan.errors": (
         "BackendError",
+        "CancelledError",
         "FormatError",
         "InputError",
         "MissingPackageError",
@@ -127,6 +130,7 @@ _EXPORTS = {
     ),
     "rr1plan.formats.csv_files": ("load_csv", "save_csv"),
     "rr1plan.formats.meshes": ("load_mesh",),
+    "rr1plan.formats.convex_pieces": ("convex_pieces",),
     "rr1plan.formats.plan_files": ("load_motion", "save_motion"),
     "rr1plan.formats.point_files": ("load_point_cloud",),
     "rr1plan.formats.srdf_proposal": ("propose_never_collide",),

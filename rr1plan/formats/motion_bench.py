@@ -25,7 +25,7 @@ from typing import Any
 
 from rr1plan.checks import Array, counted
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.convex import convex_shapes
+from rr1plan.formats.convex_pieces import convex_shapes
 from rr1plan.formats.documents import read_json, read_yaml
 from rr1plan.formats.moveit_scene import cone
 from rr1plan.formats.tables import Table

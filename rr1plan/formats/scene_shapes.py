@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import Array, known_name, read_only, resolved_path
-from rr1plan.formats.convex import convex_shapes
+from rr1plan.formats.convex_pieces import convex_shapes
 from rr1plan.formats.meshes import read_mesh
 from rr1plan.formats.point_files import read_points
 from rr1plan.formats.tables import Table, is_number

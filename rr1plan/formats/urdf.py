@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rr1plan.checks import file_path, known_name
-from rr1plan.formats.convex import CONVEXITIES, Convexity
+from rr1plan.formats.convex_pieces import CONVEXITIES, Convexity
 from rr1plan.formats.mesh_lookup import MeshLookup
 from rr1plan.formats.urdf_joints import read_joint
 from rr1plan.formats.urdf_links import LinkReader
