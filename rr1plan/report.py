@@ -82,8 +82,10 @@ class Report(Value):
     Args:
         violations: All that was found, worst of each kind and subject.
         margins: What is left up to each limit, by name: "clearance", "clearance_start" and
-            "clearance_end" [m]; "position", "velocity", "acceleration", "jerk" and "torque" as the
-            ratio used (1 is the limit).
+            "clearance_end" to obstacles and other arms, "self_clearance" between the links of one arm
+            and what it holds [m], both with the bound that is proven ("clearance_proven",
+            "self_clearance_proven"); "position", "velocity", "acceleration", "jerk" and "torque" as
+            the ratio used (1 is the limit).
         checked: The rules that were checked.
         not_checked: The rules that were not, each with the reason.
         duration: Length of the motion [s].

@@ -241,16 +241,21 @@ def _contact(pair: tuple[str, str], padding: float, found: Findings, k: int) -> 
 
 
 def _clearance_margins(ledger: Ledger, bodies: Bodies, found: Findings) -> None:
-    if not np.isfinite(found.clearance).any():
-        return
-    k = int(np.argmin(found.clearance))
-    ledger.margins["clearance"] = Margin(float(found.clearance[k]), "m", bodies.pairs[k], float(found.time[k]))
-    for name, (value, pair, time) in zip(("clearance_start", "clearance_end"), found.ends, strict=True):
-        if np.isfinite(value):
-            ledger.margins[name] = Margin(value, "m", bodies.pairs[pair], time)
-    sure = found.proven[~(np.isfinite(found.first_contact) | found.undecided)]
-    if len(sure) == len(bodies.pairs) and not found.cancelled:
-        ledger.margins["clearance_proven"] = Margin(float(sure.min()), "m")
+    """Margins of the clearance to obstacles and other arms, and of one arm's links among themselves."""
+    hit = np.isfinite(found.first_contact) | found.undecided
+    for group, (name, members) in enumerate((("clearance", ~bodies.own), ("self_clearance", bodies.own))):
+        seen = np.where(members, found.clearance, np.inf)
+        if not np.isfinite(seen).any():
+            continue
+        k = int(np.argmin(seen))
+        ledger.margins[name] = Margin(float(seen[k]), "m", bodies.pairs[k], float(found.time[k]))
+        for end, nearest in zip(("start", "end"), found.ends[group], strict=True):
+            if name == "clearance" and np.isfinite(nearest.clearance):
+                ledger.margins[f"{name}_{end}"] = Margin(
+                    nearest.clearance, "m", bodies.pairs[nearest.pair], nearest.time
+                )
+        if not hit.any() and not found.cancelled:
+            ledger.margins[f"{name}_proven"] = Margin(float(found.proven[members].min()), "m")
 
 
 def _teller(progress: ProgressCallback | None) -> Callable[[float], bool | None] | None:

@@ -126,6 +126,7 @@ class Controls {
     const margins = doc.report ? doc.report.margins : {};
     if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.duration)] : ["Path", "no times yet, shown at 1 rad/s"]);
     if (margins.clearance) rows.push(["Clearance", length(margins.clearance.value)]);
+    if (margins.self_clearance) rows.push(["Self clearance", length(margins.self_clearance.value)]);
     const around = this.viewer.world.spheres.summary();
     if (around) rows.push(["Spheres", around]);
     if (doc.replay) {
