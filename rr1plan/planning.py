@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Seed, counted, of_kind
+from rr1plan.checks import Array, Seed, Value, counted, of_kind
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.problem import Problem
@@ -72,8 +72,8 @@ class Progress:
 ProgressCallback = Callable[[Progress], bool | None]
 
 
-@dataclass(frozen=True, eq=False)
-class SearchTree:
+@dataclass(frozen=True, eq=False, repr=False)
+class SearchTree(Value):
     """What a planner explored: configurations (n, nq) and edges between them (m, 2)."""
 
     vertices: Array

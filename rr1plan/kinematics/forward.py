@@ -44,6 +44,9 @@ class Kinematics:
         self._data = self._model.createData()
         self._own: dict[str, Kinematics] = {}
 
+    def __repr__(self) -> str:
+        return f"Kinematics({self.scene.name!r}, arms={list(self.arms)})"
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as its scene; the model is built again."""
         return Kinematics, (self.scene, self.arms)

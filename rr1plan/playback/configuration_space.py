@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, counted, file_path, of_kind, read_only
+from rr1plan.checks import Array, Value, counted, file_path, of_kind, read_only
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
 from rr1plan.planning import PlanResult, SearchTree
@@ -22,8 +22,8 @@ from rr1plan.problem import JointGoal, PoseGoal, Problem
 from rr1plan.scene import Scene
 
 
-@dataclass(frozen=True, eq=False)
-class CSpace:
+@dataclass(frozen=True, eq=False, repr=False)
+class CSpace(Value):
     """A configuration space with a question and its answer drawn into it.
 
     Args:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, counted, read_only
+from rr1plan.checks import Array, Value, counted, read_only
 
 # A joint that is farther than this behind lost its way, not some accuracy [rad or m].
 _LEFT_BEHIND = 0.01
@@ -30,8 +30,8 @@ class ReplayContact:
     depth: float
 
 
-@dataclass(frozen=True, eq=False)
-class Replay:
+@dataclass(frozen=True, eq=False, repr=False)
+class Replay(Value):
     """The outcome of `simulate`.
 
     Args:
@@ -91,6 +91,10 @@ class Replay:
     def _is_spent(self) -> bool:
         """A motor gave all it had, and its joint was left behind."""
         return bool(((self.peak_effort > 0.999) & (self.max_error > _LEFT_BEHIND)).any())
+
+    def __repr__(self) -> str:
+        seconds = self.steps * self.timestep
+        return f"Replay({self.mode}, {seconds:.3f} s, {self.worst_error:.2e} rad, {len(self.contacts)} contacts)"
 
     def __str__(self) -> str:
         lines = [
