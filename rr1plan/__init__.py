@@ -13,7 +13,6 @@ Every name below is loaded on first use, so `import rr1plan` stays light.
 
 from __future__ import annotations
 
-import logging
 import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -157,8 +156,6 @@ _SUBMODULES = ("multi", "playback", "retiming", "transforms")
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 
 __all__ = ["__version__", *_SUBMODULES, *_HOME]
-
-logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 
 def __getattr__(name: str) -> Any:

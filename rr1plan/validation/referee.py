@@ -79,6 +79,7 @@ def validate(
     setting = setting_of(scene, trajectory.joint_names)
     motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
     _check_collisions(ledger, motion, setting, clearance_tolerance, progress)
+    _name_unchecked_links(ledger, scene)
     columns, found = setting.columns, extremes(motion.breaks, motion.coefficients)
     check_positions(ledger, columns, found)
     check_continuity(ledger, columns, found, motion.coefficients)
@@ -125,6 +126,7 @@ def certify_path(
     setting = setting_of(scene, trajectory.joint_names)
     motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
     _check_collisions(ledger, motion, setting, clearance_tolerance, progress)
+    _name_unchecked_links(ledger, scene)
     check_positions(ledger, setting.columns, extremes(motion.breaks, motion.coefficients))
     for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
         ledger.not_checked[rule] = "a path has no times"
@@ -222,6 +224,12 @@ def _check_collisions(
     ledger.statistics |= found.statistics | {"collision_seconds": clock.perf_counter() - began}
     if not bodies.pairs:
         ledger.not_checked["clearance"] = "the scene has no pair of elements that must not touch"
+
+
+def _name_unchecked_links(ledger: Ledger, scene: Scene) -> None:
+    for name, arm in scene.arms.items():
+        for link in arm.robot.unchecked_links:
+            ledger.not_checked[f"{name}/{link}"] = "has no collision shape"
 
 
 def _contact(pair: tuple[str, str], padding: float, found: Findings, k: int) -> Violation:
