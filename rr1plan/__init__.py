@@ -13,7 +13,6 @@ Every name below is loaded on first use, so `import rr1plan` stays light.
 
 from __future__ import annotations
 
-import logging
 import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from rr1plan.collision import Nearest as Nearest
     from rr1plan.collision import cover_with_spheres as cover_with_spheres
     from rr1plan.errors import BackendError as BackendError
+    from rr1plan.errors import CancelledError as CancelledError
     from rr1plan.errors import FormatError as FormatError
     from rr1plan.errors import InputError as InputError
     from rr1plan.errors import MissingPackageError as MissingPackageError
@@ -40,11 +40,13 @@ if TYPE_CHECKING:
     from rr1plan.errors import RetimingError as RetimingError
     from rr1plan.errors import Rr1PlanError as Rr1PlanError
     from rr1plan.errors import UnknownNameError as UnknownNameError
+    from rr1plan.formats.convex_pieces import convex_pieces as convex_pieces
     from rr1plan.formats.csv_files import load_csv as load_csv
     from rr1plan.formats.csv_files import save_csv as save_csv
     from rr1plan.formats.meshes import load_mesh as load_mesh
     from rr1plan.formats.plan_files import load_motion as load_motion
     from rr1plan.formats.plan_files import save_motion as save_motion
+    from rr1plan.formats.point_files import load_point_cloud as load_point_cloud
     from rr1plan.formats.srdf_proposal import propose_never_collide as propose_never_collide
     from rr1plan.kinematics import IkResult as IkResult
     from rr1plan.kinematics import Kinematics as Kinematics
@@ -116,6 +118,7 @@ _EXPORTS = {
     ),
     "rr1plan.errors": (
         "BackendError",
+        "CancelledError",
         "FormatError",
         "InputError",
         "MissingPackageError",
@@ -126,7 +129,9 @@ _EXPORTS = {
     ),
     "rr1plan.formats.csv_files": ("load_csv", "save_csv"),
     "rr1plan.formats.meshes": ("load_mesh",),
+    "rr1plan.formats.convex_pieces": ("convex_pieces",),
     "rr1plan.formats.plan_files": ("load_motion", "save_motion"),
+    "rr1plan.formats.point_files": ("load_point_cloud",),
     "rr1plan.formats.srdf_proposal": ("propose_never_collide",),
     "rr1plan.kinematics": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
     "rr1plan.library": ("load_problems", "load_robot", "load_scene", "robot_names", "save_scene", "scene_names"),
@@ -151,8 +156,6 @@ _SUBMODULES = ("multi", "playback", "retiming", "transforms")
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 
 __all__ = ["__version__", *_SUBMODULES, *_HOME]
-
-logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 
 def __getattr__(name: str) -> Any:

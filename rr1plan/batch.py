@@ -25,7 +25,7 @@ import numpy as np
 
 from rr1plan._kernels.jit import all_kept, build_all
 from rr1plan.batch_worker import Raised, Settings, Task, begin_worker, raised, run_chunk
-from rr1plan.checks import Seed, as_generator, known_name
+from rr1plan.checks import Seed, Value, as_generator, known_name
 from rr1plan.errors import BackendError, InputError
 from rr1plan.pipeline import MotionPlan
 from rr1plan.planners import planner_names
@@ -40,8 +40,8 @@ _CHUNKS_PER_WORKER = 4
 _LONGEST_CHUNK = 32
 
 
-@dataclass(frozen=True, eq=False)
-class PlanFailure:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanFailure(Value):
     """What stands in the place of an answer: the problem raised, its process died, or the batch was cancelled.
 
     Args:

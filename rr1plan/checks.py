@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sized
+from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -21,6 +22,8 @@ FARTHEST = 1e4
 _LONGEST_NAME = 255
 _LONGEST_PATH = 4095
 _LONGEST_SHOWN = 80  # [characters]
+# In a repr: numbers or names of a list, entries of other lists.
+_MOST_NUMBERS, _MOST_ENTRIES = 8, 2
 Seed = np.random.Generator | int | None
 
 
@@ -31,6 +34,30 @@ def shown(value: Any) -> str:
     except Exception:  # an int of 5,000 digits, or an object of a caller's own class
         return f"a {type(value).__name__}"
     return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
+
+
+def _in_brief(value: Any) -> str:
+    """A field of a value, in a line."""
+    if isinstance(value, np.ndarray):
+        if value.ndim == 1 and value.size <= _MOST_NUMBERS:
+            return "[" + ", ".join(f"{number:.6g}" for number in value.tolist()) + "]"
+        if value.shape == (4, 4):
+            turned = "" if np.array_equal(value[:3, :3], np.eye(3)) else ", turned"
+            return f"<pose at {_in_brief(value[:3, 3])}{turned}>"
+        return f"<{' x '.join(map(str, value.shape))} array>"
+    if isinstance(value, Mapping):
+        entries = [f"{shown(key)}: {_in_brief(item)}" for key, item in islice(value.items(), _MOST_ENTRIES)]
+        return "{" + ", ".join(entries) + _rest(value, _MOST_ENTRIES) + "}"
+    if isinstance(value, list | tuple | set | frozenset):
+        most = _MOST_ENTRIES if any(isinstance(item, Value | np.ndarray) for item in value) else _MOST_NUMBERS
+        return "(" + ", ".join(map(_in_brief, islice(value, most))) + _rest(value, most) + ")"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return repr(value) if isinstance(value, Value) else shown(value)
+
+
+def _rest(value: Sized, most: int) -> str:
+    return f", ... {len(value)} in all" if len(value) > most else ""
 
 
 def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
@@ -162,6 +189,11 @@ def known_name(kind: str, name: str, known: Iterable[str]) -> str:
     return name
 
 
+def counted(number: int, noun: str, plural: str | None = None) -> str:
+    """A number with its noun: "1 waypoint", "2 waypoints"; `plural` where that takes no s alone."""
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
     """The same array, no longer writeable."""
     array.setflags(write=False)
@@ -169,7 +201,15 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 
 class Value:
-    """Base of our immutable dataclasses: their arrays and mappings are still read-only after pickling."""
+    """Base of our immutable dataclasses: read-only arrays and mappings, after pickling too, and a repr of one line.
+
+    The decorator of a subclass says `repr=False`, as it would make a repr of its own.
+    """
+
+    def __repr__(self) -> str:
+        fields = self.__dataclass_fields__  # type: ignore[attr-defined]  # every subclass is a dataclass
+        entries = [f"{name}={_in_brief(getattr(self, name))}" for name, field in fields.items() if field.repr]
+        return f"{type(self).__name__}({', '.join(entries)})"
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields alone, without what was cached beside them."""

@@ -6,6 +6,7 @@
     │   └── FormatError               a file that cannot be read as what it claims to be
     ├── NoPlanError                   "no answer", only when asked for as an exception
     ├── RetimingError                 a path that cannot be given times under the limits
+    ├── CancelledError                a progress callback ended work that has no answer without its end
     ├── MissingPackageError (ImportError)   an optional package; names the extra to install
     ├── InstallationError (ImportError)     a part of rr1plan that the build makes is missing or broken
     └── BackendError                  a library failed in a way we did not foresee
@@ -71,6 +72,10 @@ class NoPlanError(Rr1PlanError):
 
 class RetimingError(Rr1PlanError):
     """A path that cannot be given times under the limits; names the joint or the place."""
+
+
+class CancelledError(Rr1PlanError):
+    """A progress callback returned False, and the work it ended has no answer without its end."""
 
 
 class MissingPackageError(Rr1PlanError, ImportError):

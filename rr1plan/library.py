@@ -8,7 +8,7 @@ from typing import Literal
 
 from rr1plan.checks import file_path, known_name, of_kind
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.convex import Convexity
+from rr1plan.formats.convex_pieces import Convexity
 from rr1plan.formats.files import is_regular, write_text
 from rr1plan.formats.motion_bench import read_bench_scene
 from rr1plan.formats.moveit_scene import read_moveit_scene
@@ -154,7 +154,9 @@ def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:
     try:
         return None if srdf is None else read_srdf(srdf, tree)
     except FormatError as error:
-        raise FormatError(f"{error}; to load {tree.name!r} without this SRDF, say srdf=False") from error
+        raise FormatError(
+            f"{error}; to load {tree.name!r} without this SRDF, rename it, or set option srdf to False"
+        ) from error
 
 
 def _srdf_beside(file: Path) -> Path | None:

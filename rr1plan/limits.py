@@ -12,7 +12,7 @@ from rr1plan.errors import InputError
 _POSITIVE = ("velocity", "acceleration", "jerk", "effort")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Limits(Value):
     """Limits of n joints; infinity stands for "no limit known".
 

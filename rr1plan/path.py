@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, near_array, read_only
+from rr1plan.checks import Array, Value, counted, near_array, read_only
 from rr1plan.errors import InputError
 
 # More samples than this do not fit into memory.
@@ -73,7 +73,7 @@ class Path(Value):
         return len(self.waypoints)
 
     def __repr__(self) -> str:
-        return f"Path({len(self)} waypoints, {self.length:.2f} rad, joints=[{', '.join(self.joint_names)}])"
+        return f"Path({counted(len(self), 'waypoint')}, {self.length:.2f} rad, joints=[{', '.join(self.joint_names)}])"
 
     @cached_property
     def length(self) -> float:

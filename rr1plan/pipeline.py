@@ -14,19 +14,21 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
-from rr1plan.checks import Seed, as_generator, finite_number, known_name, of_kind
+from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name
 from rr1plan.collision.shelf import borrowed_checker
-from rr1plan.errors import InputError, NoPlanError
+from rr1plan.collision.solids import cut_meshes
+from rr1plan.errors import CancelledError, InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.planners import plan
 from rr1plan.planners.goals import joint_goals
 from rr1plan.planners.query import prepare
 from rr1plan.planners.shortcut import shorten as shorten_path
 from rr1plan.planners.tree_search import KERNELS
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
 from rr1plan.problem import Problem
 from rr1plan.report import Report
 from rr1plan.retiming import retime, retiming_names
+from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
@@ -86,13 +88,13 @@ class MotionPlan:
     def __repr__(self) -> str:
         if self._report is None:
             return f"MotionPlan({self.result!r})"
-        return f"MotionPlan({len(self.path)} waypoints, {self.path.length:.2f} rad, {self._report!r})"
+        return f"MotionPlan({counted(len(self.path), 'waypoint')}, {self.path.length:.2f} rad, {self._report!r})"
 
     def __str__(self) -> str:
         if self._report is None:
             return f"no plan ({self.result.planner}, {self.status.value}): {self.result.reason}"
         stages = ", ".join(f"{name} {1e3 * seconds:.1f} ms" for name, seconds in self.seconds.items())
-        return f"{len(self.path)} waypoints, {self.path.length:.2f} rad long; {stages}\n{self._report}"
+        return f"{counted(len(self.path), 'waypoint')}, {self.path.length:.2f} rad long; {stages}\n{self._report}"
 
     def show(self, **options: Any) -> Any:
         """Open the motion in a live Meshcat page and print its address; options as in `rr1plan.playback.show`.
@@ -160,7 +162,7 @@ def plan_motion(
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
-        progress: Called about ten times a second.
+        progress: Called about ten times a second, also while meshes are cut into convex pieces; False cancels.
 
     Returns:
         A `MotionPlan`; `solved` says whether there is a proven trajectory.
@@ -172,10 +174,13 @@ def plan_motion(
     """
     seconds: dict[str, float] = {}
     generator = as_generator(rng)
-    if not isinstance(problem, Problem):
-        raise InputError(f"problem is {type(problem).__name__}, expected a Problem")
+    check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
     with _timed(seconds, "set up"):
+        try:
+            _cut_meshes(problem.scene, progress)
+        except CancelledError as error:
+            return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
         margin = affordable_margin(problem, margin)
         roomy = with_margin(problem, margin)
         set_up(roomy)
@@ -204,7 +209,17 @@ def plan_motion(
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
 
 
-def set_up(problem: Problem) -> None:
+def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
+    """Make the convex pieces of the scene's meshes: the one part of the preparation that may take a minute."""
+    began = time.perf_counter()
+
+    def told(fraction: float) -> bool | None:
+        return None if progress is None else progress(Progress("set up", time.perf_counter() - began, fraction))
+
+    cut_meshes(scene, told)
+
+
+def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
     """Make ahead what a search in a problem's scene is done with: compiled code, and what it knows of the scene.
 
     Planning does it where it has not been done, in a millisecond or two; do it ahead where the first answer is waited
@@ -212,11 +227,15 @@ def set_up(problem: Problem) -> None:
 
     Args:
         problem: Any problem in the scene that moves the same arms.
+        progress: Called about ten times a second while meshes are cut into convex pieces, the one part that may take
+            long; False cancels.
 
     Raises:
         InputError: no problem, or a scene that cannot be checked.
+        CancelledError: `progress` returned False.
     """
-    of_kind("problem", problem, Problem)
+    check_question(problem, None, progress)
+    _cut_meshes(problem.scene, progress)
     prepare(KERNELS)
     with borrowed_checker(problem.scene, problem.arms) as motions:
         motions.set_up()

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Seed, of_kind
+from rr1plan.checks import Array, Seed, Value, counted, of_kind
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.problem import Problem
@@ -72,8 +72,8 @@ class Progress:
 ProgressCallback = Callable[[Progress], bool | None]
 
 
-@dataclass(frozen=True, eq=False)
-class SearchTree:
+@dataclass(frozen=True, eq=False, repr=False)
+class SearchTree(Value):
     """What a planner explored: configurations (n, nq) and edges between them (m, 2)."""
 
     vertices: Array
@@ -109,7 +109,9 @@ class PlanResult:
     tree: SearchTree | None = None
 
     def __repr__(self) -> str:
-        said = self.reason if self.path is None else f"{len(self.path)} waypoints, {self.path.length:.2f} rad"
+        said = (
+            self.reason if self.path is None else f"{counted(len(self.path), 'waypoint')}, {self.path.length:.2f} rad"
+        )
         return f"PlanResult({self.planner}, {self.status.value}: {said})"
 
     @property

@@ -16,7 +16,7 @@ from rr1plan.scene import Scene
 from rr1plan.transforms import as_pose, quaternion_from_rotation, rotation_from_quaternion, unit_quaternion
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointGoal(Value):
     """Get to a configuration.
 
@@ -27,7 +27,7 @@ class JointGoal(Value):
     q: Any
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PoseGoal(Value):
     """Bring a frame to a position, or to a full pose, in the world.
 
@@ -71,7 +71,7 @@ class PoseGoal(Value):
         return None if self.quaternion is None else rotation_from_quaternion(self.quaternion)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RegionGoal(Value):
     """Bring a frame's origin anywhere into a box of the world.
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
-from rr1plan.checks import Value
+from rr1plan.checks import Value, counted
 from rr1plan.errors import FormatError
 
 ViolationKind = Literal[
@@ -82,8 +82,10 @@ class Report(Value):
     Args:
         violations: All that was found, worst of each kind and subject.
         margins: What is left up to each limit, by name: "clearance", "clearance_start" and
-            "clearance_end" [m]; "position", "velocity", "acceleration", "jerk" and "torque" as the
-            ratio used (1 is the limit).
+            "clearance_end" to obstacles and other arms, "self_clearance" between the links of one arm
+            and what it holds [m], both with the bound that is proven ("clearance_proven",
+            "self_clearance_proven"); "position", "velocity", "acceleration", "jerk" and "torque" as
+            the ratio used (1 is the limit).
         checked: The rules that were checked.
         not_checked: The rules that were not, each with the reason.
         duration: Length of the motion [s].
@@ -124,8 +126,7 @@ class Report(Value):
         if self.valid:
             head = "VALID" + (", certified free of collision in continuous time" if self.certified else "")
         else:
-            count = len(self.violations)
-            head = f"INVALID, {count} violation{'s' if count > 1 else ''}"
+            head = f"INVALID, {counted(len(self.violations), 'violation')}"
         lines = [f"{head} ({self.duration:.3f} s of motion)"]
         lines += [f"  violation    {v.kind}: {v.message}" for v in self.violations]
         width = max((len(name) for name in self.margins), default=0)

@@ -121,7 +121,7 @@ class HalfSpace:
         object.__setattr__(self, "offset", float(near_array("half-space offset", self.offset, ())))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mesh(Value):
     """A triangle mesh.
 
@@ -150,6 +150,9 @@ class Mesh(Value):
         object.__setattr__(self, "vertices", read_only(vertices))
         object.__setattr__(self, "faces", read_only(faces))
 
+    def __repr__(self) -> str:
+        return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
+
 
 def _whole_numbers(faces: Any) -> NDArray[np.int32]:
     """Face indices as they were meant: numpy would cut 1.5 to 1 and wrap what is too large."""
@@ -162,7 +165,7 @@ def _whole_numbers(faces: Any) -> NDArray[np.int32]:
     return array.astype(np.int32)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PointCloud(Value):
     """Points with a thickness: each cell that holds a point is solid (an octree's leaf).
 
@@ -185,6 +188,9 @@ class PointCloud(Value):
             raise InputError("point cloud has no points, expected at least one")
         object.__setattr__(self, "points", read_only(points))
         object.__setattr__(self, "resolution", positive_length("point cloud resolution", self.resolution))
+
+    def __repr__(self) -> str:
+        return f"PointCloud({len(self.points)} points, resolution={self.resolution})"
 
 
 Shape = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh | PointCloud

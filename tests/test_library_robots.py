@@ -238,3 +238,51 @@ def test_a_scene_file_names_the_groups_of_a_robot(arm: Path, tmp_path: Path) -> 
     (arm.parent / "arm.srdf").write_text(TWO_ARMS)
     (tmp_path / "cell.toml").write_text('[arms.pair]\nrobot = "urdf/arm.urdf"\ngroups = ["right", "left"]\n')
     assert rp.load_scene(tmp_path / "cell.toml").joint_names() == ("pair/b", "pair/c", "pair/a")
+
+
+VISUAL = '<visual><geometry><sphere radius="0.02"/></geometry></visual>'
+SOLID = VISUAL.replace("visual", "collision")
+
+
+@pytest.fixture
+def half_clothed(tmp_path: Path) -> Path:
+    """An arm whose second link has a visual alone; one decoration is fixed to the first link, one to the second."""
+    text = arm_text(("a", -1, 1), ("b", -1, 1), ("c", -1, 1))
+    for link, inside in (("l0", SOLID), ("l1", VISUAL + SOLID), ("l2", VISUAL), ("l3", SOLID)):
+        text = text.replace(f'<link name="{link}"/>', f'<link name="{link}">{inside}</link>')
+    for parent in ("l1", "l2"):
+        text = text.replace(
+            "</robot>",
+            f'<link name="cap_{parent}">{VISUAL}</link><link name="frame_{parent}"/>'
+            f'<joint name="c_{parent}" type="fixed"><parent link="{parent}"/><child link="cap_{parent}"/></joint>'
+            f'<joint name="f_{parent}" type="fixed"><parent link="{parent}"/><child link="frame_{parent}"/></joint>'
+            "</robot>",
+        )
+    (tmp_path / "arm.urdf").write_text(text)
+    return tmp_path / "arm.urdf"
+
+
+def test_visible_links_without_a_shape_are_named_on_loading_and_in_the_report(
+    half_clothed: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = rp.load_robot(half_clothed)
+    assert "never checked though they are visible: l2, cap_l2" in caplog.text
+    assert robot.unchecked_links == ("l2", "cap_l2")
+    scene = rp.Scene().with_arm("left", robot)
+    report = rp.validate(rp.Trajectory.rest(scene.joint_names(), robot.home), scene)
+    assert report.certified
+    assert "not checked  left/l2, left/cap_l2: has no collision shape" in str(report)
+    path = rp.Path(scene.joint_names(), [robot.home, robot.home + 0.1])
+    assert "left/l2" in rp.certify_path(path, scene).not_checked
+
+
+def test_a_robot_without_any_shape_has_all_its_links_in_the_report(arm: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot(arm))
+    report = rp.validate(rp.Trajectory.rest(scene.joint_names(), scene.configuration()), scene)
+    assert {"arm/l0", "arm/l1", "arm/l2", "arm/l3"} <= set(report.not_checked)
+
+
+def test_shipped_robots_load_without_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    for name in rp.robot_names():
+        assert not rp.load_robot(name).unchecked_links
+    assert caplog.text == ""

@@ -120,10 +120,10 @@ def test_tool_means_the_robot_s_tool_unless_a_link_has_that_name(rr1: Robot, pla
 @pytest.mark.parametrize(
     ("start", "goal", "message"),
     [
-        ([0.1], "home", r"start of 'arm' has shape \(1,\), expected \(6,\)"),
+        ([0.1], "home", "start of 'arm' has 1 number, expected 6: one for each of shoulder_joint"),
         ([np.nan, 0, 0, 0, 0, 0], "home", "start of 'arm'.*joint shoulder_joint"),
         ("home", [0, np.inf, 0, 0, 0, 0], "goal of 'arm'.*joint upper_arm_joint"),
-        ("home", [1.0, 2.0], r"goal of 'arm' has shape \(2,\)"),
+        ("home", [1.0, 2.0], "goal of 'arm' has 2 numbers, expected 6"),
         ("home", [], "empty list"),
         ("hme", "home", "unknown configuration 'hme'. Did you mean 'home'"),
         ("home", "zerro", "Did you mean 'zero'"),

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.robot import Geometry
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +25,33 @@ def test_every_value_of_the_line_shows_itself_in_a_line(motion: rp.MotionPlan) -
     assert "certified" in repr(motion)
     assert repr(motion.problem) == "Problem('rr1_table', rr1: JointGoal)"
     assert f"{motion.path.length:.2f} rad" in repr(motion.result)
+
+
+def test_every_public_value_shows_itself_in_a_line(motion: rp.MotionPlan) -> None:
+    rng = np.random.default_rng(0)
+    mesh = rp.Mesh(rng.normal(size=(300, 3)), rng.permuted(np.tile(np.arange(300), (90, 1)), axis=1)[:, :3])
+    scene = motion.problem.scene.with_obstacle("mesh", [Geometry(name, mesh) for name in "abc"], [1, 2, 3])
+    scene = scene.with_obstacle("scan", rp.PointCloud(rng.normal(size=(500, 3))))
+    robot, checker = scene.arm("rr1").robot, rp.CollisionChecker(motion.problem.scene)
+    start, stop = motion.path.waypoints[[0, -1]]
+    values = [
+        *(mesh, scene, *scene.obstacles.values(), *scene.obstacles["mesh"].geometries, scene.arm("rr1"), robot),
+        *(robot.limits, *robot.links, *robot.joints, robot.link("shoulder_link").inertial),
+        *(rp.JointGoal(start), rp.PoseGoal("tool", [0, 0, 0], [1, 0, 0, 0])),
+        *(rp.RegionGoal("tool", [0, 0, 0], [1, 1, 1]), rp.Kinematics(scene), checker, rp.MotionChecker(checker)),
+        *(checker.nearest(start), *checker.contacts(stop + 1.5)),
+        rp.solve_ik(rp.Kinematics(scene), rp.PoseGoal("tool", [-0.30, 0.25, 0.20]), rng=0, max_solutions=3),
+        rp.MotionChecker(checker).first_contact(start, start + 1.5),
+        *rp.cover_with_spheres(checker.scene).values(),
+        rp.simulate(motion.trajectory, motion.problem.scene, mode="kinematic"),
+        rp.plan(motion.problem, rp.make_planner("rrt_connect", tree=True), rng=0).tree,
+        rp.cspace(rp.load_scene("planar2r_path"), resolution=12),
+    ]
+    for value in values:
+        shown = repr(value)
+        assert shown.startswith(f"{type(value).__name__}(")
+        assert "\n" not in shown
+        assert len(shown) < 400, shown
 
 
 def test_no_plan_shows_its_reason() -> None:
@@ -68,3 +97,22 @@ def test_a_misspelt_name_is_told_with_what_python_needs_to_suggest_another() -> 
     with pytest.raises(AttributeError) as caught:
         getattr(rp, name)
     assert (caught.value.name, caught.value.obj) == (name, rp)
+
+
+def test_one_of_anything_is_not_plural() -> None:
+    scene = rp.load_scene("rr1_table")
+    still = rp.plan_motion(rp.Problem(scene, "home", "home"), rng=0)
+    for text in (str(still), repr(still), repr(still.result), repr(still.path)):
+        assert "1 waypoint," in text
+    step = rp.simulate(still.trajectory, scene, hold=0.002)
+    assert str(step).startswith("dynamic replay: 1 step of 2 ms")
+    kinematics = rp.Kinematics(scene)
+    reached = rp.PoseGoal("tool", kinematics.pose(scene.configuration(), "tool"))
+    refused = rp.solve_ik(kinematics, reached, accept=lambda _: False, attempts=1)
+    assert "in 1 configuration, none of them accepted (1 start)" in refused.reason
+    inside = scene.link_poses()["rr1/tool"][:3, 3]
+    blocked = scene.with_obstacle("ball", rp.Sphere(0.03), inside)
+    (found,) = rp.solve_ik(kinematics, reached, rng=0).solutions
+    assert not rp.CollisionChecker(blocked).is_free(found)
+    result = rp.plan(rp.Problem(blocked, [0.5, *found[1:]], reached), rng=0)
+    assert "every configuration found (1 configuration)" in result.reason

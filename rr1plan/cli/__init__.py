@@ -36,7 +36,7 @@ def run(arguments: Sequence[str]) -> int:
     options = build_parser().parse_args([f" {word}" if _SMALL.match(word) else word for word in arguments])
     console = Console(as_json=options.json, quiet=options.quiet)
     try:
-        with console.telling("rr1plan._kernels"), console.telling("rr1plan.compiling"):
+        with console.warnings():
             code = _run_command(options, console)
     except KeyboardInterrupt:
         return _fail(console, "interrupted", INTERRUPTED)

@@ -61,12 +61,10 @@ class Console:
             self._err.print(f"rr1plan: {message}", markup=False)
 
     @contextmanager
-    def telling(self, name: str) -> Iterator[None]:
-        """Say on stderr what a logger warns of."""
-        logger, handler = logging.getLogger(name), _Teller(self._err)
-        if self.quiet:
-            yield
-            return
+    def warnings(self) -> Iterator[None]:
+        """Print on stderr what the library warns of in its log."""
+        logger = logging.getLogger("rr1plan")
+        handler = logging.NullHandler() if self.quiet else _WarningPrinter(self._err)
         logger.addHandler(handler)
         try:
             yield
@@ -89,7 +87,7 @@ def _nothing(_: float) -> None:
     """Progress that nobody sees."""
 
 
-class _Teller(logging.Handler):
+class _WarningPrinter(logging.Handler):
     """Prints log records on a console, above a bar that is running there."""
 
     def __init__(self, out: RichConsole) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, Value
 
 
-@dataclass(frozen=True, eq=False)
-class Contact:
+@dataclass(frozen=True, eq=False, repr=False)
+class Contact(Value):
     """Two elements that touch, or come nearer than their padding.
 
     Args:
@@ -23,8 +23,8 @@ class Contact:
     point: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Nearest:
+@dataclass(frozen=True, eq=False, repr=False)
+class Nearest(Value):
     """The two elements that are nearest to each other.
 
     Args:

@@ -25,7 +25,7 @@ _STEPS = 100
 _ROUNDING = 1e-14
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ElementCover(Value):
     """Spheres that contain a link or a held object, in its coordinates, coarse to fine.
 

@@ -63,6 +63,9 @@ class CollisionChecker:
         self.solid_owner: NDArray[np.int64] = self.layout.pairs.moving_owner
         self.solid_padding: Array = read_only(scene.checked_padding[self.solid_owner])
 
+    def __repr__(self) -> str:
+        return f"CollisionChecker({self.scene.name!r}, arms={list(self.arms)}, {len(self.pairs)} pairs)"
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as its scene and arms."""
         return CollisionChecker, (self.scene, self.arms)

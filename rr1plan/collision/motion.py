@@ -20,7 +20,7 @@ from rr1plan._kernels.exact import EXACT
 from rr1plan._kernels.motion import CONTACT, FREE
 from rr1plan._kernels.motion import certify as _certify_untyped
 from rr1plan._kernels.record import pack
-from rr1plan.checks import Array, finite_array, finite_number, of_kind, positive_number, read_only
+from rr1plan.checks import Array, Value, finite_array, finite_number, of_kind, positive_number, read_only
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.swept import SweptEdges
 from rr1plan.errors import InputError
@@ -34,8 +34,8 @@ _certify: Callable[..., tuple[int, float, int, int, int]] = _certify_untyped
 _least_clearance: Callable[..., float] = _least_clearance_untyped
 
 
-@dataclass(frozen=True, eq=False)
-class FirstContact:
+@dataclass(frozen=True, eq=False, repr=False)
+class FirstContact(Value):
     """Where an edge first touches something.
 
     Args:
@@ -87,6 +87,9 @@ class MotionChecker:
         self.edges_checked = 0
         self._configurations_checked = 0
         self._gaps_checked = 0
+
+    def __repr__(self) -> str:
+        return f"MotionChecker({self.checker!r}, tolerance={self.tolerance})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as its checker; the counters begin anew."""

@@ -6,6 +6,8 @@ mesh is never given to Coal as a surface, only as convex pieces.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -14,7 +16,9 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
-from rr1plan.formats.convex import convex_hull, convex_pieces
+from rr1plan.formats.convex import convex_hull
+from rr1plan.formats.convex_pieces import convex_pieces
+from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 # Octomap's keys have 16 bits: cells farther out would be dropped in silence.
@@ -29,7 +33,29 @@ def solid_pieces(shape: Shape) -> tuple[Shape, ...]:
     """
     if isinstance(shape, PointCloud):
         _check_reach(shape)
-    return _mesh_pieces(shape) if isinstance(shape, Mesh) else (shape,)
+    return _mesh_pieces(_Whole(shape)) if isinstance(shape, Mesh) else (shape,)
+
+
+def cut_meshes(scene: Scene, progress: Callable[[float], bool | None]) -> None:
+    """Make the convex pieces of all meshes of a scene that are not convex, which may take long, ahead of their use.
+
+    Args:
+        scene: The scene.
+        progress: Called about ten times a second with the share of the time allowed that is spent; False cancels.
+
+    Raises:
+        InputError: a mesh without volume, or one whose decomposition takes too long (both with its element's name).
+        CancelledError: `progress` returned False.
+    """
+    arms = ((f"{a}/{link.name}", link.collisions) for a, arm in scene.arms.items() for link in arm.robot.links)
+    obstacles = ((name, obstacle.geometries) for name, obstacle in scene.obstacles.items())
+    attachments = ((name, held.geometries) for name, held in scene.attachments.items())
+    for element, geometries in (*arms, *obstacles, *attachments):
+        for mesh in (g.shape for g in geometries if isinstance(g.shape, Mesh) and not g.shape.convex):
+            try:
+                _mesh_pieces(_Whole(mesh, progress))
+            except InputError as error:
+                raise InputError(f"shape of {element!r}: {error}") from error
 
 
 def _check_reach(cloud: PointCloud) -> None:
@@ -42,9 +68,18 @@ def _check_reach(cloud: PointCloud) -> None:
         )
 
 
+@dataclass(frozen=True)
+class _Whole:
+    """A mesh to be cut into pieces, and who is told how far that is."""
+
+    mesh: Mesh
+    progress: Callable[[float], bool | None] | None = field(default=None, compare=False)
+
+
 @lru_cache(maxsize=256)
-def _mesh_pieces(mesh: Mesh) -> tuple[Mesh, ...]:
-    return (convex_hull(mesh.vertices),) if mesh.convex else tuple(convex_pieces(mesh))
+def _mesh_pieces(whole: _Whole) -> tuple[Mesh, ...]:
+    mesh = whole.mesh
+    return (convex_hull(mesh.vertices),) if mesh.convex else tuple(convex_pieces(mesh, progress=whole.progress))
 
 
 def occupied_cells(cloud: PointCloud) -> Array:

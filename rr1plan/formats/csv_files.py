@@ -6,7 +6,7 @@ import pathlib
 
 import numpy as np
 
-from rr1plan.checks import of_kind
+from rr1plan.checks import counted, of_kind
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.files import read_text, write_text
 from rr1plan.trajectory import Trajectory
@@ -93,5 +93,5 @@ def _row(line: str, count: int, file: _File, number: int) -> list[float]:
     except ValueError as error:
         raise FormatError(str(error), file, number) from error
     if len(row) != count:
-        raise FormatError(f"has {len(row)} values, expected {count}", file, number)
+        raise FormatError(f"has {counted(len(row), 'value')}, expected {count}", file, number)
     return row

@@ -66,7 +66,10 @@ class MeshLookup:
             outside = True
         why = "is outside the robot's folders" if outside else "is not there"
         listed = ", ".join(str(place) for place in tried) or "nowhere"
-        raise FormatError(f"mesh {name!r} {why}; tried {listed}; try package_dirs=[...] with the folder it is in")
+        raise FormatError(
+            f"mesh {name!r} {why}; tried {listed}; "
+            "name the folder it is in with option package_dirs, or in ROS_PACKAGE_PATH"
+        )
 
     def _is_allowed(self, place: Path) -> bool:
         resolved = resolved_path(place)

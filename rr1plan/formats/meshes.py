@@ -1,9 +1,10 @@
-"""Triangle meshes from STL, OBJ and DAE files.
+"""Triangle meshes from STL, OBJ, DAE and glTF files.
 
 Binary STL is read here, as its loader needs half a second to be imported. Other
-files are read by trimesh from their bytes without a resolver, so nothing but the file itself is
+files are read by trimesh from their bytes, so nothing but the file itself (and a glTF's buffers beside it) is
 opened: no material files, no textures, nothing remote. A DAE's unit scales it, as COLLADA says;
 its up axis is ignored, as all readers of robot descriptions do (many exporters write a wrong one).
+glTF's y axis is up and becomes z, as in Drake, Blender and RViz (since 2025).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from rr1plan.checks import file_path, finite_array
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.formats.files import read_bytes
+from rr1plan.formats.gltf import Z_UP, external_buffers
 from rr1plan.formats.xml import first_attributes
 from rr1plan.robot import Color
 from rr1plan.shapes import Mesh
@@ -26,7 +28,8 @@ from rr1plan.shapes import Mesh
 MAX_FACES = 1_000_000
 MAX_BYTES = 256 * 1024 * 1024
 MAX_COORDINATE = 1e9
-SUFFIXES = (".stl", ".obj", ".dae")
+SUFFIXES = (".stl", ".obj", ".dae", ".gltf", ".glb")
+_GLTF = (".gltf", ".glb")
 # A triangle of a binary STL.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -36,6 +39,7 @@ class _Triangles(NamedTuple):
 
     vertices: Any
     faces: Any
+    visual: Any = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +54,11 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
     """Read a mesh file.
 
     Args:
-        file: A .stl (ascii or binary), .obj or .dae file.
+        file: A .stl (ascii or binary), .obj, .dae, .gltf or .glb file.
         scale: Factor of each axis, shape (3,); negative ones mirror.
 
     Returns:
-        One part for each colour; STL and OBJ have one part without a colour.
+        One part for each color; STL and OBJ have one part without a color.
 
     Raises:
         FormatError: an unknown suffix, a file that cannot be read, is too large, or holds no
@@ -70,7 +74,7 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
         factors = factors * _unit(data, file)
     groups: dict[Color | None, list[Any]] = {}
     for mesh in _binary_stl(data) if kind == ".stl" and _is_binary_stl(data) else _load(file, data, kind[1:]):
-        groups.setdefault(_color(mesh) if kind == ".dae" else None, []).append(mesh)
+        groups.setdefault(_color(mesh) if kind not in (".stl", ".obj") else None, []).append(mesh)
     faces = sum(len(mesh.faces) for meshes in groups.values() for mesh in meshes)
     if faces == 0:
         raise FormatError("has no triangle", file)
@@ -120,8 +124,8 @@ def _unit(data: bytes, file: Path) -> float:
 
 def _is_binary_stl(data: bytes) -> bool:
     """Whether it is as long as a binary STL of that many triangles; ASCII that begins alike is not."""
-    head = np.frombuffer(data[80:84], "<u4")
-    return len(head) == 1 and head[0] > 0 and len(data) == 84 + _TRIANGLE.itemsize * int(head[0])
+    count = int.from_bytes(data[80:84], "little")
+    return count > 0 and len(data) == 84 + _TRIANGLE.itemsize * count
 
 
 def _binary_stl(data: bytes) -> list[Any]:
@@ -134,17 +138,20 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
     """Trimesh's meshes of a file, placed."""
     import trimesh
 
+    buffers = external_buffers(data, file) if file.suffix.lower() in _GLTF else None
     try:
-        scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False)
-        return [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
+        scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers, process=False)
+        meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
+        return meshes if buffers is None else [_Triangles(m.vertices @ Z_UP.T, m.faces, m.visual) for m in meshes]
     except Exception as error:  # trimesh's parsers raise whatever they run into
         raise FormatError(f"cannot be read as {kind.upper()}: {error}", file) from error
 
 
 def _color(mesh: Any) -> Color | None:
-    """The one colour of a mesh's material, where it has one."""
-    color = getattr(getattr(mesh.visual, "material", None), "main_color", None)
-    if color is None:
+    """The one color of a mesh's material, where it has one."""
+    material = getattr(mesh.visual, "material", None)
+    color = getattr(material, "main_color", None)
+    if color is None or getattr(material, "baseColorFactor", color) is None:  # trimesh's own gray
         return None
     r, g, b, a = (float(c) / 255.0 for c in color)
     return r, g, b, a

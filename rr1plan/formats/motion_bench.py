@@ -23,9 +23,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, counted
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.convex import convex_shapes
+from rr1plan.formats.convex_pieces import convex_shapes
 from rr1plan.formats.documents import read_json, read_yaml
 from rr1plan.formats.moveit_scene import cone
 from rr1plan.formats.tables import Table
@@ -86,7 +86,7 @@ def read_bench_request(file: str | Path, scene: Scene, arm: str | None = None) -
     state = top.table("start_state").table("joint_state")
     names, values = state.strings("name"), _numbers(state, "position")
     if len(names) != len(values):
-        raise state.error(f"has {len(names)} names and {len(values)} positions")
+        raise state.error(f"has {counted(len(names), 'name')} and {counted(len(values), 'position')}")
     start = dict(zip(names, values, strict=True))
     goals = [_read_goal(entry) for entry in top.tables("goal_constraints")]
     if not goals:

@@ -22,7 +22,8 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.convex import convex_hull, convex_shapes
+from rr1plan.formats.convex import convex_hull
+from rr1plan.formats.convex_pieces import convex_shapes
 from rr1plan.formats.files import read_text, write_text
 from rr1plan.robot import Geometry
 from rr1plan.scene import Obstacle, Scene

@@ -16,7 +16,7 @@ import pathlib
 from dataclasses import dataclass
 from typing import Any
 
-from rr1plan.checks import known_name, of_kind
+from rr1plan.checks import Value, known_name, of_kind
 from rr1plan.formats.csv_files import load_csv as load_csv
 from rr1plan.formats.csv_files import save_csv as save_csv
 from rr1plan.formats.documents import read_json
@@ -35,8 +35,8 @@ _VERSION = 1
 _File = str | pathlib.Path
 
 
-@dataclass(frozen=True, eq=False)
-class SavedMotion:
+@dataclass(frozen=True, eq=False, repr=False)
+class SavedMotion(Value):
     """What a motion file holds.
 
     Args:

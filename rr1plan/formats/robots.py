@@ -98,6 +98,9 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         robot = replace(robot, never_collide=robot.never_collide | touching)
     if not any(link.collisions for link in robot.links):
         log.warning("%s: no link has a <collision>, nothing will ever be in its way", robot.name)
+    elif robot.unchecked_links:
+        bare = ", ".join(robot.unchecked_links)
+        log.warning("%s: links without a <collision>, never checked though they are visible: %s", robot.name, bare)
     return robot
 
 

@@ -5,13 +5,13 @@ sphere = 0.05                                radius [m]
 cylinder = { radius = 0.03, length = 0.12 }  along z
 capsule = { radius = 0.03, length = 0.12 }   length without the round ends
 half_space = { normal = [0, 0, 1], offset = 0 }
-mesh = { file = "chair.stl", scale = 1.0, convex = "pieces" } or vertices and faces
-points = { file = "scan.npy", resolution = 0.02 }            or points
+mesh = "chair.stl"                           or { file = "chair.stl", scale = 1.0, convex = "pieces" },
+                                             or { vertices = [...], faces = [...] }
+points = "scan.pcd"                          or { file = "scan.pcd", resolution = 0.02 }, or { points = [...] }
 """
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,9 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import Array, known_name, read_only, resolved_path
-from rr1plan.errors import FormatError
-from rr1plan.formats.convex import convex_shapes
-from rr1plan.formats.files import read_bytes, read_text
+from rr1plan.formats.convex_pieces import convex_shapes
 from rr1plan.formats.meshes import read_mesh
+from rr1plan.formats.point_files import read_points
 from rr1plan.formats.tables import Table, is_number
 from rr1plan.robot import Color, Geometry
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
@@ -166,8 +165,8 @@ def _read_half_space(table: Table, _folder: Path) -> tuple[Shape, ...]:
 
 
 def _read_mesh(table: Table, folder: Path) -> tuple[Shape, ...]:
-    entry = table.table("mesh")
-    if "file" in entry:
+    entry = _file_or_table(table, "mesh")
+    if entry.one_of({"file": None, "vertices": None}) == "file":
         return _mesh_from_file(entry, folder)
     vertices = entry.numbers("vertices", (None, 3))
     faces = entry.indices("faces", (None, 3))
@@ -177,6 +176,12 @@ def _read_mesh(table: Table, folder: Path) -> tuple[Shape, ...]:
     if convex and not _is_convex(mesh):
         raise entry.error("says it is convex, but a vertex lies outside one of its faces", "convex")
     return (mesh,)
+
+
+def _file_or_table(table: Table, key: str) -> Table:
+    """The table of a mesh or of points; mesh = "a.stl" means mesh = { file = "a.stl" }."""
+    value = table.raw(key)
+    return table.wrapped(key, {"file": value}) if isinstance(value, str) else table.table(key)
 
 
 def _mesh_from_file(entry: Table, folder: Path) -> tuple[Shape, ...]:
@@ -205,42 +210,12 @@ def _is_convex(mesh: Mesh) -> bool:
 
 
 def _read_points(table: Table, folder: Path) -> tuple[Shape, ...]:
-    entry = table.table("points")
+    entry = _file_or_table(table, "points")
     resolution = entry.number("resolution", 0.02)
-    points = read_points(_inside(entry, folder)) if "file" in entry else entry.numbers("points", (None, 3))
+    from_file = entry.one_of({"file": None, "points": None}) == "file"
+    points = read_points(_inside(entry, folder)) if from_file else entry.numbers("points", (None, 3))
     entry.finish()
     return (PointCloud(points, resolution),)
-
-
-def read_points(file: Path) -> Array:
-    """Points from a .npy file (never unpickled) or a text file of x, y, z lines (.csv, .xyz, .txt).
-
-    Raises:
-        FormatError: not there, another kind of file, or not an array of shape (n, 3).
-    """
-    if file.suffix not in (".npy", ".csv", ".xyz", ".txt"):
-        raise FormatError(f"points cannot be read from {file.suffix!r}, expected .npy, .csv, .xyz or .txt", file)
-    try:
-        if file.suffix == ".npy":
-            points = np.load(io.BytesIO(read_bytes(file)), allow_pickle=False)
-        else:
-            points = _points_from_text(read_text(file))
-    except (ValueError, EOFError, SyntaxError) as error:
-        if isinstance(error, FormatError):
-            raise
-        raise FormatError(f"is not a list of points: {error}", file) from error
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "iuf":
-        raise FormatError(f"holds {points.dtype} of shape {points.shape}, expected numbers of shape (n, 3)", file)
-    return np.asarray(points, dtype=np.float64)
-
-
-def _points_from_text(text: str) -> Array:
-    rows = [line.replace(",", " ").split() for line in text.splitlines()]
-    rows = [row for row in rows if row and not row[0].startswith("#")]
-    for row in rows:
-        if len(row) != 3:
-            raise ValueError(f"expected three numbers in each line, got {' '.join(row)!r}")
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
 def _inside(entry: Table, folder: Path) -> Path:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -58,7 +58,7 @@ class Table:
             FormatError: it is not there.
         """
         if key not in self:
-            raise self.error(f"has no {key!r}, which is required")
+            raise self.error(f"has no {key!r}, which is required{self._misspelt((key,))}")
         return self._data[key]
 
     def string(self, key: str, default: str | None = None) -> str:
@@ -116,6 +116,11 @@ class Table:
         """A table within this one, empty when it is not there."""
         return Table(self.raw(key, {}), self.file, (*self.path, key), self.text)
 
+    def wrapped(self, key: str, data: Mapping[str, Any]) -> Table:
+        """Other data in the place of an entry."""
+        self._asked.add(key)
+        return Table(data, self.file, (*self.path, key), self.text)
+
     def tables(self, key: str) -> list[Table]:
         """A list of tables, empty when it is not there."""
         rows = enumerate(self.rows(key))
@@ -130,8 +135,19 @@ class Table:
         present = [kind for kind in kinds if kind in self]
         if len(present) != 1:
             got = " and ".join(present) if present else f"none (it has {', '.join(self._data) or 'no keys'})"
-            raise self.error(f"expected exactly one of {', '.join(kinds)}; got {got}")
+            raise self.error(f"expected exactly one of {', '.join(kinds)}; got {got}{self._misspelt(kinds)}")
         return present[0]
+
+    def _misspelt(self, wanted: Iterable[str]) -> str:
+        """The end of a message that wants a key: the one that is there and nearly that."""
+        # Few files have mistakes.
+        from difflib import get_close_matches
+
+        for key in self.unasked():
+            near = get_close_matches(key, wanted, n=1, cutoff=0.7)
+            if near:
+                return f". Did you mean {near[0]!r} where it says {key!r}?"
+        return ""
 
     def unasked(self) -> tuple[str, ...]:
         """The keys that nobody asked for."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rr1plan.checks import file_path, known_name
-from rr1plan.formats.convex import CONVEXITIES, Convexity
+from rr1plan.formats.convex_pieces import CONVEXITIES, Convexity
 from rr1plan.formats.mesh_lookup import MeshLookup
 from rr1plan.formats.urdf_joints import read_joint
 from rr1plan.formats.urdf_links import LinkReader
@@ -85,7 +85,10 @@ def read_urdf(
 def _refuse_xacro(root: Element) -> None:
     for element in root.children:
         if element.tag.startswith("xacro:"):
-            raise element.error(f"<{element.tag}> has to be expanded first; try xacro_arguments={{}} if you trust it")
+            raise element.error(
+                f"<{element.tag}> has to be expanded first; "
+                "if you trust it, name the file .xacro, or set option xacro_arguments"
+            )
 
 
 def _by_name(root: Element, tag: str) -> dict[str, Element]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rr1plan.checks import Array, read_only
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.convex import Convexity, convex_shapes
+from rr1plan.formats.convex_pieces import Convexity, convex_shapes
 from rr1plan.formats.mesh_lookup import MeshLookup
 from rr1plan.formats.meshes import MeshPart, read_mesh
 from rr1plan.formats.urdf_joints import read_origin

@@ -67,8 +67,8 @@ def expand_xacro(
     if "package" in answer:
         package = answer["package"]
         raise FormatError(
-            f"refers to the package {package!r}, which is not found; try package_dirs=[...] with the folder that holds "
-            f"it or, where the arm itself needs nothing from it, with an empty folder named {package!r}",
+            f"refers to the package {package!r}, which is not found; name the folder that holds "
+            f"it with option package_dirs or, where the arm itself needs nothing from it, an empty folder {package!r}",
             file,
         )
     if "error" in answer:

@@ -44,6 +44,9 @@ class Kinematics:
         self._data = self._model.createData()
         self._own: dict[str, Kinematics] = {}
 
+    def __repr__(self) -> str:
+        return f"Kinematics({self.scene.name!r}, arms={list(self.arms)})"
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as its scene; the model is built again."""
         return Kinematics, (self.scene, self.arms)
@@ -93,7 +96,7 @@ class Kinematics:
             InputError: None where several arms move.
         """
         if arm is None and len(self.arms) != 1:
-            raise InputError(f"{len(self.arms)} arms move ({', '.join(self.arms)}); say which one")
+            raise InputError(f"{len(self.arms)} arms move ({', '.join(self.arms)}); say which one with option arm")
         arm = self.scene.only_arm(arm or self.arms[0])
         if tuple(self.scene.arms) == self.arms == (arm,):
             return self

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan._kernels.generator import generator_state
-from rr1plan.checks import Array, Seed, as_seed, finite_array, of_kind, read_only
+from rr1plan.checks import Array, Seed, Value, as_seed, counted, finite_array, of_kind, read_only
 from rr1plan.errors import InputError
 from rr1plan.kinematics.chain import chain_of
 from rr1plan.kinematics.descent import Target, descend, errors_at, position_at
@@ -30,8 +30,8 @@ from rr1plan.robot import Robot
 _UNLIMITED_STARTS, _POSITION_STARTS = 20, 10
 
 
-@dataclass(frozen=True, eq=False)
-class IkResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class IkResult(Value):
     """What inverse kinematics found.
 
     Args:
@@ -131,9 +131,10 @@ def why_none(search: IkSearch, link: str) -> str:
         search: The search.
         link: How the words call its frame.
     """
-    tried = f"({search.tried} starts)"
+    tried = f"({counted(search.tried, 'start')})"
     if search.rejected:
-        return f"{link} reaches the goal in {len(search.rejected)} configuration(s), all of them rejected {tried}"
+        found = counted(len(search.rejected), "configuration")
+        return f"{link} reaches the goal in {found}, none of them accepted {tried}"
     rng, nearest = np.random.default_rng(search.tried), search.nearest()
     outside = _outside_limits(search, nearest, rng)
     if outside:

@@ -24,7 +24,7 @@ from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goals import GoalSearch, check_start
 from rr1plan.planners.query import Query
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
-from rr1plan.problem import PoseGoal, Problem
+from rr1plan.problem import Goal, JointGoal, PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
 
 _FIRST_STEP, _LARGEST_STEP, _SMALLEST_STEP = 0.1, 0.25, 1e-4  # parts of the line
@@ -34,6 +34,10 @@ _REACHED = 1e-12  # squared error of a descent that arrived
 _EXACT = 1e-6  # tolerance of "another configuration reaches it" [m], [rad]
 _SINGULAR = 0.02  # smallest singular value that counts as singular
 _NO_LENGTH = 1e-9  # a line this short is no motion [m + rad]
+
+
+def _kind(goal: Goal) -> str:
+    return "a configuration" if isinstance(goal, JointGoal) else "a region"
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +98,7 @@ def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
     goals: list[PoseGoal] = []
     for goal in problem.goal[problem.arms[0]]:
         if not isinstance(goal, PoseGoal):
-            raise InputError(f"the cartesian planner needs a PoseGoal, got a {type(goal).__name__}")
+            raise InputError(f"the cartesian planner moves to a pose, got {_kind(goal)} as goal")
         goals.append(goal)
     return tuple(goals)
 

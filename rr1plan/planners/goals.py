@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rr1plan._kernels.generator import generator_state
 from rr1plan._kernels.inverse import search as _search_kernel
 from rr1plan._kernels.jit import Kernel
-from rr1plan.checks import Array, Seed, as_seed, read_only
+from rr1plan.checks import Array, Seed, as_seed, counted, read_only
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.kinematics import nearest_copy
@@ -215,10 +215,11 @@ class _Finder:
             return
         if search.rejected:
             least = min(search.rejected, key=self._depth)
+            found = counted(len(search.rejected), "configuration")
             self._refuse(
                 PlanStatus.INVALID_GOAL,
-                f"all {len(search.rejected)} configurations found that reach the goal of {self.arm!r} are in "
-                f"collision; the best of them: {self._describe(least)}",
+                f"the goal of {self.arm!r} is in collision in every configuration found ({found}); "
+                f"least in this one: {self._describe(least)}",
             )
         else:
             self._refuse(PlanStatus.INFEASIBLE, why_none(search, link))

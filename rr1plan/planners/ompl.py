@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rr1plan._kernels.edges import LINES
-from rr1plan.checks import Seed, as_generator, finite_number, known_name
+from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name
 from rr1plan.planners._ompl_question import Answer, Question, Watch
 from rr1plan.planners.query import Query
 from rr1plan.planners.space import Space, with_copies
@@ -168,4 +168,5 @@ class _Search:
         """Why there is no path, in words."""
         near = "" if difference is None else f"; the nearest it came to a goal is {difference:.3g} rad"
         done = "budget used up" if self.watch.over else "the planner gave up"
-        return f"no path found: {done} after {self.query.seconds:.3g} s and {self.watch.checks} iterations{near}"
+        used = f"{self.query.seconds:.3g} s and {counted(self.watch.checks, 'iteration')}"
+        return f"no path found: {done} after {used}{near}"

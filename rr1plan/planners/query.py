@@ -11,7 +11,7 @@ import numpy as np
 from rr1plan._kernels import edges
 from rr1plan._kernels.jit import Kernel
 from rr1plan._kernels.swept import sweep_edge
-from rr1plan.checks import Array, Seed, as_seed
+from rr1plan.checks import Array, Seed, as_seed, counted
 from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import give_back, take_checker
 from rr1plan.path import Path
@@ -228,7 +228,8 @@ class Query:
         """The answer without a path: cancelled, or out of budget, with what was found instead in words."""
         if self.cancelled:
             return self.result(PlanStatus.CANCELLED, reason="the progress callback returned False", tree=tree)
-        reason = f"no path found: budget used up after {self.seconds:.3g} s and {self.iterations} iterations; {found}"
+        used = f"{self.seconds:.3g} s and {counted(self.iterations, 'iteration')}"
+        reason = f"no path found: budget used up after {used}; {found}"
         return self.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
 
     def result(

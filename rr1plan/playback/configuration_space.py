@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, file_path, of_kind, read_only
+from rr1plan.checks import Array, Value, counted, file_path, of_kind, read_only
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
 from rr1plan.planning import PlanResult, SearchTree
@@ -22,8 +22,8 @@ from rr1plan.problem import JointGoal, PoseGoal, Problem
 from rr1plan.scene import Scene
 
 
-@dataclass(frozen=True, eq=False)
-class CSpace:
+@dataclass(frozen=True, eq=False, repr=False)
+class CSpace(Value):
     """A configuration space with a question and its answer drawn into it.
 
     Args:
@@ -88,7 +88,7 @@ class CSpace:
         lines = [
             f"configuration space of {grid.joint_names[0]} and {grid.joint_names[1]}: "
             f"{grid.free.shape[0]} x {grid.free.shape[1]} cells, {grid.free.sum() / count:.1%} free, "
-            f"{grid.components} component{'s' if grid.components != 1 else ''} of free space"
+            f"{counted(grid.components, 'component')} of free space"
         ]
         lines += [f"  {name}: {mask.sum() / count:.1%} of the cells" for name, mask in grid.layers.items()]
         for k, (goal, reachable) in enumerate(zip(self.goals, self.reachable_goals, strict=True), 1):

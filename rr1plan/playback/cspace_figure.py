@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from rr1plan.checks import counted
 from rr1plan.formats.files import write_bytes
 from rr1plan.playback.cspace_colors import GOAL, INK, START, end_tints, layer_colors
 from rr1plan.playback.cspace_torus import draw_torus
@@ -74,7 +75,7 @@ def _legend(cspace: CSpace) -> list[Any]:
 
 def _title(cspace: CSpace) -> str:
     grid = cspace.grid
-    parts = f"{grid.components} component{'s' if grid.components != 1 else ''} of free space"
+    parts = f"{counted(grid.components, 'component')} of free space"
     if cspace.proves_no_path:
         return f"{grid.scene.name}: no path exists, start and goal lie in different components ({parts})"
     if cspace.path is not None:

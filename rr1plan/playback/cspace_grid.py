@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, finite_array, known_name, read_only
+from rr1plan.checks import Array, Value, finite_array, known_name, read_only
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.playback.cspace_cells import Mask, label_components, shortest_way, widest_spot
@@ -24,8 +24,8 @@ LIMITS = "joint limits"
 _HALF_NAME, _ROOM = 0.07, 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class CSpaceGrid:
+@dataclass(frozen=True, eq=False, repr=False)
+class CSpaceGrid(Value):
     """Configuration space of two joints, cell by cell; index [i, j] is (first joint, second joint).
 
     Args:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, counted
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import SearchTree
@@ -252,7 +252,7 @@ def _names(grid: CSpaceGrid, height: float) -> list[dict[str, Any]]:
 def verdict(cspace: CSpace) -> str:
     """One sentence about the question: whether start and goal lie in the same component of free space."""
     grid = cspace.grid
-    count = f"{grid.components} component{'s' if grid.components != 1 else ''} of free space"
+    count = f"{counted(grid.components, 'component')} of free space"
     if cspace.start is None or not cspace.goals:
         return f"{grid.free.mean():.0%} of all configurations are free, in {count}."
     if not grid.component_of(cspace.start):

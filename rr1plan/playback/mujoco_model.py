@@ -18,7 +18,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
-from rr1plan.formats.convex import convex_shapes
+from rr1plan.formats.convex_pieces import convex_shapes
 from rr1plan.playback.cloud_boxes import cloud_boxes
 from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.scene import Scene

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, read_only
+from rr1plan.checks import Array, Value, counted, read_only
 
 # A joint that is farther than this behind lost its way, not some accuracy [rad or m].
 _LEFT_BEHIND = 0.01
@@ -30,8 +30,8 @@ class ReplayContact:
     depth: float
 
 
-@dataclass(frozen=True, eq=False)
-class Replay:
+@dataclass(frozen=True, eq=False, repr=False)
+class Replay(Value):
     """The outcome of `simulate`.
 
     Args:
@@ -92,9 +92,13 @@ class Replay:
         """A motor gave all it had, and its joint was left behind."""
         return bool(((self.peak_effort > 0.999) & (self.max_error > _LEFT_BEHIND)).any())
 
+    def __repr__(self) -> str:
+        seconds = self.steps * self.timestep
+        return f"Replay({self.mode}, {seconds:.3f} s, {self.worst_error:.2e} rad, {len(self.contacts)} contacts)"
+
     def __str__(self) -> str:
         lines = [
-            f"{self.mode} replay: {self.steps} steps of {self.timestep * 1e3:g} ms, "
+            f"{self.mode} replay: {counted(self.steps, 'step')} of {self.timestep * 1e3:g} ms, "
             f"{self.real_time_factor:.0f} times real time"
         ]
         if self.mode == "dynamic":
@@ -103,7 +107,7 @@ class Replay:
             busiest = int(np.argmax(self.peak_effort))
             lines.append(
                 f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
-                + ("; try torque_limits=True, or lower limits of acceleration" if self._is_spent else "")
+                + ("; plan with option torque_limits, or with lower limits of acceleration" if self._is_spent else "")
             )
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"

@@ -27,6 +27,5 @@ def check_limits(joint_names: tuple[str, ...], waypoints: Array, limits: Limits,
         if bad.any():
             name = joint_names[int(np.argmax(bad))]
             raise RetimingError(
-                f"joint {name!r} moves and has no {kind} limit; give its robot one, e.g. "
-                f"robot.with_limits(dataclasses.replace(robot.limits, {kind}=...))"
+                f"joint {name!r} moves and has no {kind} limit; load its robot with one (option limits)"
             )

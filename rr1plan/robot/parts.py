@@ -24,7 +24,7 @@ class _ReadOnlyArrays(Value):
                 object.__setattr__(self, name, read_only(value.copy()))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Inertial(_ReadOnlyArrays):
     """Mass [kg], centre of mass (3,) [m] in the link frame, inertia (3, 3) [kg m²] about it in link axes."""
 
@@ -33,7 +33,7 @@ class Inertial(_ReadOnlyArrays):
     inertia: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Geometry(_ReadOnlyArrays):
     """A shape at a pose (4, 4) in the frame of its link or obstacle, with a colour (rgba, 0..1) or None."""
 
@@ -43,14 +43,18 @@ class Geometry(_ReadOnlyArrays):
     color: Color | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Link:
+@dataclass(frozen=True, eq=False, repr=False)
+class Link(Value):
     """A rigid body: what it weighs, how it looks, what it hits."""
 
     name: str
     inertial: Inertial | None = None
     visuals: tuple[Geometry, ...] = ()
     collisions: tuple[Geometry, ...] = ()
+
+    def __repr__(self) -> str:
+        mass = "no mass" if self.inertial is None else f"{self.inertial.mass:g} kg"
+        return f"Link({self.name!r}, {mass}, {len(self.visuals)} visual, {len(self.collisions)} collision)"
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ class Mimic:
     offset: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Joint(_ReadOnlyArrays):
     """How a child link moves against its parent.
 

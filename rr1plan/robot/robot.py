@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import FARTHEST, Array, Value, finite_array, finite_number, known_name, read_only
+from rr1plan.checks import FARTHEST, Array, Value, counted, finite_array, finite_number, known_name, read_only
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.robot.digest import feed_digest
@@ -91,6 +91,27 @@ class Robot(Value):
         return tuple(link.name for link in self.links)
 
     @cached_property
+    def bodies(self) -> tuple[tuple[Link, ...], ...]:
+        """The links that fixed joints make one rigid body, for each body; the base's is the first."""
+        found = {self.base: [self.links[0]]}
+        for joint in self.joints:
+            body = found[joint.parent] if joint.kind == "fixed" else []
+            body.append(self.link(joint.child))
+            found[joint.child] = body
+        return tuple(tuple(body) for body in {id(body): body for body in found.values()}.values())
+
+    @cached_property
+    def unchecked_links(self) -> tuple[str, ...]:
+        """Links that are never checked for collision: those with a visual in a body without a collision shape.
+
+        Neither a link that is fixed to one with shapes nor a mere frame is among them. Without any shape all links are.
+        """
+        if not any(link.collisions for link in self.links):
+            return self.link_names
+        bare = (body for body in self.bodies if not any(link.collisions for link in body))
+        return tuple(link.name for body in bare for link in body if link.visuals)
+
+    @cached_property
     def continuous(self) -> Array:
         """Which planning joints have no position limits (they wrap around), shape (nq,) of 0 and 1."""
         return read_only(np.array([float(self.joint(n).kind == "continuous") for n in self.joint_names]))
@@ -121,10 +142,9 @@ class Robot(Value):
         if isinstance(value, str):
             return self.configurations[known_name("configuration", value, self.configurations)]
         if np.shape(value) != (self.nq,):
+            got = f"shape {np.shape(value)}" if np.ndim(value) != 1 else counted(len(value), "number")
             joints = ", ".join(self.joint_names)
-            raise InputError(
-                f"{name} has shape {np.shape(value)}, expected ({self.nq},): one value for each of {joints}"
-            )
+            raise InputError(f"{name} has {got}, expected {self.nq}: one for each of {joints}")
         joints = ", ".join(n for n, v in zip(self.joint_names, value, strict=True) if not _is_joint_value(v))
         if joints:
             raise InputError(f"{name} is {value}, expected finite numbers within ±{FARTHEST:g} (joint {joints})")

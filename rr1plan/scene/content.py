@@ -95,9 +95,11 @@ class SceneContent(Value):
             self.arm(name)
             return name
         if not self.arms:
-            raise InputError("the scene has no arm; add one with scene.with_arm(name, robot)")
+            raise InputError("the scene has no arm; add one: [arms.NAME] in a scene file, with_arm in Python")
         if len(self.arms) != 1:
-            raise InputError(f"the scene has {len(self.arms)} arms ({', '.join(self.arms)}); say which one")
+            raise InputError(
+                f"the scene has {len(self.arms)} arms ({', '.join(self.arms)}); say which one with option arm"
+            )
         return next(iter(self.arms))
 
     def arm_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from rr1plan.transforms import as_pose, identity
 Pair = frozenset[str]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Arm(Value):
     """A robot at a place, in a posture.
 
@@ -35,7 +35,7 @@ class Arm(Value):
         object.__setattr__(self, "q", self.robot.configuration(self.q, "arm posture"))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Obstacle(Value):
     """A rigid object in the world, of one shape or several.
 
@@ -67,7 +67,7 @@ def posed_shapes(values: Any) -> tuple[Geometry, ...]:
     return geometries
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Attachment(Value):
     """An object that moves with a link.
 

@@ -44,6 +44,7 @@ class Bodies:
         a, b: Bodies of each pair of shapes, shape (k,).
         pair: The pair of elements each pair of shapes belongs to, shape (k,).
         padding: Distance to keep, for each pair of elements [m].
+        own: Whether one arm owns both elements (its links, and what it holds), for each pair of elements.
         solids: The bodies.
         link: Number of the link of each body, shape (b,).
         local_rotation, local_origin, local_center: Pose of each shape's frame and centre of its bounding ball
@@ -58,6 +59,9 @@ class Bodies:
         self.motion = motion
         self.pairs = scene.checked_pairs
         self.padding = scene.checked_padding
+        owners = [scene.owner(name) for name in scene.element_names]
+        numbered = np.array([owners.index(owner) for owner in owners], dtype=np.intp)
+        self.own = np.equal(*numbered[scene.checked_index].T)
         self.asked = 0
         self._solids: dict[int, Solid] = {}
         self.solids: list[Solid] = []

@@ -51,6 +51,14 @@ class Intervals(NamedTuple):
     item: Index
 
 
+class Nearest(NamedTuple):
+    """The smallest clearance of a group of pairs at one time: its value [m], its pair or -1, the time [s]."""
+
+    clearance: float
+    pair: int
+    time: float
+
+
 @dataclass
 class Findings:
     """What the certificate found, for each pair of elements.
@@ -61,7 +69,7 @@ class Findings:
         first_contact: First moment seen in contact [s], shape (pairs,); inf for none.
         undecided: Pairs for which an interval could not be decided, shape (pairs,).
         proven: Never is the clearance below this, where nothing is undecided [m], shape (pairs,).
-        ends: Smallest clearance [m], its pair or -1 and the time [s], at the first and the last instant.
+        ends: The smallest clearance at the first and at the last instant, with the surroundings and of one arm's own.
         cancelled: The search was cut off; what is left of it is not decided.
         statistics: Counts of the work done.
     """
@@ -71,7 +79,7 @@ class Findings:
     first_contact: Array
     undecided: Array
     proven: Array
-    ends: tuple[tuple[float, int, float], ...] = ()
+    ends: tuple[tuple[Nearest, Nearest], ...] = ()
     cancelled: bool = False
     statistics: dict[str, float] = field(default_factory=dict)
 
@@ -107,16 +115,15 @@ class Certificate:
             np.full(n, np.inf), np.zeros(n), np.full(n, np.inf), np.zeros(n, dtype=bool), np.full(n, np.inf)
         )
         self._items = np.arange(len(bodies.a)) if items is None else items
+        self._own = bodies.own[bodies.pair[self._items]]
         self._nodes = self._checks = 0
         self._decided = 0.0
 
     def run(self) -> Findings:
         """Decide every pair on every interval."""
-        bodies, motion = self._bodies, self._motion
+        bodies = self._bodies
         if len(self._items):
-            times = np.array([motion.breaks[0], motion.breaks[-1]])
-            ends = zip(*(v.tolist() for v in (*self.nearest(times), times)), strict=True)
-            self.found.ends = tuple(min(pair) for pair in zip(ends, self.found.ends or self._no_ends(), strict=True))
+            self._look_at_ends()
             waiting = deque([self._root()])
             while waiting and not self.found.cancelled:
                 if bodies.asked > self._most:
@@ -128,8 +135,16 @@ class Certificate:
             self.found.statistics[name] = self.found.statistics.get(name, 0.0) + float(count)
         return self.found
 
-    def _no_ends(self) -> tuple[tuple[float, int, float], ...]:
-        return tuple((np.inf, -1, float(time)) for time in self._motion.breaks[[0, -1]])
+    def _look_at_ends(self) -> None:
+        """Add the smallest clearances at both ends to those that are known."""
+        begin, finish = (float(time) for time in self._motion.breaks[[0, -1]])
+        ends = []
+        for group, own in enumerate((False, True)):
+            first, last = self.nearest(np.array([begin, finish]), self._items[self._own == own])
+            if self.found.ends:
+                first, last = min(first, self.found.ends[group][0]), min(last, self.found.ends[group][1])
+            ends.append((first, last))
+        self.found.ends = tuple(ends)
 
     def _root(self) -> Intervals:
         one = np.zeros(1, dtype=np.intp)
@@ -203,12 +218,21 @@ class Certificate:
         pair = self._bodies.pair[work.item]
         least = proven - approach
         contact = np.isfinite(found.first_contact)[pair]
-        smallest = float(found.clearance.min())
+        smallest = self._smallest()[self._bodies.own[pair].astype(np.intp)]
         free = (least > 0.0) & (least >= smallest - self._tolerance)
         worst = found.clearance[pair]
         no_worse = least >= worst - np.maximum(self._tolerance, 0.05 * np.abs(np.where(contact, worst, 0.0)))
         before = begin[work.node] < found.first_contact[pair]
         return np.asarray(np.where(contact, no_worse & ((least > 0.0) | ~before), free))
+
+    def _smallest(self) -> Array:
+        """Smallest clearance seen with the surroundings and of one arm's own [m], shape (2,).
+
+        With a contact to report, only contacts are looked for.
+        """
+        own, clearance = self._bodies.own, self.found.clearance
+        each = np.array([clearance[~own].min(initial=np.inf), clearance[own].min(initial=np.inf)])
+        return each if each.min() > TOUCH else np.minimum(each, each.min())
 
     def _drop_points(self, work: Intervals, open_: Index, begin: Array, finish: Array) -> Index:
         """Drop open pairs whose interval is too short to cut: known contacts, or else undecided."""
@@ -257,12 +281,11 @@ class Certificate:
 
     # ---- single times ---------------------------------------------------------------------
 
-    def nearest(self, times: Array) -> tuple[Array, Index]:
-        """Smallest clearance [m] and its pair of elements at each time [s]; -1 where nothing can touch."""
+    def nearest(self, times: Array, items: Index) -> list[Nearest]:
+        """The smallest clearance of some pairs of shapes at each time [s]."""
         bodies, motion = self._bodies, self._motion
         piece, local = motion.locate(times)
         placed = bodies.place(motion.frames(motion.positions(piece, local)))
-        items = self._items
         best, which = np.full(len(times), np.inf), np.full(len(times), -1, dtype=np.intp)
         for n in range(len(times)):
             node = np.full(len(items), n, dtype=np.intp)
@@ -276,14 +299,16 @@ class Certificate:
                 self._see(bodies.pair[items[near]], value, np.full(len(near), times[n]))
                 if value.min() < best[n]:
                     best[n], which[n] = value.min(), bodies.pair[items[near[np.argmin(value)]]]
-        return best, which
+        return [Nearest(*found) for found in zip(best.tolist(), which.tolist(), times.tolist(), strict=True)]
 
     def _polish(self) -> None:
-        """Refine the time and value of the smallest clearance and of every contact's worst."""
+        """Refine the time and value of each group's smallest clearance and of every contact's worst."""
         found = self.found
         chosen = set(np.flatnonzero(np.isfinite(found.first_contact)).tolist())
-        if np.isfinite(found.clearance).any():
-            chosen.add(int(np.argmin(found.clearance)))
+        for own in (False, True):
+            members = np.flatnonzero((self._bodies.own == own) & np.isfinite(found.clearance))
+            if len(members):
+                chosen.add(int(members[np.argmin(found.clearance[members])]))
         span = float(self._motion.breaks[-1] - self._motion.breaks[0])
         for pair in sorted(chosen)[:64]:
             items = np.flatnonzero(self._bodies.pair == pair)

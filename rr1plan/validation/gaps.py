@@ -1,7 +1,7 @@
 """How near two bodies of a scene can come on an interval of time, compiled: the cheap bounds first.
 
 A pair is settled on an interval when it provably stays apart there, and no nearer than the smallest clearance
-seen less a tolerance.
+seen in its group less a tolerance.
 """
 
 from __future__ import annotations
@@ -13,20 +13,24 @@ from rr1plan.validation.apart import MIDDLE, ORIGIN, PLANE, RADIUS, ROUND, part_
 from rr1plan.validation.compiled import part
 from rr1plan.validation.sweeping import box_gap, expand, move_links, place, steady_reach, unsteadiness
 
-# Columns of `pairs` (k, 6): bodies, their pair of elements, joints of their chains that carry both,
-# the last joint of each body or -1; a half-space comes second.
-A, B, PAIR, SHARED, LAST_A, LAST_B = range(6)
+# Columns of `pairs` (k, 7): bodies, their pair of elements, joints of their chains that carry both,
+# the last joint of each body or -1, 1 where one arm owns both; a half-space comes second.
+A, B, PAIR, SHARED, LAST_A, LAST_B, GROUP = range(7)
+# Pairs in two groups, whose smallest clearances are told apart: with the surroundings, and one arm's own.
+GROUPS = 2
 # Columns of `found` (pairs, 3): smallest clearance seen [m], its time [s], proven clearance [m].
 SEEN, WHEN, PROVEN = range(3)
 # Values of `marks` (pairs,).
 FREE, LEFT, UNDECIDED = 0, 1, 2
-# Places in `counts` (6,): open intervals, intervals, pairs on intervals, searches, nearest pair of bodies, stage.
-OPEN, INTERVALS, CHECKS, SEARCHES, NEAREST, STAGE = range(6)
-COUNTS = 6
+# Places in `counts` (7,): open intervals, intervals, pairs on intervals, searches, stage, nearest pair of bodies of
+# each group.
+OPEN, INTERVALS, CHECKS, SEARCHES, STAGE, NEAREST = range(6)
+COUNTS = NEAREST + GROUPS
 START, SPLIT, DONE = range(3)
-# Places in `amounts` (2,): smallest clearance seen [m], time that is decided [s] summed over pairs of bodies.
-SMALLEST, DECIDED = 0, 1
-AMOUNTS = 2
+# Places in `amounts` (3,): time that is decided [s] summed over pairs of bodies, smallest clearance seen in each
+# group [m].
+DECIDED, SMALLEST = 0, 1
+AMOUNTS = SMALLEST + GROUPS
 # While bodies can come this much nearer [m], an interval that no direction could settle is halved unseen.
 _COARSE = 0.01
 # Of coordinates, summed over all that goes into a distance: what rounding can make of it.
@@ -209,17 +213,18 @@ def _note_direction(book: Book, k: int, x: float, y: float, z: float) -> None:
 @part
 def see(t: Tables, book: Book, k: int, value: float, time: float, touch: float) -> bool:
     """Note a clearance of pair k; whether it is too small to be told from contact."""
-    pair = t.pairs[k, PAIR]
+    pair, group = t.pairs[k, PAIR], t.pairs[k, GROUP]
     if value < book.found[pair, SEEN]:
         book.found[pair, SEEN], book.found[pair, WHEN] = value, time
     if not value > touch:
         book.marks[pair] = LEFT
         # With a contact to report, only contacts are looked for.
-        book.amounts[SMALLEST] = min(book.amounts[SMALLEST], 0.0)
+        for i in range(GROUPS):
+            book.amounts[SMALLEST + i] = min(book.amounts[SMALLEST + i], 0.0)
         return True
-    if value < book.amounts[SMALLEST]:
-        book.amounts[SMALLEST] = value
-        book.counts[NEAREST] = k
+    if value < book.amounts[SMALLEST + group]:
+        book.amounts[SMALLEST + group] = value
+        book.counts[NEAREST + group] = k
     return False
 
 
@@ -228,7 +233,8 @@ def least_clearance(
     t: Tables, book: Book, k: int, time: float, half: float, single: bool, tolerance: float, touch: float
 ) -> tuple[float, bool]:
     """A lower bound of the clearance of pair k within `half` of the posed time [m], and whether that settles it."""
-    need = max(0.0, book.amounts[SMALLEST] - tolerance)
+    smallest = SMALLEST + t.pairs[k, GROUP]
+    need = max(0.0, book.amounts[smallest] - tolerance)
     a, b, shared = t.pairs[k, A], t.pairs[k, B], t.pairs[k, SHARED]
     approach = t.sweeps[a, 1, shared] + t.sweeps[b, 1, shared]
     gap, rounding = ball_gap(t, k)
@@ -256,7 +262,7 @@ def least_clearance(
     value, gap = bounds(t, book, k, need, need + approach + rounding)
     if see(t, book, k, value, time, touch):
         return 0.0, True
-    need = max(0.0, book.amounts[SMALLEST] - tolerance)
+    need = max(0.0, book.amounts[smallest] - tolerance)
     least = max(least, gap - rounding - approach)
     if least <= need:
         least = max(least, _along_known(t, book, k, half, approach + rounding, error, need))

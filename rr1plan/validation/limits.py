@@ -77,7 +77,7 @@ def check_rates(ledger: Ledger, columns: Columns, found: Extremes, jerk: bool) -
     for order, (kind, per) in enumerate(_RATES, start=1):
         bounds: Array = getattr(columns.limits, kind)
         if kind == "jerk" and not jerk:
-            ledger.not_checked[kind] = "not asked for (jerk_limits=True checks it)"
+            ledger.not_checked[kind] = "not asked for (option jerk_limits)"
             return
         if not np.isfinite(bounds).any():
             ledger.not_checked[kind] = "no joint has a limit for it"

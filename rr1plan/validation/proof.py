@@ -11,14 +11,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
-from rr1plan.validation.certificate import TOUCH, Certificate, Findings
+from rr1plan.validation.certificate import TOUCH, Certificate, Findings, Nearest
 from rr1plan.validation.gaps import (
     AMOUNTS,
     CHECKS,
     COUNTS,
     DECIDED,
     DONE,
+    GROUPS,
     INTERVALS,
     LEFT,
     NEAREST,
@@ -80,12 +80,12 @@ class _Search:
         self.found[:, WHEN] = 0.0
         self.marks = np.zeros(elements, dtype=np.int64)
         self.counts, self.amounts = np.zeros(COUNTS, dtype=np.int64), np.zeros(AMOUNTS)
-        self.counts[NEAREST], self.amounts[SMALLEST] = -1, np.inf
+        self.counts[NEAREST : NEAREST + GROUPS], self.amounts[SMALLEST : SMALLEST + GROUPS] = -1, np.inf
         self.directions = np.zeros((count, 4))
         self.stack, self.spans = np.empty((DEEPEST, 4), dtype=np.int64), np.empty((DEEPEST, 2))
         self.items = np.empty(count * DEEPEST, dtype=np.int64)
-        self.ends = np.full((2, 2), np.inf)
-        self.ends[:, 1] = -1.0
+        self.ends = np.full((GROUPS, 2, 2), np.inf)
+        self.ends[:, :, 1] = -1.0
         self.cancelled = False
         self.fraction = 0.0
 
@@ -135,8 +135,9 @@ class _Search:
             },
         )
 
-    def _ends(self) -> tuple[tuple[float, int, float], ...]:
-        times: Array = self._motion.breaks[[0, -1]]
+    def _ends(self) -> tuple[tuple[Nearest, Nearest], ...]:
+        begin, finish = (float(time) for time in self._motion.breaks[[0, -1]])
         return tuple(
-            (float(value), int(pair), float(time)) for (value, pair), time in zip(self.ends, times, strict=True)
+            (Nearest(float(first), int(pair), begin), Nearest(float(last), int(other), finish))
+            for (first, pair), (last, other) in self.ends
         )

@@ -79,6 +79,7 @@ def validate(
     setting = setting_of(scene, trajectory.joint_names)
     motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
     _check_collisions(ledger, motion, setting, clearance_tolerance, progress)
+    _name_unchecked_links(ledger, scene)
     columns, found = setting.columns, extremes(motion.breaks, motion.coefficients)
     check_positions(ledger, columns, found)
     check_continuity(ledger, columns, found, motion.coefficients)
@@ -87,7 +88,7 @@ def validate(
     if torque_limits:
         check_torques(ledger, trajectory, scene)
     else:
-        ledger.not_checked["torque"] = "not asked for (torque_limits=True checks it)"
+        ledger.not_checked["torque"] = "not asked for (option torque_limits)"
     check_ends(ledger, trajectory, scene, motion, problem)
     return _report(ledger, trajectory.duration)
 
@@ -125,6 +126,7 @@ def certify_path(
     setting = setting_of(scene, trajectory.joint_names)
     motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
     _check_collisions(ledger, motion, setting, clearance_tolerance, progress)
+    _name_unchecked_links(ledger, scene)
     check_positions(ledger, setting.columns, extremes(motion.breaks, motion.coefficients))
     for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
         ledger.not_checked[rule] = "a path has no times"
@@ -224,6 +226,12 @@ def _check_collisions(
         ledger.not_checked["clearance"] = "the scene has no pair of elements that must not touch"
 
 
+def _name_unchecked_links(ledger: Ledger, scene: Scene) -> None:
+    for name, arm in scene.arms.items():
+        for link in arm.robot.unchecked_links:
+            ledger.not_checked[f"{name}/{link}"] = "has no collision shape"
+
+
 def _contact(pair: tuple[str, str], padding: float, found: Findings, k: int) -> Violation:
     """A contact, or what could not be told from one."""
     value, time, first = float(found.clearance[k]), float(found.time[k]), float(found.first_contact[k])
@@ -241,16 +249,21 @@ def _contact(pair: tuple[str, str], padding: float, found: Findings, k: int) -> 
 
 
 def _clearance_margins(ledger: Ledger, bodies: Bodies, found: Findings) -> None:
-    if not np.isfinite(found.clearance).any():
-        return
-    k = int(np.argmin(found.clearance))
-    ledger.margins["clearance"] = Margin(float(found.clearance[k]), "m", bodies.pairs[k], float(found.time[k]))
-    for name, (value, pair, time) in zip(("clearance_start", "clearance_end"), found.ends, strict=True):
-        if np.isfinite(value):
-            ledger.margins[name] = Margin(value, "m", bodies.pairs[pair], time)
-    sure = found.proven[~(np.isfinite(found.first_contact) | found.undecided)]
-    if len(sure) == len(bodies.pairs) and not found.cancelled:
-        ledger.margins["clearance_proven"] = Margin(float(sure.min()), "m")
+    """Margins of the clearance to obstacles and other arms, and of one arm's links among themselves."""
+    hit = np.isfinite(found.first_contact) | found.undecided
+    for group, (name, members) in enumerate((("clearance", ~bodies.own), ("self_clearance", bodies.own))):
+        seen = np.where(members, found.clearance, np.inf)
+        if not np.isfinite(seen).any():
+            continue
+        k = int(np.argmin(seen))
+        ledger.margins[name] = Margin(float(seen[k]), "m", bodies.pairs[k], float(found.time[k]))
+        for end, nearest in zip(("start", "end"), found.ends[group], strict=True):
+            if name == "clearance" and np.isfinite(nearest.clearance):
+                ledger.margins[f"{name}_{end}"] = Margin(
+                    nearest.clearance, "m", bodies.pairs[nearest.pair], nearest.time
+                )
+        if not hit.any() and not found.cancelled:
+            ledger.margins[f"{name}_proven"] = Margin(float(found.proven[members].min()), "m")
 
 
 def _teller(progress: ProgressCallback | None) -> Callable[[float], bool | None] | None:

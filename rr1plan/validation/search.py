@@ -22,6 +22,7 @@ from rr1plan.validation.compiled import (
     INTS2,
     OUT1,
     OUT2,
+    OUT3,
     entry,
     part,
 )
@@ -29,6 +30,8 @@ from rr1plan.validation.gaps import (
     CHECKS,
     DECIDED,
     DONE,
+    GROUP,
+    GROUPS,
     INTERVALS,
     LEFT,
     NEAREST,
@@ -59,18 +62,27 @@ from rr1plan.validation.sweeping import add_speeds, expand, move_links, place, r
 # Of `spans` (n, 2): local start and end of a single piece [s].
 DEEPEST = 160
 _SAMPLES = 12
+# A smallest clearance is sharp when another look changes it by less [m].
+_SHARP = 1e-10
 
 
 @part
-def _nearest_at(t: Tables, book: Book, time: float, best: float, tolerance: float, touch: float) -> tuple[float, int]:
-    """The smallest clearance below `best` [m] at a time, to about `tolerance`, and its pair of elements or -1."""
-    pose_at(t, time)
-    which = -1
-    for k in range(len(t.pairs)):
+def _nearest_at(
+    t: Tables, book: Book, group: int, time: float, best: float, tolerance: float, touch: float
+) -> tuple[float, int]:
+    """The smallest clearance of a group below `best` [m] where all is posed, to about `tolerance`; its pair or -1.
+
+    The pair that was nearest so far comes first: most others are then too far away for a search.
+    """
+    which, nearest = -1, book.counts[NEAREST + group]
+    for i in range(-1 if nearest >= 0 else 0, len(t.pairs)):
+        k = nearest if i < 0 else i
         pair = t.pairs[k, PAIR]
-        if book.marks[pair] == LEFT or ball_gap(t, k)[0] >= best or boxes_gap(t, k) >= best:
+        if t.pairs[k, GROUP] != group or book.marks[pair] == LEFT or i == nearest:
             continue
-        value, _ = bounds(t, book, k, best - tolerance, 1e300)
+        if ball_gap(t, k)[0] >= best or boxes_gap(t, k) >= best:
+            continue
+        value, _ = bounds(t, book, k, best - tolerance, best)
         if see(t, book, k, value, time, touch):
             continue
         if value < best:
@@ -87,8 +99,11 @@ def _value_at(t: Tables, book: Book, k: int, time: float, touch: float) -> float
 
 
 @part
-def _refine(t: Tables, book: Book, k: int, touch: float) -> None:
-    """Find the smallest clearance of pair k around the time it was seen, by golden sections."""
+def _refine(t: Tables, book: Book, k: int, precision: float, touch: float) -> None:
+    """Find the smallest clearance of pair k around the time it was seen, by golden sections.
+
+    They end when two of them in a row change the clearance by less than `precision` [m]: one may be symmetric.
+    """
     begin, finish = t.breaks[0], t.breaks[-1]
     at, width = book.found[t.pairs[k, PAIR], WHEN], (finish - begin) / 64.0
     if not width > 0.0:
@@ -105,7 +120,9 @@ def _refine(t: Tables, book: Book, k: int, touch: float) -> None:
     golden = 0.6180339887498949
     one, two = high - golden * (high - low), low + golden * (high - low)
     first, second = _value_at(t, book, k, one, touch), _value_at(t, book, k, two, touch)
-    while high - low > 1e-7 * (finish - begin):
+    before = 1e300
+    while high - low > 1e-7 * (finish - begin) and max(before, abs(first - second)) > precision:
+        before = abs(first - second)
         if first <= second:
             high, two, second = two, one, first
             one = high - golden * (high - low)
@@ -118,14 +135,17 @@ def _refine(t: Tables, book: Book, k: int, touch: float) -> None:
 
 @part
 def _look_ahead(t: Tables, book: Book, tolerance: float, touch: float) -> None:
-    """Look at some times first: the nearer the smallest clearance is known, the less is left to prove."""
+    """Look at some times first: the nearer the smallest clearances are known, the less is left to prove."""
     begin, finish = t.breaks[0], t.breaks[-1]
     count = _SAMPLES if finish > begin else 1
     for i in range(count):
         time = begin + (finish - begin) * i / max(1, count - 1)
-        _nearest_at(t, book, time, book.amounts[SMALLEST], tolerance, touch)
-    if book.counts[NEAREST] >= 0:
-        _refine(t, book, book.counts[NEAREST], touch)
+        pose_at(t, time)
+        for group in range(GROUPS):
+            _nearest_at(t, book, group, time, book.amounts[SMALLEST + group], tolerance, touch)
+    for group in range(GROUPS):
+        if book.counts[NEAREST + group] >= 0:
+            _refine(t, book, book.counts[NEAREST + group], 0.1 * tolerance, touch)
 
 
 @part
@@ -227,13 +247,17 @@ def _open_all(t: Tables, book: Book, stack: Any, spans: Any, items: Any) -> None
 
 @part
 def _finish(t: Tables, book: Book, ends: Any, touch: float) -> None:
-    """Sharpen the smallest clearance, and find the smallest at both ends."""
-    nearest = book.counts[NEAREST]
-    if nearest >= 0 and book.marks[t.pairs[nearest, PAIR]] != LEFT:
-        _refine(t, book, nearest, touch)
+    """Sharpen the smallest clearance of each group, and find the smallest at both ends."""
+    for group in range(GROUPS):
+        nearest = book.counts[NEAREST + group]
+        if nearest >= 0 and book.marks[t.pairs[nearest, PAIR]] != LEFT:
+            _refine(t, book, nearest, _SHARP, touch)
     for i, time in ((0, t.breaks[0]), (1, t.breaks[-1])):
-        value, pair = _nearest_at(t, book, time, 1e300, 0.0, touch)
-        ends[i, 0], ends[i, 1] = value, float(pair)
+        pose_at(t, time)
+        for group in range(GROUPS):
+            value, pair = _nearest_at(t, book, group, time, 1e300, 0.0, touch)
+            if pair >= 0:
+                ends[group, i, 0], ends[group, i, 1] = value, float(pair)
     book.counts[STAGE] = DONE
 
 
@@ -242,7 +266,7 @@ def _finish(t: Tables, book: Book, ends: Any, touch: float) -> None:
         *(FLOATS1, FLOATS3, INTS2, FLOATS2, INTS2, OUT2),
         *(INTS2, FLOATS2, FLOATS2, INTS1, INTS1, INTS2, FLOATS1),
         *(F64, F64, I64, I64),
-        *(OUT2, COUNT1, COUNT1, OUT1, OUT2, COUNT2, OUT2, COUNT1, OUT2),
+        *(OUT2, COUNT1, COUNT1, OUT1, OUT2, COUNT2, OUT2, COUNT1, OUT3),
     )
 )
 def search(

@@ -47,7 +47,7 @@ class Setting:
         corners: Corners of all hulls, shape (3, n).
         chains: Joints that carry each body, one body after the other.
         movers: Bodies that move.
-        pairs: The pairs of shapes to search, shape (k, 6).
+        pairs: The pairs of shapes to search, shape (k, 7).
         padding: Distance to keep for each [m], shape (k,).
     """
 
@@ -221,13 +221,14 @@ def _sizes(bodies: Bodies, links: Array) -> Array:
 
 def _pairs(bodies: Bodies, item: NDArray[np.intp]) -> Table:
     a, b = bodies.a[item], bodies.b[item]
-    pairs = np.zeros((len(item), 6), dtype=np.int64)
+    pairs = np.zeros((len(item), 7), dtype=np.int64)
     if not len(item):
         return pairs
     moved = bodies.moved
     numbers = np.arange(moved.shape[1])
     last = np.where(moved > 0.0, numbers, -1).max(axis=1, initial=-1)
     shared = (moved[a] * moved[b]).sum(axis=1)
-    for column, values in enumerate((a, b, bodies.pair[item], shared, last[a], last[b])):
+    element = bodies.pair[item]
+    for column, values in enumerate((a, b, element, shared, last[a], last[b], bodies.own[element])):
         pairs[:, column] = values
     return pairs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any
@@ -49,7 +50,11 @@ def page_file(two_arms: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> F
     problem = rp.Problem(two_arms, None, {"left": trajectory(3.0)[:6], "right": trajectory(3.0)[6:]})
     report = rp.Report(
         (Violation("collision", ("left/hand", "ball"), 1.25, -0.004, 0.0, "left/hand is 4 mm inside ball"),),
-        {"clearance": Margin(-0.004, "m", ("left/hand", "ball"), 1.25), "velocity": Margin(0.8)},
+        {
+            "clearance": Margin(-0.004, "m", ("left/hand", "ball"), 1.25),
+            "self_clearance": Margin(0.0102, "m", ("left/a", "left/b"), 0.5),
+            "velocity": Margin(0.8),
+        },
         ("collision", "velocity"),
         {"torque": "not asked for"},
         3.0,
@@ -252,6 +257,10 @@ def test_the_simulated_shadow_is_where_the_replay_was(calm: Any, two_arms: rp.Sc
 
 def test_a_violation_leads_to_its_moment_and_pair(calm: Any) -> None:
     assert calm.page.inner_text("#badge") == "Invalid: 1 found"
+    facts = calm.page.inner_text("#facts")
+    assert re.search(r"Clearance\s+-4.0 mm", facts)
+    assert re.search(r"Self clearance\s+10.2 mm", facts)
+    assert "self clearance" in calm.page.text_content("#report")
     calm.page.click("#report .violation")
     assert calm.ask("RR1.time") == 1.25
     assert calm.ask("RR1.touched") == ["left/hand", "ball"]

@@ -90,7 +90,7 @@ def test_questions_may_be_asked_in_many_ways(
         (["plan", "rr1_table", "--planner", "rrtconnect"], "Did you mean 'rrt_connect'"),
         (["plan", "rr1_table", "--retiming", "blends"], "Did you mean 'blend'"),
         (["plan", "rr1_table", "--goal", "hme"], "Did you mean 'home'"),
-        (["plan", "rr1_table", "--goal", "1", "2"], "expected (6,)"),
+        (["plan", "rr1_table", "--goal", "1", "2"], "has 2 numbers, expected 6"),
         (["plan", "rr1_table", "--goal", "9", "0", "0", "0", "0", "0"], "shoulder_joint"),
         (["plan", "rr1_table", "--goal", "nan", "0", "0", "0", "0", "0"], "shoulder_joint"),
         (["plan", "rr1_table", "--goal", "home", "--position", "0", "0", "1"], "more than one goal"),
@@ -290,3 +290,22 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     done = subprocess.run(["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, check=False)
     assert "Traceback" not in done.stderr
     assert "rr1" in done.stdout
+
+
+BARE = """<robot name="bare"><link name="a"/><link name="b"/><joint name="j" type="revolute">
+<parent link="a"/><child link="b"/><limit lower="-1" upper="1" velocity="1"/></joint></robot>"""
+
+
+def test_warnings_of_the_library_are_said_on_stderr_but_not_when_quiet(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("bare.urdf").write_text(BARE)
+    assert run(["robots", "bare.urdf"]) == OK
+    assert "rr1plan: bare: no link has a <collision>" in capsys.readouterr().err
+    assert run(["robots", "bare.urdf", "--quiet"]) == OK
+    assert capsys.readouterr().err == ""
+
+
+def test_warnings_are_seen_in_a_program_that_sets_up_no_logging() -> None:
+    Path("bare.urdf").write_text(BARE)
+    program = "import rr1plan; rr1plan.load_robot('bare.urdf')"
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    assert "no link has a <collision>" in ended.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from pathlib import Path
 
@@ -12,10 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan.errors import BackendError, InputError, UnknownNameError
-from rr1plan.formats import convex
+from rr1plan.errors import BackendError, CancelledError, InputError, UnknownNameError
+from rr1plan.formats import coacd_process, convex
+from rr1plan.formats import convex_pieces as pieces_module
 from rr1plan.formats.cache import cache_folder, cache_key, load_cached, store_cached
-from rr1plan.formats.convex import convex_hull, convex_pieces, convex_shapes, is_convex
+from rr1plan.formats.convex import convex_hull, distance_outside, is_convex
+from rr1plan.formats.convex_pieces import Convexity, convex_pieces, convex_shapes
 from rr1plan.shapes import Mesh
 
 
@@ -37,7 +40,7 @@ def on_surface(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def test_a_mesh_of_too_many_triangles_is_not_cut_into_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(convex, "MAX_TRIANGLES", 1)
+    monkeypatch.setattr(pieces_module, "MAX_TRIANGLES", 1)
     tetrahedron = Mesh(np.vstack([np.eye(3), np.zeros(3)]), np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
     with pytest.raises(InputError, match="4 triangles"):
         convex_pieces(tetrahedron)
@@ -47,9 +50,9 @@ def test_a_mesh_of_too_many_triangles_is_not_cut_into_pieces(monkeypatch: pytest
 def test_points_are_outside_by_as_much_in_parts_as_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
     hull, points = convex_hull(rng.normal(size=(30, 3))), rng.normal(size=(100, 3))
-    at_once = convex._outside(hull, points)
+    at_once = distance_outside(hull.vertices, points)
     monkeypatch.setattr(convex, "_MOST_PRODUCTS", 500)
-    assert np.allclose(convex._outside(hull, points), at_once, atol=1e-12)
+    assert np.allclose(distance_outside(hull.vertices, points), at_once, atol=1e-12)
 
 
 @settings(deadline=None, max_examples=50)
@@ -110,7 +113,7 @@ def test_a_ball_touches_the_pieces_wherever_it_touches_the_mesh(gate: Mesh) -> N
 
 
 @pytest.mark.parametrize("how", ["hull", "pieces"])
-def test_a_flat_mesh_is_refused(how: convex.Convexity) -> None:
+def test_a_flat_mesh_is_refused(how: Convexity) -> None:
     flat = Mesh(np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]), np.array([(0, 1, 2), (1, 3, 2)]))
     with pytest.raises(InputError, match="flat"):
         convex_shapes([flat], how)
@@ -121,13 +124,166 @@ def test_an_unknown_way_is_refused(block: Mesh) -> None:
         convex_shapes([block], "piece")
 
 
-def test_a_failing_decomposition_is_our_error(gate: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_: object, **__: object) -> None:
-        raise RuntimeError("inner")
-
-    monkeypatch.setattr("coacd.run_coacd", fail)
-    with pytest.raises(BackendError, match="decompose a mesh of 28 triangles"):
+@pytest.mark.parametrize(
+    ("child", "said"), [("raise RuntimeError('inner')", "inner"), ("import os; os._exit(3)", "exit code 3")]
+)
+def test_a_failing_decomposition_is_our_error(
+    gate: Mesh, child: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(coacd_process, "_CHILD", child)
+    with pytest.raises(BackendError, match=f"decompose a mesh of 28 triangles: .*{said}"):
         convex_pieces(gate)
+
+
+@pytest.fixture
+def endless(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A decomposition that does not end, and the file that says which process it is in."""
+    file = tmp_path / "child"
+    work = f"import os, time; open({str(file)!r}, 'w').write(str(os.getpid())); time.sleep(600)"
+    monkeypatch.setattr(coacd_process, "_CHILD", work)
+    return file
+
+
+def is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_a_decomposition_that_takes_too_long_is_ended_and_says_what_to_try(gate: Mesh, endless: Path) -> None:
+    with pytest.raises(InputError, match=r"mesh of 28 triangles was not cut.* in 0\.5 s; try a decimated mesh.*hull"):
+        convex_pieces(gate, seconds=0.5)
+    assert not is_running(int(endless.read_text()))
+
+
+def test_a_decomposition_is_cancelled_by_its_progress(gate: Mesh, endless: Path) -> None:
+    shares = []
+
+    def progress(share: float) -> bool:
+        shares.append(share)
+        return not endless.exists() or not endless.read_text()
+
+    with pytest.raises(CancelledError, match="28 triangles"):
+        convex_pieces(gate, seconds=50.0, progress=progress)
+    assert 0.0 < shares[-1] < 1.0
+    assert not is_running(int(endless.read_text()))
+
+
+def test_planning_among_concave_meshes_reports_progress_and_is_cancelled(gate: Mesh, endless: Path) -> None:
+    scene = rp.load_scene("rr1_table").with_obstacle("gate", gate, [3.0, 0.0, 0.0])
+    problem = rp.Problem(scene, "home", "zero")
+    heard: list[str] = []
+
+    def progress(progress: rp.planning.Progress) -> bool:
+        heard.append(progress.stage)
+        return False
+
+    motion = rp.plan_motion(problem, progress=progress)
+    assert motion.status is rp.PlanStatus.CANCELLED
+    assert "cancelled" in motion.result.reason
+    assert heard == ["set up"]
+    with pytest.raises(CancelledError):
+        rp.set_up(problem, lambda _: False)
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), "many"])
+def test_a_time_that_is_none_is_refused(gate: Mesh, seconds: float) -> None:
+    with pytest.raises(InputError, match="seconds"):
+        convex_pieces(gate, seconds=seconds)
+
+
+# ---- parts that need no decomposition ----------------------------------------------------
+
+
+@pytest.fixture
+def no_decomposition(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pieces_module, "decompose", lambda *_: pytest.fail("decomposed"))
+
+
+def joined(*meshes: Mesh) -> Mesh:
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    corners, where = np.unique(vertices, axis=0, return_inverse=True)
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    return Mesh(corners, where.reshape(-1)[faces])
+
+
+def box_mesh(lower: tuple[float, ...], upper: tuple[float, ...]) -> Mesh:
+    hull = convex_hull(np.array(list(itertools.product(*zip(lower, upper, strict=True)))))
+    return Mesh(hull.vertices, hull.faces)
+
+
+def turned_inside_out(mesh: Mesh) -> Mesh:
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1])
+
+
+@pytest.mark.usefixtures("no_decomposition")
+@pytest.mark.parametrize("outward", [True, False])
+def test_a_table_of_boxes_that_touch_is_those_boxes(outward: bool) -> None:
+    top = box_mesh((-0.6, -0.4, 0.7), (0.6, 0.4, 0.73))
+    legs = [box_mesh((x, y, 0.0), (x + 0.05, y + 0.05, 0.7)) for x in (-0.6, 0.55) for y in (-0.4, 0.35)]
+    table = joined(top, *legs)
+    pieces = convex_pieces(table if outward else turned_inside_out(table))
+    assert sorted(piece.vertices.min(axis=0).tolist() for piece in pieces) == sorted(
+        mesh.vertices.min(axis=0).tolist() for mesh in (top, *legs)
+    )
+    assert all(len(piece.vertices) == 8 for piece in pieces)
+
+
+@pytest.mark.usefixtures("no_decomposition")
+@pytest.mark.parametrize("seed", range(5))
+def test_loose_triangles_become_thin_plates(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    mesh = Mesh(rng.uniform(-1, 1, (60, 3)), np.arange(60).reshape(-1, 3))
+    pieces = convex_pieces(mesh)
+    assert len(pieces) == 20
+    surface = on_surface(mesh, 500, rng)
+    assert np.min([outside(piece, surface) for piece in pieces], axis=0).max() < 0.0
+    for piece, corners in zip(pieces, mesh.vertices[mesh.faces], strict=True):
+        assert np.linalg.norm(piece.vertices[:, None] - corners, axis=2).min(axis=1).max() < 2e-3
+
+
+@pytest.mark.usefixtures("no_decomposition")
+def test_a_box_without_a_lid_stays_open_and_one_with_a_crack_is_its_hull(block: Mesh) -> None:
+    lid = (block.vertices[block.faces][:, :, 2] == 3.0).all(axis=1)
+    pieces = convex_pieces(Mesh(block.vertices, block.faces[~lid]))
+    assert (
+        np.min([outside(piece, np.array([[0.5, 1.0, 1.5], [0.5, 1.0, 3.0]])) for piece in pieces], axis=0).min() > 0.4
+    )
+    surface = on_surface(Mesh(block.vertices, block.faces[~lid]), 1000, np.random.default_rng(0))
+    assert np.min([outside(piece, surface) for piece in pieces], axis=0).max() < 0.0
+    raised = block.vertices + np.array([0.0, 0.0, 1e-6])
+    cracked = Mesh(
+        np.concatenate([block.vertices, raised]), np.where(lid[:, None], block.faces + len(raised), block.faces)
+    )
+    assert len(convex_pieces(cracked)) == 1
+
+
+def test_a_room_keeps_its_inside_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    outer, inner = box_mesh((-2, -2, -2), (2, 2, 2)), box_mesh((-1.8, -1.8, -1.8), (1.8, 1.8, 1.8))
+    walls = [sign * np.roll((1.9, 0.0, 0.0), axis) for axis in range(3) for sign in (1, -1)]
+    slabs = [np.where(at == 0.0, outer.vertices, at + 0.05 * outer.vertices) for at in walls]
+    monkeypatch.setattr(pieces_module, "decompose", lambda vertices, faces, *_: slabs[: len(faces) // 4])
+    pieces = convex_pieces(joined(outer, turned_inside_out(inner)))
+    inside = np.random.default_rng(0).uniform(-1.5, 1.5, (200, 3))
+    assert np.min([outside(piece, inside) for piece in pieces], axis=0).min() > 0.0
+    assert len(pieces) == 6
+
+
+def test_how_far_pieces_stick_out_is_logged(
+    gate: Mesh, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pieces_module, "decompose", lambda vertices, *_: [vertices])
+    convex_pieces(gate)
+    convex_pieces(gate)
+    # The doorway is two wide and two high: its middle is one away from the nearest post.
+    said = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert len(said) == 2
+    for words in said:
+        assert "28 triangles and 4 m became 1 convex piece, sticking out of it by up to" in words
+        assert float(words.rsplit(" ", 2)[1]) == pytest.approx(1000, rel=0.05)
 
 
 # ---- the cache ---------------------------------------------------------------------------
@@ -144,7 +300,7 @@ def test_pieces_are_made_once_and_read_back_equal(gate: Mesh, own_cache: Path, m
     first = convex_pieces(gate)
     assert len(list(own_cache.glob("*.npz"))) == 1
     assert not list(own_cache.glob("*.part"))
-    monkeypatch.setattr(convex, "_decompose", lambda _: pytest.fail("made twice"))
+    monkeypatch.setattr(pieces_module, "decompose", lambda *_: pytest.fail("made twice"))
     assert same(convex_pieces(gate), first)
 
 
@@ -159,7 +315,7 @@ def test_a_damaged_entry_is_made_anew(
     gate: Mesh, own_cache: Path, damage: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pieces = [convex_hull(gate.vertices)]
-    monkeypatch.setattr(convex, "_decompose", lambda mesh: [mesh.vertices])
+    monkeypatch.setattr(pieces_module, "decompose", lambda vertices, *_: [vertices])
     first = convex_pieces(gate)
     assert same(first, pieces)
     (file,) = own_cache.glob("*.npz")
@@ -187,7 +343,7 @@ def test_a_cache_that_cannot_be_written_costs_nothing_but_time(
     in_the_way = tmp_path / "file"
     in_the_way.write_text("not a folder")
     monkeypatch.setenv("RR1PLAN_CACHE", str(in_the_way))
-    monkeypatch.setattr(convex, "_decompose", lambda mesh: [mesh.vertices])
+    monkeypatch.setattr(pieces_module, "decompose", lambda vertices, *_: [vertices])
     assert len(convex_pieces(gate)) == 1
     assert in_the_way.read_text() == "not a folder"
 

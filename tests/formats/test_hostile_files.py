@@ -13,7 +13,7 @@ import rr1plan as rp
 from rr1plan.formats.meshes import SUFFIXES, read_mesh
 from rr1plan.formats.motion_bench import problem_set_joints
 from rr1plan.formats.plan_files import load_csv, load_path, load_trajectory
-from rr1plan.formats.scene_shapes import read_points
+from rr1plan.formats.point_files import read_points
 from rr1plan.formats.srdf import read_srdf
 from rr1plan.formats.urdf import read_urdf
 from rr1plan.formats.xacro import expand_xacro
@@ -34,6 +34,8 @@ READERS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "csv": (load_csv, "a.csv"),
     "points": (read_points, "a.npy"),
     "text points": (read_points, "a.xyz"),
+    "ply points": (read_points, "a.ply"),
+    "pcd points": (rp.load_point_cloud, "a.pcd"),
     **{suffix: (read_mesh, f"a{suffix}") for suffix in SUFFIXES},
 }
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import re
 import struct
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -333,3 +336,121 @@ def test_a_flat_collision_mesh_is_refused_with_the_line(package: Path) -> None:
     assert caught.value.line == 2
     text = text.replace("collision>", "visual>")
     assert len(read_urdf(text, file=package / "urdf" / "r.urdf").links[0].visuals) == 1
+
+
+# ---- STL of few bytes ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", range(79, 86))
+def test_an_stl_that_ends_in_its_head_is_refused(tmp_path: Path, size: int) -> None:
+    (tmp_path / "a.stl").write_bytes(b"\1" * size)
+    with pytest.raises(FormatError, match=r"a\.stl"):
+        read_mesh(tmp_path / "a.stl")
+
+
+# ---- glTF ------------------------------------------------------------------------------------
+
+
+def gltf(mesh: Mesh, buffer: str | None = None, **changes: Any) -> dict[str, Any]:
+    """A glTF document; its buffer is within, or the file of that name."""
+    indices, corners = mesh.faces.astype("<u4").tobytes(), mesh.vertices.astype("<f4").tobytes()
+    uri = f"data:application/octet-stream;base64,{base64.b64encode(indices + corners).decode()}"
+    return {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": [0, 0, 5]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 1}, "indices": 0, "material": 0}]}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.0, 0.0, 1.0]}}],
+        "buffers": [{"uri": buffer or uri, "byteLength": len(indices) + len(corners)}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": len(indices)},
+            {"buffer": 0, "byteOffset": len(indices), "byteLength": len(corners)},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5125, "count": mesh.faces.size, "type": "SCALAR"},
+            {"bufferView": 1, "componentType": 5126, "count": len(mesh.vertices), "type": "VEC3"},
+        ],
+    } | changes
+
+
+def glb(mesh: Mesh) -> bytes:
+    document = gltf(mesh)
+    body = mesh.faces.astype("<u4").tobytes() + mesh.vertices.astype("<f4").tobytes()
+    del document["buffers"][0]["uri"]
+    head = json.dumps(document).encode()
+    head += b" " * (-len(head) % 4)
+    chunks = struct.pack("<I4s", len(head), b"JSON") + head + struct.pack("<I4s", len(body), b"BIN\0") + body
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+@pytest.mark.parametrize("form", ["whole.gltf", "beside.gltf", "binary.glb"])
+def test_gltf_is_read_with_its_y_axis_up(tmp_path: Path, block: Mesh, form: str) -> None:
+    file = tmp_path / form
+    if form == "binary.glb":
+        file.write_bytes(glb(block))
+    else:
+        file.write_text(json.dumps(gltf(block, buffer=None if form == "whole.gltf" else "a%20buffer.bin")))
+        (tmp_path / "a buffer.bin").write_bytes(
+            block.faces.astype("<u4").tobytes() + block.vertices.astype("<f4").tobytes()
+        )
+    (part,) = read_mesh(file, (1.0, 1.0, 2.0))
+    x, y, z = block.vertices.T
+    expected = np.stack([x, -(z + 5.0), 2.0 * y], axis=1)
+    assert {tuple(v) for v in part.mesh.vertices.tolist()} == {tuple(v) for v in expected.tolist()}
+    assert part.color == (1.0, 0.0, 0.0, 1.0)
+    corners = part.mesh.vertices[part.mesh.faces]
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    assert volume == pytest.approx(12.0)
+
+
+WRONG_GLTF: dict[str, tuple[dict[str, Any], str]] = {
+    "draco": ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "KHR_draco_mesh_compression"),
+    "a cycle": ({"nodes": [{"mesh": 0, "children": [1]}, {"children": [0]}]}, "several parents"),
+    "a node twice": ({"nodes": [{"mesh": 0, "children": [1, 1]}, {}]}, "several parents"),
+    "no such node": ({"nodes": [{"mesh": 0, "children": [7]}]}, "does not have"),
+    "no such mesh": ({"nodes": [{"mesh": 3}]}, "IndexError"),
+    "no scene": ({"scenes": []}, "no scene"),
+    "numbers for nodes": ({"nodes": 7}, "TypeError"),
+    "elsewhere": ({"buffers": [{"uri": "../../x.bin", "byteLength": 1}]}, "not in its folder"),
+    "remote": ({"buffers": [{"uri": "http://localhost/x.bin", "byteLength": 1}]}, "no such file"),
+    "a device": ({"buffers": [{"uri": "/dev/zero", "byteLength": 1}]}, "not in its folder"),
+    "a huge accessor": ({"accessors": [{"count": 10**12, "componentType": 5126, "type": "VEC3"}]}, "accessor of"),
+    "an empty buffer": ({"buffers": [{"uri": "data:;base64,", "byteLength": 0}]}, "cannot be read as GLTF"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_GLTF)
+def test_gltf_that_would_be_read_wrong_is_refused(tmp_path: Path, block: Mesh, case: str) -> None:
+    changes, message = WRONG_GLTF[case]
+    (tmp_path / "a.gltf").write_text(json.dumps(gltf(block, **changes)))
+    with pytest.raises(FormatError, match=rf"a\.gltf.*{message}|x\.bin.*{message}"):
+        read_mesh(tmp_path / "a.gltf")
+
+
+def test_gltf_of_fans_or_sparse_vertices_is_refused(tmp_path: Path, block: Mesh) -> None:
+    fan, sparse = gltf(block), gltf(block)
+    fan["meshes"][0]["primitives"][0]["mode"] = 6
+    del sparse["accessors"][1]["bufferView"]
+    for document, message in ((fan, "fan"), (sparse, "sparse")):
+        (tmp_path / "a.gltf").write_text(json.dumps(document))
+        with pytest.raises(FormatError, match=message):
+            read_mesh(tmp_path / "a.gltf")
+
+
+@pytest.mark.parametrize("data", [b"", b"glTF", b"glTF\2\0\0\0\x20\0\0\0\xff\xff\xff\xffJSON{}", b"[]", b"{", b"null"])
+@pytest.mark.parametrize("suffix", ["gltf", "glb"])
+def test_a_damaged_gltf_is_refused(tmp_path: Path, suffix: str, data: bytes) -> None:
+    (tmp_path / f"a.{suffix}").write_bytes(data)
+    with pytest.raises(FormatError, match=r"a\.gl"):
+        read_mesh(tmp_path / f"a.{suffix}")
+
+
+def test_a_robot_with_gltf_meshes_is_loaded(tmp_path: Path, block: Mesh) -> None:
+    (tmp_path / "a.glb").write_bytes(glb(block))
+    shape = '<geometry><mesh filename="a.glb" scale="0.1 0.1 0.1"/></geometry>'
+    text = f'<robot name="r"><link name="l"><visual>{shape}</visual><collision>{shape}</collision></link></robot>'
+    (tmp_path / "r.urdf").write_text(text)
+    (link,) = read_urdf(tmp_path / "r.urdf").links
+    assert link.collisions[0].shape.vertices.max() == pytest.approx(0.2)
+    assert link.visuals[0].color == (1.0, 0.0, 0.0, 1.0)

@@ -72,7 +72,7 @@ def test_a_package_that_is_not_there_is_named_with_a_way_to_do_without_it(tmp_pa
         '<robot name="r" xmlns:xacro="http://x"><xacro:arg name="control" default="$(find arm_control)/c.yaml"/>'
         '<link name="base"/><gazebo><x>$(arg control)</x></gazebo></robot>'
     )
-    with pytest.raises(FormatError, match=r"'arm_control'.*package_dirs=.*an empty folder named 'arm_control'"):
+    with pytest.raises(FormatError, match=r"'arm_control'.*package_dirs.*an empty folder 'arm_control'"):
         expand_xacro(file)
     (tmp_path / "stand_in" / "arm_control").mkdir(parents=True)
     for folder in (tmp_path / "stand_in", tmp_path / "stand_in" / "arm_control"):
@@ -107,7 +107,7 @@ def test_a_urdf_that_is_a_xacro_is_expanded_when_arguments_say_so(tmp_path: Path
     file = tmp_path / "stack.urdf"
     file.write_text(XACRO)
     pytest.importorskip("xacrodoc")
-    with pytest.raises(FormatError, match=r"xacro_arguments=\{\}"):
+    with pytest.raises(FormatError, match=r"option xacro_arguments"):
         rp.load_robot(file)
     assert rp.load_robot(file, xacro_arguments={}).nq == 2
 

@@ -200,7 +200,7 @@ def test_rejected_solutions_are_counted_and_others_are_kept(planar2r):
     none = solve_ik(kinematics, goal, rng=0, accept=lambda q: False)
     assert none.rejected == 2
     assert not none.solved
-    assert "2 configuration(s), all of them rejected" in none.reason
+    assert "2 configurations, none of them accepted" in none.reason
     up = solve_ik(kinematics, goal, rng=0, accept=lambda q: bool(q[1] > 0))
     assert (len(up.solutions), up.rejected) == (1, 1)
 

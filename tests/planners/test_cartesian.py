@@ -180,7 +180,7 @@ def test_the_line_is_the_same_whatever_the_seed(rr1):
 
 
 def test_wrong_problems_and_settings_are_told(rr1):
-    with pytest.raises(rp.InputError, match="needs a PoseGoal, got a JointGoal"):
+    with pytest.raises(rp.InputError, match="moves to a pose, got a configuration"):
         CartesianPlanner().plan(Problem(alone(rr1), START, "home"))
     scene = Scene({"left": Arm(rr1), "right": Arm(rr1, [0.0, 0.8, 0.0])})
     goal = PoseGoal("tool", [0.0, 0.0, 0.5])

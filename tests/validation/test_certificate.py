@@ -237,6 +237,40 @@ def test_a_scene_without_pairs_says_that_nothing_can_touch(slider: Make, quintic
     assert "clearance" not in report.margins
 
 
+def test_clearance_to_the_surroundings_is_told_apart_from_an_arms_own(rr1: rp.Robot, quintic: Make) -> None:
+    scene = rp.Scene().with_arm("rr1", rr1).with_obstacle("far", rp.Sphere(0.1), [0.0, 0.0, 2.0])
+    q = scene.configuration()
+    move = quintic(scene.joint_names(), q, q + 0.1)
+    alone = validate(move, scene.without_obstacle("far"))
+    assert "clearance" not in alone.margins
+    own = alone.margins["self_clearance"]
+    assert own.value < 0.05
+    both = validate(move, scene)
+    assert both.margins["self_clearance"].value == pytest.approx(own.value, abs=1e-6)
+    assert both.margins["self_clearance_proven"].value <= own.value
+    assert all(name.startswith("rr1/") for name in both.margins["self_clearance"].subject)
+    for name in ("clearance", "clearance_start", "clearance_end"):
+        assert both.margins[name].value > 0.5
+        assert "far" in both.margins[name].subject
+    assert both.margins["clearance_proven"].value >= both.margins["clearance"].value - 2.1e-4
+    data = both.to_dict()
+    assert rp.Report.from_dict(data).margins["self_clearance"] == both.margins["self_clearance"]
+    assert "margin       self_clearance" in str(both)
+
+
+def test_another_arm_is_of_the_surroundings_and_a_held_object_of_the_arm(slider: Make, quintic: Make) -> None:
+    scene = rp.Scene().with_arm("a", slider(BALL)).with_arm("b", slider(BALL), [0.0, 0.3, 0.0])
+    move = quintic(["a/slide"], [0.0], [0.4])
+    report = validate(move, scene)
+    assert set(report.margins["clearance"].subject) == {"a/carriage", "b/carriage"}
+    assert "self_clearance" not in report.margins
+    held = scene.with_obstacle("stick", rp.Sphere(0.01), [0.0, 0.1, 0.0]).attach("stick", "b", "base")
+    report = validate(quintic(["a/slide"], [5.0], [5.4]), held)
+    assert set(report.margins["self_clearance"].subject) == {"b/carriage", "stick"}
+    assert report.margins["self_clearance"].value == pytest.approx(0.2 - BALL.radius - 0.01, abs=1e-6)
+    assert report.margins["clearance"].value > 4.0
+
+
 def test_columns_may_come_in_any_order(slider: Make, quintic: Make) -> None:
     scene = rp.Scene().with_arm("a", slider(BALL)).with_arm("b", slider(BALL), q=[1.0])
     assert validate(quintic(["b/slide", "a/slide"], [1.0, 0.0], [1.0, 0.85]), scene).certified

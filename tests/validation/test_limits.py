@@ -44,7 +44,7 @@ def test_jerk_is_checked_on_request_and_else_named_as_not_checked(slider: Make, 
     move, scene = quintic(["arm/slide"], [0.0], [1.0]), scene_of(slider(rp.Sphere(0.1), jerk=59.9))
     report = validate(move, scene)
     assert report.valid
-    assert "jerk_limits=True" in report.not_checked["jerk"]
+    assert "option jerk_limits" in report.not_checked["jerk"]
     over = only(validate(move, scene, jerk_limits=True))
     assert (over.kind, over.value) == ("jerk", pytest.approx(60.0))
     assert validate(move, scene_of(slider(rp.Sphere(0.1), jerk=60.0)), jerk_limits=True).valid
@@ -163,7 +163,7 @@ def test_a_trajectory_without_columns_is_a_scene_at_rest(slider: Make) -> None:
 def test_torques_are_held_to_their_limits_on_request_and_said_to_be_sampled(rr1: rp.Robot, quintic: Make) -> None:
     scene = rp.Scene().with_arm("rr1", rr1)
     move = quintic(scene.joint_names(), rr1.home, rr1.home + 0.3, 2.0)
-    assert "torque_limits=True" in validate(move, scene).not_checked["torque"]
+    assert "option torque_limits" in validate(move, scene).not_checked["torque"]
     weak = rr1.with_limits(replace(rr1.limits, effort=np.full(rr1.nq, 1e-3)))
     report = validate(move, scene.with_robot("rr1", weak), torque_limits=True)
     found = {v.subject[0]: v for v in report.violations if v.kind == "torque"}

@@ -67,11 +67,14 @@ class FclWorld:
             for _, _, y in self.parts[b]
         )
 
-    def distance(self) -> float:
-        pairs = [(x, y) for a, b in self.scene.checked_pairs for _, _, x in self.parts[a] for _, _, y in self.parts[b]]
+    def distance(self, own: bool) -> float:
+        """To the surroundings, or between an arm's own links; inf where there are none."""
+        owner = self.scene.owner
+        names = [(a, b) for a, b in self.scene.checked_pairs if (owner(a) == owner(b)) == own]
+        pairs = [(x, y) for a, b in names for _, _, x in self.parts[a] for _, _, y in self.parts[b]]
         # One order of the two may give a distance too large by a quarter of a millimetre.
         both = [pair for x, y in pairs for pair in ((x, y), (y, x))]
-        return min(fcl.distance(x, y, fcl.DistanceRequest(), fcl.DistanceResult()) for x, y in both)
+        return min((fcl.distance(x, y, fcl.DistanceRequest(), fcl.DistanceResult()) for x, y in both), default=np.inf)
 
 
 def cluttered(rng: np.random.Generator, chain: Make, shape: Make) -> tuple[rp.Scene, rp.Trajectory]:
@@ -93,23 +96,25 @@ def test_fcl_agrees_at_every_sample_of_random_motions(seed: int, chain: Make, sh
     report = validate(move, scene)
     world = FclWorld(scene)
     hits = {v.subject: v for v in report.violations if v.kind in ("collision", "undecided")}
-    nearest = np.inf
+    nearest = {True: np.inf, False: np.inf}
     for t in np.linspace(0.0, 2.0, 150):
         world.place(move.joint_names, move(t))
         if hits:
             for pair in scene.checked_pairs:
                 assert pair in hits or not world.pair_touches(*pair)
         else:
-            nearest = min(nearest, world.distance())
+            nearest = {own: min(least, world.distance(own)) for own, least in nearest.items()}
     for pair, hit in hits.items():
         world.place(move.joint_names, move(hit.time))
         assert hit.value > -1e-5 or world.pair_touches(*pair)
-    if not hits:
-        found = report.margins["clearance"]
-        assert 0.0 < found.value <= nearest + 2e-4 + 1e-6
+    for name, own in (("clearance", False), ("self_clearance", True)):
+        if hits or np.isinf(nearest[own]):
+            continue
+        found = report.margins[name]
+        assert 0.0 < found.value <= nearest[own] + 2e-4 + 1e-6
         world.place(move.joint_names, move(found.time))
-        assert found.value == pytest.approx(world.distance(), abs=1e-4)
-        assert report.margins["clearance_proven"].value >= found.value - 2e-4 - 1e-4
+        assert found.value == pytest.approx(world.distance(own), abs=1e-4)
+        assert report.margins[f"{name}_proven"].value >= found.value - 2e-4 - 1e-4
 
 
 def test_the_random_motions_hold_both_free_ones_and_collisions(chain: Make, shape: Make) -> None:

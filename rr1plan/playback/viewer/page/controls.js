@@ -126,11 +126,12 @@ class Controls {
     const margins = doc.report ? doc.report.margins : {};
     if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.duration)] : ["Path", "no times yet, shown at 1 rad/s"]);
     if (margins.clearance) rows.push(["Clearance", length(margins.clearance.value)]);
+    if (margins.self_clearance) rows.push(["Self clearance", length(margins.self_clearance.value)]);
     const around = this.viewer.world.spheres.summary();
     if (around) rows.push(["Spheres", around]);
     if (doc.replay) {
       const { worst_error: worst, contacts, mode } = doc.replay.summary;
-      rows.push(["MuJoCo", `${mode === "dynamic" ? `off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contacts` : "no contact"}`]);
+      rows.push(["MuJoCo", `${mode === "dynamic" ? `off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contact${contacts.length > 1 ? "s" : ""}` : "no contact"}`]);
     }
     facts.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
   }

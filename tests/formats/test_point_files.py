@@ -1,0 +1,177 @@
+"""Point clouds from files: PLY and PCD in their codings, arrays and text; what is damaged is refused."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import rr1plan as rp
+from rr1plan.formats.point_files import read_points
+
+POINTS = np.array([[0.5, -1.25, 2.0], [3.0, 4.5, -0.125], [0.0, 0.75, 1.0]])
+COLORS = np.array([[255, 0, 7], [1, 2, 3], [0, 0, 0]], np.uint8)
+
+
+def pcd(coding: str, points: np.ndarray = POINTS, **changes: str) -> bytes:
+    """A PCD file with fields around the coordinates, one of them of three values."""
+    entries = {
+        "VERSION": "0.7",
+        "FIELDS": "intensity x y z normal",
+        "SIZE": "1 4 8 4 4",
+        "TYPE": "U F F F F",
+        "COUNT": "1 1 1 1 3",
+        "WIDTH": f"{len(points)}",
+        "HEIGHT": "1",
+        "VIEWPOINT": "0 0 0 1 0 0 0",
+        "POINTS": f"{len(points)}",
+        "DATA": coding,
+    } | changes
+    head = "# .PCD v0.7\n" + "".join(f"{key} {value}\n" for key, value in entries.items() if value)
+    if coding == "ascii":
+        return head.encode() + "".join(f"7 {x!r} {y!r} {z!r} 0 0 1\n" for x, y, z in points.tolist()).encode()
+    row = np.dtype([("i", "u1"), ("x", "<f4"), ("y", "<f8"), ("z", "<f4"), ("n", "<f4", 3)])
+    rows = np.zeros(len(points), row)
+    for axis, column in zip("xyz", points.T, strict=True):
+        rows[axis] = column
+    return head.encode() + rows.tobytes()
+
+
+def ply(coding: str, points: np.ndarray = POINTS, kind: str = "float") -> bytes:
+    head = f"ply\nformat {coding} 1.0\ncomment by a test\nelement vertex {len(points)}\nproperty uchar red\n"
+    head += "".join(f"property {kind} {axis}\n" for axis in "xyz")
+    head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    if coding == "ascii":
+        lines = [f"9 {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
+        return (head + "\n".join([*lines, "3 0 1 2", ""])).encode()
+    order = "<" if "little" in coding else ">"
+    width = {"float": "f4", "double": "f8"}[kind]
+    rows = np.zeros(len(points), [("r", "u1"), *((axis, order + width) for axis in "xyz")])
+    for axis, column in zip("xyz", points.T, strict=True):
+        rows[axis] = column
+    return head.encode() + rows.tobytes() + b"\3" + np.array([0, 1, 2], f"{order}i4").tobytes()
+
+
+FILES = {
+    "ascii.pcd": pcd("ascii"),
+    "binary.pcd": pcd("binary"),
+    "nocount.pcd": b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 3\nDATA binary\n" + POINTS.astype("<f4").tobytes(),
+    "ascii.ply": ply("ascii"),
+    "little.ply": ply("binary_little_endian"),
+    "big.PLY": ply("binary_big_endian", kind="double"),
+    "text.xyz": b"# x y z\n" + b"".join(b"%r, %r %r\n" % tuple(p) for p in POINTS.tolist()),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_coding_gives_the_same_points(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(FILES[name])
+    cloud = rp.load_point_cloud(tmp_path / name, 0.05)
+    np.testing.assert_array_equal(cloud.points, POINTS)
+    assert cloud.resolution == 0.05
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+def test_what_trimesh_writes_is_read(tmp_path: Path, encoding: str) -> None:
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(50, 3)).astype(np.float32)
+    data = trimesh.PointCloud(points, colors=rng.integers(0, 255, (50, 4), np.uint8)).export(
+        file_type="ply", encoding=encoding
+    )
+    (tmp_path / "a.ply").write_bytes(data)
+    np.testing.assert_allclose(read_points(tmp_path / "a.ply"), points, atol=1e-6)
+
+
+def test_rays_that_met_nothing_are_left_out(tmp_path: Path) -> None:
+    points = POINTS.copy()
+    points[1] = np.nan
+    for name, data in (
+        ("a.pcd", pcd("binary", points)),
+        ("b.pcd", pcd("ascii", points)),
+        ("c.ply", ply("ascii", points)),
+    ):
+        (tmp_path / name).write_bytes(data)
+        np.testing.assert_array_equal(read_points(tmp_path / name), POINTS[[0, 2]])
+    (tmp_path / "a.pcd").write_bytes(pcd("binary", points[1:2]))
+    with pytest.raises(rp.FormatError, match="no point"):
+        read_points(tmp_path / "a.pcd")
+
+
+def test_a_point_at_infinity_is_refused(tmp_path: Path) -> None:
+    points = POINTS.copy()
+    points[1] = np.inf
+    (tmp_path / "a.pcd").write_bytes(pcd("binary", points))
+    with pytest.raises(rp.InputError, match="finite"):
+        rp.load_point_cloud(tmp_path / "a.pcd")
+
+
+WRONG: dict[str, tuple[str, bytes, str]] = {
+    "empty pcd": ("a.pcd", b"", "no line 'DATA'"),
+    "empty ply": ("a.ply", b"", "no line 'end_header'"),
+    "cut off": ("a.pcd", pcd("binary")[:-1], "bytes, the header says"),
+    "cut off text": ("a.pcd", pcd("ascii").rsplit(b"\n", 2)[0], "lines, the header says"),
+    "compressed": ("a.pcd", pcd("binary", DATA="binary_compressed"), "pcl_convert_pcd_ascii_binary"),
+    "no x": ("a.pcd", pcd("binary", FIELDS="intensity a y z normal"), "it has no 'x'"),
+    "no points": ("a.pcd", pcd("binary", POINTS=""), "it has no 'POINTS'"),
+    "a size": ("a.pcd", pcd("binary", SIZE="1 4 3 4 4"), "it has no"),
+    "a field too many": ("a.pcd", pcd("binary", FIELDS="intensity x y z normal w"), "not a list of points"),
+    "negative": ("a.pcd", pcd("binary", POINTS="-1"), "no count"),
+    "very many": ("a.pcd", pcd("binary", POINTS="99999999999"), "the header says"),
+    "very many values": ("a.pcd", pcd("binary", COUNT="1 1 1 1 99999999999"), "more than 1000"),
+    "very many rows of nothing": ("a.pcd", pcd("ascii", POINTS="99999999999"), "lines, the header says"),
+    "words": ("a.pcd", pcd("ascii").replace(b"0.5", b"abc"), "not a list of points"),
+    "ply of words": ("a.ply", ply("ascii").replace(b"0.5", b"abc"), "not a list of points"),
+    "ply cut off": ("a.ply", ply("binary_little_endian")[:-40], "bytes, the header says"),
+    "ply of lists": ("a.ply", ply("ascii").replace(b"uchar red", b"list uchar int red"), "vertex of numbers"),
+    "ply of faces first": ("a.ply", ply("ascii").replace(b"element vertex", b"element face"), "vertex of numbers"),
+    "ply of another coding": ("a.ply", ply("ascii").replace(b"ascii", b"utf8"), "it has no 'utf8'"),
+    "ply of another type": ("a.ply", ply("ascii").replace(b"float x", b"half x"), "it has no 'half'"),
+    "ply of a property first": (
+        "a.ply",
+        b"ply\nformat ascii 1.0\nproperty float x\nend_header\n",
+        "not a list of points",
+    ),
+    "no ply": ("a.ply", b"plx\nformat ascii 1.0\nend_header\n", "does not begin"),
+    "not ASCII": ("a.ply", b"ply\nformat ascii 1.0\ncomment \xff\nend_header\n", "not a list of points"),
+    "a pickle": ("a.npy", pickle.dumps([1, 2, 3]), "not a list"),
+    "a suffix": ("a.las", b"", "expected one of"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_damaged_file_is_refused_in_words(tmp_path: Path, case: str) -> None:
+    name, data, message = WRONG[case]
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(rp.FormatError, match=rf"{name}.*{message}"):
+        read_points(tmp_path / name)
+
+
+def test_a_scene_file_takes_a_scan_and_a_mesh_by_their_names(tmp_path: Path) -> None:
+    (tmp_path / "scan.pcd").write_bytes(pcd("binary"))
+    trimesh.creation.box((1, 2, 3)).export(tmp_path / "box.stl")
+    short, long = tmp_path / "short.toml", tmp_path / "long.toml"
+    short.write_text('[obstacles.scan]\npoints = "scan.pcd"\n[obstacles.box]\nmesh = "box.stl"\n')
+    long.write_text(
+        'name = "short"\n[obstacles.scan]\npoints = { file = "scan.pcd", resolution = 0.02 }\n'
+        '[obstacles.box]\nmesh = { file = "box.stl", scale = 1.0, convex = "pieces" }\n'
+    )
+    assert rp.load_scene(short).content_hash == rp.load_scene(long).content_hash
+
+
+@pytest.mark.parametrize(
+    ("text", "near"),
+    [
+        ('mesh = { fil = "a.stl" }', "'file' where it says 'fil'"),
+        ('points = { flie = "a.pcd" }', "'file' where it says 'flie'"),
+        ("mesh = { vertice = [[0, 0, 0]], faces = [[0, 0, 0]] }", "'vertices' where it says 'vertice'"),
+        ("cylinder = { radius = 1, lenght = 1 }", "'length' where it says 'lenght'"),
+        ("boxx = [1, 1, 1]", "'box' where it says 'boxx'"),
+    ],
+)
+def test_a_misspelt_key_is_answered_with_the_near_one(tmp_path: Path, text: str, near: str) -> None:
+    (tmp_path / "a.toml").write_text(f"[obstacles.thing]\n{text}\n")
+    with pytest.raises(rp.FormatError, match=rf"a\.toml:\d.*Did you mean {near}"):
+        rp.load_scene(tmp_path / "a.toml")
