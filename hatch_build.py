@@ -81,7 +81,7 @@ def compile_kernels(out: Path, *flags: str, compiler: list[str] | None = None) -
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / out.name
-        layouts = structs.layout_source(structs.parse_structs(structs.header_text()))
+        layouts = structs.layout_source(structs.declared_structs())
         (Path(folder) / "layout.inc").write_text(layouts, encoding="utf-8")
         command = [*(compiler or own_compiler() or zig()), *FLAGS, *flags, "-I", folder, "-o", str(made)]
         done = subprocess.run([*command, str(SOURCES / "kernels.c")], capture_output=True, text=True, check=False)

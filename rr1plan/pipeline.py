@@ -21,9 +21,7 @@ from rr1plan.errors import CancelledError, InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.planners import plan
 from rr1plan.planners.goals import joint_goals
-from rr1plan.planners.query import prepare
 from rr1plan.planners.shortcut import shorten as shorten_path
-from rr1plan.planners.tree_search import KERNELS
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
 from rr1plan.problem import Problem
 from rr1plan.report import Report
@@ -220,7 +218,7 @@ def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
 
 
 def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
-    """Make ahead what a search in a problem's scene is done with: compiled code, and what it knows of the scene.
+    """Warm up: build the collision tables of a problem's scene before its first query.
 
     Planning does it where it has not been done, in a millisecond or two; do it ahead where the first answer is waited
     for. What is made is kept with the scene.
@@ -236,7 +234,6 @@ def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
     """
     check_question(problem, None, progress)
     _cut_meshes(problem.scene, progress)
-    prepare(KERNELS)
     with borrowed_checker(problem.scene, problem.arms) as motions:
         motions.set_up()
 

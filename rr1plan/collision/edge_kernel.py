@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from rr1plan._kernels.exact import ExactTables
 from rr1plan.checks import Array
 from rr1plan.kernels.library import load_library
 from rr1plan.kernels.memory import CStruct, address_of, zeroed
+from rr1plan.kernels.structs import constants
 
 # Intervals of one edge, and those left open, that are kept before the whole edge goes to the exact kernel.
 _INTERVALS = 512
@@ -21,6 +23,25 @@ _QUEUE = 1 << 15
 _TERMS = 8
 
 Answer = tuple[int, float, int]
+
+FREE, CONTACT = constants()["EDGE_FREE"], constants()["EDGE_CONTACT"]
+"""What an edge is found to be; grazing ones are neither."""
+
+
+class EdgeCounters(NamedTuple):
+    """What has been done so far.
+
+    Args:
+        edges: Edges and curves certified or refused.
+        exact_edges: Those of them that spheres and directions could not decide.
+        configurations: Configurations placed.
+        gaps: Distances of pairs computed finely.
+    """
+
+    edges: int
+    exact_edges: int
+    configurations: int
+    gaps: int
 
 
 def exact_struct(tables: ExactTables, columns: int) -> CStruct:
@@ -74,6 +95,29 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS) -> CSt
         queue=zeroed("OpenInterval", queue),
         queue_size=queue,
     )
+
+
+class ExactKernel:
+    """Distances of pairs of convex bodies in one configuration. It keeps scratch memory: give each thread its own.
+
+    Args:
+        tables: The bodies and pairs.
+        columns: Number of columns of q.
+    """
+
+    def __init__(self, tables: ExactTables, columns: int) -> None:
+        self.struct, self.scratch = exact_struct(tables, columns), exact_scratch(tables, columns)
+        self._least_clearance = load_library().rr1_least_clearance
+
+    def least_clearance(self, q: Array, most: float) -> float:
+        """The least distance of any pair beyond its padding [m], `most` at most; -inf where bodies overlap deeply.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+            most: Greater distances are not computed [m].
+        """
+        clearance: float = self._least_clearance(self.struct, self.scratch, q, most)
+        return clearance
 
 
 def scene_struct(cover: Cover, exact: CStruct, columns: int, tolerance: float) -> CStruct:
@@ -178,25 +222,33 @@ class EdgeKernel:
 
     Args:
         cover: What the kernel knows of spheres, cores and pairs.
-        tables: What the exact kernel knows of the same pairs.
+        exact: The exact kernel of the same pairs.
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
         library: The compiled kernels (default: the fastest ones this processor can run).
+
+    Attributes:
+        context: Addresses of the scene's tables and of the scratch memory, as the kernels of planners take them.
     """
 
     def __init__(
-        self, cover: Cover, tables: ExactTables, columns: int, tolerance: float, library: ctypes.CDLL | None = None
+        self, cover: Cover, exact: ExactKernel, columns: int, tolerance: float, library: ctypes.CDLL | None = None
     ) -> None:
         self._library = library or load_library()
-        self._exact = exact_struct(tables, columns)
-        self._exact_scratch = exact_scratch(tables, columns)
-        self.scene = scene_struct(cover, self._exact, columns, tolerance)
-        self.scratch = edge_scratch(cover, self._exact_scratch, columns)
+        self._exact = exact
+        self._scene = scene_struct(cover, exact.struct, columns, tolerance)
+        self._scratch = edge_scratch(cover, exact.scratch, columns)
+        self.context = self._scene.address, self._scratch.address
         self._ends = np.zeros((2, columns))
-        row = self._ends.strides[0]
         begin = address_of(self._ends, "double")
-        self._edge_call = self.scene.address, self.scratch.address, begin, begin + row
+        self._edge_call = *self.context, begin, begin + self._ends.strides[0]
         self._certify_edge = self._library.rr1_certify_edge
+
+    @property
+    def done(self) -> EdgeCounters:
+        """What has been done so far."""
+        done = self._scratch.value.done
+        return EdgeCounters(done.edges, done.exact_edges, done.configurations, done.gaps)
 
     def certify_edge(self, q0: Array, q1: Array) -> Answer:
         """Certify the straight line between two configurations; shapes and numbers have been checked.
@@ -209,8 +261,7 @@ class EdgeKernel:
             FREE, CONTACT or GRAZING; where that is found (0..1); which pair (-1: free).
         """
         self._ends[0], self._ends[1] = q0, q1
-        status = self._certify_edge(*self._edge_call)
-        return self._answer(status)
+        return self._answer(self._certify_edge(*self._edge_call))
 
     def certify_parabola(self, curve: Array, duration: float) -> Answer:
         """Certify a curve q(t) = sum_k curve[k] t^k, 0 <= t <= duration, of one to three terms.
@@ -223,10 +274,7 @@ class EdgeKernel:
             See `certify_edge`.
         """
         curve = np.ascontiguousarray(curve)
-        status = self._library.rr1_certify_parabola(
-            self.scene.address, self.scratch.address, address_of(curve, "double"), len(curve), duration
-        )
-        return self._answer(status)
+        return self._answer(self._library.rr1_certify_parabola(*self.context, curve, len(curve), duration))
 
     def certify_curve(self, curve: Array, duration: float) -> Answer:
         """Certify a curve of any number of terms by the exact kernel alone.
@@ -239,14 +287,10 @@ class EdgeKernel:
             See `certify_edge`, where in units of the duration.
         """
         curve = np.ascontiguousarray(curve)
-        exact = self._exact_scratch.value
-        if len(curve) > exact.coefficient_rows:
-            self._coefficients = np.zeros_like(curve)
-            exact.coefficients, exact.coefficient_rows = address_of(self._coefficients, "double"), len(curve)
-        status = self._library.rr1_certify_curve(
-            self.scene.address, self.scratch.address, address_of(curve, "double"), len(curve), duration
-        )
-        return self._answer(status)
+        scratch = self._exact.scratch
+        if len(curve) > scratch.value.coefficient_rows:
+            scratch.set(coefficients=np.zeros_like(curve), coefficient_rows=len(curve))
+        return self._answer(self._library.rr1_certify_curve(*self.context, curve, len(curve), duration))
 
     def certify_edges(self, begins: Array, ends: Array) -> NDArray[np.int64]:
         """The statuses of many edges.
@@ -255,14 +299,11 @@ class EdgeKernel:
             begins: Configurations [rad or m], shape (n, nq).
             ends: The same.
         """
-        begins, ends = np.ascontiguousarray(begins), np.ascontiguousarray(ends)
         statuses = np.zeros(len(begins), np.int64)
-        addresses = (address_of(table, "double") for table in (begins, ends))
-        self._library.rr1_certify_edges(
-            self.scene.address, self.scratch.address, *addresses, len(begins), address_of(statuses, "int64_t")
-        )
+        begins, ends = np.ascontiguousarray(begins), np.ascontiguousarray(ends)
+        self._library.rr1_certify_edges(*self.context, begins, ends, len(begins), statuses)
         return statuses
 
     def _answer(self, status: int) -> Answer:
-        result = self.scratch.value.result
+        result = self._scratch.value.result
         return status, result.fraction, result.pair

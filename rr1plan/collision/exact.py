@@ -6,7 +6,7 @@ they touch). Joint limits are another question: see `CollisionChecker.limit_viol
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from math import isfinite
 from typing import Any, TypeGuard
@@ -14,13 +14,12 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.clearance import least_clearance as _least_clearance_untyped
-from rr1plan._kernels.exact import EXACT, ExactTables
-from rr1plan._kernels.record import pack
+from rr1plan._kernels.exact import ExactTables
 from rr1plan.checks import Array, finite_array, read_only
 from rr1plan.collision.answers import Contact, Nearest
 from rr1plan.collision.carried import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
+from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.exact_tables import build_resting_tables, build_tables
 from rr1plan.collision.layout import layout_of
 from rr1plan.collision.resting import Resting, measure_resting
@@ -30,8 +29,6 @@ from rr1plan.scene import Scene
 
 # Rounding of a gap that the kernel computed is far below this [m].
 _ROUNDING = 1e-9
-
-_least_clearance: Callable[..., float] = _least_clearance_untyped
 
 
 class CollisionChecker:
@@ -205,7 +202,7 @@ class CollisionChecker:
             InputError: wrong shape or not finite, or elements that cannot be measured against each other.
         """
         q = self.checked(q)
-        return _least_clearance(q, self._resting_clearance(most), self.record)
+        return self.exact_kernel.least_clearance(q, self._resting_clearance(most))
 
     # ---- for the motion checker -----------------------------------------------------------
 
@@ -215,9 +212,9 @@ class CollisionChecker:
         return build_tables(self)
 
     @cached_property
-    def record(self) -> NDArray[np.int64]:
-        """The same as the kernel takes it."""
-        return pack(self.tables, EXACT)
+    def exact_kernel(self) -> ExactKernel:
+        """The exact kernel of those pairs."""
+        return ExactKernel(self.tables, self.nq)
 
     def solid_distances(self, q: Any) -> Array:
         """Distance of every pair in `solid_pairs` [m], negative where they overlap, shape (m,)."""
@@ -257,7 +254,7 @@ class CollisionChecker:
         if tables is None:
             beyond = self._resting.distances - self.scene.checked_padding
             return min(most, float(beyond.min()))
-        return _least_clearance(np.zeros(self.nq), most, pack(tables, EXACT))
+        return ExactKernel(tables, self.nq).least_clearance(np.zeros(self.nq), most)
 
     @cached_property
     def _resting(self) -> Resting:

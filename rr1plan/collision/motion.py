@@ -1,37 +1,30 @@
 """Certified motions: a whole edge or curve is proven free, not sampled.
 
-The proof is in `rr1plan._kernels`: straight edges and parabolas by `swept`, other curves by `motion`. It leaves no gap
-between samples for a thin obstacle to slip through. What passes at less than `tolerance` beyond the padding is not
-proven, so it is refused.
+The proof is in the kernels: straight edges and parabolas by `certify_edge.c`, other curves by `certify_curve.c`. It
+leaves no gap between samples for a thin obstacle to slip through. What passes at less than `tolerance` beyond the
+padding is not proven, so it is refused.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rr1plan._kernels.clearance import least_clearance as _least_clearance_untyped
-from rr1plan._kernels.exact import EXACT
-from rr1plan._kernels.motion import CONTACT, FREE
-from rr1plan._kernels.motion import certify as _certify_untyped
-from rr1plan._kernels.record import pack
 from rr1plan.checks import Array, Value, finite_array, finite_number, of_kind, positive_number, read_only
+from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.exact import CollisionChecker
-from rr1plan.collision.swept import SweptEdges
+from rr1plan.collision.sphere_tables import build_cover
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene
 
 TOLERANCE = 1e-6
 _NEAR = 1e-9  # a gap that counts as one [m]
-
-_certify: Callable[..., tuple[int, float, int, int, int]] = _certify_untyped
-_least_clearance: Callable[..., float] = _least_clearance_untyped
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,44 +74,31 @@ class MotionChecker:
                 raise InputError("MotionChecker takes arms with a scene only; a checker has its own")
         self.checker = checker
         self.tolerance = positive_number("tolerance", tolerance)
-        self._without: dict[frozenset[str], NDArray[np.int64]] = {}
-        self._swept: SweptEdges | None = None
-        self._edge = np.zeros((2, checker.nq))
+        self._without: dict[frozenset[str], ExactKernel] = {}
         self.edges_checked = 0
-        self._configurations_checked = 0
-        self._gaps_checked = 0
-
-    def __repr__(self) -> str:
-        return f"MotionChecker({self.checker!r}, tolerance={self.tolerance})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as its checker; the counters begin anew."""
         return _rebuild, (self.checker, self.tolerance)
 
     @property
-    def configurations_checked(self) -> int:
-        """Configurations looked at so far, those of compiled planners too."""
-        return self._configurations_checked + (0 if self._swept is None else self._swept.configurations_checked)
-
-    @property
-    def gaps_checked(self) -> int:
-        """Distances of pairs computed finely so far, those of compiled planners too."""
-        return self._gaps_checked + (0 if self._swept is None else self._swept.gaps_checked)
+    def done(self) -> EdgeCounters:
+        """What has been done so far, by compiled planners too."""
+        return self._kernel.done
 
     def set_up(self) -> None:
-        """Make what is else made when first asked for."""
+        """Build the collision tables, which the first query needs."""
         _ = self.context, self.checker.resting_is_free
 
     @property
-    def context(self) -> NDArray[np.int64]:
-        """What compiled planners pass on to `rr1plan._kernels.edges.edge_code`."""
-        return (self._swept or self._straight()).record
+    def context(self) -> tuple[int, int]:
+        """What compiled planners hand to the certified edge: addresses of the tables and the scratch memory."""
+        return self._kernel.context
 
-    def _straight(self) -> SweptEdges:
-        """Spheres around everything that moves, made when first asked for."""
-        if self._swept is None:
-            self._swept = SweptEdges(self.checker, self.tolerance)
-        return self._swept
+    @cached_property
+    def _kernel(self) -> EdgeKernel:
+        cover, _ = build_cover(self.checker, self.checker.tables, self.tolerance)
+        return EdgeKernel(cover, self.checker.exact_kernel, self.checker.nq, self.tolerance)
 
     def is_free(self, q: Any) -> bool:
         """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.
@@ -130,7 +110,7 @@ class MotionChecker:
             InputError: wrong shape or not finite.
         """
         q = self.checker.checked(q)
-        status = self._straight().look_along(q, q)[0]
+        status = self._certify(q, q)[0]
         return status == FREE or (status != CONTACT and self.checker.is_free(q))
 
     def is_free_but_for(self, q: Any, arms: frozenset[str]) -> bool:
@@ -149,18 +129,18 @@ class MotionChecker:
         return (
             bool(arms)
             and self.checker.resting_is_free
-            and _least_clearance(q, _NEAR, self._record_without(arms)) >= _NEAR
+            and self._kernel_without(arms).least_clearance(q, _NEAR) >= _NEAR
         )
 
-    def _record_without(self, arms: frozenset[str]) -> NDArray[np.int64]:
-        """What the exact kernel knows of the pairs in which none of some arms has a part."""
+    def _kernel_without(self, arms: frozenset[str]) -> ExactKernel:
+        """The exact kernel of the pairs that involve none of some arms."""
         if arms not in self._without:
             owner = self.checker.scene.owner
             counts = np.array([owner(a) not in arms and owner(b) not in arms for a, b in self.checker.pairs], np.bool_)
             chosen = counts[self.checker.solid_owner]
             tables, directions = self.checker.tables, np.zeros((int(chosen.sum()), 3))
             tables = tables._replace(pairs=tables.pairs[chosen], padding=tables.padding[chosen], directions=directions)
-            self._without[arms] = pack(tables, EXACT)
+            self._without[arms] = ExactKernel(tables, self.checker.nq)
         return self._without[arms]
 
     def edge_is_free(self, q0: Any, q1: Any) -> bool:
@@ -175,7 +155,7 @@ class MotionChecker:
         """
         q0, q1 = self.checker.checked(q0), self.checker.checked(q1)
         self.edges_checked += 1
-        return self._straight().look_along(q0, q1)[0] == FREE
+        return self._certify(q0, q1)[0] == FREE
 
     def edge_is_free_slowly(self, q0: Any, q1: Any) -> bool:
         """The answer of `edge_is_free`, by the exact kernel alone; it is what tests hold that to.
@@ -187,8 +167,8 @@ class MotionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        self._take_edge(self.checker.checked(q0), self.checker.checked(q1))
-        return self._certify(self._edge, 1.0)[0] == FREE
+        q0, q1 = self.checker.checked(q0), self.checker.checked(q1)
+        return self._certify_exactly(np.array([q0, q1 - q0]), 1.0)[0] == FREE
 
     def path_is_free(self, waypoints: Any) -> bool:
         """Every edge between consecutive waypoints is free; a single waypoint is an edge of length zero.
@@ -227,9 +207,9 @@ class MotionChecker:
         """
         curve, duration = self._checked_curve(coefficients, duration)
         if len(curve) > 3:
-            return self._certify(curve, duration)[0] == FREE
+            return self._certify_exactly(curve, duration)[0] == FREE
         self.edges_checked += 1
-        return self._straight().look_along_parabola(curve, duration)[0] == FREE
+        return self.checker.resting_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
 
     def polynomial_is_free_slowly(self, coefficients: Any, duration: float) -> bool:
         """The answer of `polynomial_is_free`, by the exact kernel alone; it is what tests hold that to.
@@ -241,7 +221,7 @@ class MotionChecker:
         Raises:
             InputError: wrong shape, no coefficient, not finite, or a negative duration.
         """
-        return self._certify(*self._checked_curve(coefficients, duration))[0] == FREE
+        return self._certify_exactly(*self._checked_curve(coefficients, duration))[0] == FREE
 
     def first_contact(self, q0: Any, q1: Any) -> FirstContact | None:
         """Where the straight line from q0 to q1 first touches something, or None when it is free.
@@ -254,15 +234,14 @@ class MotionChecker:
             InputError: wrong shape or not finite.
         """
         q0, q1 = self.checker.checked(q0), self.checker.checked(q1)
-        self._take_edge(q0, q1)
-        status, _, pair = self._certify(self._edge, 1.0)
+        status, _, pair = self._certify_exactly(np.array([q0, q1 - q0]), 1.0)
         if status == FREE:
             return None
         free, blocked = 0.0, 1.0
         while blocked - free > 1e-9:
             middle = 0.5 * (free + blocked)
-            self._take_edge(q0 + free * (q1 - q0), q0 + middle * (q1 - q0))
-            status, _, found = self._certify(self._edge, 1.0)
+            begin, end = q0 + free * (q1 - q0), q0 + middle * (q1 - q0)
+            status, _, found = self._certify_exactly(np.array([begin, end - begin]), 1.0)
             if status == FREE:
                 free = middle
             else:
@@ -276,19 +255,18 @@ class MotionChecker:
             raise InputError(f"a curve of {len(curve)} coefficients and duration {duration}, expected >= 1 and >= 0")
         return curve, duration
 
-    def _take_edge(self, q0: Array, q1: Array) -> None:
-        self._edge[0] = q0
-        np.subtract(q1, q0, out=self._edge[1])
+    def _certify(self, q0: Array, q1: Array) -> Answer:
+        """Status, where (0..1), and which pair of solids (-1: one that rests) of an edge that was checked for shape."""
+        if not self.checker.resting_is_free:
+            return CONTACT, 0.0, -1
+        return self._kernel.certify_edge(q0, q1)
 
-    def _certify(self, curve: Array, duration: float) -> tuple[int, float, int]:
-        """Status, where, and which pair of solids (-1: one that rests)."""
+    def _certify_exactly(self, curve: Array, duration: float) -> Answer:
+        """The same of a curve, by the exact kernel alone."""
         self.edges_checked += 1
         if not self.checker.resting_is_free:
-            return FREE + 1, 0.0, -1
-        status, where, pair, seen, fine = _certify(curve, duration, self.tolerance, self.checker.record)
-        self._configurations_checked += seen
-        self._gaps_checked += fine
-        return status, where, pair
+            return CONTACT, 0.0, -1
+        return self._kernel.certify_curve(curve, duration)
 
     def _names(self, pair: int) -> tuple[str, str]:
         if pair >= 0:

@@ -6,7 +6,6 @@ is around it or which padding is asked for. Where they are near is counted from 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -14,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan._kernels.cover import CELLS
-from rr1plan._kernels.exact import EXACT, ExactTables
-from rr1plan._kernels.neighbours import count_near as _count_near_untyped
-from rr1plan._kernels.neighbours import map_gaps as _map_gaps_untyped
-from rr1plan._kernels.record import pack
+from rr1plan._kernels.exact import ExactTables
 from rr1plan.checks import Array
 from rr1plan.collision.carried import Carried
+from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
 from rr1plan.collision.exact_tables import CarriedTables, carried_tables, chain_reach, joint_motion, scratch_memory
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
+from rr1plan.kernels.library import load_library
 
 _INTS = NDArray[np.int64]
 # Gaps up to these are told apart [m]; a map takes the least that the padding allows.
@@ -29,9 +27,6 @@ _STEPS = (0.02, 0.06, 0.2)
 # Joints that turn without end have a map of a turn to both sides; one that slides, of as many metres.
 _TURN = 2.0 * np.pi
 _VERSION = "neighbours-3"
-
-_map_gaps: Callable[..., None] = _map_gaps_untyped
-_count_near: Callable[..., None] = _count_near_untyped
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +123,7 @@ class _Counts:
     def add(self, gaps: NDArray[np.float32], least: float) -> int:
         """Where the counts of cells begin that have less than the least gap."""
         made = np.empty((gaps.shape[0] + 1, gaps.shape[1] + 1), np.int16)
-        _count_near(gaps, least, made)
+        load_library().rr1_count_near_cells(gaps, *gaps.shape, least, made)
         self._parts.append(made.ravel())
         self._end += made.size
         return self._end - made.size
@@ -161,8 +156,9 @@ def _gaps(named: _Named) -> NDArray[np.float32]:
         if found.shape == (CELLS, width) and found.dtype == np.float32:
             return np.ascontiguousarray(found)
     gaps = np.empty((CELLS, width), np.float32)
-    columns = np.array([0, width > 1], dtype=np.int64)
-    _map_gaps(columns, named.between.ends, named.most, gaps, pack(named.between.tables, EXACT))
+    columns = len(named.between.columns)
+    exact, scratch = exact_struct(named.between.tables, columns), exact_scratch(named.between.tables, columns)
+    load_library().rr1_map_distances(named.between.ends, named.most, CELLS, width, exact, scratch, gaps)
     store_cached(key, {"gaps": gaps})
     return gaps
 

@@ -168,8 +168,6 @@ static double total_duration(const TimedPieces *timed) {
     return total;
 }
 
-enum { TIMED_STRAIGHT, TIMED_BENT };
-
 // The fastest motion along a rounded polyline, shape (count, nq), with stops where it is not rounded.
 //
 // Where rounded corners are slower than a stop at each of them, it stops there. `sizes` and `tolerance`: see

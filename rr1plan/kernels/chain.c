@@ -102,10 +102,10 @@ static double ik_error(const Chain *chain, const IkTarget *target, const double 
 // Derivative of the error by each column of q, shape (nq, 6), at the configuration of `poses`; how many entries of the
 // error count.
 static int ik_jacobian(const Chain *chain, const IkTarget *target, const ChainPose *poses, const double error[6],
-                       double (*jacobian)[6]) {
+                       int64_t nq, double (*jacobian)[6]) {
     double weight = target->weight;
     int rows = weight > 0.0 ? 6 : 3;
-    for (int64_t j = 0; j < chain->column_count; j++)
+    for (int64_t j = 0; j < nq; j++)
         for (int r = 0; r < 6; r++) jacobian[j][r] = 0.0;
     const double *end = poses[chain->joint_count].origin;
     for (int64_t i = 0; i < chain->joint_count; i++) {
@@ -131,7 +131,7 @@ static int ik_jacobian(const Chain *chain, const IkTarget *target, const ChainPo
     for (int r = 0; r < 3; r++)
         // Inside the box a coordinate may change.
         if (target->lower[r] < target->upper[r] && error[r] == 0.0)
-            for (int64_t j = 0; j < chain->column_count; j++) jacobian[j][r] = 0.0;
+            for (int64_t j = 0; j < nq; j++) jacobian[j][r] = 0.0;
     return rows;
 }
 
@@ -154,9 +154,9 @@ EXPORT void rr1_chain_errors(const Chain *chain, const IkTarget *target, const d
 }
 
 // The error at q, shape (6,), and its derivative by each column of q, shape (nq, 6); how many of its entries count.
-EXPORT int64_t rr1_chain_jacobian(const Chain *chain, const IkTarget *target, const double *q, double error[6],
-                                  double (*jacobian)[6]) {
+EXPORT int64_t rr1_chain_jacobian(const Chain *chain, const IkTarget *target, const double *q, int64_t nq,
+                                  double error[6], double (*jacobian)[6]) {
     ChainPose poses[chain->joint_count + 1];
     ik_error(chain, target, q, poses, error);
-    return ik_jacobian(chain, target, poses, error, jacobian);
+    return ik_jacobian(chain, target, poses, error, nq, jacobian);
 }

@@ -23,7 +23,6 @@ typedef struct {
     const ChainJoint *joints;  // base first, shape (joint_count,)
     const ChainLink *links;    // the last one is the frame in the last joint, shape (joint_count + 1,)
     int64_t joint_count;
-    int64_t column_count;  // nq
 } Chain;
 
 // The frame's origin has to be in a box, a point if its corners agree.
@@ -47,6 +46,7 @@ typedef struct {
     const double *preferred;
     const double *seeds;  // first starts, within the limits, shape (seed_count, nq)
     int64_t seed_count;
+    int64_t column_count;          // nq
     double position_tolerance;     // [m]
     double orientation_tolerance;  // [rad]
     double separation;             // two solutions differ by more than this in some joint

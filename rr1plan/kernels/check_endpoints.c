@@ -1,8 +1,5 @@
 // The start and the goals of a query, and the straight lines between them.
 
-// Goals to which the straight line is tried before anything else.
-enum { STRAIGHT_LINES = 8 };
-
 INLINE int is_within(const double *lower, const double *upper, const double *q, int64_t nq) {
     int inside = 1;
     for (int64_t j = 0; j < nq; j++) inside = inside && lower[j] <= q[j] && q[j] <= upper[j];

@@ -100,9 +100,8 @@ static double damped_step(const double *q, const double *lower, const double *up
 // Move q, within limits, to where the squared error is smallest nearby; the squared error there.
 //
 // At most `steps` evaluations; ends where a step is predicted to reduce the error by less than a fraction.
-static double descend(const Chain *chain, const IkTarget *target, double *q, const double *lower, const double *upper,
-                      int64_t steps, double min_reduction) {
-    int64_t nq = chain->column_count;
+static double descend(const Chain *chain, const IkTarget *target, double *q, int64_t nq, const double *lower,
+                      const double *upper, int64_t steps, double min_reduction) {
     ChainPose poses[chain->joint_count + 1];
     // Of at least one element, which a length has to be.
     int64_t size = nq > 0 ? nq : 1;
@@ -117,7 +116,7 @@ static double descend(const Chain *chain, const IkTarget *target, double *q, con
             past = cost;
         }
         if (moved) {
-            int rows = ik_jacobian(chain, target, poses, error, jacobian);
+            int rows = ik_jacobian(chain, target, poses, error, nq, jacobian);
             linearize(q, lower, upper, error, rows, jacobian, &equations);
             trace = 0.0;
             for (int64_t i = 0; i < equations.count; i++) trace += normal[i * nq + i];
@@ -141,9 +140,9 @@ static double descend(const Chain *chain, const IkTarget *target, double *q, con
 }
 
 // See `descend`.
-EXPORT double rr1_descend(const Chain *chain, const IkTarget *target, double *q, const double *lower,
+EXPORT double rr1_descend(const Chain *chain, const IkTarget *target, double *q, int64_t nq, const double *lower,
                           const double *upper, int64_t steps) {
-    return descend(chain, target, q, lower, upper, steps, 0.0);
+    return descend(chain, target, q, nq, lower, upper, steps, 0.0);
 }
 
 static int is_reached(const IkSearch *search, const double *q) {
@@ -154,7 +153,7 @@ static int is_reached(const IkSearch *search, const double *q) {
 
 // Add whole turns to q within the limits, so that it is as near as possible to the preferred configuration.
 static void take_nearest_copy(const IkSearch *search, double *q) {
-    for (int64_t j = 0; j < search->chain->column_count; j++) {
+    for (int64_t j = 0; j < search->column_count; j++) {
         double lower = search->lower[j], upper = search->upper[j];
         double fewest = __builtin_ceil((lower - IK_LIMIT_SLACK - q[j]) / WHOLE_TURN);
         double most = __builtin_floor((upper + IK_LIMIT_SLACK - q[j]) / WHOLE_TURN);
@@ -167,7 +166,7 @@ static void take_nearest_copy(const IkSearch *search, double *q) {
 
 // Whether every solution so far differs from q by more than the separation in some joint, whole turns subtracted.
 static int is_distinct(const IkSearch *search, const double *q) {
-    int64_t nq = search->chain->column_count;
+    int64_t nq = search->column_count;
     for (int64_t i = 0; i < search->solution_count; i++) {
         int near = 1;
         for (int64_t j = 0; j < nq; j++) {
@@ -184,7 +183,7 @@ static int is_distinct(const IkSearch *search, const double *q) {
 //
 // Whether it aims at less than the target.
 static int take_start(const IkSearch *search, uint64_t *random, double *q, IkTarget *aim) {
-    int64_t nq = search->chain->column_count;
+    int64_t nq = search->column_count;
     *aim = *search->target;
     if (search->starts < search->seed_count) {
         for (int64_t j = 0; j < nq; j++) q[j] = search->seeds[search->starts * nq + j];
@@ -206,15 +205,15 @@ static int take_start(const IkSearch *search, uint64_t *random, double *q, IkTar
 // Whether there is a new one, in row `solution_count` of `solutions`, which is counted.
 EXPORT int64_t rr1_search_ik(IkSearch *search, uint64_t *random, int64_t starts) {
     const Chain *chain = search->chain;
-    int64_t nq = chain->column_count;
+    int64_t nq = search->column_count;
     double q[nq > 0 ? nq : 1];
     while (search->starts < starts) {
         IkTarget aim;
         int narrower = take_start(search, random, q, &aim);
         search->starts++;
-        double cost = descend(chain, &aim, q, search->lower, search->upper, IK_STEPS, IK_MIN_REDUCTION);
+        double cost = descend(chain, &aim, q, nq, search->lower, search->upper, IK_STEPS, IK_MIN_REDUCTION);
         if (narrower && !is_reached(search, q))
-            cost = descend(chain, search->target, q, search->lower, search->upper, IK_STEPS, IK_MIN_REDUCTION);
+            cost = descend(chain, search->target, q, nq, search->lower, search->upper, IK_STEPS, IK_MIN_REDUCTION);
         if (cost < search->nearest_squared) {
             search->nearest_squared = cost;
             for (int64_t j = 0; j < nq; j++) search->nearest[j] = q[j];

@@ -15,6 +15,7 @@
 #include "distance.c"
 #include "certify_curve.c"
 #include "clearance.c"
+#include "map_distances.c"
 // Eight at once: spheres, clearance maps, separating directions.
 #include "fk_simd.c"
 #include "sphere_tests.c"

@@ -11,43 +11,14 @@ from pathlib import Path
 
 from rr1plan.errors import InstallationError
 from rr1plan.kernels import structs
+from rr1plan.kernels.memory import argument_type
 
 FOLDER = structs.FOLDER / "built"
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
 _SUFFIXES = {"win32": ".dll", "darwin": ".dylib"}
 _LEVELS = (4, 3, 2)
+_RESULTS = {"void": None, "int64_t": ctypes.c_int64, "double": ctypes.c_double}
 
-_POINTER, _INTEGER, _NUMBER = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
-# Result and arguments of what the libraries export.
-_FUNCTIONS: dict[str, tuple[type | None, tuple[type, ...]]] = {
-    "rr1_certify_edge": (_INTEGER, (_POINTER,) * 4),
-    "rr1_certify_parabola": (_INTEGER, (_POINTER, _POINTER, _POINTER, _INTEGER, _NUMBER)),
-    "rr1_certify_curve": (_INTEGER, (_POINTER, _POINTER, _POINTER, _INTEGER, _NUMBER)),
-    "rr1_certify_edges": (None, (_POINTER, _POINTER, _POINTER, _POINTER, _INTEGER, _POINTER)),
-    "rr1_least_clearance": (_NUMBER, (_POINTER, _POINTER, _POINTER, _NUMBER)),
-    "rr1_grow_trees": (_INTEGER, (_POINTER, _POINTER, _POINTER, _INTEGER, _POINTER, _POINTER)),
-    "rr1_check_endpoints": (_INTEGER, (_POINTER, _POINTER, _INTEGER, *(_POINTER,) * 6)),
-    "rr1_shorten": (_INTEGER, (_POINTER, _POINTER, _INTEGER, _INTEGER, _INTEGER, _POINTER, _POINTER)),
-    "rr1_sample_roadmap": (_INTEGER, (*(_POINTER,) * 5, _INTEGER, _POINTER, _POINTER)),
-    "rr1_attach_ends": (None, (_POINTER, _POINTER, _INTEGER)),
-    "rr1_learn_path": (None, (_POINTER, _POINTER, _INTEGER)),
-    "rr1_truncate_roadmap": (None, (_POINTER, _INTEGER, _INTEGER)),
-    "rr1_find_roadmap_path": (_INTEGER, (_POINTER, _INTEGER, _POINTER, _INTEGER, *(_POINTER,) * 4)),
-    "rr1_find_corners": (_INTEGER, (_POINTER, _INTEGER, _INTEGER, _NUMBER, _POINTER)),
-    "rr1_chain_pose": (None, (_POINTER,) * 3),
-    "rr1_chain_errors": (None, (_POINTER,) * 4),
-    "rr1_chain_jacobian": (_INTEGER, (_POINTER,) * 5),
-    "rr1_descend": (_NUMBER, (*(_POINTER,) * 5, _INTEGER)),
-    "rr1_search_ik": (_INTEGER, (_POINTER, _POINTER, _INTEGER)),
-    "rr1_make_grid": (_INTEGER, (_POINTER, _POINTER, _NUMBER, *(_POINTER,) * 5, _INTEGER)),
-    "rr1_time_intervals": (None, (*(_POINTER,) * 5, _INTEGER, _POINTER, _POINTER)),
-    "rr1_find_peaks": (None, (_POINTER, _POINTER, *(_INTEGER,) * 4, _POINTER)),
-    "rr1_largest_blends": (None, (_POINTER, _INTEGER, _INTEGER, *(_NUMBER,) * 3, _POINTER)),
-    "rr1_blend": (None, (_POINTER, _INTEGER, _NUMBER, _POINTER)),
-    "rr1_round_corners": (_INTEGER, (_POINTER, _POINTER, _INTEGER, _INTEGER, _NUMBER, *(_POINTER,) * 3)),
-    "rr1_time_polyline": (_INTEGER, (_POINTER, _POINTER, _INTEGER, _INTEGER, _POINTER, _NUMBER, _NUMBER, _POINTER, _POINTER)),
-    "rr1_cpu_level": (_INTEGER, ()),
-}
 HOW_TO_BUILD = "build them with `pip install -e .` or, in a source checkout, `python hatch_build.py`"
 
 
@@ -80,10 +51,11 @@ def load_variant(variant: str) -> ctypes.CDLL:
     file = variant_file(variant)
     try:
         library = ctypes.CDLL(str(file))
-        for name, (result, arguments) in _FUNCTIONS.items():
+        for name, prototype in structs.parse_prototypes(structs.source_text()).items():
             function = getattr(library, name)
-            function.restype, function.argtypes = result, arguments
-        expected = structs.layout_of(struct_classes())
+            function.restype = _RESULTS[prototype.result]
+            function.argtypes = [argument_type(kind) for kind in prototype.arguments]
+        expected = structs.layout_of(structs.struct_classes())
         compiled = (ctypes.c_int64 * (len(expected) + 1)).in_dll(library, "rr1_layout")
     except (OSError, AttributeError, ValueError) as error:
         raise InstallationError(f"the compiled kernels {file} cannot be loaded: {error}; {HOW_TO_BUILD}") from error
@@ -102,15 +74,3 @@ def load_library() -> ctypes.CDLL:
     if not variants():
         raise InstallationError(f"no compiled kernels for {platform.machine()} in {FOLDER}; {HOW_TO_BUILD}")
     return load_variant(variants()[0])
-
-
-@cache
-def declared_structs() -> dict[str, tuple[structs.Field, ...]]:
-    """The structs of all headers."""
-    return structs.parse_structs(structs.header_text())
-
-
-@cache
-def struct_classes() -> dict[str, type[ctypes.Structure]]:
-    """Their ctypes classes."""
-    return structs.struct_classes(declared_structs())

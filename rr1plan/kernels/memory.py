@@ -1,20 +1,21 @@
-"""C structs filled with the addresses of arrays, which live as long as they do."""
+"""Memory that C reads and writes: arrays as arguments of functions, and structs with the addresses of arrays."""
 
 from __future__ import annotations
 
 import ctypes
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.kernels.library import declared_structs, struct_classes
-from rr1plan.kernels.structs import item_size
+from rr1plan.kernels.structs import Field, declared_structs, item_size, struct_classes
 
 # Vectors across two lines of the processor's cache take twice as long.
 _LINE = 64
 _DTYPES = {
     "double": np.float64,
+    "float": np.float32,
     "int64_t": np.int64,
     "uint64_t": np.uint64,
     "int16_t": np.int16,
@@ -28,7 +29,7 @@ class CStruct:
 
     Args:
         name: Its name in the headers.
-        fields: Values of its fields: numbers; for pointers C arrays, or other structs. Those left out are zero.
+        fields: Values of its fields, see `set`. Those left out are zero.
 
     Attributes:
         value: The struct itself.
@@ -42,15 +43,28 @@ class CStruct:
         self.name = name
         self.value = struct_classes()[name]()
         self.address = ctypes.addressof(self.value)
-        self._kept: list[Any] = []
-        declared = {field.name: field for field in declared_structs()[name]}
+        self._kept: dict[str, Any] = {}
+        self.set(**fields)
+
+    def set(self, **fields: Any) -> None:
+        """Give fields new values: numbers; for pointers C arrays or other structs, which are kept alive.
+
+        Raises:
+            TypeError: an array that is not what the headers say.
+        """
+        declared = _declared_fields(self.name)
         for key, given in fields.items():
             field = declared[key]
-            if not field.pointer:
+            if field.pointer:
+                setattr(self.value, key, address_of(given, field.kind))
+                self._kept[key] = given
+            else:
                 setattr(self.value, key, given)
-                continue
-            self._kept.append(given)
-            setattr(self.value, key, address_of(given, field.kind))
+
+
+@cache
+def _declared_fields(name: str) -> dict[str, Field]:
+    return {field.name: field for field in declared_structs()[name]}
 
 
 def address_of(given: CStruct | NDArray[Any], kind: str) -> int:
@@ -74,16 +88,38 @@ def address_of(given: CStruct | NDArray[Any], kind: str) -> int:
             raise TypeError(f"an array of {given.dtype} is no array of {kind}")
     else:
         row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
-        size = item_size(kind, struct_classes())
+        size = item_size(kind)
         if row != size:
             raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
     address: int = given.__array_interface__["data"][0]
     return address
 
 
+@cache
+def argument_type(kind: str) -> Any:
+    """The type of an argument of an exported function, as `ctypes` takes it.
+
+    Args:
+        kind: A kind of number; or, with a `*`, what a pointer leads to: an array, a `CStruct` or an address is given.
+    """
+    if not kind.endswith("*"):
+        return {"int64_t": ctypes.c_int64, "double": ctypes.c_double}[kind]
+    target = kind.removesuffix("*")
+
+    class Pointer:
+        """An argument that points to a kind of item."""
+
+        @classmethod
+        def from_param(cls, given: Any) -> ctypes.c_void_p:
+            """What is handed to C."""
+            return ctypes.c_void_p(given if isinstance(given, int) else address_of(given, target))
+
+    return Pointer
+
+
 def zeroed(kind: str, count: int) -> NDArray[Any]:
     """Zeroed memory for structs or numbers of a kind, aligned for vectors: a row of bytes or a number for each."""
-    size = item_size(kind, struct_classes())
+    size = item_size(kind)
     room = np.zeros(count * size + _LINE, np.uint8)
     first = -room.__array_interface__["data"][0] % _LINE
     made = room[first : first + count * size]

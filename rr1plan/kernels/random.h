@@ -29,4 +29,6 @@ INLINE void draw_in_box(uint64_t *state, const double *lower, const double *exte
     for (int64_t j = 0; j < nq; j++) q[j] = lower[j] + draw_uniform(state) * extent[j];
 }
 
+EXPORT double rr1_draw_uniform(uint64_t *state) { return draw_uniform(state); }
+
 #endif

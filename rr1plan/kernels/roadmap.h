@@ -25,7 +25,7 @@ typedef struct {
     int64_t edge_count;
     int64_t samples;        // drawn so far
     int64_t checks;         // samples and edges checked so far
-    double *distances;      // scratch, shape (4, capacity)
+    double *distances;      // scratch, shape (3, capacity)
     int64_t *indices;       // scratch, shape (4, capacity)
 } RoadmapGraph;
 

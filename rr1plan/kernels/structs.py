@@ -11,13 +11,18 @@ import ctypes
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-HEADERS = ("arm_geometry.h", "obstacle_tables.h", "pair_tables.h", "exact_tables.h", "scene_tables.h", "trees.h", "shortcut.h", "roadmap.h", "chain.h", "arena.h", "path_curve.h")
+HEADERS = (
+    *("arm_geometry.h", "obstacle_tables.h", "pair_tables.h", "exact_tables.h", "scene_tables.h"),
+    *("trees.h", "shortcut.h", "roadmap.h", "chain.h", "arena.h", "path_curve.h"),
+)
 
 _NUMBERS: dict[str, type] = {
     "double": ctypes.c_double,
+    "float": ctypes.c_float,
     "int64_t": ctypes.c_int64,
     "uint64_t": ctypes.c_uint64,
     "int16_t": ctypes.c_int16,
@@ -30,6 +35,9 @@ _STRUCT = re.compile(r"typedef struct \{(.*?)\} (\w+);", re.DOTALL)
 _ENUM = re.compile(r"enum \{(.*?)\};", re.DOTALL)
 _FIELD = re.compile(r"(?:const )?(\w+) (.+)", re.DOTALL)
 _NAME = re.compile(r"(\*?)(\w+)(?:\[(\d+)\])?")
+
+
+_PROTOTYPE = re.compile(r"^EXPORT (\w+) (rr1_\w+)\(([^)]*(?:\(\*\w+\)[^)]*)?)\) \{", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -81,15 +89,60 @@ def _fields(body: str) -> Iterator[Field]:
             yield Field(name[2], declared[1], bool(name[1]), int(name[3] or 1))
 
 
+@dataclass(frozen=True)
+class Prototype:
+    """A function that the libraries export.
+
+    Args:
+        result: The C type of its result.
+        arguments: C types of its arguments; of pointers, of what they point to, with a `*`.
+    """
+
+    result: str
+    arguments: tuple[str, ...]
+
+
+def parse_prototypes(text: str) -> dict[str, Prototype]:
+    """The exported functions of C sources, by name; arrays and pointers to arrays are pointers to their numbers."""
+    found = {}
+    for result, name, listed in _PROTOTYPE.findall(_COMMENT.sub("", text)):
+        arguments = []
+        for argument in filter(None, (part.strip() for part in listed.split(","))):
+            if argument == "void":
+                continue
+            kind = argument.removeprefix("const ").split()[0]
+            arguments.append(kind + "*" if "*" in argument or "[" in argument else kind)
+        found[name] = Prototype(result, tuple(arguments))
+    return found
+
+
+def source_text() -> str:
+    """All sources, one after the other."""
+    return "".join(file.read_text(encoding="utf-8") for file in sorted(FOLDER.glob("*.[ch]")))
+
+
 def header_text() -> str:
     """All headers that declare tables, one after the other."""
     return "".join((FOLDER / header).read_text(encoding="utf-8") for header in HEADERS)
 
 
-def struct_classes(structs: dict[str, tuple[Field, ...]]) -> dict[str, type[ctypes.Structure]]:
+@cache
+def declared_structs() -> dict[str, tuple[Field, ...]]:
+    """The structs of all headers."""
+    return parse_structs(header_text())
+
+
+@cache
+def constants() -> dict[str, int]:
+    """The constants of all headers, by name."""
+    return parse_enums(header_text())
+
+
+@cache
+def struct_classes() -> dict[str, type[ctypes.Structure]]:
     """A ctypes class for each struct."""
     classes: dict[str, type[ctypes.Structure]] = {}
-    for name, fields in structs.items():
+    for name, fields in declared_structs().items():
         rows = [(field.name, _type_of(field, classes)) for field in fields]
         classes[name] = type(name, (ctypes.Structure,), {"_fields_": rows})
     return classes
@@ -102,8 +155,10 @@ def _type_of(field: Field, classes: dict[str, type[ctypes.Structure]]) -> type:
     return kind * field.count if field.count > 1 else kind
 
 
-def item_size(kind: str, classes: dict[str, type[ctypes.Structure]]) -> int:
+@cache
+def item_size(kind: str) -> int:
     """Bytes of one item that a pointer of a kind points to."""
+    classes = struct_classes()
     return ctypes.sizeof(classes[kind] if kind in classes else _NUMBERS[kind])
 
 
@@ -122,6 +177,5 @@ def layout_source(structs: dict[str, tuple[Field, ...]]) -> str:
     entries = []
     for name, fields in structs.items():
         entries.append(f"    sizeof({name}),")
-        for field in fields:
-            entries.append(f"    offsetof({name}, {field.name}), sizeof((({name} *)0)->{field.name}),")
+        entries += [f"    offsetof({name}, {field.name}), sizeof((({name} *)0)->{field.name})," for field in fields]
     return "\n".join(["EXPORT const int64_t rr1_layout[] = {", *entries, "    -1,", "};", ""])

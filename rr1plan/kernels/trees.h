@@ -42,6 +42,9 @@ typedef struct {
     double bound;   // longest path (inf: any)
 } TreeQuery;
 
+// Goals to which the straight line is tried before anything else.
+enum { STRAIGHT_LINES = 8 };
+
 enum { SEARCH_GOING, SEARCH_SOLVED, SEARCH_FULL };
 
 #endif

@@ -1,15 +1,36 @@
-"""The joints between the world and a link, as compiled kernels take them."""
+"""The joints between the world and a link, as the kernels read them."""
 
 from __future__ import annotations
 
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rr1plan._kernels.chain import Chain
 from rr1plan.checks import Array, read_only
+from rr1plan.kernels.memory import CStruct
 from rr1plan.skeleton import Skeleton, joint_twist
 from rr1plan.transforms import inverse, rotation_about
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The joints that move a frame, base first; their own axis is z.
+
+    Args:
+        joints: Whether it is prismatic, and the column of q that drives it; shape (n, 2).
+        links: Rotation (9) and origin (3) in the joint before at zero, gain and offset of the joint; the last row is
+            that of the frame in the last joint; shape (n + 1, 14).
+    """
+
+    joints: NDArray[np.int64]
+    links: Array
+
+    @cached_property
+    def struct(self) -> CStruct:
+        """The chain as the kernels read it."""
+        return CStruct("Chain", joints=self.joints, links=self.links, joint_count=len(self.joints))
 
 
 @lru_cache(maxsize=256)

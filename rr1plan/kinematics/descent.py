@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from rr1plan._kernels import inverse as kernel
-from rr1plan._kernels.chain import TARGET, WEIGHT, Chain, place_chain
-from rr1plan.checks import Array, read_only
+from rr1plan.checks import Array
+from rr1plan.kernels.library import load_library
+from rr1plan.kernels.memory import CStruct
+from rr1plan.kinematics.chain import Chain
 
-# A radian counts like this many metres: about the size of an arm.
-_METRES_PER_RADIAN = 0.3
-
-# The kernels are not typed.
-_descend: Callable[..., float] = kernel.descend
-_measure: Callable[..., tuple[float, float]] = kernel.measure
-_place: Callable[..., None] = place_chain
-
-# What a descent and a look at its end call.
-KERNELS = (kernel.descend, kernel.measure)
+# A radian counts like this many meters: about the size of an arm.
+_METERS_PER_RADIAN = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +30,13 @@ class Target:
     rotation: Array | None
 
     @cached_property
-    def row(self) -> Array:
-        """What kernels read, shape (16,); see `rr1plan._kernels.chain`."""
-        row = np.zeros(TARGET)
-        row[:3], row[3:6] = self.lower, self.upper
+    def struct(self) -> CStruct:
+        """The target as the kernels read it."""
+        struct = CStruct("IkTarget")
+        struct.value.lower[:], struct.value.upper[:] = self.lower.tolist(), self.upper.tolist()
         if self.rotation is not None:
-            row[6:15], row[WEIGHT] = self.rotation.ravel(), _METRES_PER_RADIAN
-        return read_only(row)
+            struct.value.rotation[:], struct.value.weight = self.rotation.ravel().tolist(), _METERS_PER_RADIAN
+        return struct
 
 
 def descend(chain: Chain, target: Target, q: Array, lower: Array, upper: Array, steps: int = 60) -> tuple[Array, float]:
@@ -58,17 +50,19 @@ def descend(chain: Chain, target: Target, q: Array, lower: Array, upper: Array, 
         upper: Upper limits [rad or m], shape (nq,).
         steps: Most evaluations.
     """
-    end = q.copy()
-    return end, _descend(end, chain, target.row, lower, upper, steps)
+    end = np.array(q, np.float64)
+    return end, load_library().rr1_descend(chain.struct, target.struct, end, len(q), lower, upper, steps)
 
 
 def errors_at(chain: Chain, target: Target, q: Array) -> tuple[float, float]:
     """Distance [m] and angle [rad] left to the target at q (nq,)."""
-    return _measure(q, chain, target.row)
+    errors = np.empty(2)
+    load_library().rr1_chain_errors(chain.struct, target.struct, np.ascontiguousarray(q), errors)
+    return float(errors[0]), float(errors[1])
 
 
 def position_at(chain: Chain, q: Array) -> Array:
     """The frame's origin in the world at q (nq,) [m], shape (3,)."""
-    frames = np.empty((len(chain.values), 12))
-    _place(q, chain, frames)
-    return frames[-1, 9:]
+    pose = np.empty(12)
+    load_library().rr1_chain_pose(chain.struct, np.ascontiguousarray(q), pose)
+    return pose[9:]

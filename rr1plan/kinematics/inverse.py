@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan._kernels.generator import generator_state
 from rr1plan.checks import Array, Seed, Value, as_seed, counted, finite_array, of_kind, read_only
 from rr1plan.errors import InputError
+from rr1plan.kernels.random_state import random_state
 from rr1plan.kinematics.chain import chain_of
 from rr1plan.kinematics.descent import Target, descend, errors_at, position_at
 from rr1plan.kinematics.forward import Kinematics
@@ -109,7 +109,7 @@ def solve_ik(
     robot = own.scene.arms[own.arms[0]].robot
     starts = _seeds(own, robot, seeds)
     chain = chain_of(own.scene_model.skeleton, link)
-    search = IkSearch(chain, robot, goal, starts, generator_state(as_seed(rng)), separation)
+    search = IkSearch(chain, robot, goal, starts, random_state(as_seed(rng)), separation)
     solutions = np.array(search.collect(attempts, accept, max_solutions, patience)).reshape(-1, robot.nq)
     order = np.argsort(np.linalg.norm(solutions - starts[0], axis=1), kind="stable")
     reason = "" if len(solutions) else why_none(search, link)

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rr1plan._kernels import inverse as kernel
-from rr1plan._kernels.chain import Chain
 from rr1plan.checks import Array, positive_number, read_only
+from rr1plan.kernels.library import load_library
+from rr1plan.kernels.memory import CStruct
+from rr1plan.kernels.random_state import RandomState
+from rr1plan.kinematics.chain import Chain
 from rr1plan.kinematics.descent import Target, descend, errors_at
 from rr1plan.kinematics.turns import rotary
 from rr1plan.problem import PoseGoal, RegionGoal
@@ -25,9 +26,6 @@ _DISTINCT, _DISTINCT_REDUNDANT = 1e-3, 0.2
 # Starts between two looks at what Python may want, Ctrl-C say.
 _CHUNK = 256
 _CAPACITY = 16
-
-# The kernel is not typed.
-_search: Callable[..., bool] = kernel.search
 
 
 def _target_of(goal: PoseGoal | RegionGoal) -> Target:
@@ -48,7 +46,7 @@ class IkSearch:
         goal: Where the frame has to get.
         seeds: Where to start first, within the limits, shape (k, nq), k >= 1. Of all copies of a solution that are
             whole turns apart the nearest to the first seed counts.
-        state: Of the generator, shape (1,); it goes on.
+        state: Of the random numbers; it advances.
         separation: See `solve_ik`.
 
     Attributes:
@@ -66,7 +64,7 @@ class IkSearch:
         robot: Robot,
         goal: PoseGoal | RegionGoal,
         seeds: Array,
-        state: NDArray[np.uint64],
+        state: RandomState,
         separation: float | None = None,
     ) -> None:
         self.chain, self.robot, self.target = chain, robot, _target_of(goal)
@@ -78,27 +76,42 @@ class IkSearch:
         tolerance = goal.position_tolerance if isinstance(goal, PoseGoal) else _REGION_TOLERANCE
         self.position_tolerance = _SHARE * tolerance
         self.orientation_tolerance = _SHARE * goal.orientation_tolerance
-        self._tolerances = np.array(
-            [self.position_tolerance, self.orientation_tolerance, positive_number("separation", separation)]
+        self._state = state
+        self._solutions, self._nearest = np.empty((_CAPACITY, robot.nq)), seeds[0].copy()
+        lower, upper, corner, extent, wraps = _joint_rows(robot)
+        self._struct = CStruct(
+            "IkSearch",
+            chain=chain.struct,
+            target=self.target.struct,
+            lower=lower,
+            upper=upper,
+            corner=corner,
+            extent=extent,
+            wraps=wraps,
+            preferred=seeds[0],
+            seeds=seeds,
+            seed_count=len(seeds),
+            column_count=robot.nq,
+            position_tolerance=self.position_tolerance,
+            orientation_tolerance=self.orientation_tolerance,
+            separation=positive_number("separation", separation),
+            solutions=self._solutions,
+            nearest=self._nearest,
+            nearest_squared=np.inf,
         )
-        self._seeds, self._state = seeds, state
-        self._joints = _joint_rows(robot).copy()
-        self._joints[kernel.NEAR] = seeds[0]
-        self._found = np.empty((_CAPACITY, robot.nq))
-        self._nearest = np.concatenate([seeds[0], [np.inf]])
-        self._counts = np.zeros(2, np.int64)
         self._last = 0
 
     @property
     def tried(self) -> int:
         """Starts so far."""
-        return int(self._counts[kernel.TRIED])
+        starts: int = self._struct.value.starts
+        return starts
 
     def nearest(self) -> Array:
         """The configuration within the limits that comes nearest to the goal, of those at hand, shape (nq,)."""
         limits = self.robot.limits
         # Descents that get nowhere are given up early.
-        return descend(self.chain, self.target, self._nearest[:-1], limits.lower, limits.upper)[0]
+        return descend(self.chain, self.target, self._nearest, limits.lower, limits.upper)[0]
 
     def is_reached(self, q: Array) -> bool:
         """The frame is within the goal's tolerances at q (nq,)."""
@@ -138,22 +151,12 @@ class IkSearch:
 
     def _advance(self, starts: int) -> Array | None:
         """The next solution, or None when there were so many starts in all."""
-        count = int(self._counts[kernel.FOUND])
-        if count == len(self._found):
-            self._found = np.concatenate([self._found, np.empty_like(self._found)])
-        found = _search(
-            self.chain,
-            self.target.row,
-            self._joints,
-            self._tolerances,
-            self._seeds,
-            self._found,
-            self._nearest,
-            self._counts,
-            self._state,
-            starts,
-        )
-        return self._found[count].copy() if found else None
+        count = self._struct.value.solution_count
+        if count == len(self._solutions):
+            self._solutions = np.concatenate([self._solutions, np.empty_like(self._solutions)])
+            self._struct.set(solutions=self._solutions)
+        found = load_library().rr1_search_ik(self._struct, self._state, starts)
+        return self._solutions[count].copy() if found else None
 
 
 def sampling_box(robot: Robot) -> tuple[Array, Array]:
@@ -164,7 +167,7 @@ def sampling_box(robot: Robot) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=64)
 def _joint_rows(robot: Robot) -> Array:
-    """What the kernel knows of the joints but for the last row, shape (6, nq)."""
+    """Limits, box of random starts (corner, sides), and whether whole turns lead to the same place, shape (5, nq)."""
     corner, end = sampling_box(robot)
     limits = robot.limits
-    return read_only(np.array([limits.lower, limits.upper, corner, end - corner, rotary(robot), corner]))
+    return read_only(np.array([limits.lower, limits.upper, corner, end - corner, rotary(robot)]))

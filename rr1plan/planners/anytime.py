@@ -2,7 +2,7 @@
 
 The first path is that of RRT-Connect, shortened. Then round follows round, each with fresh trees, a bound of its own
 for the length of its path and a number of samples after which it is given up
-(`rr1plan._kernels.rrt_connect`). What a round finds is shortened, and kept when it is the shortest so far.
+(`rrt_connect.c`). What a round finds is shortened, and kept when it is the shortest so far.
 
 The length goes to that of the shortest path (of those that leave some clearance) with probability one: bounds
 are drawn, so that infinitely many rounds have one between the shortest length and any longer one, and
@@ -13,22 +13,18 @@ and a round that is long enough finds a path below its bound with a probability 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
-from rr1plan._kernels.generator import draw
 from rr1plan.checks import Array, Seed, finite_number
 from rr1plan.errors import InputError
+from rr1plan.kernels.random_state import draw_uniform
 from rr1plan.path import Path
 from rr1plan.planners.query import NO_LIMIT, Query
 from rr1plan.planners.shortcut import shorten
-from rr1plan.planners.tree_search import KERNELS, TreeSearch
+from rr1plan.planners.tree_search import TreeSearch
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
-
-# The kernel is not typed.
-_draw: Callable[..., float] = draw
 
 _ROUND = 256  # samples of the shortest round
 _SHORTCUTS = 100  # tried on each path
@@ -69,7 +65,7 @@ class AnytimePlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        with Query(self.name, problem, budget, rng, progress, KERNELS) as query:
+        with Query(self.name, problem, budget, rng, progress) as query:
             refused = query.refusal()
             return _Rounds(query, self.range).run() if refused is None else refused
 
@@ -107,7 +103,7 @@ class _Rounds:
         """Bound of a round's path and how many samples it may take; no limit before there is a path."""
         if self.best is None:
             return math.inf, NO_LIMIT
-        share = _LEAST_SHARE + (_MOST_SHARE - _LEAST_SHARE) * _draw(self.search.state)
+        share = _LEAST_SHARE + (_MOST_SHARE - _LEAST_SHARE) * draw_uniform(self.search.state)
         return self.straight + share * (self.length - self.straight), _ROUND * luby(number)
 
     def improve(self, waypoints: Array) -> None:
@@ -115,7 +111,7 @@ class _Rounds:
         query, motion = self.query, self.query.motion
         checked = motion.edges_checked
         path = Path.trusted(motion.checker.joint_names, waypoints)
-        seed = int(_draw(self.search.state) * 2**53)
+        seed = int(draw_uniform(self.search.state) * 2**53)
         path = shorten(path, motion, rng=seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
         query.edges += motion.edges_checked - checked
         if path.length < self.length:

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rr1plan._kernels.chain import Chain
 from rr1plan.checks import Array, Seed, positive_number
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
-from rr1plan.kinematics.chain import chain_of
-from rr1plan.kinematics.descent import KERNELS, descend, errors_at
+from rr1plan.kinematics.chain import Chain, chain_of
+from rr1plan.kinematics.descent import descend, errors_at
 from rr1plan.kinematics.inverse import describe_excess
 from rr1plan.kinematics.lines import EdgeBound, Line
 from rr1plan.planners.collision_messages import describe_collision
@@ -86,7 +85,7 @@ class CartesianPlanner:
         Raises:
             InputError: several arms move, or a goal that is no `PoseGoal`.
         """
-        with Query(self.name, problem, budget, rng, progress, KERNELS) as query:
+        with Query(self.name, problem, budget, rng, progress) as query:
             goals = _pose_goals(problem)
             return _Walk(self, query).to_any(goals)
 

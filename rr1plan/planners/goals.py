@@ -13,14 +13,11 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rr1plan._kernels.generator import generator_state
-from rr1plan._kernels.inverse import search as _search_kernel
-from rr1plan._kernels.jit import Kernel
 from rr1plan.checks import Array, Seed, as_seed, counted, read_only
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
+from rr1plan.kernels.random_state import RandomState, random_state
 from rr1plan.kinematics import nearest_copy
 from rr1plan.kinematics.chain import chain_of
 from rr1plan.kinematics.inverse import describe_excess, why_none
@@ -102,7 +99,7 @@ class GoalSearch:
                 raise InputError(f"{name} is {number!r}, expected at least one")
         self._problem, self._motion = problem, motion
         self._most, self._most_composites, self._attempts = max_per_goal, max_composites, attempts
-        state = generator_state(as_seed(rng) ^ _STREAM)
+        state = random_state(as_seed(rng) ^ _STREAM)
         self._finders = [_Finder(problem, motion, arm, state) for arm in problem.arms]
         self._tried: set[bytes] = set()
 
@@ -156,12 +153,6 @@ class GoalSearch:
         return free, blocked
 
 
-def goal_kernels(problem: Problem) -> tuple[Kernel, ...]:
-    """What finding the goals of a problem calls."""
-    posed = any(not isinstance(goal, JointGoal) for goals in problem.goal.values() for goal in goals)
-    return (_search_kernel,) if posed else ()
-
-
 def joint_goals(problem: Problem) -> Array | None:
     """The configurations that are the goal, shape (k, nq); None for other goals, or several arms' to be combined."""
     found = []
@@ -186,7 +177,7 @@ def _composite_excess(problem: Problem, q: Array) -> str:
 class _Finder:
     """Configurations of one arm that fulfil one of its goals, free as far as this arm alone goes."""
 
-    def __init__(self, problem: Problem, motion: MotionChecker, arm: str, state: NDArray[np.uint64]) -> None:
+    def __init__(self, problem: Problem, motion: MotionChecker, arm: str, state: RandomState) -> None:
         self.problem, self.motion, self.arm, self.state = problem, motion, arm, state
         self.robot: Robot = problem.scene.arms[arm].robot
         before = problem.arms[: problem.arms.index(arm)]

@@ -1,33 +1,25 @@
-"""The arrays of a roadmap, and what the kernels (`rr1plan._kernels.roadmap`, `ways`) do to them."""
+"""The arrays of a roadmap, which `roadmap.c` and `astar.c` fill and search."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels import roadmap as kernel
-from rr1plan._kernels import ways
-from rr1plan._kernels.generator import generator_state
 from rr1plan.checks import Array
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
+from rr1plan.kernels.library import load_library
+from rr1plan.kernels.memory import CStruct
+from rr1plan.kernels.random_state import random_state
+from rr1plan.kernels.structs import constants
 from rr1plan.planners.query import Pace
 from rr1plan.planning import SearchTree
 from rr1plan.scene import Scene
 
-# The kernels are not typed.
-_sample: Callable[..., int] = kernel.sample
-_attach: Callable[..., None] = kernel.attach
-_detach: Callable[..., None] = kernel.detach
-_learn: Callable[..., None] = kernel.learn
-_find_way: Callable[..., tuple[int, int]] = ways.find_way
-_neighbours_of: Callable[[int, int], int] = kernel.neighbours_of
-
-KERNELS = (kernel.sample, kernel.attach, kernel.detach, kernel.learn, ways.find_way)
 _T = TypeVar("_T", bound=np.generic)
 
 _CAPACITY = 256  # vertices to begin with
@@ -58,36 +50,41 @@ class Graph:
         if len(unbounded):
             name = scene.joint_names(arms)[unbounded[0]]
             raise InputError(f"joint {name!r} has no position limits, expected finite ones")
-        self._counts = np.zeros(kernel.ASKED + 1, np.int64)
-        self._state = generator_state(0)
+        self._state = random_state(0)
+        self._struct = CStruct("RoadmapGraph", column_count=len(self._lower), wraps=self._wraps.view(np.uint8))
+        self._library = load_library()
         self._vertices: Array = np.empty((len(self._lower), 0))
         self._ends: NDArray[np.int64] = np.empty(0, np.int64)
-        self._following: NDArray[np.int64] = np.empty(0, np.int64)
+        self._next: NDArray[np.int64] = np.empty(0, np.int64)
         self._known: NDArray[np.int8] = np.empty(0, np.int8)
         self._lengths: Array = np.empty(0)
         self._first: NDArray[np.int64] = np.empty(0, np.int64)
+        self._degrees: NDArray[np.int64] = np.empty(0, np.int64)
         self._make_room(_CAPACITY)
 
     @property
     def samples(self) -> int:
         """How many samples were drawn."""
-        return int(self._counts[kernel.SAMPLES])
+        samples: int = self._struct.value.samples
+        return samples
 
     @property
     def asked(self) -> int:
         """How many edges and samples were asked for."""
-        return int(self._counts[kernel.ASKED])
+        checks: int = self._struct.value.checks
+        return checks
 
     @property
     def size(self) -> int:
         """How many vertices there are."""
-        return int(self._counts[kernel.VERTICES])
+        vertices: int = self._struct.value.vertex_count
+        return vertices
 
     def picture(self) -> SearchTree:
         """Vertices, and the edges that are not known to be blocked."""
-        count = int(self._counts[kernel.EDGES])
+        count = self._struct.value.edge_count
         ends, known = self._ends[: 2 * count].reshape(-1, 2), self._known[: 2 * count].reshape(-1, 2)
-        edges = ends[(known != kernel.BLOCKED).all(axis=1)][:, ::-1]
+        edges = ends[(known != constants()["EDGE_KNOWN_BLOCKED"]).all(axis=1)][:, ::-1]
         return SearchTree(self._vertices[:, : self.size].T.copy(), edges.copy())
 
     def sample(self, samples: int, motion: MotionChecker, goes_on: Callable[[], bool]) -> None:
@@ -99,11 +96,12 @@ class Graph:
             goes_on: Asked every few milliseconds.
         """
         pace = Pace()
-        box = (self._lower, self._extent, self._wraps)
+        q = np.empty_like(self._lower)
+        given = (self._struct, self._state, self._lower, self._extent, q)
         while self.samples < samples and goes_on():
             stop = min(samples, self.samples + pace.next())
-            code = _sample(*self._arrays, self._state, *box, stop, motion.context)
-            if code == kernel.FULL:
+            code = self._library.rr1_sample_roadmap(*given, stop, *motion.context)
+            if code == constants()["ROADMAP_FULL"]:
                 self._make_room(2 * self.size)
 
     def find_way(self, start: Array, goals: Array, motion: MotionChecker, goes_on: Callable[[], bool]) -> Array | None:
@@ -117,13 +115,16 @@ class Graph:
         """
         pace = Pace()
         with self._attached(np.vstack([start, goals])):
-            path: Array = np.empty((self.size + 1, len(start)))
-            code = ways.GOING
-            while code == ways.GOING and goes_on():
-                first = self.size - len(goals) - 1
-                code, rows = _find_way(*self._arrays, first, start, self._wraps, pace.next(), path, motion.context)
-        if code != ways.FOUND:
+            path, count = np.empty((self.size + 1, len(start))), np.zeros(1, np.int64)
+            first = self.size - len(goals) - 1
+            going = code = constants()["ASTAR_GOING"]
+            while code == going and goes_on():
+                code = self._library.rr1_find_roadmap_path(
+                    *(self._struct, first, start, pace.next(), path, count), *motion.context
+                )
+        if code != constants()["ASTAR_FOUND"]:
             return None
+        rows = int(count[0])
         # A start that is a vertex already is a waypoint once.
         moves = (path[1:rows] != path[: rows - 1]).any(axis=1)
         way: Array = path[:rows][np.concatenate([[True], moves])]
@@ -132,26 +133,20 @@ class Graph:
     def learn(self, path: Array) -> None:
         """Insert the waypoints and edges of a free path, shape (n, nq)."""
         self._make_room(self.size + len(path))
-        _learn(*self._arrays, self._wrapped(path), self._wraps)
+        self._library.rr1_learn_path(self._struct, self._wrapped(path), len(path))
 
     # ---- pieces ----------------------------------------------------------------------------------
-
-    @property
-    def _arrays(self) -> tuple[Array, tuple[NDArray[Any], ...], NDArray[np.int64]]:
-        """What all kernels take first."""
-        graph = (self._ends, self._following, self._known, self._lengths, self._first)
-        return self._vertices, graph, self._counts
 
     @contextmanager
     def _attached(self, ends: Array) -> Iterator[None]:
         """Start and goals are vertices inside the block."""
-        before = self._counts[: kernel.EDGES + 1].tolist()
+        before = self.size, self._struct.value.edge_count
         self._make_room(self.size + len(ends))
-        _attach(*self._arrays, self._wrapped(ends), self._wraps)
+        self._library.rr1_attach_ends(self._struct, self._wrapped(ends), len(ends))
         try:
             yield
         finally:
-            _detach(*self._arrays[1:], *before)
+            self._library.rr1_truncate_roadmap(self._struct, *before)
 
     def _wrapped(self, q: Array) -> Array:
         """Angles that wrap around in [-pi, pi)."""
@@ -164,11 +159,30 @@ class Graph:
             capacity = max(vertices, 2 * capacity)
             self._vertices = _longer(self._vertices, capacity)
             self._first = _longer(self._first, capacity)
-        edges = int(self._counts[kernel.EDGES]) + (capacity - self.size) * (_neighbours_of(capacity, nq) + 1)
+            self._degrees = _degrees(capacity, nq)
+            self._struct.set(distances=np.empty(3 * capacity), indices=np.empty(4 * capacity, np.int64))
+        edges = self._struct.value.edge_count + (capacity - self.size) * (int(self._degrees[-1]) + 1)
         if edges > len(self._lengths):
             self._lengths = _longer(self._lengths, edges)
-            self._ends, self._following = _longer(self._ends, 2 * edges), _longer(self._following, 2 * edges)
+            self._ends, self._next = _longer(self._ends, 2 * edges), _longer(self._next, 2 * edges)
             self._known = _longer(self._known, 2 * edges)
+        self._struct.set(
+            vertices=self._vertices,
+            ends=self._ends,
+            next=self._next,
+            known=self._known,
+            lengths=self._lengths,
+            first=self._first,
+            degrees=self._degrees,
+            capacity=capacity,
+            edge_capacity=len(self._lengths),
+        )
+
+
+def _degrees(capacity: int, nq: int) -> NDArray[np.int64]:
+    """How many neighbors a vertex is joined to among 0, 1, ... other ones (Karaman, Frazzoli 2011), shape (n + 1,)."""
+    counts = np.arange(capacity + 1)
+    return np.ceil(np.e * (1.0 + 1.0 / nq) * np.log(counts + 1.0)).astype(np.int64)
 
 
 def _longer(array: NDArray[_T], length: int) -> NDArray[_T]:

@@ -8,10 +8,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan._kernels.edges import LINES
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name
 from rr1plan.planners._ompl_question import Answer, Question, Watch
-from rr1plan.planners.query import Query
+from rr1plan.planners.query import STRAIGHT_LINES, Query
 from rr1plan.planners.space import Space, with_copies
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
@@ -111,7 +110,7 @@ class _Search:
         at the first path.
         """
         query = self.query
-        straight = query.straight_line(1 if self.planner.optimizing else LINES, tree=self.planner.tree)
+        straight = query.straight_line(1 if self.planner.optimizing else STRAIGHT_LINES, tree=self.planner.tree)
         if straight is not None:
             return straight
         before = query.motion.edges_checked

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 
-from rr1plan._kernels import edges
-from rr1plan._kernels.jit import Kernel
-from rr1plan._kernels.swept import sweep_edge
 from rr1plan.checks import Array, Seed, as_seed, counted
 from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import give_back, take_checker
+from rr1plan.kernels.library import load_library
+from rr1plan.kernels.structs import constants
 from rr1plan.path import Path
-from rr1plan.planners.goals import GoalSearch, check_start, goal_kernels, joint_goals
+from rr1plan.planners.goals import GoalSearch, check_start, joint_goals
 from rr1plan.planners.space import Space, joint_space
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 from rr1plan.scene import Scene
 
-# The kernel is not typed.
-_look_at_ends: Callable[..., tuple[int, int]] = edges.look_at_ends
+STRAIGHT_LINES = constants()["STRAIGHT_LINES"]
+"""Goals to which the straight line is tried before anything else."""
 
 _NO_WISHES = Budget()
 _REPORTS = 0.1  # time between two reports of progress [s]
@@ -30,17 +27,6 @@ _LEAST, _MOST = 0.002, 0.01  # time between two looks at the clock [s]
 _CHUNK = 128  # steps before the first look at the clock
 # As many iterations as there are numbers.
 NO_LIMIT = int(np.iinfo(np.int64).max)
-
-
-@cache
-def prepare(kernels: tuple[Kernel, ...]) -> None:
-    """Compile what is not compiled yet, before a budget begins that is not meant for that.
-
-    Args:
-        kernels: What a planner calls, besides the edge's.
-    """
-    for needed in (sweep_edge, edges.look_at_ends, *kernels):
-        needed.build()
 
 
 class Pace:
@@ -66,7 +52,7 @@ class Pace:
 class Query:
     """One question under way: its tools, its clock, what was counted so far. To be used in a `with` block.
 
-    Before it kernels are built, a checker is borrowed and what it knows of the scene is made; inside it the clock runs.
+    Before it a checker is borrowed and its tables are built; inside it the clock runs.
 
     Args:
         planner: Name of the planner.
@@ -74,7 +60,6 @@ class Query:
         budget: When to stop; None: the default.
         rng: Generator or seed of everything random.
         progress: Called about ten times a second, or None.
-        kernels: What the planner calls, besides the edge's.
         scene: Whose checker is borrowed: the problem's (default), or one that differs in the moving arms' postures.
 
     Attributes:
@@ -99,7 +84,6 @@ class Query:
         budget: Budget | None,
         rng: Seed,
         progress: ProgressCallback | None,
-        kernels: tuple[Kernel, ...] = (),
         scene: Scene | None = None,
     ) -> None:
         check_question(problem, budget, progress)
@@ -109,7 +93,7 @@ class Query:
         self.goals: Array = problem.start[None][:0]
         self.iterations, self.edges = 0, 0
         self.began, self._reported = 0.0, -_REPORTS
-        self._kernels, self._scene = kernels, scene or problem.scene
+        self._scene = scene or problem.scene
         self._space: Space | None = None
         # The first of the goals in sight of the start, -1 for none; None: not known yet.
         self._in_sight: int | None = None
@@ -118,10 +102,7 @@ class Query:
         self.cancelled = False
 
     def __enter__(self) -> Query:
-        prepare(self._kernels)
         self._wanted = joint_goals(self.problem)
-        if self._wanted is None:
-            prepare(goal_kernels(self.problem))
         self.motion = take_checker(self._scene, self.problem.arms)
         self.motion.set_up()
         self.began = time.perf_counter()
@@ -153,12 +134,14 @@ class Query:
         # Where two resting elements collide no edge is free, and the kernel does not look at those.
         if goals is None or not space.is_shared or not self.motion.checker.resting_is_free:
             return False
-        near = np.empty_like(goals)
-        count, in_sight = _look_at_ends(self.problem.start, goals, space.lower, space.upper, near, self.motion.context)
+        near, visible = np.empty_like(goals), np.empty(1, np.int64)
+        count = load_library().rr1_check_endpoints(
+            *(self.problem.start, goals, len(goals), space.lower, space.upper, near, visible), *self.motion.context
+        )
         if count == 0:
             return False
         self.goals = near[:count]
-        self._space, self._in_sight = space, in_sight
+        self._space, self._in_sight = space, int(visible[0])
         return True
 
     def more_goals(self) -> Array:
@@ -192,7 +175,7 @@ class Query:
         return None
 
     def _is_in_sight(self, k: int) -> bool:
-        if self._in_sight is None or k >= edges.LINES:
+        if self._in_sight is None or k >= STRAIGHT_LINES:
             return self.motion.edge_is_free(self.problem.start, self.goals[k])
         return k == self._in_sight
 

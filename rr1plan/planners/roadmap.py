@@ -16,7 +16,7 @@ from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners import tree_search
-from rr1plan.planners.graph import KERNELS, Graph
+from rr1plan.planners.graph import Graph
 from rr1plan.planners.query import Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
@@ -26,8 +26,6 @@ from rr1plan.scene import Scene
 _SAMPLES = 600
 _SHORTCUTS = 100  # tried on a path that is learned
 _NAME = "roadmap"
-# Those of the trees too, though hardly any question needs them.
-_KERNELS = (*KERNELS, *tree_search.KERNELS)
 
 
 class Roadmap:
@@ -105,7 +103,7 @@ class Roadmap:
         """
         check_question(problem, budget, progress)
         self._check_fits(problem)
-        with self._lock, Query(_NAME, problem, budget, rng, progress, _KERNELS, self.scene) as query:
+        with self._lock, Query(_NAME, problem, budget, rng, progress, self.scene) as query:
             refused = query.refusal()
             return _answer(query, self._graph, learns=True) if refused is None else refused
 
@@ -160,7 +158,7 @@ class RoadmapPlanner:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        with Query(self.name, problem, budget, rng, progress, _KERNELS) as query:
+        with Query(self.name, problem, budget, rng, progress) as query:
             refused = query.refusal()
             if refused is not None:
                 return refused

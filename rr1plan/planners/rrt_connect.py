@@ -1,17 +1,15 @@
 """The compiled RRT-Connect behind the verb of all planners.
 
-Searching, checking edges and drawing random numbers happen in one loop of machine code
-(`rr1plan._kernels.rrt_connect`). It comes back here every few milliseconds, where the clock, Ctrl-C and
-progress are looked after.
+Searching, checking edges and drawing random numbers happen in one loop of machine code (`rrt_connect.c`). It returns
+here every few milliseconds, for the clock, Ctrl-C and progress.
 """
 
 from __future__ import annotations
 
-from rr1plan._kernels.edges import LINES
 from rr1plan.checks import Seed, finite_number
 from rr1plan.errors import InputError
-from rr1plan.planners.query import Query
-from rr1plan.planners.tree_search import KERNELS, TreeSearch
+from rr1plan.planners.query import STRAIGHT_LINES, Query
+from rr1plan.planners.tree_search import TreeSearch
 from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
 
@@ -49,11 +47,11 @@ class RrtConnect:
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
-        with Query(self.name, problem, budget, rng, progress, KERNELS) as query:
+        with Query(self.name, problem, budget, rng, progress) as query:
             refused = query.refusal()
             if refused is not None:
                 return refused
-            return query.straight_line(LINES, tree=self.tree) or self._search(query)
+            return query.straight_line(STRAIGHT_LINES, tree=self.tree) or self._search(query)
 
     def _search(self, query: Query) -> PlanResult:
         """The answer of the trees."""

@@ -6,27 +6,24 @@ two random points and leave the others as they are (Geraerts and Overmars, Creat
 for motion planning, 2007). Of eight random moves the most promising one is tried: that which would gain most,
 unless one like it has failed. `smooth` then
 cuts corners (Chaikin, An algorithm for high-speed curve generation, 1974). No move is taken that makes
-the path longer. All but the last run compiled (`rr1plan._kernels.shortcut`).
+the path longer. All but the last are compiled (`shortcut.c`).
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 
-from rr1plan._kernels import shortcut as kernel
-from rr1plan._kernels.generator import generator_state
 from rr1plan.checks import Array, Seed, as_seed, of_kind, positive_number
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
+from rr1plan.kernels.library import load_library
+from rr1plan.kernels.memory import CStruct
+from rr1plan.kernels.random_state import random_state
 from rr1plan.path import Path
-
-# The kernel is not typed.
-_shorten: Callable[..., bool] = kernel.shorten
 
 # After so many shortcuts in a row that gained nothing, more are unlikely to.
 _PATIENCE = 30
@@ -88,29 +85,35 @@ class _Shortener:
         self._checker = checker
         self._deadline = deadline
         rows, nq = path.waypoints.shape
-        self._points = np.empty((rows + 2 * iterations, nq))
+        capacity = rows + 2 * iterations
+        self._points = np.empty((capacity, nq))
         self._points[:rows] = path.waypoints
-        self._counts = np.zeros(kernel.FAILED + 1, np.int64)
-        self._failed = np.empty((kernel.MEMORY, 3))
-        self._counts[kernel.SIZE] = rows
-        self._state = generator_state(seed)
+        self._path = CStruct(
+            "ShortcutPath",
+            points=self._points,
+            piece=np.empty((capacity, nq)),
+            along=np.empty(capacity),
+            column_count=nq,
+            size=rows,
+        )
+        self._state = random_state(seed)
 
     def run(self, iterations: int) -> None:
         """Skip vertices, try shortcuts, skip vertices again."""
-        # Where two resting elements collide no edge is free, and the kernel does not look at those.
+        # Where two resting elements collide no edge is free, and the kernel does not check those.
         if not self._checker.checker.resting_is_free:
             self._deadline = -math.inf
-        settings = (iterations, _PATIENCE, self._checker.context)
+        call = load_library().rr1_shorten
         over = done = False
         while not (over or done):
             over = self._expired()
             steps = 0 if over else _CHUNK
-            done = _shorten(self._points, self._counts, self._failed, self._state, steps, *settings)
-        self._checker.edges_checked += int(self._counts[kernel.EDGES])
+            done = bool(call(self._path, self._state, steps, iterations, _PATIENCE, *self._checker.context))
+        self._checker.edges_checked += self._path.value.edges
 
     def waypoints(self) -> Array:
         """The path as it is now, shape (n, nq)."""
-        return self._points[: self._counts[kernel.SIZE]].copy()
+        return self._points[: self._path.value.size].copy()
 
     def _expired(self) -> bool:
         return time.perf_counter() >= self._deadline

@@ -12,7 +12,6 @@ Acceleration and Velocity", RSS 2012 (with circles; parabolas keep time pieces p
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol
@@ -20,8 +19,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels import blended, polyline
 from rr1plan.checks import Array
+from rr1plan.kernels.library import load_library
 
 DUPLICATE = 1e-9
 """Waypoints closer than this [rad], and waypoints this close to a straight line, are one."""
@@ -31,11 +30,6 @@ HALVINGS = 8
 
 _REVERSAL = 1e-3
 _SMALLEST = 1e-8
-
-_corners: Callable[[Array, float], NDArray[np.int64]] = polyline.corners
-_largest_blends: Callable[[Array, float, float, float], Array] = blended.largest_blends
-_blend: Callable[[Array, int, float], Array] = blended.blend
-_round_corners: Callable[[Array, Array, float], tuple[Array, Array, NDArray[np.int64]]] = blended.round_corners
 
 
 class CurveChecker(Protocol):
@@ -66,7 +60,10 @@ def clean(waypoints: Array) -> Array:
 
     First and last waypoint stay exactly what they are, unless all of them are one.
     """
-    return np.asarray(waypoints[_corners(waypoints, DUPLICATE)])
+    points = np.ascontiguousarray(waypoints)
+    index = np.empty(len(points), np.int64)
+    count = load_library().rr1_find_corners(points, *points.shape, DUPLICATE, index)
+    return np.asarray(points[index[:count]])
 
 
 def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -> Array:
@@ -77,7 +74,8 @@ def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -
         max_blend: Largest size [rad].
         checker: What certifies a blend; None for a curve that needs no certificate.
     """
-    sizes = _largest_blends(points, max_blend, _REVERSAL, _SMALLEST)
+    sizes = np.empty(len(points))
+    load_library().rr1_largest_blends(points, *points.shape, max_blend, _REVERSAL, _SMALLEST, sizes)
     if checker is not None and sizes.any():
         smallest = _SMALLEST * float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
         for i in np.flatnonzero(sizes).tolist():
@@ -90,15 +88,40 @@ def _certified_size(points: Array, i: int, size: float, smallest: float, checker
     for _ in range(HALVINGS):
         if size < smallest:
             break
-        if checker.polynomial_is_free(_blend(points, i, size), 2.0 * size):
+        if checker.polynomial_is_free(blend_at(points, i, size), 2.0 * size):
             return size
         size *= 0.5
     return 0.0
 
 
+def blend_at(points: Array, i: int, size: float) -> Array:
+    """The blend of a size at inner waypoint i, 0 <= s <= 2 size, lowest power first, shape (3, nq)."""
+    corner = np.ascontiguousarray(points[i - 1 : i + 2])
+    out: Array = np.empty((3, points.shape[1]))
+    load_library().rr1_blend(corner, points.shape[1], size, out)
+    return out
+
+
+def round_corners(points: Array, sizes: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+    """The pieces of a rounded polyline: lines and parabolas one after the other, none without extent.
+
+    Args:
+        points: Cleaned waypoints [rad], shape (m, nq).
+        sizes: See `blend_sizes`.
+
+    Returns:
+        Lengths (k,), coefficients (k, 3, nq), and how many pieces come before the blend of each waypoint, shape (m,).
+    """
+    m, nq = points.shape
+    points, sizes = np.ascontiguousarray(points), np.ascontiguousarray(sizes)
+    lengths, coefficients, before = np.empty(2 * m), np.empty((2 * m, 3, nq)), np.empty(m, np.int64)
+    count = load_library().rr1_round_corners(points, sizes, m, nq, DUPLICATE, lengths, coefficients, before)
+    return lengths[:count], coefficients[:count], before
+
+
 def curves(points: Array, sizes: Array) -> list[Curve]:
     """The rounded polyline, cut where the motion stops."""
-    lengths, coefficients, before = _round_corners(points, sizes, DUPLICATE)
+    lengths, coefficients, before = round_corners(points, sizes)
     stops = [0, *(np.flatnonzero(sizes[1:] == 0.0) + 1).tolist()]
     parts = [slice(int(before[first]), int(before[last])) for first, last in pairwise(stops)]
     return [Curve(lengths[at], coefficients[at], ends) for at, ends in zip(parts, pairwise(stops), strict=True)]

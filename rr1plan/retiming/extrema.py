@@ -6,16 +6,12 @@ four at most in position, so p' of a velocity is a quadratic at most and its roo
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from rr1plan._kernels import timed
 from rr1plan.checks import Array
+from rr1plan.kernels.library import load_library
 
 MAX_DEGREE = 4
-
-_peaks: Callable[[Array, Array, int], Array] = timed.peaks
 
 
 def differentiate(coefficients: Array, order: int = 1) -> Array:
@@ -47,4 +43,7 @@ def peaks(coefficients: Array, durations: Array, derivative: int) -> Array:
     """
     assert coefficients.shape[1] - 1 <= MAX_DEGREE
     assert derivative >= 1
-    return _peaks(np.ascontiguousarray(coefficients), durations, derivative)
+    coefficients, durations = np.ascontiguousarray(coefficients), np.ascontiguousarray(durations)
+    out = np.empty((coefficients.shape[0], coefficients.shape[2]))
+    load_library().rr1_find_peaks(coefficients, durations, *coefficients.shape, derivative, out)
+    return out

@@ -2,30 +2,29 @@
 
 Constant path acceleration u on an interval makes s(t) quadratic there, so a straight line
 becomes quadratic in time and a parabola quartic: exact pieces, nothing is sampled or fitted.
-The passes along the curve are compiled: `rr1plan._kernels.parameterize`.
+The passes along the curve are compiled (`parameterize.c`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels import blended, path_grid
-from rr1plan._kernels import timed as timed_kernels
 from rr1plan.checks import Array
 from rr1plan.errors import RetimingError
+from rr1plan.kernels.library import load_library
+from rr1plan.kernels.memory import CStruct
+from rr1plan.kernels.structs import constants
 from rr1plan.limits import Limits
 from rr1plan.retiming.blends import DUPLICATE, Curve
 from rr1plan.retiming.pieces import Pieces
 
 _STEP = 0.2
-
-_make_grid: Callable[..., tuple[NDArray[np.int64], Array, Array]] = path_grid.make_grid
-_time_polyline: Callable[..., tuple[Array, Array, bool, int]] = blended.time_polyline
-_put_on_clock: Callable[..., None] = timed_kernels.put_on_clock
+# Numbers of memory for intermediate arrays and timed pieces to begin with; both are doubled where they do not suffice.
+_ARENA = 1 << 16
+_PIECES = 256
 
 
 class Grid(NamedTuple):
@@ -59,8 +58,35 @@ class Grid(NamedTuple):
 
 def make_grid(curve: Curve, limits: Limits, longest: Array) -> Grid:
     """Gridpoints between which little changes, and no interval longer than `longest` (m,) [rad] on each piece."""
-    velocity, acceleration = limits.velocity, limits.acceleration
-    return Grid(*_make_grid(curve.lengths, curve.coefficients, velocity, acceleration, 0.5 * _STEP, longest))
+    path, rates, longest = _curve_struct(curve), _limits_struct(limits), np.ascontiguousarray(longest)
+    capacity = _PIECES
+    while True:
+        piece, offset, delta = np.empty(capacity, np.int64), np.empty(capacity), np.empty(capacity)
+        arena = CStruct("Arena", memory=np.empty(3 * capacity), size=3 * capacity)
+        grid = (piece, offset, delta)
+        count = load_library().rr1_make_grid(path, rates, 0.5 * _STEP, longest, arena, *grid, capacity)
+        if count != constants()["ARENA_FULL"]:
+            return Grid(*(column[:count] for column in grid))
+        capacity *= 2
+
+
+def _curve_struct(curve: Curve) -> CStruct:
+    lengths, coefficients = np.ascontiguousarray(curve.lengths), np.ascontiguousarray(curve.coefficients)
+    count, _, nq = coefficients.shape
+    return CStruct("PathCurve", lengths=lengths, coefficients=coefficients.ravel(), count=count, column_count=nq)
+
+
+def _limits_struct(limits: Limits) -> CStruct:
+    velocity, acceleration = np.ascontiguousarray(limits.velocity), np.ascontiguousarray(limits.acceleration)
+    with np.errstate(divide="ignore"):
+        inverses = 1.0 / velocity, 1.0 / acceleration
+    return CStruct(
+        "RateLimits",
+        velocity=velocity,
+        acceleration=acceleration,
+        inverse_velocity=inverses[0],
+        inverse_acceleration=inverses[1],
+    )
 
 
 def line_rates(direction: Array, limits: Limits) -> tuple[Array, Array, Array]:
@@ -86,17 +112,28 @@ def time_polyline(points: Array, sizes: Array, limits: Limits) -> Pieces:
     Raises:
         RetimingError: numbers so large or small that no speed is left; says between which waypoints.
     """
-    durations, coefficients, bent, failed = _time_polyline(
-        points, sizes, limits.velocity, limits.acceleration, _STEP, DUPLICATE
-    )
-    if failed >= 0:
+    points, sizes, rates = np.ascontiguousarray(points), np.ascontiguousarray(sizes), _limits_struct(limits)
+    arena_size, capacity = _ARENA, _PIECES
+    full = code = constants()["ARENA_FULL"]
+    while code == full:
+        durations, coefficients = np.empty(capacity), np.empty((capacity, 5, points.shape[1]))
+        arena = CStruct("Arena", memory=np.empty(arena_size), size=arena_size)
+        pieces = CStruct("TimedPieces", durations=durations, coefficients=coefficients.ravel(), capacity=capacity)
+        code = load_library().rr1_time_polyline(points, sizes, *points.shape, rates, _STEP, DUPLICATE, arena, pieces)
+        arena_size, capacity = 4 * arena_size, 4 * capacity
+    if code < full:
+        failed = full - 1 - code
         raise RetimingError(f"no speed between waypoints {failed - 1} and {failed}; try wider limits")
-    return Pieces(durations, coefficients if bent else coefficients[:, :3])
+    made = pieces.value.count
+    terms = 5 if code == constants()["TIMED_BENT"] else 3
+    return Pieces(durations[:made].copy(), coefficients[:made, :terms].copy())
 
 
 def timed(curve: Curve, grid: Grid, x: Array) -> Pieces:
     """Exact polynomials in time of a curve with squared path speed x (n + 1,), linear in s on intervals."""
     n, _, nq = len(grid.piece), *curve.coefficients.shape[1:]
     durations, coefficients = np.empty(n), np.empty((n, 5, nq))
-    _put_on_clock(curve.coefficients, *grid, x, durations, coefficients)
+    offset, delta, x = np.ascontiguousarray(grid.offset), np.ascontiguousarray(grid.delta), np.ascontiguousarray(x)
+    piece = np.ascontiguousarray(grid.piece)
+    load_library().rr1_time_intervals(_curve_struct(curve), piece, offset, delta, x, n, durations, coefficients)
     return Pieces(durations, coefficients if curve.coefficients[:, 2].any() else coefficients[:, :3])
