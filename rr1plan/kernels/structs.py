@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 FOLDER = Path(__file__).parent
 HEADERS = ("arm_geometry.h", "obstacle_tables.h", "pair_tables.h", "exact_tables.h", "scene_tables.h")
@@ -96,8 +97,9 @@ def struct_classes(structs: dict[str, tuple[Field, ...]]) -> dict[str, type[ctyp
 def _type_of(field: Field, classes: dict[str, type[ctypes.Structure]]) -> type:
     if field.pointer:
         return ctypes.c_void_p
-    kind: type = classes[field.kind] if field.kind in classes else _NUMBERS[field.kind]
-    return kind * field.count if field.count > 1 else kind
+    kind: Any = classes[field.kind] if field.kind in classes else _NUMBERS[field.kind]
+    made: type = kind * field.count if field.count > 1 else kind
+    return made
 
 
 def item_size(kind: str, classes: dict[str, type[ctypes.Structure]]) -> int:
@@ -120,6 +122,5 @@ def layout_source(structs: dict[str, tuple[Field, ...]]) -> str:
     entries = []
     for name, fields in structs.items():
         entries.append(f"    sizeof({name}),")
-        for field in fields:
-            entries.append(f"    offsetof({name}, {field.name}), sizeof((({name} *)0)->{field.name}),")
+        entries += [f"    offsetof({name}, {f.name}), sizeof((({name} *)0)->{f.name})," for f in fields]
     return "\n".join(["EXPORT const int64_t rr1_layout[] = {", *entries, "    -1,", "};", ""])
