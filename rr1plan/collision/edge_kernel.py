@@ -57,7 +57,7 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS) -> CSt
         columns: Number of columns of q.
         terms: Coefficients of the longest curve.
     """
-    queue = max(_QUEUE, 1 << (8 * len(tables.pairs)).bit_length())
+    queue = max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length())
     return CStruct(
         "ExactScratch",
         joint_poses=tables.joint_poses.copy(),
@@ -189,9 +189,9 @@ class EdgeKernel:
     ) -> None:
         self._library = library or load_library()
         self._exact = exact_struct(tables, columns)
-        self._exact_scratch = exact_scratch(tables, columns)
+        self.exact_scratch = exact_scratch(tables, columns)
         self.scene = scene_struct(cover, self._exact, columns, tolerance)
-        self.scratch = edge_scratch(cover, self._exact_scratch, columns)
+        self.scratch = edge_scratch(cover, self.exact_scratch, columns)
         self._ends = np.zeros((2, columns))
         row = self._ends.strides[0]
         begin = address_of(self._ends, "double")
@@ -239,7 +239,7 @@ class EdgeKernel:
             See `certify_edge`, where in units of the duration.
         """
         curve = np.ascontiguousarray(curve)
-        exact = self._exact_scratch.value
+        exact = self.exact_scratch.value
         if len(curve) > exact.coefficient_rows:
             self._coefficients = np.zeros_like(curve)
             exact.coefficients, exact.coefficient_rows = address_of(self._coefficients, "double"), len(curve)
@@ -262,6 +262,10 @@ class EdgeKernel:
             self.scene.address, self.scratch.address, *addresses, len(begins), address_of(statuses, "int64_t")
         )
         return statuses
+
+    def scratch_bytes(self) -> bytes:
+        """All directions and frames that the last calls left behind, to compare libraries by."""
+        return b"".join(part.tobytes() for part in (*self.scratch.arrays, *self.exact_scratch.arrays))
 
     def _answer(self, status: int) -> Answer:
         result = self.scratch.value.result

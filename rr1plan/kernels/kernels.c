@@ -23,5 +23,6 @@
 #include "gjk_simd.c"
 #include "certify_edge.c"
 #include "cpu_level.c"
+#include "sines.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.
 #include "layout.inc"

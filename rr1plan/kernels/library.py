@@ -25,6 +25,8 @@ _FUNCTIONS: dict[str, tuple[type | None, tuple[type, ...]]] = {
     "rr1_certify_curve": (_INTEGER, (_POINTER, _POINTER, _POINTER, _INTEGER, _NUMBER)),
     "rr1_certify_edges": (None, (_POINTER, _POINTER, _POINTER, _POINTER, _INTEGER, _POINTER)),
     "rr1_least_clearance": (_NUMBER, (_POINTER, _POINTER, _POINTER, _NUMBER)),
+    "rr1_sine_cosine": (None, (_POINTER, _INTEGER, _POINTER, _POINTER)),
+    "rr1_sine_cosine_lanes": (None, (_POINTER, _INTEGER, _POINTER, _POINTER)),
     "rr1_cpu_level": (_INTEGER, ()),
 }
 HOW_TO_BUILD = "build them with `pip install -e .` or, in a source checkout, `python hatch_build.py`"
@@ -50,13 +52,12 @@ def variants() -> tuple[str, ...]:
 
 
 @cache
-def load_variant(variant: str) -> ctypes.CDLL:
-    """The library of a variant, its functions declared.
+def load_file(file: Path) -> ctypes.CDLL:
+    """A library, its functions declared.
 
     Raises:
-        InstallationError: it cannot be loaded, or was built from other sources.
+        InstallationError: it cannot be loaded, or was built from other headers.
     """
-    file = variant_file(variant)
     try:
         library = ctypes.CDLL(str(file))
         for name, (result, arguments) in _FUNCTIONS.items():
@@ -80,7 +81,7 @@ def load_library() -> ctypes.CDLL:
     """
     if not variants():
         raise InstallationError(f"no compiled kernels for {platform.machine()} in {FOLDER}; {HOW_TO_BUILD}")
-    return load_variant(variants()[0])
+    return load_file(variant_file(variants()[0]))
 
 
 @cache

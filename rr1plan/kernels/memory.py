@@ -26,6 +26,7 @@ class CStruct:
     Attributes:
         value: The struct itself.
         address: Where it is.
+        arrays: The arrays that its pointers lead to.
 
     Raises:
         TypeError: an array that is not what the headers say.
@@ -35,14 +36,15 @@ class CStruct:
         self.name = name
         self.value = struct_classes()[name]()
         self.address = ctypes.addressof(self.value)
-        self._kept: list[Any] = []
+        self.arrays: list[NDArray[Any]] = []
+        self._structs: list[CStruct] = []
         declared = {field.name: field for field in declared_structs()[name]}
         for key, given in fields.items():
             field = declared[key]
             if not field.pointer:
                 setattr(self.value, key, given)
                 continue
-            self._kept.append(given)
+            (self._structs if isinstance(given, CStruct) else self.arrays).append(given)
             setattr(self.value, key, address_of(given, field.kind))
 
 
