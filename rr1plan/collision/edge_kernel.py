@@ -78,7 +78,7 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS) -> CSt
         columns: Number of columns of q.
         terms: Coefficients of the longest curve.
     """
-    queue = max(_QUEUE, 1 << (8 * len(tables.pairs)).bit_length())
+    queue = max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length())
     return CStruct(
         "ExactScratch",
         joint_poses=tables.joint_poses.copy(),
@@ -303,6 +303,10 @@ class EdgeKernel:
         begins, ends = np.ascontiguousarray(begins), np.ascontiguousarray(ends)
         self._library.rr1_certify_edges(*self.context, begins, ends, len(begins), statuses)
         return statuses
+
+    def scratch_bytes(self) -> bytes:
+        """All directions and frames that the last calls left behind, to compare libraries by."""
+        return b"".join(part.tobytes() for part in (*self._scratch.arrays, *self._exact.scratch.arrays))
 
     def _answer(self, status: int) -> Answer:
         result = self._scratch.value.result

@@ -133,6 +133,7 @@ NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
     Vec8 n = vec8_scale(nearest, 1.0 / max_lanes(sqrt_lanes(square), splat(1e-12)));
     f64x8 best = splat(-1e300);
     Vec8 best_n = n, a = nearest, b = nearest, c = nearest, low_point = n, high_point = n;
+    f64x8 largest = square;  // of the points' squares
     for (int step = 0; step < GJK_STEPS; step++) {
         Support8 low = lowest_of(arm, query->core, to_frame(frame, n), lanes);
         OtherSupport high = highest_of_other(query, n, lanes, scene, scratch);
@@ -152,9 +153,10 @@ NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
         Vec8 w = vec8_sub(to_world(frame, low.point), high.point);
         if (step == 0 && !begin.within) {
             nearest = a = b = c = w;
-            square = vec8_dot(w, w);
+            square = largest = vec8_dot(w, w);
         } else {
-            uint64_t inside = bits_of(origin_inside(w, a, b, c) >= splat(0.0)) & lanes;
+            largest = max_lanes(vec8_dot(w, w), largest);
+            uint64_t inside = bits_of(origin_inside(w, a, b, c, largest)) & lanes;
             if (inside) return (Separation8){lanes, lanes, inside};
             Triangle8 triangle = nearest_triangle(w, a, b, c);
             a = triangle.one;

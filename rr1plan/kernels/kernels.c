@@ -40,5 +40,6 @@
 #include "timed_pieces.c"
 #include "blends.c"
 #include "cpu_level.c"
+#include "sines.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.
 #include "layout.inc"

@@ -42,13 +42,12 @@ def variants() -> tuple[str, ...]:
 
 
 @cache
-def load_variant(variant: str) -> ctypes.CDLL:
-    """The library of a variant, its functions declared.
+def load_file(file: Path) -> ctypes.CDLL:
+    """A library, its functions declared.
 
     Raises:
-        InstallationError: it cannot be loaded, or was built from other sources.
+        InstallationError: it cannot be loaded, or was built from other headers.
     """
-    file = variant_file(variant)
     try:
         library = ctypes.CDLL(str(file))
         for name, prototype in structs.parse_prototypes(structs.source_text()).items():
@@ -73,4 +72,4 @@ def load_library() -> ctypes.CDLL:
     """
     if not variants():
         raise InstallationError(f"no compiled kernels for {platform.machine()} in {FOLDER}; {HOW_TO_BUILD}")
-    return load_variant(variants()[0])
+    return load_file(variant_file(variants()[0]))

@@ -34,6 +34,7 @@ class CStruct:
     Attributes:
         value: The struct itself.
         address: Where it is.
+        arrays: The arrays that its pointers lead to.
 
     Raises:
         TypeError: an array that is not what the headers say.
@@ -60,6 +61,11 @@ class CStruct:
                 self._kept[key] = given
             else:
                 setattr(self.value, key, given)
+
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """The arrays that its pointers lead to."""
+        return [given for given in self._kept.values() if not isinstance(given, CStruct)]
 
 
 @cache

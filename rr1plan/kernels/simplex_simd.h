@@ -67,14 +67,18 @@ INLINE Triangle8 nearest_triangle(Vec8 w, Vec8 a, Vec8 b, Vec8 c) {
 // The product a . (b x c).
 INLINE f64x8 volume_of(Vec8 a, Vec8 b, Vec8 c) { return vec8_dot(a, vec8_cross(b, c)); }
 
-// Above zero where the origin is well inside the tetrahedron of four points.
-INLINE f64x8 origin_inside(Vec8 w, Vec8 a, Vec8 b, Vec8 c) {
+// Lanes in which the origin is well inside the tetrahedron of four points, of which the farthest has that square.
+//
+// A volume of points with coordinates up to m is off by a few 1e-16 m^3. Where the points and the origin are all but in
+// one plane (bodies of a planar arm, or a corner found twice), volumes are nothing else: those are no proof.
+INLINE i64x8 origin_inside(Vec8 w, Vec8 a, Vec8 b, Vec8 c, f64x8 largest) {
     f64x8 one = volume_of(a, b, c), two = -volume_of(w, b, c);
     f64x8 three = volume_of(w, a, c), four = -volume_of(w, a, b);
     f64x8 low = min_lanes(min_lanes(one, two), min_lanes(three, four));
     f64x8 high = max_lanes(max_lanes(one, two), max_lanes(three, four));
-    // All of one sign, and none of them of the size of rounding.
-    return max_lanes(low, -high) - 1e-9 * max_lanes(high, -low) - 1e-18;
+    // All of one sign, and none of them of the size of rounding; m^3 is at most the greater of m^2 and m^4.
+    f64x8 rounding = 1e-14 * (largest * max_lanes(largest, splat(1.0)));
+    return max_lanes(low, -high) - 1e-9 * max_lanes(high, -low) >= rounding;
 }
 
 #endif

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 FOLDER = Path(__file__).parent
 HEADERS = (
@@ -151,8 +152,9 @@ def struct_classes() -> dict[str, type[ctypes.Structure]]:
 def _type_of(field: Field, classes: dict[str, type[ctypes.Structure]]) -> type:
     if field.pointer:
         return ctypes.c_void_p
-    kind: type = classes[field.kind] if field.kind in classes else _NUMBERS[field.kind]
-    return kind * field.count if field.count > 1 else kind
+    kind: Any = classes[field.kind] if field.kind in classes else _NUMBERS[field.kind]
+    made: type = kind * field.count if field.count > 1 else kind
+    return made
 
 
 @cache

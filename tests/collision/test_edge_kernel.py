@@ -1,0 +1,238 @@
+"""The certified edge in C, against the numba kernels and against Coal."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan._kernels.clearance import least_clearance
+from rr1plan._kernels.motion import CONTACT, FREE, certify
+from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision.edge_kernel import EdgeKernel, exact_scratch, exact_struct
+from rr1plan.collision.swept import SweptEdges
+from rr1plan.kernels.library import load_file, load_library, variant_file, variants
+from rr1plan.kernels.memory import address_of
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud
+from rr1plan.transforms import pose
+
+TOLERANCE = 1e-6
+ROOT = Path(__file__).parents[2]
+
+
+def strange(odd):
+    """Every shape that an arm or an obstacle may have."""
+    cloud = PointCloud(np.random.default_rng(0).uniform(0.3, 0.6, (60, 3)), 0.03)
+    scene = rp.Scene().with_arm("a", odd).with_obstacle("ground", HalfSpace((0, 0, 1), -0.01))
+    scene = scene.with_obstacle("cloud", cloud).with_obstacle("can", Cylinder(0.05, 0.2), [-0.4, 0.2, 0.7])
+    scene = scene.with_obstacle("stick", Capsule(0.02, 0.3), [-0.4, -0.3, 0.6])
+    return scene.with_obstacle("plate", Box((0.3, 0.3, 0.001)), pose([0.2, -0.5, 0.6], rpy=[0.3, 0.2, 0.1]))
+
+
+def holding(six):
+    scene = rp.Scene().with_arm("a", six).with_obstacle("post", Box((0.1, 0.1, 1.0)), [0.5, 0.3, 0.5])
+    held = scene.with_obstacle("tray", Box((0.2, 0.3, 0.02)), [9, 9, 9])
+    return held.attach("tray", "a", touch=["l5"], pose=pose([0, 0, 0.12]))
+
+
+@pytest.fixture(scope="module")
+def worlds(cluttered, odd, six):
+    return {
+        "cluttered": (cluttered, 2.5),
+        "padded": (cluttered.with_padding(0.03).with_padding(0.08, "arm", "ball"), 2.5),
+        "strange": (strange(odd), 1.0),
+        "strange, padded": (strange(odd).with_padding(0.02), 1.0),
+        "holding": (holding(six), 2.0),
+        "two arms": (rp.Scene().with_arm("l", six).with_arm("r", six, [0.7, 0, 0]).with_padding(0.01), 1.5),
+        "rr1 pair": (rp.load_scene("rr1_pair"), 1.0),
+        "planar": (rp.load_scene("planar2r_path"), 3.0),
+    }
+
+
+WORLDS = ("cluttered", "padded", "strange", "strange, padded", "holding", "two arms", "rr1 pair", "planar")
+
+
+def kernel_of(swept, checker, file=None):
+    library = load_library() if file is None else load_file(file)
+    return EdgeKernel(swept.tables[0], checker.tables, checker.nq, TOLERANCE, library)
+
+
+def questions(nq, wide, count, seed):
+    """Edges, some of length zero, and parabolas with durations."""
+    rng = np.random.default_rng(seed)
+    for i in range(count):
+        q0 = rng.uniform(-wide, wide, nq)
+        step = rng.normal(size=nq) * rng.choice([0.0, 0.02, 0.2, 0.6])
+        duration = 10.0 ** rng.uniform(-3.0, 1.0)
+        bend = rng.normal(size=nq) * rng.uniform(0.0, 1.0) - rng.choice([0.0, 1.0]) * step
+        terms = 1 + i % 3
+        yield q0, q0 + step, np.array([q0, step / duration, bend / duration**2])[:terms], duration
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_verdicts_are_those_of_the_numba_kernel(worlds, name):
+    scene, wide = worlds[name]
+    checker = CollisionChecker(scene)
+    swept = SweptEdges(checker, TOLERANCE)
+    kernel, free = kernel_of(swept, checker), 0
+    for q0, q1, curve, duration in questions(checker.nq, wide, 300, 31):
+        edge, parabola = kernel.certify_edge(q0, q1), kernel.certify_parabola(curve, duration)
+        assert edge[0] == swept.look_along(q0, q1)[0]
+        assert parabola[0] == swept.look_along_parabola(curve, duration)[0]
+        free += edge[0] == FREE
+    assert 20 < free < 290
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_free_edges_are_free_to_the_exact_kernel_and_contacts_are_coals(worlds, name):
+    scene, wide = worlds[name]
+    checker = CollisionChecker(scene)
+    motion = MotionChecker(checker)
+    kernel, contacts = kernel_of(SweptEdges(checker, TOLERANCE), checker), 0
+    for q0, q1, _, _ in questions(checker.nq, wide, 120, 32):
+        status, fraction, pair = kernel.certify_edge(q0, q1)
+        assert (status == FREE) == motion.edge_is_free_slowly(q0, q1)
+        if status == CONTACT:
+            contacts += 1
+            distance = checker.solid_distance(q0 + fraction * (q1 - q0), pair)
+            assert distance <= checker.solid_padding[pair] + 1e-6
+    assert contacts > 5
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_the_exact_kernel_answers_as_numbas_in_all(worlds, name):
+    """Status, where, and which pair: without fused operations both round the same way, sines apart."""
+    scene, wide = worlds[name]
+    checker = CollisionChecker(scene)
+    kernel, rng = kernel_of(SweptEdges(checker, TOLERANCE), checker), np.random.default_rng(33)
+    for terms in (1, 2, 3, 5, 12):
+        for _ in range(6):
+            curve = np.array([rng.uniform(-wide, wide, checker.nq), *rng.normal(size=(terms - 1, checker.nq)) * 0.2])
+            assert kernel.certify_curve(curve, 1.3) == certify(curve, 1.3, TOLERANCE, checker.record)[:3]
+    tables = checker.tables
+    exact, scratch = exact_struct(tables, checker.nq), exact_scratch(tables, checker.nq)
+    for q in rng.uniform(-wide, wide, (20, checker.nq)):
+        found = load_library().rr1_least_clearance(exact.address, scratch.address, address_of(q, "double"), 0.3)
+        assert found == pytest.approx(least_clearance(q, 0.3, checker.record), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_all_variants_give_the_same_bytes(worlds, name):
+    scene, wide = worlds[name]
+    checker = CollisionChecker(scene)
+    swept = SweptEdges(checker, TOLERANCE)
+    told = set()
+    for variant in variants():
+        kernel = kernel_of(swept, checker, variant_file(variant))
+        answers = [
+            (
+                kernel.certify_edge(q0, q1),
+                kernel.certify_parabola(curve, duration),
+                kernel.certify_curve(curve, duration),
+            )
+            for q0, q1, curve, duration in questions(checker.nq, wide, 60, 34)
+        ]
+        told.add((repr(answers), kernel.scratch_bytes()))
+    assert len(told) == 1
+
+
+def test_a_far_angle_and_a_number_that_is_none_are_never_free_by_mistake(worlds):
+    checker = CollisionChecker(worlds["cluttered"][0])
+    kernel = kernel_of(SweptEdges(checker, TOLERANCE), checker)
+    for q in np.random.default_rng(35).uniform(-2.5, 2.5, (40, checker.nq)):
+        far = q + 2.0 * np.pi * 1e5
+        assert (kernel.certify_edge(far, far)[0] == FREE) == checker.is_free(far)
+    for bad in (np.nan, np.inf, -np.inf):
+        q = np.zeros(checker.nq)
+        q[2] = bad
+        assert kernel.certify_edge(q, q)[0] != FREE
+        assert kernel.certify_edge(np.zeros(checker.nq), q)[0] != FREE
+
+
+def test_a_full_queue_changes_the_order_and_no_verdict(worlds):
+    """The exact kernel takes the widest intervals first; where its memory is half full, the narrowest."""
+    checker = CollisionChecker(worlds["strange"][0])
+    swept = SweptEdges(checker, TOLERANCE)
+    roomy, tight = kernel_of(swept, checker), kernel_of(swept, checker)
+    tight.exact_scratch.value.queue_size = 1 << (3 * len(checker.tables.pairs)).bit_length()
+    for q0, q1, _, _ in questions(checker.nq, 1.0, 200, 36):
+        for stretch in (0.5, 3.0, 10.0):
+            curve = np.array([q0, stretch * (q1 - q0)])
+            assert (tight.certify_curve(curve, 1.0)[0] == FREE) == (roomy.certify_curve(curve, 1.0)[0] == FREE)
+    counts = [kernel.scratch.value.done.configurations for kernel in (tight, roomy)]
+    assert counts[0] != counts[1]
+
+
+def test_bodies_of_a_planar_arm_are_no_contact_for_lack_of_a_volume():
+    """A corner that the search finds twice spans no volume around the origin; rounding alone did, with fused sums."""
+    arm = rp.load_robot("planar2r")
+    needle = Capsule(0.0005, 1.2755500448673367)
+    scene = rp.Scene().with_arm("arm", arm)
+    rng = np.random.default_rng(37)
+    for i in range(6):
+        scene = scene.with_obstacle(
+            f"needle{i}", needle, pose([*rng.uniform(-1, 1, 2), 0.0], rpy=rng.uniform(-3, 3, 3))
+        )
+    checker = CollisionChecker(scene.with_padding(0.015))
+    motion = MotionChecker(checker)
+    kernel, free = kernel_of(SweptEdges(checker, TOLERANCE), checker), 0
+    for q0, q1, curve, duration in questions(checker.nq, 3.0, 300, 38):
+        answer = motion.polynomial_is_free_slowly(curve, duration)
+        free += answer
+        assert (kernel.certify_parabola(curve, duration)[0] == FREE) == answer
+        assert (kernel.certify_edge(q0, q1)[0] == FREE) == motion.edge_is_free_slowly(q0, q1)
+    assert 20 < free < 280
+
+
+def test_many_edges_by_one_call(worlds):
+    checker = CollisionChecker(worlds["holding"][0])
+    kernel = kernel_of(SweptEdges(checker, TOLERANCE), checker)
+    pairs = [(q0, q1) for q0, q1, _, _ in questions(checker.nq, 2.0, 50, 39)]
+    begins, ends = (np.array(rows) for rows in zip(*pairs, strict=True))
+    assert kernel.certify_edges(begins, ends).tolist() == [kernel.certify_edge(*ends_of)[0] for ends_of in pairs]
+
+
+# ---- under sanitizers ------------------------------------------------------------------------------
+
+
+def _sanitizers():
+    """The compiler's runtime of AddressSanitizer, if there is one."""
+    gcc = shutil.which("gcc")
+    if sys.platform != "linux" or gcc is None:
+        return None
+    found = subprocess.run([gcc, "-print-file-name=libasan.so"], capture_output=True, text=True, check=True)
+    runtime = Path(found.stdout.strip())
+    return (gcc, runtime.resolve()) if runtime.is_absolute() else None
+
+
+@pytest.mark.skipif(_sanitizers() is None, reason="no gcc with AddressSanitizer")
+def test_no_memory_is_misused_and_nothing_is_undefined(tmp_path):
+    """Compiled by another compiler, with its sanitizers; that takes some ten seconds.
+
+    Answers are those of the library that ships, to the last bit.
+    """
+    gcc, runtime = _sanitizers()
+    code = f"""
+import sys
+sys.path.insert(0, {str(ROOT)!r})
+from pathlib import Path
+import hatch_build
+flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Og"]
+hatch_build.compile_kernels(Path({str(tmp_path)!r}) / "checked.so", "-shared", "-fPIC", *flags, compiler=[{gcc!r}])
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+    done = subprocess.run(
+        [sys.executable, Path(__file__).with_name("sanitized_edges.py"), tmp_path / "checked.so"],
+        env=os.environ | {"LD_PRELOAD": str(runtime), "ASAN_OPTIONS": "detect_leaks=0"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-4000:]
+    assert done.stdout.startswith("same answers")
