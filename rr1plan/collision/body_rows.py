@@ -9,20 +9,21 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.separation import BOX, CELLS, CORNERS, CYLINDER, HALF_SPACE, POINT, SEGMENT
 from rr1plan.checks import Array
 from rr1plan.collision.carried import Solid
 from rr1plan.collision.solids import occupied_cells
+from rr1plan.kernels.structs import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 # Stands for infinity where infinity times zero would be NaN.
 FAR = 1e12
 _INTS = NDArray[np.int64]
+_KIND = constants()
 
 
 @dataclass(frozen=True, eq=False)
 class BodyRows:
-    """The tables of some bodies by themselves; columns as in `rr1plan._kernels.exact.ExactTables`.
+    """The tables of some bodies by themselves; columns as in `ExactTables`.
 
     Args:
         bodies, values, corners: As there, corners and chains counted from these bodies' first.
@@ -104,18 +105,22 @@ def _core(shape: Shape) -> _Core:
     zero, none = np.zeros(3), np.zeros((0, 3))
     match shape:
         case Sphere(radius):
-            return _made(POINT, zero, radius, (zero, radius), (zero, np.full(3, radius)), none)
+            return _made(_KIND["BODY_POINT"], zero, radius, (zero, radius), (zero, np.full(3, radius)), none)
         case Box(size):
             half = 0.5 * np.array(size)
-            return _made(BOX, half, 0.0, (zero, float(np.linalg.norm(half))), (zero, half), none)
+            return _made(_KIND["BODY_BOX"], half, 0.0, (zero, float(np.linalg.norm(half))), (zero, half), none)
         case Cylinder(radius, length):
             half = np.array([radius, radius, 0.5 * length])
-            return _made(CYLINDER, half, 0.0, (zero, float(np.hypot(radius, 0.5 * length))), (zero, half), none)
+            return _made(
+                _KIND["BODY_CYLINDER"], half, 0.0, (zero, float(np.hypot(radius, 0.5 * length))), (zero, half), none
+            )
         case Capsule(radius, length):
             core, half = np.array([0, 0, 0.5 * length]), np.array([radius, radius, 0.5 * length + radius])
-            return _made(SEGMENT, core, radius, (zero, 0.5 * length + radius), (zero, half), none)
+            return _made(_KIND["BODY_SEGMENT"], core, radius, (zero, 0.5 * length + radius), (zero, half), none)
         case HalfSpace(normal, offset):
-            return _made(HALF_SPACE, np.array(normal), 0.0, (zero, FAR), (zero, np.full(3, FAR)), none, offset)
+            return _made(
+                _KIND["BODY_HALF_SPACE"], np.array(normal), 0.0, (zero, FAR), (zero, np.full(3, FAR)), none, offset
+            )
         case PointCloud():
             return _cells(shape)
         case _:
@@ -138,13 +143,15 @@ def _cells(cloud: PointCloud) -> _Core:
     cells, half = occupied_cells(cloud), 0.5 * cloud.resolution
     low, high = cells.min(axis=0) - half, cells.max(axis=0) + half
     ball = (0.5 * (low + high), float(np.linalg.norm(0.5 * (high - low))))
-    return _made(CELLS, np.full(3, half), 0.0, ball, (0.5 * (low + high), 0.5 * (high - low)), cells)
+    return _made(_KIND["BODY_CELLS"], np.full(3, half), 0.0, ball, (0.5 * (low + high), 0.5 * (high - low)), cells)
 
 
 def _corners(mesh: Mesh) -> _Core:
     points = np.array(mesh.vertices)
     low, high = points.min(axis=0), points.max(axis=0)
-    return _made(CORNERS, np.zeros(3), 0.0, _ball(points), (0.5 * (low + high), 0.5 * (high - low)), points)
+    return _made(
+        _KIND["BODY_CORNERS"], np.zeros(3), 0.0, _ball(points), (0.5 * (low + high), 0.5 * (high - low)), points
+    )
 
 
 def _ball(points: Array) -> tuple[Array, float]:

@@ -23,7 +23,7 @@ _NOTHING = -1e12
 
 @dataclass(frozen=True, eq=False)
 class CarriedCover:
-    """Tables of the solids that move; columns as in `rr1plan._kernels.cover.Cover`.
+    """Tables of the solids that move; columns as in `EdgeTables`.
 
     Args:
         joints, joint_values, bodies, groups, spheres, chain, chain_reach: As there.

@@ -10,17 +10,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.cover import BLOCK, POINTS, ROUND
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.lowest_corners import corners_per_bit, lowest_corners
 from rr1plan.collision.point_blocks import in_blocks
+from rr1plan.kernels.structs import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 _INTS = NDArray[np.int64]
+_KIND = constants()
 
 
 class CoreTables(NamedTuple):
-    """The `cores`, `core_values`, `points`, `blocks` and `lowest` of the kernel's `Cover`, or some of their rows."""
+    """The `cores`, `core_values`, `points`, `blocks` and `lowest` of `EdgeTables`, or some of their rows."""
 
     rows: _INTS
     values: Array
@@ -47,12 +48,19 @@ class Cores:
         """The row of a shape placed in a frame."""
         rotate, shift = T[:3, :3], T[:3, 3]
         if isinstance(shape, Cylinder):
-            middle, radius, kind, blocks, lowest, shared = shift, 0.0, ROUND, np.zeros((0, 4)), _NONE, 0
+            middle, radius, kind, blocks, lowest, shared = (
+                shift,
+                0.0,
+                _KIND["CORE_CYLINDER"],
+                np.zeros((0, 4)),
+                _NONE,
+                0,
+            )
             points = np.array([shift, rotate[:, 2], [0.5 * shape.length, shape.radius, 0.0]])
             reach = float(np.hypot(0.5 * shape.length, shape.radius)) * (1.0 + 1e-9)
         else:
             points, blocks, lowest, shared = _placed_blocks(shape, rotate, shift)
-            radius, kind = _radius(shape), POINTS
+            radius, kind = _radius(shape), _KIND["CORE_POINTS"]
             middle = points.mean(axis=0)
             reach = float(np.linalg.norm(points - middle, axis=1).max()) * (1.0 + 1e-9)
         first, first_block, first_word = self._counts.tolist()
@@ -93,7 +101,7 @@ def joined_cores(parts: Sequence[CoreTables]) -> tuple[CoreTables, list[int]]:
 def _blocks(shape: Shape) -> tuple[Array, Array, _INTS]:
     points, balls = in_blocks(extremes(shape))
     # Few corners are all looked at.
-    lowest = lowest_corners(points) if len(points) > BLOCK else _NONE
+    lowest = lowest_corners(points) if len(points) > _KIND["BLOCK_POINTS"] else _NONE
     return read_only(points), read_only(balls), read_only(lowest)
 
 

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.cover import Cover
-from rr1plan._kernels.exact import ExactTables
 from rr1plan.checks import Array
+from rr1plan.collision.kernel_tables import EdgeTables, ExactTables
 from rr1plan.kernels.library import load_library
 from rr1plan.kernels.memory import CStruct, address_of, zeroed
 from rr1plan.kernels.structs import constants
@@ -83,7 +82,7 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS) -> CSt
         "ExactScratch",
         joint_poses=tables.joint_poses.copy(),
         poses=tables.poses.copy(),
-        centers=tables.centres.copy(),
+        centers=tables.centers.copy(),
         directions=np.zeros((len(tables.pairs), 3)),
         travel=np.zeros((len(tables.bodies), len(tables.joints) + 1)),
         travel_stride=len(tables.joints) + 1,
@@ -120,53 +119,53 @@ class ExactKernel:
         return clearance
 
 
-def scene_struct(cover: Cover, exact: CStruct, columns: int, tolerance: float) -> CStruct:
+def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: float) -> CStruct:
     """A scene's tables as C reads them.
 
     Args:
-        cover: What the kernel knows of spheres, cores and pairs.
+        tables: What the kernel knows of spheres, cores and pairs.
         exact: What the exact kernel knows of the same pairs.
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
     """
     arm = CStruct(
         "ArmGeometry",
-        joint_count=len(cover.joints),
-        body_count=len(cover.bodies),
-        group_count=len(cover.groups),
-        sphere_count=len(cover.spheres),
-        joints=cover.joints,
-        placements=cover.joint_values,
-        bodies=cover.bodies,
-        groups=cover.groups,
-        spheres=cover.spheres,
-        chain=cover.chain,
-        chain_reach=cover.chain_reach,
-        cores=cover.cores,
-        core_shapes=cover.core_values,
-        points=cover.points,
-        blocks=cover.blocks,
-        lowest=cover.lowest.view(np.uint64),
+        joint_count=len(tables.joints),
+        body_count=len(tables.bodies),
+        group_count=len(tables.groups),
+        sphere_count=len(tables.spheres),
+        joints=tables.joints,
+        placements=tables.joint_values,
+        bodies=tables.bodies,
+        groups=tables.groups,
+        spheres=tables.spheres,
+        chain=tables.chain,
+        chain_reach=tables.chain_reach,
+        cores=tables.cores,
+        core_shapes=tables.core_values,
+        points=tables.points,
+        blocks=tables.blocks,
+        lowest=tables.lowest.view(np.uint64),
     )
     obstacles = CStruct(
         "ObstacleTables",
-        count=len(cover.obstacles),
-        kinds=cover.obstacles,
-        shapes=cover.obstacle_values,
-        boxes=cover.boxes,
-        core=cover.core_of,
+        count=len(tables.obstacles),
+        kinds=tables.obstacles,
+        shapes=tables.obstacle_values,
+        boxes=tables.boxes,
+        core=tables.core_of,
     )
     pairs = CStruct(
         "PairTables",
-        pair_count=len(cover.padding),
-        body_pair_count=len(cover.meetings),
-        group_pair_count=len(cover.families),
-        padding=cover.padding,
-        obstacle_pair=cover.pair_of,
-        body_pairs=cover.meetings,
-        group_pairs=cover.families,
-        map_ranges=cover.map_ranges,
-        maps=cover.maps,
+        pair_count=len(tables.padding),
+        body_pair_count=len(tables.body_pairs),
+        group_pair_count=len(tables.group_pairs),
+        padding=tables.padding,
+        obstacle_pair=tables.pair_of,
+        body_pairs=tables.body_pairs,
+        group_pairs=tables.group_pairs,
+        map_ranges=tables.map_ranges,
+        maps=tables.maps,
     )
     return CStruct(
         "SceneTables",
@@ -175,43 +174,43 @@ def scene_struct(cover: Cover, exact: CStruct, columns: int, tolerance: float) -
         pairs=pairs,
         exact=exact,
         column_count=columns,
-        margin=float(cover.margins[0]),
-        max_padding=float(cover.margins[1]),
+        margin=float(tables.margins[0]),
+        max_padding=float(tables.margins[1]),
         tolerance=tolerance,
     )
 
 
-def edge_scratch(cover: Cover, exact: CStruct, columns: int) -> CStruct:
+def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
     """Memory that the kernel writes: one thread's.
 
     Args:
-        cover: What the kernel knows of spheres, cores and pairs.
+        tables: What the kernel knows of spheres, cores and pairs.
         exact: Memory of the exact kernel.
         columns: Number of columns of q.
     """
-    longest = int((cover.groups[:, 5] - cover.groups[:, 4]).max(initial=0))
-    frames = zeroed("FrameLanes", len(cover.joints))
+    longest = int((tables.groups[:, 5] - tables.groups[:, 4]).max(initial=0))
+    frames = zeroed("FrameLanes", len(tables.joints))
     # The world's frame; all others are placed for every batch.
     frames.view(np.float64).reshape(len(frames), 18, 8)[0, [0, 4, 8]] = 1.0
     return CStruct(
         "Scratch",
         frames=frames,
-        spheres=zeroed("SphereLanes", len(cover.spheres)),
-        placed_batch=np.zeros(len(cover.bodies), np.int64),
-        group_boxes=zeroed("Box", len(cover.groups)),
+        spheres=zeroed("SphereLanes", len(tables.spheres)),
+        placed_batch=np.zeros(len(tables.bodies), np.int64),
+        group_boxes=zeroed("Box", len(tables.groups)),
         # One more than there are: what is not kept is written behind the last.
-        near_obstacles=zeroed("Near", len(cover.obstacles) + 1),
-        near_spheres=zeroed("Near", len(cover.spheres) + 1),
-        group_lanes=np.zeros(len(cover.bodies), np.uint64),
-        speeds=np.zeros((len(cover.groups), longest + 1)),
-        accelerations=np.zeros((len(cover.groups), longest + 1)),
+        near_obstacles=zeroed("Near", len(tables.obstacles) + 1),
+        near_spheres=zeroed("Near", len(tables.spheres) + 1),
+        group_lanes=np.zeros(len(tables.bodies), np.uint64),
+        speeds=np.zeros((len(tables.groups), longest + 1)),
+        accelerations=np.zeros((len(tables.groups), longest + 1)),
         chain_stride=longest + 1,
-        joint_motions=zeroed("JointMotion", len(cover.joints)),
-        candidates=zeroed("Candidate", len(cover.padding) + 1),
+        joint_motions=zeroed("JointMotion", len(tables.joints)),
+        candidates=zeroed("Candidate", len(tables.padding) + 1),
         intervals=zeroed("Interval", _INTERVALS),
         open=zeroed("OpenInterval", _INTERVALS),
         interval_size=_INTERVALS,
-        seeds=zeroed("DirectionSeed", len(cover.padding)),
+        seeds=zeroed("DirectionSeed", len(tables.padding)),
         curve=np.zeros((3, columns)),
         exact=exact,
     )
@@ -221,7 +220,7 @@ class EdgeKernel:
     """Edges and curves of a scene's moving arms, certified in C. It keeps scratch memory: give each thread its own.
 
     Args:
-        cover: What the kernel knows of spheres, cores and pairs.
+        tables: What the kernel knows of spheres, cores and pairs.
         exact: The exact kernel of the same pairs.
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
@@ -232,12 +231,12 @@ class EdgeKernel:
     """
 
     def __init__(
-        self, cover: Cover, exact: ExactKernel, columns: int, tolerance: float, library: ctypes.CDLL | None = None
+        self, tables: EdgeTables, exact: ExactKernel, columns: int, tolerance: float, library: ctypes.CDLL | None = None
     ) -> None:
         self._library = library or load_library()
         self._exact = exact
-        self._scene = scene_struct(cover, exact.struct, columns, tolerance)
-        self._scratch = edge_scratch(cover, exact.scratch, columns)
+        self._scene = scene_struct(tables, exact.struct, columns, tolerance)
+        self._scratch = edge_scratch(tables, exact.scratch, columns)
         self.context = self._scene.address, self._scratch.address
         self._ends = np.zeros((2, columns))
         begin = address_of(self._ends, "double")

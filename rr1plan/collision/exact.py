@@ -14,13 +14,13 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.exact import ExactTables
 from rr1plan.checks import Array, finite_array, read_only
 from rr1plan.collision.answers import Contact, Nearest
 from rr1plan.collision.carried import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
 from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.exact_tables import build_resting_tables, build_tables
+from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.collision.layout import layout_of
 from rr1plan.collision.resting import Resting, measure_resting
 from rr1plan.limits import Limits

@@ -15,10 +15,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from rr1plan._kernels.exact import ExactTables
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.body_rows import FAR, BodyRows, flat, rows_of
 from rr1plan.collision.carried import Carried
+from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.collision.layout import Layout
 from rr1plan.collision.standing import Standing
 from rr1plan.skeleton import Skeleton, joint_twist
@@ -32,7 +32,7 @@ _INTS = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class CarriedTables:
-    """The tables of what the arms carry; columns as in `rr1plan._kernels.exact.ExactTables`."""
+    """The tables of what the arms carry; columns as in `ExactTables`."""
 
     joints: _INTS
     joint_values: Array
@@ -43,7 +43,7 @@ class CarriedTables:
 
 
 def build_tables(checker: CollisionChecker) -> ExactTables:
-    """Tables of the moving pairs of a checker, in the order of its `solid_pairs`, with scratch memory of their own.
+    """Tables of the moving pairs of a checker, in the order of its `solid_pairs`, of a scene.
 
     Raises:
         InputError: a half-space or a point cloud that would be checked against another one.
@@ -63,24 +63,11 @@ def build_resting_tables(checker: CollisionChecker) -> ExactTables | None:
 
 
 def _with_pairs(bare: ExactTables, pairs: _INTS, padding: Array) -> ExactTables:
-    return bare._replace(
-        pairs=pairs,
-        padding=padding,
-        joint_poses=bare.joint_poses.copy(),
-        poses=bare.poses.copy(),
-        centres=bare.centres.copy(),
-        directions=np.zeros((len(pairs), 3)),
-        **scratch_memory(len(bare.bodies), len(bare.joints)),
-    )
-
-
-def scratch_memory(bodies: int, joints: int) -> dict[str, Array]:
-    """Memory of the kernel that holds nothing from call to call."""
-    return {"travel": np.zeros((bodies, joints + 1)), "frame": np.zeros(12), "simplex": np.zeros((4, 3))}
+    return bare._replace(pairs=pairs, padding=padding)
 
 
 def _bare_tables(checker: CollisionChecker) -> ExactTables:
-    """Tables without pairs and padding; their arrays are shared, so the kernel's scratch memory has to be copied."""
+    """Tables without pairs and padding."""
     kept = checker.scene.kept_for_any_padding
     found = kept.get(("tables", checker.arms))
     if not isinstance(found, ExactTables):
@@ -106,8 +93,6 @@ def _joined_tables(layout: Layout) -> ExactTables:
         carried.joint_poses,
         read_only(rows.poses),
         read_only(rows.centres),
-        np.zeros((0, 3)),
-        **scratch_memory(0, 0),
     )
 
 
@@ -173,7 +158,7 @@ def carried_tables(carried: Carried) -> CarriedTables:
 
 
 def _joint_tables(skeleton: Skeleton) -> tuple[_INTS, Array, Array]:
-    """Joints, their values, and their world poses at q = 0; see `rr1plan._kernels.exact.ExactTables`."""
+    """Joints, their values, and their world poses at q = 0; see `ExactTables`."""
     model = skeleton.model
     data = model.createData()
     # At q = 0.

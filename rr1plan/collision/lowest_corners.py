@@ -12,10 +12,14 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.cover import DIRECTION_CELLS, WORD
 from rr1plan.checks import Array
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
+from rr1plan.kernels.structs import constants
 
+# Directions are told apart by so many cells along each side of the two squares (`support_table.h`).
+DIRECTION_CELLS = constants()["DIRECTION_CELLS"]
+# Bits of a word that are used.
+WORD = 63
 _VERSION = "lowest-corners-1"
 # Corners count as equally low within this part of the body's size: beyond all rounding.
 _EQUAL = 1e-9

@@ -18,7 +18,7 @@ import numpy as np
 from rr1plan.checks import Array, Value, finite_array, finite_number, of_kind, positive_number, read_only
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.exact import CollisionChecker
-from rr1plan.collision.sphere_tables import build_cover
+from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene
@@ -97,8 +97,8 @@ class MotionChecker:
 
     @cached_property
     def _kernel(self) -> EdgeKernel:
-        cover, _ = build_cover(self.checker, self.checker.tables, self.tolerance)
-        return EdgeKernel(cover, self.checker.exact_kernel, self.checker.nq, self.tolerance)
+        tables = build_edge_tables(self.checker, self.checker.tables, self.tolerance)
+        return EdgeKernel(tables, self.checker.exact_kernel, self.checker.nq, self.tolerance)
 
     def is_free(self, q: Any) -> bool:
         """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.
@@ -138,8 +138,8 @@ class MotionChecker:
             owner = self.checker.scene.owner
             counts = np.array([owner(a) not in arms and owner(b) not in arms for a, b in self.checker.pairs], np.bool_)
             chosen = counts[self.checker.solid_owner]
-            tables, directions = self.checker.tables, np.zeros((int(chosen.sum()), 3))
-            tables = tables._replace(pairs=tables.pairs[chosen], padding=tables.padding[chosen], directions=directions)
+            tables = self.checker.tables
+            tables = tables._replace(pairs=tables.pairs[chosen], padding=tables.padding[chosen])
             self._without[arms] = ExactKernel(tables, self.checker.nq)
         return self._without[arms]
 

@@ -12,32 +12,34 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.cover import CELLS
-from rr1plan._kernels.exact import ExactTables
 from rr1plan.checks import Array
 from rr1plan.collision.carried import Carried
 from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
-from rr1plan.collision.exact_tables import CarriedTables, carried_tables, chain_reach, joint_motion, scratch_memory
+from rr1plan.collision.exact_tables import CarriedTables, carried_tables, chain_reach, joint_motion
+from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.kernels.library import load_library
+from rr1plan.kernels.structs import constants
 
 _INTS = NDArray[np.int64]
 # Gaps up to these are told apart [m]; a map takes the least that the padding allows.
 _STEPS = (0.02, 0.06, 0.2)
 # Joints that turn without end have a map of a turn to both sides; one that slides, of as many metres.
 _TURN = 2.0 * np.pi
-_VERSION = "neighbours-3"
+_VERSION = "clearance-maps-1"
+CELLS = constants()["MAP_CELLS"]
+"""Cells of a map along each side."""
 
 
 @dataclass(frozen=True, eq=False)
 class NeighbourMaps:
-    """Maps of some pairs; see `rr1plan._kernels.cover.Cover`.
+    """Maps of some pairs; see `EdgeTables`.
 
     Args:
-        places: The last four columns of its `meetings`, shape (m, 4).
+        places: The last four columns of its `body_pairs`, shape (m, 4).
         counts: Its `maps`.
         ranges: Its `map_ranges`, shape (m, 4).
-        families: The last column of its `families`, shape (f,).
+        families: The last column of its `group_pairs`, shape (f,).
     """
 
     places: _INTS
@@ -235,8 +237,6 @@ def _two_bodies(
         poses,
         body_poses,
         centres,
-        np.zeros((1, 3)),
-        **scratch_memory(2, len(joints.rows)),
     )
 
 

@@ -9,24 +9,25 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan._kernels.cover import CLOSED_FORM, CYLINDER, HALF_SPACE, LEFT_OUT, ROUNDED_BOX
-from rr1plan._kernels.lanes import WIDTH
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.carried import Carried
 from rr1plan.collision.carried_cover import matrix
 from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, joined_cores
 from rr1plan.collision.exact_tables import carried_tables, standing_rows
 from rr1plan.collision.standing import Standing
+from rr1plan.kernels.structs import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 _INTS = NDArray[np.int64]
+LANES = constants()["LANES"]
+_KIND = constants()
 # Meshes of more corners are left to the exact kernel, which walks along edges instead of looking at all.
 _MOST_POINTS = 2000
 
 
 @dataclass(frozen=True, eq=False)
 class ObstacleRows:
-    """Rows of solids that do not move; columns as in `rr1plan._kernels.cover.Cover`.
+    """Rows of solids that do not move; columns as in `EdgeTables`.
 
     Args:
         kinds, values: `obstacles` and `obstacle_values` there.
@@ -87,40 +88,40 @@ def _measured(shapes: list[Shape], poses: Array, bodies: Array) -> tuple[_INTS, 
 
 def _cores(shapes: list[Shape], poses: Array) -> tuple[_INTS, CoreTables]:
     """`core_of` of solids, counted from their first core, and their cores."""
-    core_of, cores = np.full(len(shapes), CLOSED_FORM, np.int64), Cores()
+    core_of, cores = np.full(len(shapes), _KIND["CORE_CLOSED_FORM"], np.int64), Cores()
     for i, shape in enumerate(shapes):
         if isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
             core_of[i] = cores.add(0, shape, matrix(poses[i]))
         elif isinstance(shape, Mesh | PointCloud):
-            core_of[i] = LEFT_OUT
-    return core_of, cores.tables() if core_of.max(initial=LEFT_OUT) >= 0 else NO_CORES
+            core_of[i] = _KIND["CORE_LEFT_OUT"]
+    return core_of, cores.tables() if core_of.max(initial=_KIND["CORE_LEFT_OUT"]) >= 0 else NO_CORES
 
 
 def _measures(shape: Shape) -> tuple[float, ...]:
     """Kind, whether that is the shape itself or a box around it, half sizes (of a shape itself) and radius."""
     match shape:
         case Sphere(radius):
-            return ROUNDED_BOX, 1, 0.0, 0.0, 0.0, radius
+            return _KIND["OBSTACLE_ROUNDED_BOX"], 1, 0.0, 0.0, 0.0, radius
         case Capsule(radius, length):
-            return ROUNDED_BOX, 1, 0.0, 0.0, 0.5 * length, radius
+            return _KIND["OBSTACLE_ROUNDED_BOX"], 1, 0.0, 0.0, 0.5 * length, radius
         case Cylinder(radius, length):
-            return CYLINDER, 1, radius, radius, 0.5 * length, 0.0
+            return _KIND["OBSTACLE_CYLINDER"], 1, radius, radius, 0.5 * length, 0.0
         case Box((x, y, z)):
-            return ROUNDED_BOX, 1, 0.5 * x, 0.5 * y, 0.5 * z, 0.0
+            return _KIND["OBSTACLE_ROUNDED_BOX"], 1, 0.5 * x, 0.5 * y, 0.5 * z, 0.0
         case HalfSpace():
-            return HALF_SPACE, 1, 0.0, 0.0, 0.0, 0.0
+            return _KIND["OBSTACLE_HALF_SPACE"], 1, 0.0, 0.0, 0.0, 0.0
         case _:
-            return ROUNDED_BOX, 0, 0.0, 0.0, 0.0, 0.0
+            return _KIND["OBSTACLE_ROUNDED_BOX"], 0, 0.0, 0.0, 0.0, 0.0
 
 
 # ---- several as one --------------------------------------------------------------------------------
 
 # What is not there is nowhere near.
 _NOWHERE = ObstacleRows(
-    np.zeros((WIDTH, 2), np.int64),
-    np.zeros((WIDTH, 17)),
-    np.array([[np.inf] * 3 + [-np.inf] * 3] * WIDTH),
-    np.full(WIDTH, CLOSED_FORM, np.int64),
+    np.zeros((LANES, 2), np.int64),
+    np.zeros((LANES, 17)),
+    np.array([[np.inf] * 3 + [-np.inf] * 3] * LANES),
+    np.full(LANES, _KIND["CORE_CLOSED_FORM"], np.int64),
     NO_CORES,
 )
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from rr1plan._kernels.cover import BLOCK
 from rr1plan.checks import Array
+from rr1plan.kernels.structs import constants
+
+BLOCK = constants()["BLOCK_POINTS"]
+"""Corners of a core come in blocks of so many neighbors."""
 
 # Beyond all rounding in a support value.
 _SAFETY = 1.0 + 1e-9

@@ -5,9 +5,6 @@
 // whether a rectangle of cells is free (a summed-area table: Crow, 1984).
 #include "scene_tables.h"
 
-// Cells along each side.
-#define MAP_CELLS 128
-
 // First and last cell along a side that a column of q is in, between two times of the edge; 0 if it leaves the map.
 INLINE int cells_between(const double *curve, int64_t nq, int64_t column, double t0, double t1, double low,
                          double per_unit, int64_t cells, int64_t *first, int64_t *last) {

@@ -26,6 +26,9 @@ typedef struct {
     int64_t map;  // of all its pairs together, shaped like that of the first; -1: none
 } GroupPair;
 
+// Cells of a clearance map along each side.
+enum { MAP_CELLS = 128 };
+
 // Low end of either column of q [rad or m], and cells per rad or m.
 typedef struct {
     double low;

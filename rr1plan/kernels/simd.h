@@ -9,7 +9,7 @@
 
 #include <stdint.h>
 
-#define LANES 8
+enum { LANES = 8 };
 // Bits of all lanes.
 #define ALL_LANES ((uint64_t)0xff)
 

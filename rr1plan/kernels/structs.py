@@ -17,7 +17,15 @@ from typing import Any
 
 FOLDER = Path(__file__).parent
 HEADERS = (
-    *("arm_geometry.h", "obstacle_tables.h", "pair_tables.h", "exact_tables.h", "scene_tables.h"),
+    *(
+        "simd.h",
+        "support_table.h",
+        "arm_geometry.h",
+        "obstacle_tables.h",
+        "pair_tables.h",
+        "exact_tables.h",
+        "scene_tables.h",
+    ),
     *("trees.h", "shortcut.h", "roadmap.h", "chain.h", "arena.h", "path_curve.h"),
 )
 

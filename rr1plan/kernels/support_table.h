@@ -9,9 +9,9 @@
 #include "simd.h"
 
 // Cells along each side of a square.
-#define DIRECTION_CELLS 16
+enum { DIRECTION_CELLS = 16 };
 // Consecutive points of a core are enclosed by a ball in blocks of so many.
-#define BLOCK_POINTS 8
+enum { BLOCK_POINTS = 8 };
 
 // Bits of the points of a core that can be the lowest along directions of its frame, in the lanes given.
 INLINE uint64_t lowest_candidates(const ArmGeometry *arm, int64_t core, Vec8 n, uint64_t lanes) {

@@ -5,7 +5,7 @@ nearest solution; what it finds is counted once, whole turns taken off. Arms wit
 mimic joints, redundant arms and position-only goals are all the same to it. Numerical and random:
 a rare solution next to a limit can be missed, more `attempts` miss fewer.
 
-The whole search is compiled (`rr1plan._kernels.inverse`): a start takes some ten microseconds.
+The whole search is compiled (`inverse_kinematics.c`): a start takes some ten microseconds.
 """
 
 from __future__ import annotations

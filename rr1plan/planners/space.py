@@ -1,6 +1,6 @@
 """Where a planner searches: the joints' limits, without a seam where a joint turns without end.
 
-The compiled planners know that a continuous joint wraps (`rr1plan._kernels.rrt_connect`). For others such joints are
+The compiled planners know that a continuous joint wraps (`rrt_connect.c`). For others such joints are
 unrolled: plain numbers two turns and a half wide around the start, with every copy of a goal that lies within a turn.
 Either way a path may leave over half a turn, does not go the long way round unless it has to, and its waypoints are
 joined by the very lines that were certified.
