@@ -24,11 +24,12 @@ try:
 except ImportError:  # by hand, without hatchling
     BuildHookInterface = object  # type: ignore[assignment,misc]
 
-SOURCES = Path(__file__).parent / "rr1plan" / "kernels"
-BUILT = SOURCES / "built"
+ROOT = Path(__file__).parent
+# The C files that include all others of a library; it is put into the folder `built` beside them.
+UNITS = (ROOT / "rr1plan/kernels/kernels.c", ROOT / "rr1plan/validation/kernels/referee.c")
 # Each floating-point operation is rounded by itself and sums stay in their order: all variants give the same bytes.
 FLAGS = ("-std=gnu99", "-O3", "-ffp-contract=off", "-fno-math-errno")
-LINKING = ("-shared", "-fPIC", "-fvisibility=hidden", "-s")
+LINKING = ("-shared", "-fPIC", "-fvisibility=hidden", "-s", "-lm")
 WASM = ("-target", "wasm32-freestanding", "-msimd128", "-nostdlib", "-Wl,--no-entry", "-Wl,--export-dynamic", "-s")
 VARIANTS = {"x86_64": ("x86_64_v2", "x86_64_v3", "x86_64_v4"), "aarch64": ("aarch64",)}
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
@@ -66,10 +67,11 @@ def target_flags(variant: str) -> list[str]:
     return ["-target", f"{machine()}-{system}", *([f"-mcpu={variant}"] if level else []), *wide]
 
 
-def compile_kernels(out: Path, *flags: str, compiler: list[str] | None = None) -> None:
-    """Compile all kernels into one file.
+def compile_kernels(unit: Path, out: Path, *flags: str, compiler: list[str] | None = None) -> None:
+    """Compile the kernels of one unit into one file.
 
     Args:
+        unit: The C file that includes all others.
         out: The library.
         flags: For the compiler, besides `FLAGS`.
         compiler: The compiler's command (default: CC, else ziglang).
@@ -77,14 +79,13 @@ def compile_kernels(out: Path, *flags: str, compiler: list[str] | None = None) -
     Raises:
         RuntimeError: it failed; with what the compiler wrote.
     """
-    structs = _load_structs()
+    sources = _binding_sources().KernelSources(unit)
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / out.name
-        layouts = structs.layout_source(structs.declared_structs())
-        (Path(folder) / "layout.inc").write_text(layouts, encoding="utf-8")
+        (Path(folder) / "layout.inc").write_text(sources.layout_source(), encoding="utf-8")
         command = [*(compiler or own_compiler() or zig()), *FLAGS, *flags, "-I", folder, "-o", str(made)]
-        done = subprocess.run([*command, str(SOURCES / "kernels.c")], capture_output=True, text=True, check=False)
+        done = subprocess.run([*command, str(unit)], capture_output=True, text=True, check=False)
         if done.returncode:
             raise RuntimeError(f"the kernels cannot be compiled: {shlex.join(command)}\n{done.stdout}{done.stderr}")
         # Whoever has the old library loaded keeps it.
@@ -102,9 +103,10 @@ def build_all() -> list[Path]:
     if machine() not in VARIANTS or sys.platform not in _SYSTEMS:
         raise RuntimeError(f"no kernels for {sys.platform} on {machine()}")
     files = []
-    for variant in VARIANTS[machine()]:
-        files.append(BUILT / f"kernels-{variant}{_SYSTEMS[sys.platform][1]}")
-        compile_kernels(files[-1], *LINKING, *target_flags(variant))
+    for unit in UNITS:
+        for variant in VARIANTS[machine()]:
+            files.append(unit.with_name("built") / f"{unit.stem}-{variant}{_SYSTEMS[sys.platform][1]}")
+            compile_kernels(unit, files[-1], *LINKING, *target_flags(variant))
     return files
 
 
@@ -131,13 +133,13 @@ class KernelsHook(BuildHookInterface):  # type: ignore[misc,valid-type]
         build_data["tag"] = wheel_tag()
 
 
-def _load_structs() -> ModuleType:
-    """`rr1plan.kernels.structs`, without the package, whose requirements are not there while it is built."""
-    spec = importlib.util.spec_from_file_location("_structs", SOURCES / "structs.py")
+def _binding_sources() -> ModuleType:
+    """`rr1plan.binding.sources`, without the package, whose requirements are not there while it is built."""
+    spec = importlib.util.spec_from_file_location("_sources", ROOT / "rr1plan/binding/sources.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["_structs"] = module
+    sys.modules["_sources"] = module
     spec.loader.exec_module(module)
     return module
 

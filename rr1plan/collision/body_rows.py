@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision.carried import Solid
 from rr1plan.collision.solids import occupied_cells
-from rr1plan.kernels.structs import constants
+from rr1plan.kernels.library import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 # Stands for infinity where infinity times zero would be NaN.

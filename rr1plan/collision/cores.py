@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.lowest_corners import corners_per_bit, lowest_corners
 from rr1plan.collision.point_blocks import in_blocks
-from rr1plan.kernels.structs import constants
+from rr1plan.kernels.library import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 _INTS = NDArray[np.int64]

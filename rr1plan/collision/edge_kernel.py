@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.kernel_tables import EdgeTables, ExactTables
-from rr1plan.kernels.library import load_library
-from rr1plan.kernels.memory import CStruct, address_of, zeroed
-from rr1plan.kernels.structs import constants
+from rr1plan.kernels.library import CStruct, address_of, constants, load_library, zeroed
 
 # Intervals of one edge, and those left open, that are kept before the whole edge goes to the exact kernel.
 _INTERVALS = 512

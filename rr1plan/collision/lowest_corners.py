@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
-from rr1plan.kernels.structs import constants
+from rr1plan.kernels.library import constants
 
 # Directions are told apart by so many cells along each side of the two squares (`support_table.h`).
 DIRECTION_CELLS = constants()["DIRECTION_CELLS"]

@@ -18,8 +18,7 @@ from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
 from rr1plan.collision.exact_tables import CarriedTables, carried_tables, chain_reach, joint_motion
 from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
-from rr1plan.kernels.library import load_library
-from rr1plan.kernels.structs import constants
+from rr1plan.kernels.library import constants, load_library
 
 _INTS = NDArray[np.int64]
 # Gaps up to these are told apart [m]; a map takes the least that the padding allows.

@@ -15,7 +15,7 @@ from rr1plan.collision.carried_cover import matrix
 from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, joined_cores
 from rr1plan.collision.exact_tables import carried_tables, standing_rows
 from rr1plan.collision.standing import Standing
-from rr1plan.kernels.structs import constants
+from rr1plan.kernels.library import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 _INTS = NDArray[np.int64]

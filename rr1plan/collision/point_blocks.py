@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.kernels.structs import constants
+from rr1plan.kernels.library import constants
 
 BLOCK = constants()["BLOCK_POINTS"]
 """Corners of a core come in blocks of so many neighbors."""

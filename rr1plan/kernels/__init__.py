@@ -1,4 +1,1 @@
-"""Kernels in C: the certified edge, compiled when the package is built, called through ctypes.
-
-`structs.py` reads the layouts of tables from the headers, `library.py` loads the library made for this processor.
-"""
+"""Kernels in C for planning: collision, planners, inverse kinematics, retiming; compiled when the package is built."""

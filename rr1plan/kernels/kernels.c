@@ -39,7 +39,7 @@
 #include "parameterize.c"
 #include "timed_pieces.c"
 #include "blends.c"
-#include "cpu_level.c"
+#include "../binding/cpu_level.c"
 #include "sines.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.
 #include "layout.inc"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.kernels.memory import CStruct
+from rr1plan.kernels.library import CStruct
 from rr1plan.skeleton import Skeleton, joint_twist
 from rr1plan.transforms import inverse, rotation_about
 

@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.kernels.library import load_library
-from rr1plan.kernels.memory import CStruct
+from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.kinematics.chain import Chain
 
 # A radian counts like this many meters: about the size of an arm.

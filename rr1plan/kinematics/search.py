@@ -8,8 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from rr1plan.checks import Array, positive_number, read_only
-from rr1plan.kernels.library import load_library
-from rr1plan.kernels.memory import CStruct
+from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.kernels.random_state import RandomState
 from rr1plan.kinematics.chain import Chain
 from rr1plan.kinematics.descent import Target, descend, errors_at

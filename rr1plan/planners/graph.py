@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import load_library
-from rr1plan.kernels.memory import CStruct
+from rr1plan.kernels.library import CStruct, constants, load_library
 from rr1plan.kernels.random_state import random_state
-from rr1plan.kernels.structs import constants
 from rr1plan.planners.query import Pace
 from rr1plan.planning import SearchTree
 from rr1plan.scene import Scene

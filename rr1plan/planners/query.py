@@ -9,8 +9,7 @@ import numpy as np
 from rr1plan.checks import Array, Seed, as_seed, counted
 from rr1plan.collision import MotionChecker
 from rr1plan.collision.shelf import give_back, take_checker
-from rr1plan.kernels.library import load_library
-from rr1plan.kernels.structs import constants
+from rr1plan.kernels.library import constants, load_library
 from rr1plan.path import Path
 from rr1plan.planners.goals import GoalSearch, check_start, joint_goals
 from rr1plan.planners.space import Space, joint_space

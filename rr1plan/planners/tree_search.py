@@ -10,10 +10,8 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import load_library
-from rr1plan.kernels.memory import CStruct, address_of
+from rr1plan.kernels.library import CStruct, address_of, constants, load_library
 from rr1plan.kernels.random_state import RandomState, random_state
-from rr1plan.kernels.structs import constants
 from rr1plan.planners.query import NO_LIMIT, Pace, Query
 from rr1plan.planning import SearchTree
 

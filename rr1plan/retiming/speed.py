@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import RetimingError
-from rr1plan.kernels.library import load_library
-from rr1plan.kernels.memory import CStruct
-from rr1plan.kernels.structs import constants
+from rr1plan.kernels.library import CStruct, constants, load_library
 from rr1plan.limits import Limits
 from rr1plan.retiming.blends import DUPLICATE, Curve
 from rr1plan.retiming.pieces import Pieces

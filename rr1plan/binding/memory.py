@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.kernels.structs import Field, declared_structs, item_size, struct_classes
+from rr1plan.binding.sources import KernelSources
 
 # Vectors across two lines of the processor's cache take twice as long.
 _LINE = 64
@@ -28,21 +27,21 @@ class CStruct:
     """A C struct, and all arrays its pointers lead to.
 
     Args:
-        name: Its name in the headers.
+        sources: Where it is declared.
+        name: Its name.
         fields: Values of its fields, see `set`. Those left out are zero.
 
     Attributes:
         value: The struct itself.
         address: Where it is.
-        arrays: The arrays that its pointers lead to.
 
     Raises:
         TypeError: an array that is not what the headers say.
     """
 
-    def __init__(self, name: str, **fields: Any) -> None:
-        self.name = name
-        self.value = struct_classes()[name]()
+    def __init__(self, sources: KernelSources, name: str, **fields: Any) -> None:
+        self.sources, self.name = sources, name
+        self.value = sources.classes[name]()
         self.address = ctypes.addressof(self.value)
         self._kept: dict[str, Any] = {}
         self.set(**fields)
@@ -53,11 +52,10 @@ class CStruct:
         Raises:
             TypeError: an array that is not what the headers say.
         """
-        declared = _declared_fields(self.name)
+        pointers = self.sources.pointers(self.name)
         for key, given in fields.items():
-            field = declared[key]
-            if field.pointer:
-                setattr(self.value, key, address_of(given, field.kind))
+            if key in pointers:
+                setattr(self.value, key, address_of(self.sources, given, pointers[key]))
                 self._kept[key] = given
             else:
                 setattr(self.value, key, given)
@@ -68,15 +66,11 @@ class CStruct:
         return [given for given in self._kept.values() if not isinstance(given, CStruct)]
 
 
-@cache
-def _declared_fields(name: str) -> dict[str, Field]:
-    return {field.name: field for field in declared_structs()[name]}
-
-
-def address_of(given: CStruct | NDArray[Any], kind: str) -> int:
+def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str) -> int:
     """Address of a struct or an array, to be kept alive by the caller.
 
     Args:
+        sources: Where the type is declared.
         given: It.
         kind: The C type of what is there: a struct each of whose items is a row of the array, or a kind of number.
 
@@ -94,18 +88,18 @@ def address_of(given: CStruct | NDArray[Any], kind: str) -> int:
             raise TypeError(f"an array of {given.dtype} is no array of {kind}")
     else:
         row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
-        size = item_size(kind)
+        size = sources.item_size(kind)
         if row != size:
             raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
     address: int = given.__array_interface__["data"][0]
     return address
 
 
-@cache
-def argument_type(kind: str) -> Any:
+def argument_type(sources: KernelSources, kind: str) -> Any:
     """The type of an argument of an exported function, as `ctypes` takes it.
 
     Args:
+        sources: Where the function is declared.
         kind: A kind of number; or, with a `*`, what a pointer leads to: an array, a `CStruct` or an address is given.
     """
     if not kind.endswith("*"):
@@ -118,14 +112,14 @@ def argument_type(kind: str) -> Any:
         @classmethod
         def from_param(cls, given: Any) -> ctypes.c_void_p:
             """What is handed to C."""
-            return ctypes.c_void_p(given if isinstance(given, int) else address_of(given, target))
+            return ctypes.c_void_p(given if isinstance(given, int) else address_of(sources, given, target))
 
     return Pointer
 
 
-def zeroed(kind: str, count: int) -> NDArray[Any]:
+def zeroed(sources: KernelSources, kind: str, count: int) -> NDArray[Any]:
     """Zeroed memory for structs or numbers of a kind, aligned for vectors: a row of bytes or a number for each."""
-    size = item_size(kind)
+    size = sources.item_size(kind)
     room = np.zeros(count * size + _LINE, np.uint8)
     first = -room.__array_interface__["data"][0] % _LINE
     made = room[first : first + count * size]

@@ -1,0 +1,84 @@
+"""Libraries of compiled kernels: the one made for this processor, loaded when it is first needed."""
+
+from __future__ import annotations
+
+import ctypes
+import platform
+import sys
+from functools import cached_property
+from itertools import takewhile
+from pathlib import Path
+
+from rr1plan.binding.memory import argument_type
+from rr1plan.binding.sources import KernelSources
+from rr1plan.errors import InstallationError
+
+_MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
+_SUFFIXES = {"win32": ".dll", "darwin": ".dylib"}
+_LEVELS = (4, 3, 2)
+_RESULTS = {"void": None, "int64_t": ctypes.c_int64, "double": ctypes.c_double}
+HOW_TO_BUILD = "build them with `pip install -e .` or, in a source checkout, `python hatch_build.py`"
+
+
+class KernelLibrary:
+    """A library in its variants: one for each level of the processor.
+
+    Args:
+        sources: What it is made from; the libraries are in the folder `built` beside them.
+    """
+
+    def __init__(self, sources: KernelSources) -> None:
+        self.sources = sources
+        self.folder = sources.unit.with_name("built")
+
+    def variant_file(self, variant: str) -> Path:
+        """Where the library of a variant is: "x86_64_v2", "x86_64_v3", "x86_64_v4" or "aarch64"."""
+        return self.folder / f"{self.sources.unit.stem}-{variant}{_SUFFIXES.get(sys.platform, '.so')}"
+
+    @cached_property
+    def variants(self) -> tuple[str, ...]:
+        """The variants that are built and that this processor can run, the fastest first."""
+        machine = platform.machine().lower()
+        machine = _MACHINES.get(machine, machine)
+        if machine != "x86_64":
+            return tuple(name for name in (machine,) if self.variant_file(name).is_file())
+        base = self.variant_file("x86_64_v2")
+        if not base.is_file():
+            return ()
+        level = int(ctypes.CDLL(str(base)).rr1_cpu_level())
+        names = (f"x86_64_v{k}" for k in _LEVELS if k <= level)
+        return tuple(name for name in names if self.variant_file(name).is_file())
+
+    def load(self, file: Path) -> ctypes.CDLL:
+        """A library, its functions declared.
+
+        Args:
+            file: The library's file.
+
+        Raises:
+            InstallationError: it cannot be loaded, or was built from other headers.
+        """
+        try:
+            library = ctypes.CDLL(str(file))
+            for name, prototype in self.sources.prototypes.items():
+                function = getattr(library, name)
+                function.restype = _RESULTS[prototype.result]
+                function.argtypes = [argument_type(self.sources, kind) for kind in prototype.arguments]
+            expected = self.sources.layout()
+            compiled = (ctypes.c_int64 * (len(expected) + 1)).in_dll(library, "rr1_layout")
+        except (OSError, AttributeError, ValueError) as error:
+            raise InstallationError(f"the compiled kernels {file} cannot be loaded: {error}; {HOW_TO_BUILD}") from error
+        if list(takewhile(lambda number: number >= 0, compiled)) != expected:
+            raise InstallationError(f"the compiled kernels {file} were built from other headers; {HOW_TO_BUILD}")
+        return library
+
+    @cached_property
+    def fastest(self) -> ctypes.CDLL:
+        """The fastest library that this processor can run.
+
+        Raises:
+            InstallationError: none is built, or it cannot be loaded.
+        """
+        if not self.variants:
+            raise InstallationError(f"no compiled kernels for {platform.machine()} in {self.folder}; {HOW_TO_BUILD}")
+        return self.load(self.variant_file(self.variants[0]))

@@ -1,0 +1,21 @@
+// The referee's own kernels as one translation unit. They share no source with those of the planners.
+#include <stddef.h>
+
+#include "referee_tables.h"
+#include "simd.h"
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+#include "gjk.c"
+#include "sweeps.c"
+#include "clearance.c"
+#include "search.c"
+#include "cells.c"
+#include "extremes.c"
+#include "../../binding/cpu_level.c"
+// Offsets of all tables as this compiler has them; made by the build from the headers.
+#include "layout.inc"

@@ -1,0 +1,213 @@
+// Where the bodies are at one time of a motion, and how far they can get around it.
+//
+// Two bounds of how much nearer two bodies can come. The first counts for each joint between them how far it can carry a
+// body, in whatever direction. The second one only concerns the motion along the direction d that separates them. With the
+// joints at q + s t + r (s their speeds, |r| <= R, |q' - q| <= D), a point x of a body is carried along d by
+//
+//     t d . v(x) + e,   |e| <= sum_j rho_j (R_j + D_j^2 / 2 + D_j sum_(i<j) D_i)
+//
+// where v is the velocity field of the body under s, rho_j the largest distance of its points from axis j, and i runs
+// over the turning joints before j. (A turn by D moves a point by D times the velocity and at most D^2 rho / 2 beside it;
+// the turns before it tilt that by at most their sum.) The largest d . (x + t v(x)) over a body is a value of its support
+// function in a direction linear in t, so it is convex in t, and its two ends bound it on the whole interval. The error is
+// of second order: along a motion that slides past an obstacle, few intervals suffice.
+
+// Rounding of the distances between axes and bodies [m].
+#define AXIS_ROUNDING 1e-7
+
+// Value, largest change, deviation from a steady speed and speed of all columns within `half` of a local time.
+static void expand_columns(RefereeSearch *s, int64_t piece, double at, double half) {
+    int64_t degree = s->terms - 1, width = s->column_count;
+    double *terms = s->terms_scratch;
+    for (int64_t c = 0; c < width; c++) {
+        for (int64_t k = 0; k <= degree; k++) terms[k] = s->coefficients[(piece * s->terms + k) * width + c];
+        // Taylor shift by Horner's scheme.
+        for (int64_t i = 0; i < degree; i++)
+            for (int64_t k = degree - 1; k >= i; k--) terms[k] += at * terms[k + 1];
+        double rest = 0.0, power = half;
+        for (int64_t k = 2; k <= degree; k++) {
+            power *= half;
+            rest += fabs(terms[k]) * power;
+        }
+        double speed = degree > 0 ? terms[1] : 0.0;
+        s->columns[c] = (ColumnMotion){terms[0], fabs(speed) * half + rest, rest, speed};
+    }
+}
+
+// Over several pieces: the largest change from the value that is there, with no steady speed.
+static void widen_columns(RefereeSearch *s, int64_t first, int64_t stop) {
+    for (int64_t c = 0; c < s->column_count; c++) {
+        ColumnRange range = s->ranges[first * s->column_count + c];
+        for (int64_t i = first + 1; i < stop; i++) {
+            const ColumnRange *other = &s->ranges[i * s->column_count + c];
+            range.low = lesser(range.low, other->low);
+            range.high = greater(range.high, other->high);
+        }
+        ColumnMotion *column = &s->columns[c];
+        column->change = greater(range.high - column->value, column->value - range.low);
+        column->rest = column->change;
+        column->speed = 0.0;
+    }
+}
+
+// Turn a frame about an axis given in it (Rodrigues).
+static void turn_link(LinkPose *link, const double axis[3], double angle) {
+    double c = cos(angle), s = sin(angle), v = 1.0 - c;
+    double xx = c + v * axis[0] * axis[0], yy = c + v * axis[1] * axis[1], zz = c + v * axis[2] * axis[2];
+    double xy = v * axis[0] * axis[1], xz = v * axis[0] * axis[2], yz = v * axis[1] * axis[2];
+    double sx = s * axis[0], sy = s * axis[1], sz = s * axis[2];
+    for (int i = 0; i < 3; i++) {
+        double *row = &link->rotation[3 * i], x = row[0], y = row[1], z = row[2];
+        row[0] = x * xx + y * (xy + sz) + z * (xz - sy);
+        row[1] = x * (xy - sz) + y * yy + z * (yz + sx);
+        row[2] = x * (xz + sy) + y * (yz - sx) + z * zz;
+    }
+}
+
+// Poses of all links that move, and the axes of the joints that move them.
+static void move_links(RefereeSearch *s) {
+    for (int64_t step = 0; step < s->step_count; step++) {
+        const LinkStep *at = &s->steps[step];
+        const JointFrame *frame = &s->frames[step];
+        const LinkPose *parent = &s->links[at->parent];
+        LinkPose *child = &s->links[at->child];
+        for (int i = 0; i < 3; i++) {
+            const double *row = &parent->rotation[3 * i];
+            for (int j = 0; j < 3; j++)
+                child->rotation[3 * i + j] = row[0] * frame->rotation[j] + row[1] * frame->rotation[3 + j] +
+                                             row[2] * frame->rotation[6 + j];
+            double shift = row[0] * frame->shift[0] + row[1] * frame->shift[1] + row[2] * frame->shift[2];
+            child->origin[i] = parent->origin[i] + shift;
+        }
+        if (at->joint < 0) continue;
+        JointState *state = &s->states[at->joint];
+        for (int i = 0; i < 3; i++) {
+            const double *row = &child->rotation[3 * i];
+            state->axis[i] = row[0] * frame->axis[0] + row[1] * frame->axis[1] + row[2] * frame->axis[2];
+            state->pivot[i] = child->origin[i];
+        }
+        const ColumnMotion *column = &s->columns[s->joints[at->joint].column];
+        double value = frame->offset + frame->gain * column->value, size = fabs(frame->gain);
+        if (at->move == MOVE_SLIDES) {
+            for (int i = 0; i < 3; i++) child->origin[i] += value * state->axis[i];
+        } else {
+            turn_link(child, frame->axis, value);
+        }
+        state->change = size * column->change;
+        state->rest = size * column->rest;
+        state->speed = frame->gain * column->speed;
+    }
+}
+
+// The state of a joint; of none, the one at rest.
+static inline JointState *state_of(const RefereeSearch *s, int64_t joint) {
+    return &s->states[joint < 0 ? s->joint_count : joint];
+}
+
+// Velocity of what each joint carries, under it and all joints before it.
+static void add_velocities(RefereeSearch *s) {
+    for (int64_t j = 0; j < s->joint_count; j++) {
+        JointState *state = &s->states[j];
+        const JointState *before = state_of(s, s->joints[j].before);
+        const double *axis = state->axis, *p = state->pivot;
+        double speed = state->speed;
+        for (int i = 0; i < 3; i++) {
+            state->angular[i] = before->angular[i];
+            state->linear[i] = before->linear[i];
+        }
+        if (s->joints[j].move == MOVE_SLIDES) {
+            for (int i = 0; i < 3; i++) state->linear[i] += speed * axis[i];
+        } else {
+            for (int i = 0; i < 3; i++) state->angular[i] += speed * axis[i];
+            state->linear[0] += speed * (p[1] * axis[2] - p[2] * axis[1]);
+            state->linear[1] += speed * (p[2] * axis[0] - p[0] * axis[2]);
+            state->linear[2] += speed * (p[0] * axis[1] - p[1] * axis[0]);
+        }
+    }
+}
+
+// World pose of a body, and the center of its bounding ball.
+static void place_body(RefereeSearch *s, int64_t b) {
+    const LinkPose *link = &s->links[s->bodies.bodies[b].link];
+    const BodySizes *size = &s->bodies.sizes[b];
+    PlacedBody *placed = &s->placed[b];
+    for (int i = 0; i < 3; i++) {
+        const double *row = &link->rotation[3 * i], *r = size->rotation, *o = size->origin, *c = size->center;
+        for (int j = 0; j < 3; j++) placed->rotation[3 * i + j] = row[0] * r[j] + row[1] * r[3 + j] + row[2] * r[6 + j];
+        placed->origin[i] = link->origin[i] + row[0] * o[0] + row[1] * o[1] + row[2] * o[2];
+        placed->middle[i] = link->origin[i] + row[0] * c[0] + row[1] * c[1] + row[2] * c[2];
+    }
+}
+
+// How far a body reaches from each joint of its chain, and how far that joint and those after it carry it.
+static void sweep_body(RefereeSearch *s, int64_t b) {
+    const RefereeBody *body = &s->bodies.bodies[b];
+    const double *middle = s->placed[b].middle;
+    Sweep *sweeps = s->sweeps + b * s->sweep_stride;
+    sweeps[body->depth].carried = 0.0;
+    for (int64_t i = body->depth - 1; i >= 0; i--) {
+        int64_t j = s->chains[body->first_joint + i];
+        const JointState *state = &s->states[j];
+        if (s->joints[j].move == MOVE_SLIDES) {
+            sweeps[i] = (Sweep){1.0, sweeps[i + 1].carried + state->change};
+            continue;
+        }
+        double x = middle[0] - state->pivot[0], y = middle[1] - state->pivot[1], z = middle[2] - state->pivot[2];
+        double along = x * state->axis[0] + y * state->axis[1] + z * state->axis[2];
+        double across = sqrt(greater(0.0, x * x + y * y + z * z - along * along)) + s->bodies.sizes[b].radius +
+                        AXIS_ROUNDING;
+        // A chord is never longer than the arc, nor than the diameter.
+        sweeps[i] = (Sweep){across, sweeps[i + 1].carried + lesser(state->change, 2.0) * across};
+    }
+}
+
+// What a body can move beside its steady velocity, by the joints of its chain from `shared` on [m].
+static double unsteadiness(const RefereeSearch *s, int64_t b, int64_t shared) {
+    const RefereeBody *body = &s->bodies.bodies[b];
+    const Sweep *sweeps = s->sweeps + b * s->sweep_stride;
+    double total = 0.0, tilt = 0.0;
+    for (int64_t i = shared; i < body->depth; i++) {
+        int64_t j = s->chains[body->first_joint + i];
+        double change = s->states[j].change, rest = s->states[j].rest;
+        if (s->joints[j].move == MOVE_SLIDES) {
+            total += rest + tilt * change;
+        } else {
+            total += sweeps[i].reach * (rest + change * (0.5 * change + tilt));
+            tilt += change;
+        }
+    }
+    return total;
+}
+
+// Support of a body along d, from its frame's origin, after `time` at its steady velocity: that under the joints up to
+// the last that carries it, less that under those up to `shared`.
+static double steady_reach(const RefereeSearch *s, int64_t b, int64_t last, int64_t shared, double time, Direction d) {
+    const JointState *end = state_of(s, last), *begin = state_of(s, shared);
+    const double *p = s->placed[b].origin;
+    double wx = end->angular[0] - begin->angular[0], wy = end->angular[1] - begin->angular[1];
+    double wz = end->angular[2] - begin->angular[2];
+    double vx = end->linear[0] - begin->linear[0] + wy * p[2] - wz * p[1];
+    double vy = end->linear[1] - begin->linear[1] + wz * p[0] - wx * p[2];
+    double vz = end->linear[2] - begin->linear[2] + wx * p[1] - wy * p[0];
+    double moved = time * (d.x * vx + d.y * vy + d.z * vz);
+    // d . (w x r) = (d x w) . r
+    Direction turned = {
+        d.x + time * (d.y * wz - d.z * wy),
+        d.y + time * (d.z * wx - d.x * wz),
+        d.z + time * (d.x * wy - d.y * wx),
+    };
+    return moved + body_reach(&s->bodies, s->placed, b, turned);
+}
+
+// Distance of the center of body b from the bounding box of body a [m]; 0 inside.
+static double box_distance(const RefereeSearch *s, int64_t a, int64_t b) {
+    const PlacedBody *box = &s->placed[a];
+    const double *p = s->placed[b].middle, *q = box->middle;
+    double x = p[0] - q[0], y = p[1] - q[1], z = p[2] - q[2], total = 0.0;
+    for (int j = 0; j < 3; j++) {
+        double along = box->rotation[j] * x + box->rotation[3 + j] * y + box->rotation[6 + j] * z;
+        double outside = fabs(along) - s->bodies.sizes[a].box[j];
+        if (outside > 0.0) total += outside * outside;
+    }
+    return sqrt(total);
+}
