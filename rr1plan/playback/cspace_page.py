@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, counted
+from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import SearchTree
 from rr1plan.playback.cspace_colors import layer_colors
 from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace_images import SELF
+from rr1plan.playback.cspace_verdict import tone, verdict
 from rr1plan.playback.outlines import silhouette
 from rr1plan.playback.search_trees import trees_of
 from rr1plan.playback.viewer.document import Document, pack, view_document
@@ -143,10 +144,11 @@ def _data(cspace: CSpace, names: tuple[str, str], planar: dict[str, Any] | None)
         "shares": shares,
         "start": None if cspace.start is None else cspace.start.tolist(),
         "goals": [goal.tolist() for goal in cspace.goals],
+        "goalNames": list(cspace.goal_names),
         "waypoints": None if cspace.path is None else pack(cspace.path, "f8"),
         "tree": None if cspace.tree is None else _tree(cspace.tree, cspace),
         "verdict": verdict(cspace),
-        "proof": cspace.proves_no_path,
+        "tone": tone(cspace),
         "planar": planar,
     }
 
@@ -247,35 +249,3 @@ def _names(grid: CSpaceGrid, height: float) -> list[dict[str, Any]]:
             middle = np.mean([shadow.mean(axis=0) for shadow in shadows], axis=0)
             named.append({"name": name, "color": colors[name], "place": [*middle.tolist(), height]})
     return named
-
-
-def verdict(cspace: CSpace) -> str:
-    """One sentence about the question: whether start and goal lie in the same component of free space."""
-    grid = cspace.grid
-    count = f"{counted(grid.components, 'component')} of free space"
-    if cspace.start is None or not cspace.goals:
-        return f"{grid.free.mean():.0%} of all configurations are free, in {count}."
-    if not grid.component_of(cspace.start):
-        return f"The start is not free: {' and '.join(grid.why_not_free(cspace.start))}."
-    if cspace.proves_no_path:
-        if not any(grid.component_of(goal) for goal in cspace.goals):
-            return "No path exists: no configuration that reaches the goal is free."
-        cells = " × ".join(str(n) for n in grid.free.shape)
-        return (
-            "No path exists: start and goal are both free, but lie in different components of free space "
-            f"(on {cells} cells)."
-        )
-    seam = "; the path leads over the seam" if _crosses_seam(cspace) else ""
-    return f"Start and goal lie in the same component of free space{seam}."
-
-
-def _crosses_seam(cspace: CSpace) -> bool:
-    """Whether the path leaves the square somewhere and comes in again at the other side."""
-    if cspace.path is None:
-        return False
-    for axis, (centres, closes) in enumerate(zip(cspace.grid.axes, cspace.grid.periodic, strict=True)):
-        step = centres[1] - centres[0]
-        turns = np.floor((cspace.path[:, axis] - centres[0] + 0.5 * step) / (step * len(centres)))
-        if closes and len(np.unique(turns)) > 1:
-            return True
-    return False

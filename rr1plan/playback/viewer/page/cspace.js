@@ -19,7 +19,7 @@ class Lesson {
     this.sides = data.tree ? viewer.unpack(data.tree.sides).values : [];
     this.grown = this.tree.length;
     this.showTree = this.tree.length > 0;
-    this.tinted = data.proof;
+    this.tinted = data.tone === "bad";
     this.only = -1;
     this.pinned = -1;
     this.pointer = null;
@@ -133,10 +133,8 @@ class Lesson {
   fillVerdict() {
     const text = part(".verdict");
     text.textContent = data.verdict;
-    const known = data.start !== null && data.goals.length > 0;
-    text.classList.toggle("bad", data.proof);
-    text.classList.toggle("good", known && !data.proof && this.place(data.start).free);
-    if (!data.proof) return;
+    for (const tone of ["good", "bad", "open"]) text.classList.toggle(tone, data.tone === tone);
+    if (data.tone !== "bad" || !this.place(data.start).free) return;
     const chip = (q) => {
       const swatch = make("i"), label = this.place(q).part;
       swatch.style.background = label ? PARTS[Math.min(label, PARTS.length) - 1] : "#fff";
@@ -441,7 +439,7 @@ class Lesson {
   }
 
   drawLabels(pen) {
-    const marks = data.goals.map((goal, k) => [goal, data.goals.length > 1 ? `goal ${k + 1}` : "goal", GOAL]);
+    const marks = data.goals.map((goal, k) => [goal, data.goalNames[k], GOAL]);
     if (data.start) marks.push([data.start, "start", START]);
     const { x, y, size } = this.plot;
     pen.save();
