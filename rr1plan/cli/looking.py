@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import rr1plan
+from rr1plan.checks import counted
 from rr1plan.cli.console import Console, Stopwatch, milliseconds
 from rr1plan.library import load_problems, load_robot, load_scene, robot_names, scene_names
 from rr1plan.robot import Robot
@@ -72,7 +73,10 @@ def _finite(value: float) -> float | None:
 
 def _say_robot(robot: Robot, console: Console) -> None:
     values = _robot_values(robot)
-    console.say(f"{robot.name}: {len(robot.links)} links, {values['mass']:.2f} kg, tool {robot.tool}")
+    estimated = (
+        f" ({counted(len(robot.links_of_assumed_mass), 'link')} estimated)" if robot.links_of_assumed_mass else ""
+    )
+    console.say(f"{robot.name}: {len(robot.links)} links, {values['mass']:.2f} kg{estimated}, tool {robot.tool}")
     columns = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
     rows = [
         (j["name"], j["kind"], *("-" if j[c] is None else f"{j[c]:.4g}" for c in columns)) for j in values["joints"]

@@ -10,6 +10,7 @@ import numpy as np
 
 from rr1plan.checks import Array, known_name
 from rr1plan.errors import InputError
+from rr1plan.formats.masses import with_assumed_masses
 from rr1plan.formats.srdf import Semantics
 from rr1plan.formats.srdf_proposal import (
     free_configuration,
@@ -84,6 +85,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         named_held=_held_states(known, held),
         source=tree.source,
     )
+    robot = with_assumed_masses(robot)
     never = _jammed_pairs(robot) if known.disabled else _sampled_pairs(robot)
     robot = replace(robot, never_collide=robot.never_collide | never)
     if "home" not in states:

@@ -136,7 +136,7 @@ class LinkBodies:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._shapes = {
-            link.name: [(_coal_shape(g.shape), np.array(g.pose)) for g in link.collisions]
+            link.name: [(coal_shape(g.shape), np.array(g.pose)) for g in link.collisions]
             for link in robot.links
             if link.collisions
         }
@@ -187,8 +187,12 @@ def _transform(T: Array) -> Any:
     return coal.Transform3s(T[:3, :3], T[:3, 3])
 
 
-def _coal_shape(shape: Shape) -> Any:
-    """A link's shape as a Coal geometry (link meshes are convex)."""
+def coal_shape(shape: Shape) -> Any:
+    """A link's shape as a Coal geometry; of a mesh, which has to be convex, a convex one.
+
+    Raises:
+        InputError: a half-space or a point cloud.
+    """
     if isinstance(shape, Box):
         return coal.Box(*shape.size)
     if isinstance(shape, Sphere):
