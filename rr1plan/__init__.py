@@ -17,6 +17,8 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rr1plan.imports import import_clock
+
 if TYPE_CHECKING:
     from rr1plan import multi as multi
     from rr1plan import playback as playback
@@ -160,11 +162,12 @@ __all__ = ["__version__", *_SUBMODULES, *_HOME]
 
 def __getattr__(name: str) -> Any:
     """Load a public name on first use."""
-    if name in _SUBMODULES:
-        return import_module(f"rr1plan.{name}")
-    if name not in _HOME:
+    if name not in _SUBMODULES and name not in _HOME:
         raise AttributeError(f"module 'rr1plan' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
-    value = getattr(import_module(_HOME[name]), name)
+    with import_clock.running():
+        if name in _SUBMODULES:
+            return import_module(f"rr1plan.{name}")
+        value = getattr(import_module(_HOME[name]), name)
     globals()[name] = value
     return value
 

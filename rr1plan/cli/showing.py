@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import rr1plan as rp
-from rr1plan.cli.console import Console, Stopwatch, milliseconds
+from rr1plan.checks import counted
+from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.planning import named_query, summary, told_to
 from rr1plan.errors import InputError
 from rr1plan.formats import plan_files
@@ -21,13 +22,12 @@ _TREE: dict[str, Any] = {"tree": True, "range": 0.15}
 def demo(options: Namespace, console: Console) -> int:
     """From a question to a certified, replayed, visible motion, saying what was done and how long it took."""
     folder = Path(options.output)
-    watch = Stopwatch()
-    console.say("rr1plan demo")
+    watch = console.watch
     with watch.stage("load the scene"):
         problem = named_query(options.scene, options.query)
     scene = problem.scene
-    things = len(scene.obstacles)
-    console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {things} obstacle{'s' if things != 1 else ''}")
+    console.say("rr1plan demo")
+    console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {counted(len(scene.obstacles), 'obstacle')}")
     with watch.stage("plan, shorten, retime, validate"), console.progress("planning") as advance:
         motion = plan_motion(problem, rng=options.seed, progress=told_to(advance))
     if not motion.result.solved:
@@ -71,7 +71,7 @@ def _write_demo(folder: Path, motion: MotionPlan) -> dict[str, Path]:
 def view(options: Namespace, console: Console) -> int:
     """A scene or a saved motion in the browser, or as one offline page."""
     scene, extra = _what(options.what)
-    if options.html:
+    if options.html is not None:
         file = rp.save_html(options.html, scene, spheres=options.spheres, **extra)
         console.say(f"page: {file}")
         console.result({"page": str(file)})
