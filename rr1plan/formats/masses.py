@@ -12,7 +12,7 @@ import pinocchio as pin
 from rr1plan.checks import read_only
 from rr1plan.errors import InputError
 from rr1plan.formats.convex import convex_hull
-from rr1plan.formats.srdf_proposal import coal_shape
+from rr1plan.formats.link_contacts import coal_shape
 from rr1plan.robot import Geometry, Inertial, Link, Robot
 from rr1plan.shapes import Mesh
 

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rr1plan.checks import Array, known_name
+from rr1plan.checks import Array, as_generator, known_name
 from rr1plan.errors import InputError
 from rr1plan.formats.masses import with_assumed_masses
 from rr1plan.formats.srdf import Semantics
 from rr1plan.formats.srdf_proposal import (
     free_configuration,
     jammed_pairs,
-    propose_never_collide,
     rigid_pairs,
+    sampled_reasons,
     touching_links,
 )
 from rr1plan.formats.urdf import Tree
@@ -112,7 +112,7 @@ def _listed(pairs: Iterable[frozenset[str]]) -> str:
 
 def _sampled_pairs(robot: Robot) -> frozenset[frozenset[str]]:
     """The pairs a robot without an SRDF needs no check of: neighbours, and links that always touch."""
-    proposal = propose_never_collide(robot, SAMPLES, rng=0)
+    proposal, _ = sampled_reasons(robot, SAMPLES, as_generator(0))
     always = [pair for pair, reason in proposal.items() if reason == "Always"]
     if always:
         log.info("%s: always touching, not checked: %s", robot.name, _listed(always))
