@@ -157,7 +157,7 @@ class CSpace(Value):
 
     def show(self, **options: Any) -> Any:
         """Open the same page live and print its address; end a script with `show().wait()`."""
-        from rr1plan.playback.cspace_page import show_page
+        from rr1plan.playback.cspace_viewer import show_page
 
         return show_page(self, **options)
 

@@ -97,8 +97,8 @@ class Viewer:
         document = view_document(
             scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
         )
-        self._scene, self._document = scene, document
         self._server.set_document(document)
+        self._scene, self._document = scene, document
 
     def update(self, q: Any) -> None:
         """Put the arms somewhere, at once and as often as you like; pages show the newest.

@@ -7,6 +7,7 @@
 //   viewer.at(t)                                  the configuration of the motion at a time (null without one)
 //   viewer.on("change", f)                        f(q, time, manual) whenever the configuration shown changes
 //   viewer.on("load", f)                          f(document) after a document was loaded
+//   viewer.on("data", f)                          f() when the program has put other data into the panels' `data`
 //   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column after column
 //   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
 //   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, collisions,
@@ -19,7 +20,8 @@ class Viewer {
   constructor() {
     this.THREE = THREE;
     this.unpack = unpack;
-    this.listeners = { change: [], load: [] };
+    this.listeners = { change: [], load: [], data: [] };
+    this.panelData = {};
     this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres"]);
     this.byArm = true;
     this.stage = new Stage(find("pane"));
@@ -51,10 +53,18 @@ class Viewer {
     if (track) track.at(track.start, this.q);
     this.world = new World(doc, this.kinematics);
     this.build(track);
+    this.fillPanels(doc.panels);
     this.controls.load(doc);
     this.show();
     if (!keep || !this.framed) this.look();
     for (const f of this.listeners.load) f(doc);
+  }
+
+  /** Puts new data into the objects that panels hold, by the name of the panel. */
+  fillPanels(panels) {
+    if (!panels) return;
+    for (const [name, data] of Object.entries(panels)) Object.assign(this.panelData[name] || {}, data);
+    for (const f of this.listeners.data) f();
   }
 
   build(track) {
@@ -227,7 +237,10 @@ const viewer = new Viewer();
 window.RR1 = viewer;
 viewer.load(JSON.parse(find("document").textContent));
 if (settings.view) viewer.look(settings.view);
-for (const panel of settings.panels) mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
+for (const panel of settings.panels) {
+  viewer.panelData[panel.name] = panel.data;
+  mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
+}
 if (settings.live) viewer.live = new Live(viewer, settings.version);
 const wishes = new URLSearchParams(location.hash.slice(1));
 if (wishes.has("bare")) document.body.classList.add("bare");
