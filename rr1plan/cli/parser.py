@@ -56,6 +56,7 @@ def _demo(parser: Parser) -> None:
     parser.add_argument("--scene", default="rr1_cluttered", help="a scene with a query (%(default)s)")
     parser.add_argument("--query", help="a query of that scene (default: its first)")
     parser.add_argument("--seed", type=_seed, default=0, help="seed of the planner (%(default)s)")
+    _view_from(parser, "of the page")
 
 
 def _plan(parser: Parser) -> None:
@@ -73,9 +74,22 @@ def _plan(parser: Parser) -> None:
     parser.add_argument("--csv", type=_file, metavar="FILE", help="save the trajectory as CSV")
     parser.add_argument("--html", type=_file, metavar="FILE", help="save a page that plays the motion offline")
     parser.add_argument("--spheres", action="store_true", help="with --html: show the spheres that contain each link")
+    _view_from(parser, "of the page, with --html")
     parser.needs("--spheres", "--html")
+    parser.needs("--view", "--html")
     parser.different_files("scene", "--output", "--csv", "--html")
     parser.details = lambda: f"{_planners()}\n\n{_retimings()}\n\n{_EXIT_CODES}"
+
+
+def _view_from(parser: Parser, of: str) -> None:
+    """The option that says where a page is looked at from first."""
+    parser.add_argument(
+        "--view",
+        nargs="+",
+        metavar="V",
+        help=f"first view {of}: front, back, left, right, top or corner; azimuth and elevation [rad]; or a direction "
+        "x y z (default: one that shows the motion)",
+    )
 
 
 def _query(parser: Parser) -> None:
@@ -113,6 +127,7 @@ def _view(parser: Parser) -> None:
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.add_argument("--html", type=_file, metavar="FILE", help="write an offline page instead of serving one")
     parser.add_argument("--spheres", action="store_true", help="show the spheres that contain each link")
+    _view_from(parser, "of the page")
     parser.excludes("--html", "--port", "--no-browser")
     parser.different_files("what", "--html")
 

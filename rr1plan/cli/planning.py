@@ -24,6 +24,7 @@ _BAD_QUESTION = (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
 
 def plan(options: Namespace, console: Console) -> int:
     """Plan a motion, prove it, and save what was asked for."""
+    view = first_view(options.view)
     if options.no_shorten and options.planner == "cartesian":
         raise InputError("--no-shorten has no effect with --planner cartesian, whose paths are never shortened")
     with console.watch.stage("load the scene"):
@@ -47,7 +48,7 @@ def plan(options: Namespace, console: Console) -> int:
     files: Mapping[str, str] = {}
     if not options.given.isdisjoint(("--output", "--csv", "--html")):
         with console.watch.stage("write the files"):
-            files = _save(motion, options)
+            files = _save(motion, options, view)
     motion = with_stages(motion, console.watch.seconds)
     console.say(str(motion))
     for kind, file in files.items():
@@ -100,14 +101,26 @@ def named_query(scene: str, name: str | None) -> Problem:
     return queries[name]
 
 
-def _words(values: list[str]) -> Any:
-    """A configuration's name, or its numbers."""
+def first_view(values: list[str] | None) -> Any:
+    """The view of a page as `save_html` takes it; None where none is given.
+
+    Raises:
+        UnknownNameError: no such view.
+        InputError: numbers that are no angles or no direction.
+    """
+    from rr1plan.playback.viewer.camera import check_view
+
+    return None if values is None else check_view(_words(values, "a view's name"))
+
+
+def _words(values: list[str], name: str = "a configuration's name") -> Any:
+    """A name, or numbers."""
     try:
         return [float(value) for value in values]
     except ValueError:
         if len(values) == 1:
             return values[0]
-        raise InputError(f"{' '.join(values)!r} is neither a configuration's name nor numbers") from None
+        raise InputError(f"{' '.join(values)!r} is neither {name} nor numbers") from None
 
 
 def with_limits(problem: Problem, preset: str) -> Problem:
@@ -149,14 +162,14 @@ def _no_plan(motion: MotionPlan, console: Console) -> int:
     return code
 
 
-def _save(motion: MotionPlan, options: Namespace) -> Mapping[str, str]:
+def _save(motion: MotionPlan, options: Namespace, view: Any) -> Mapping[str, str]:
     files = {}
     if options.output is not None:
         files["motion"] = str(motion.save(options.output))
     if options.csv is not None:
         files["csv"] = str(plan_files.save_csv(options.csv, motion.trajectory))
     if options.html is not None:
-        files["page"] = str(motion.save_html(options.html, spheres=options.spheres))
+        files["page"] = str(motion.save_html(options.html, spheres=options.spheres, view=view))
     return files
 
 

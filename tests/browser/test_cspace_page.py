@@ -401,3 +401,24 @@ def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: 
         wait_until(tab.page, READY)
         seen("Array.from(RR1.lesson.cells.bits).filter((b) => b === 0).length", int(first.grid.free.sum()))
     assert tab.complaints == []
+
+
+@pytest.mark.parametrize(("width", "height", "radius"), [(800, 600, 170), (1024, 600, 170), (390, 844, 90)])
+def test_both_pictures_are_large_in_a_small_window(
+    tab: Any, page_file: FilePath, width: int, height: int, radius: int
+) -> None:
+    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.page.goto(page_file.as_uri())
+    wait_until(tab.page, READY)
+    base, reach = (in_view(tab, [x, 0.0, 0.0]) for x in (0.0, 1.7))
+    assert reach[0] - base[0] > radius
+    assert reach[0] < width
+    assert min(base[1], tab.page.locator("#bar").bounding_box()["y"] - base[1]) > radius
+    canvas = tab.page.locator("#panel-cspace canvas").bounding_box()
+    assert min(canvas["width"], canvas["height"]) > 0.4 * min(width, height)
+    assert canvas["y"] + canvas["height"] <= height
+    tools = [tab.page.locator(f"#panel-cspace {part}").bounding_box() for part in (".tools", ".grow", ".verdict")]
+    assert all(box["x"] >= 0.0 and box["x"] + box["width"] <= width for box in tools)
+    if width > height:
+        assert max(box["y"] + box["height"] for box in tools) <= height
+    assert tab.complaints == []

@@ -84,6 +84,10 @@ def test_questions_may_be_asked_in_many_ways(
         (["validate", "missing.json"], "no such file"),
         (["play", "missing.json"], "no such file"),
         (["view", "missing.json", "--no-browser"], "no such file"),
+        (["plan", "rr1_table", "--html", "a.html", "--view", "tpo"], "Did you mean 'top'"),
+        (["view", "rr1_table", "--html", "a.html", "--view", "45", "30"], "expected angles [rad]"),
+        (["view", "rr1_table", "--html", "a.html", "--view", "left", "right"], "neither a view's name nor numbers"),
+        (["demo", "--view", "1"], "view"),
         (["robots", "rr2"], "Did you mean 'rr1'"),
         (["scenes", "rr1_shelve"], "Did you mean 'rr1_shelf'"),
         (["cspace", "planar2r_path", "--joints", "joint1", "joint9", "--resolution", "8"], "joint9"),
@@ -170,6 +174,24 @@ def test_view_writes_an_offline_page_of_a_scene_or_a_motion(motion: Path) -> Non
     assert run(["view", str(motion), "--html", "motion.html"]) == OK
     assert "http://" not in Path("scene.html").read_text()[:2000]
     assert Path("motion.html").stat().st_size > 100_000
+
+
+@pytest.mark.parametrize(
+    ("command", "page"),
+    [
+        (["view", "rr1_shelf", "--html", "page.html"], "page.html"),
+        (["plan", "rr1_table", "--html", "page.html"], "page.html"),
+        (["demo", "--output", "out"], "out/motion.html"),
+    ],
+)
+def test_pages_are_looked_at_from_the_view_that_is_given(command: list[str], page: str) -> None:
+    for words, direction in (
+        (["left"], "[-1.0,0.0,0.0]"),
+        (["-1.5", "0.0"], "[0.07"),
+        (["0", "-1", "2"], "[0.0,-1.0,2.0]"),
+    ):
+        assert run([*command, "--view", *words]) == OK
+        assert f'"version":0,"view":{direction}' in Path(page).read_text()
 
 
 def test_spheres_are_put_on_pages_when_asked_for(motion: Path) -> None:

@@ -6,15 +6,14 @@ class Workspace {
   constructor() {
     const { stage } = viewer;
     this.turned = false;
-    this.usual = { margins: stage.margins, intensity: stage.key.intensity };
+    this.usual = stage.key.intensity;
   }
 
   /** Takes in the lengths of the arm, and makes a view without cards, lit so that obstacles look like their images. */
   prepare() {
     const { stage } = viewer, planar = Boolean(data.planar);
     document.body.classList.toggle("lesson", planar);
-    stage.margins = planar ? () => [0.03, 0.03, 0.03, 0.04 + 84 / (stage.pane.clientHeight || 1)] : this.usual.margins;
-    stage.key.intensity = planar ? 0.42 : this.usual.intensity;
+    stage.key.intensity = planar ? 0.42 : this.usual;
     if (!planar) return;
     const { bars, senses } = data.planar;
     this.lengths = bars.map(([x, y]) => Math.hypot(x, y));
@@ -107,7 +106,7 @@ class Workspace {
   look() {
     const { base, height } = data.planar, r = 1.14 * this.outer, { THREE } = viewer;
     const box = new THREE.Box3(new THREE.Vector3(base[0] - r, base[1] - r, height), new THREE.Vector3(base[0] + r, base[1] + r, height));
-    Object.assign(viewer.extent, { near: box, whole: box });
+    Object.assign(viewer.extent, { framed: cornersOf(box), whole: box, target: null });
     viewer.look([0, 0, 1]);
   }
 
