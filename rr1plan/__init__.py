@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from rr1plan.kinematics import Kinematics as Kinematics
     from rr1plan.kinematics import copies_within_limits as copies_within_limits
     from rr1plan.kinematics import solve_ik as solve_ik
+    from rr1plan.library import installed_robot_names as installed_robot_names
     from rr1plan.library import load_problems as load_problems
     from rr1plan.library import load_robot as load_robot
     from rr1plan.library import load_scene as load_scene
@@ -136,7 +137,15 @@ _EXPORTS = {
     "rr1plan.formats.point_files": ("load_point_cloud",),
     "rr1plan.formats.srdf_proposal": ("propose_never_collide",),
     "rr1plan.kinematics": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
-    "rr1plan.library": ("load_problems", "load_robot", "load_scene", "robot_names", "save_scene", "scene_names"),
+    "rr1plan.library": (
+        "installed_robot_names",
+        "load_problems",
+        "load_robot",
+        "load_scene",
+        "robot_names",
+        "save_scene",
+        "scene_names",
+    ),
     "rr1plan.limits": ("Limits",),
     "rr1plan.multi": ("place_grid", "place_ring"),
     "rr1plan.path": ("Path",),

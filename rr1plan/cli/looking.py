@@ -7,6 +7,7 @@ import platform
 import shutil
 import sys
 from argparse import Namespace
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 import rr1plan
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console, Stopwatch, milliseconds
+from rr1plan.formats.robot_data import PACKAGE, installed_robots
 from rr1plan.library import load_problems, load_robot, load_scene, robot_names, scene_names
 from rr1plan.robot import Robot
 
@@ -40,7 +42,12 @@ def robots(options: Namespace, console: Console) -> int:
     values = [_robot_values(load_robot(name)) for name in robot_names()]
     rows = [(v["name"], str(len(v["joints"])), str(v["links"]), ", ".join(v["presets"]) or "-") for v in values]
     console.table(("robot", "joints", "links", "limit presets"), rows)
-    console.result(values)
+    installed = installed_robots()
+    if installed:
+        console.say(f"\nof the package {PACKAGE} {_version(PACKAGE)}:\n{fill(', '.join(installed), 100)}")
+    else:
+        console.say("\nmore come with: pip install 'rr1plan[robots]'")
+    console.result([*values, *({"name": name, "source": str(robot.urdf)} for name, robot in installed.items())])
     return 0
 
 

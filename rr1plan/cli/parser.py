@@ -148,7 +148,9 @@ def _cspace(parser: Parser) -> None:
 
 
 def _robots(parser: Parser) -> None:
-    parser.add_argument("robot", metavar="ROBOT", nargs="?", help="a shipped robot, or a URDF or xacro file")
+    parser.add_argument(
+        "robot", metavar="ROBOT", nargs="?", help="a shipped or installed robot, or a URDF or xacro file"
+    )
 
 
 def _scenes(parser: Parser) -> None:
@@ -206,7 +208,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     "robots": (
         "looking.robots",
         "list the robots, or describe one",
-        ("rr1plan robots", "rr1plan robots rr1", "rr1plan robots arm.urdf"),
+        ("rr1plan robots", "rr1plan robots rr1", "rr1plan robots ur5", "rr1plan robots arm.urdf"),
         _robots,
     ),
     "scenes": (

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rr1plan.cli import BAD_INPUT, INVALID_PLAN, NO_PLAN, OK, run
-from rr1plan.library import robot_names, scene_names
+from rr1plan.library import installed_robot_names, robot_names, scene_names
 
 
 def answer(capsys: pytest.CaptureFixture[str]) -> dict:
@@ -214,7 +214,9 @@ def test_cspace_draws_and_proves(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["robots", "--json"]) == OK
-    assert [robot["name"] for robot in answer(capsys)] == list(robot_names())
+    robots = answer(capsys)
+    assert [robot["name"] for robot in robots if "joints" in robot] == list(robot_names())
+    assert [robot["name"] for robot in robots if "joints" not in robot] == list(installed_robot_names())
     assert run(["scenes", "--json"]) == OK
     assert [scene["name"] for scene in answer(capsys)] == list(scene_names())
     assert run(["doctor", "--json"]) == OK
