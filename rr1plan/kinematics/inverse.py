@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan._kernels.generator import generator_state
-from rr1plan.checks import DEGREES, Array, Seed, Value, as_seed, counted, finite_array, of_kind, read_only
+from rr1plan.checks import Array, Seed, Value, as_seed, counted, finite_array, of_kind, read_only
 from rr1plan.errors import InputError
 from rr1plan.kinematics.chain import chain_of
 from rr1plan.kinematics.descent import Target, descend, errors_at, position_at
@@ -191,7 +191,7 @@ def describe_excess(robot: Robot, q: Array) -> str:
             bounds = f"[{limits.lower[j]:.6g}, {limits.upper[j]:.6g}]"
             parts.append(f"joint {name!r} at {q[j]:.6g} {unit}, outside {bounds} by {over:.3g} {unit}")
             degrees |= unit == "rad" and over > np.pi
-    return "; ".join(parts) + (f" {DEGREES}" if degrees else "")
+    return "; ".join(parts) + (" (angles are in radians: are these degrees?)" if degrees else "")
 
 
 def _seeds(kinematics: Kinematics, robot: Robot, seeds: Any) -> Array:

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rr1plan.checks import finite_array, known_name, positive_number, turn_angles
+from rr1plan.checks import finite_array, finite_number, known_name, positive_number
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
@@ -48,7 +48,7 @@ def place_grid(
     both = [spacing, spacing] if np.ndim(spacing) == 0 else spacing
     along_x, along_y = (positive_number("spacing", s) for s in finite_array("spacing", both, (2,)))
     middle = finite_array("centre", centre, (3,))
-    turn = float(turn_angles("yaw", yaw, ()))
+    turn = finite_number("yaw", yaw)
     xs = along_x * (np.arange(rows) - (rows - 1) / 2)
     ys = along_y * (np.arange(columns) - (columns - 1) / 2)
     bases = [pose(middle + np.array([x, y, 0.0]), rpy=(0.0, 0.0, turn)) for x in xs for y in ys]
@@ -93,12 +93,12 @@ def place_ring(
     middle, ahead = finite_array("centre", centre, (3,)), finite_array("front", front, (3,))
     if np.hypot(ahead[0], ahead[1]) < 1e-9:
         raise InputError(f"front is {ahead.tolist()}, expected a direction that is not vertical")
-    first = float(turn_angles("start_angle", start_angle, ()))
+    first = finite_number("start_angle", start_angle)
     turn = {"centre": np.pi, "outward": 0.0, "along": np.pi / 2}[facing] - np.arctan2(ahead[1], ahead[0])
     bases = []
     for angle in first + 2.0 * np.pi * np.arange(count) / count:
         place = middle + distance * np.array([np.cos(angle), np.sin(angle), 0.0])
-        bases.append(pose(place, rpy=(0.0, 0.0, np.remainder(angle + turn, 2.0 * np.pi))))
+        bases.append(pose(place, rpy=(0.0, 0.0, angle + turn)))
     return _place(robot, bases, q, scene, prefix)
 
 

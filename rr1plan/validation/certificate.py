@@ -110,7 +110,7 @@ class Certificate:
         self._motion, self._bodies = motion, bodies
         self._tolerance, self._most = tolerance, most_distances
         self._progress = progress
-        n = len(bodies.pairs)
+        n = len(bodies.padding)
         self.found = found or Findings(
             np.full(n, np.inf), np.zeros(n), np.full(n, np.inf), np.zeros(n, dtype=bool), np.full(n, np.inf)
         )
