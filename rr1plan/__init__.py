@@ -17,6 +17,8 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rr1plan.imports import import_clock
+
 if TYPE_CHECKING:
     from rr1plan import multi as multi
     from rr1plan import playback as playback
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
     from rr1plan.kinematics import Kinematics as Kinematics
     from rr1plan.kinematics import copies_within_limits as copies_within_limits
     from rr1plan.kinematics import solve_ik as solve_ik
+    from rr1plan.library import installed_robot_names as installed_robot_names
     from rr1plan.library import load_problems as load_problems
     from rr1plan.library import load_robot as load_robot
     from rr1plan.library import load_scene as load_scene
@@ -134,7 +137,15 @@ _EXPORTS = {
     "rr1plan.formats.point_files": ("load_point_cloud",),
     "rr1plan.formats.srdf_proposal": ("propose_never_collide",),
     "rr1plan.kinematics": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
-    "rr1plan.library": ("load_problems", "load_robot", "load_scene", "robot_names", "save_scene", "scene_names"),
+    "rr1plan.library": (
+        "installed_robot_names",
+        "load_problems",
+        "load_robot",
+        "load_scene",
+        "robot_names",
+        "save_scene",
+        "scene_names",
+    ),
     "rr1plan.limits": ("Limits",),
     "rr1plan.multi": ("place_grid", "place_ring"),
     "rr1plan.path": ("Path",),
@@ -160,11 +171,12 @@ __all__ = ["__version__", *_SUBMODULES, *_HOME]
 
 def __getattr__(name: str) -> Any:
     """Load a public name on first use."""
-    if name in _SUBMODULES:
-        return import_module(f"rr1plan.{name}")
-    if name not in _HOME:
+    if name not in _SUBMODULES and name not in _HOME:
         raise AttributeError(f"module 'rr1plan' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
-    value = getattr(import_module(_HOME[name]), name)
+    with import_clock.running():
+        if name in _SUBMODULES:
+            return import_module(f"rr1plan.{name}")
+        value = getattr(import_module(_HOME[name]), name)
     globals()[name] = value
     return value
 

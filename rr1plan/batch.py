@@ -11,15 +11,16 @@ from __future__ import annotations
 import logging
 import math
 import os
+import signal
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -36,6 +37,7 @@ from rr1plan.validation.compiled import build_entries
 
 logger = logging.getLogger(__name__)
 
+_T = TypeVar("_T")
 _CHUNKS_PER_WORKER = 4
 _LONGEST_CHUNK = 32
 
@@ -257,12 +259,33 @@ def _work_in_processes(chunks: list[list[Task]], settings: Settings, board: _Boa
                         break
 
 
+class _Pool(ProcessPoolExecutor):
+    """Its processes, which start as tasks are submitted, are deaf to Ctrl-C from the first instruction on."""
+
+    def submit(self, function: Callable[..., _T], /, *arguments: Any, **settings: Any) -> Future[_T]:
+        with _interrupts_blocked():
+            return super().submit(function, *arguments, **settings)
+
+
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Keep Ctrl-C for the end of the block; processes that are started in it inherit the mask."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 @contextmanager
 def _pool(workers: int) -> Iterator[Executor]:
     """Spawned processes that are up; at the end they are told to stop, and waited for."""
     context = get_context("spawn")
     stop = context.Event()
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=begin_worker, initargs=(stop,))
+    pool = _Pool(workers, mp_context=context, initializer=begin_worker, initargs=(stop,))
     try:
         try:
             pool.submit(os.getpid).result()
@@ -273,5 +296,7 @@ def _pool(workers: int) -> Iterator[Executor]:
             ) from error
         yield pool
     finally:
-        stop.set()
-        pool.shutdown(wait=True, cancel_futures=True)
+        # A process that is still starting needs what this one would take away with its end.
+        with _interrupts_blocked():
+            stop.set()
+            pool.shutdown(wait=True, cancel_futures=True)

@@ -35,9 +35,10 @@ class UnknownNameError(InputError):
         kind: What the name should have named, e.g. "joint".
         name: The name that was given.
         known: All names that would have been right.
+        advice: What else to try, a sentence.
     """
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, known: Iterable[str], advice: str = "") -> None:
         self.kind = kind
         self.name = name
         self.known = tuple(known)
@@ -47,7 +48,7 @@ class UnknownNameError(InputError):
         near = difflib.get_close_matches(str(name), self.known, n=3, cutoff=0.5)
         hint = f" Did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
         listed = ", ".join(self.known[:30]) + (", ..." if len(self.known) > 30 else "")
-        super().__init__(f"unknown {kind} {name!r}.{hint} Known: {listed or 'none'}.")
+        super().__init__(f"unknown {kind} {name!r}.{hint} Known: {listed or 'none'}.{advice and ' ' + advice}")
 
 
 class FormatError(InputError):

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Literal
 
 from rr1plan.checks import file_path, known_name, of_kind
-from rr1plan.errors import FormatError, InputError
+from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.formats.convex_pieces import Convexity
 from rr1plan.formats.files import is_regular, write_text
 from rr1plan.formats.motion_bench import read_bench_scene
 from rr1plan.formats.moveit_scene import read_moveit_scene
+from rr1plan.formats.robot_data import installed_robots
 from rr1plan.formats.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.formats.robots import Choice, assemble
 from rr1plan.formats.scene_toml import parse_scene, read_scene, scene_text
@@ -41,6 +42,11 @@ def robot_names() -> tuple[str, ...]:
     return tuple(sorted(file.parent.name for file in (models_folder() / "robots").glob("*/robot.toml")))
 
 
+def installed_robot_names() -> tuple[str, ...]:
+    """The names of the robots that the extra `robots` installs (the package example-robot-data), sorted."""
+    return tuple(name for name in installed_robots() if name not in robot_names())
+
+
 def robot_folder(name: str) -> Path:
     """The folder of a shipped robot.
 
@@ -67,7 +73,7 @@ def load_robot(
     name: str | None = None,
     xacro_arguments: Mapping[str, str] | None = None,
 ) -> Robot:
-    """Load a robot that ships with rr1plan, or any arm from its URDF or xacro file.
+    """Load a robot that ships with rr1plan or is installed, or any arm from its URDF or xacro file.
 
     The planning joints are the given `joints`, those of the given `group`, or else those of the
     SRDF's arm that carries an end effector, of its first group, or all that move by themselves.
@@ -85,8 +91,8 @@ def load_robot(
     is free even so, links that touch at home are not checked either, as the log warns.
 
     Args:
-        name_or_file: One of `robot_names()`, or a .urdf or .xacro file. A xacro file is a program:
-            load only those you trust.
+        name_or_file: One of `robot_names()`, one of `installed_robot_names()` (`pip install 'rr1plan[robots]'`), or a
+            .urdf or .xacro file. A xacro file is a program: load only those you trust.
         srdf: The SRDF; None looks beside the URDF and in ../srdf for one of the same name, False
             takes none.
         group: The SRDF group to plan for.
@@ -110,12 +116,12 @@ def load_robot(
     """
     if group is not None and groups is not None:
         raise InputError(f"got group={group!r} and groups={groups!r}, expected one of them")
-    folder, file = _locate(name_or_file)
+    folder, file, beside = _locate(name_or_file)
     tree = _read_tree(file, package_dirs, convex, xacro_arguments)
     if srdf is not None:
         semantics = None if srdf is False else read_srdf(file_path(srdf), tree)
     else:
-        semantics = _semantics_beside(folder.srdf if folder is not None else _srdf_beside(file), tree)
+        semantics = _semantics_beside(beside, tree)
     if folder is not None:
         group, tool = group or folder.group, tool or folder.tool
     if groups is None and group is not None:
@@ -126,18 +132,21 @@ def load_robot(
     return robot if limits is None else robot.with_limits(limits)
 
 
-def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path]:
-    """The shipped robot's folder, if it is one, and its URDF or xacro file."""
+def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | None]:
+    """The shipped robot's folder, if it is one, its URDF or xacro file, and the SRDF that belongs to that."""
     file = file_path(name_or_file)
     if isinstance(name_or_file, str) and name_or_file in robot_names():
         folder = read_robot_folder(robot_folder(name_or_file))
-        return folder, folder.urdf
+        return folder, folder.urdf, folder.srdf
+    installed = installed_robots()
+    if isinstance(name_or_file, str) and name_or_file in installed:
+        return None, *installed[name_or_file]
     if file.suffix in (".urdf", ".xacro", ".xml"):
-        return None, file
+        return None, file, _srdf_beside(file)
     if isinstance(name_or_file, Path) or len(file.parts) > 1:
         raise InputError(f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf or .xacro")
-    robot_folder(name_or_file)
-    raise AssertionError("robot_folder raises for unknown names")
+    more = "" if installed else "More come with: pip install 'rr1plan[robots]'. Or give a .urdf or .xacro file."
+    raise UnknownNameError("robot", name_or_file, (*robot_names(), *installed), more)
 
 
 def _read_tree(

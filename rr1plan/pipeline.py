@@ -18,6 +18,7 @@ from rr1plan.checks import Seed, as_generator, counted, finite_number, known_nam
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.collision.solids import cut_meshes
 from rr1plan.errors import CancelledError, InputError, NoPlanError
+from rr1plan.imports import import_clock
 from rr1plan.path import Path
 from rr1plan.planners import plan
 from rr1plan.planners.goals import joint_goals
@@ -41,8 +42,9 @@ class MotionPlan:
     Args:
         problem: The question.
         result: The planner's answer.
-        seconds: Wall time of each stage [s], in order: "set up" (of the scene, done once), "plan", "shorten",
-            "retime", "validate".
+        seconds: Wall time of each stage [s], in order: "imports" (of what `rr1plan` loaded before the first question
+            of the process), "set up" (of compiled code and of the scene, done once), "plan", "shorten", "retime",
+            "validate".
         margin: Distance that was kept beyond the scene's padding while planning [m].
     """
 
@@ -120,6 +122,8 @@ class MotionPlan:
 
 
 _T = TypeVar("_T")
+# The time [s] in which nothing is imported but names of loaded modules are looked up.
+_NO_IMPORTS = 0.01
 # Tried to shorten a path that is going to be driven: seconds of motion are worth milliseconds of thought.
 _SHORTCUTS = 48
 
@@ -170,7 +174,8 @@ def plan_motion(
         InputError: a margin below zero, or no problem at all.
         RetimingError: the path cannot be timed under the limits (a torque limit below gravity).
     """
-    seconds: dict[str, float] = {}
+    imports = import_clock.read_once()
+    seconds = {"imports": imports} if imports > _NO_IMPORTS else {}
     generator = as_generator(rng)
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())

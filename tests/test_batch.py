@@ -109,6 +109,22 @@ def test_a_problem_that_kills_its_process_is_the_only_one_lost(problems):
     assert "died" in answers[1].reason
 
 
+def test_a_process_that_is_interrupted_while_it_starts_goes_on(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os, signal, sys\n"
+        "import rr1plan as rp\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "if __name__ == '__mp_main__':\n"
+        "    os.kill(os.getpid(), signal.SIGINT)\n"
+        "if __name__ == '__main__':\n"
+        "    problem = rp.load_problems('planar2r_path')['to_a_point']\n"
+        "    print(*(answer.status.value for answer in rp.plan_many([problem], workers=1, rng=0, full=False)))\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "solved\n", "")
+
+
 def test_plans_pickle(problems):
     motion = rp.plan_motion(problems[0], rng=0, budget=BUDGET)
     again = pickle.loads(pickle.dumps(motion))

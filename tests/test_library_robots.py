@@ -286,3 +286,50 @@ def test_shipped_robots_load_without_a_warning(caplog: pytest.LogCaptureFixture)
     for name in rp.robot_names():
         assert not rp.load_robot(name).unchecked_links
     assert caplog.text == ""
+
+
+# ---- robots that the extra installs ------------------------------------------------------
+
+
+@pytest.mark.usefixtures("foreign_robots")
+@pytest.mark.parametrize(
+    ("name", "file", "joints", "srdf"),
+    [
+        ("ur5", "ur5_robot.urdf", 6, True),
+        ("ur10", "ur10_robot.urdf", 6, False),
+        ("panda", "panda.urdf", 7, True),
+        ("anymal_c_simple", "anymal.urdf", 12, True),
+        ("finger_edu", "finger_edu.urdf", 3, True),
+    ],
+)
+def test_an_installed_robot_is_loaded_by_its_name(name: str, file: str, joints: int, srdf: bool) -> None:
+    assert name in rp.installed_robot_names()
+    robot = rp.load_robot(name)
+    assert Path(robot.source).name == file
+    assert robot.nq == joints
+    bare = rp.load_robot(name, srdf=False)
+    assert (bare.never_collide != robot.never_collide) is srdf
+
+
+@pytest.mark.usefixtures("foreign_robots")
+def test_installed_robots_are_known_to_scene_files_and_to_the_message_on_a_wrong_name(tmp_path: Path) -> None:
+    (tmp_path / "cell.toml").write_text('[arms.left]\nrobot = "ur5"\n')
+    assert rp.load_scene(tmp_path / "cell.toml").arms["left"].robot.name == "ur5"
+    with pytest.raises(UnknownNameError, match="Did you mean 'panda'") as caught:
+        rp.load_robot("pandaa")
+    assert "pip install" not in str(caught.value)
+    assert not set(rp.robot_names()) & set(rp.installed_robot_names())
+
+
+def test_without_the_extra_an_unknown_name_says_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rr1plan.cli import looking, run
+
+    for module in (library, looking):
+        monkeypatch.setattr(module, "installed_robots", dict)
+    assert rp.installed_robot_names() == ()
+    with pytest.raises(UnknownNameError, match=r"Known: planar2r.*pip install 'rr1plan\[robots\]'"):
+        rp.load_robot("ur5")
+    assert run(["robots"]) == 0
+    assert "more come with: pip install 'rr1plan[robots]'" in capsys.readouterr().out

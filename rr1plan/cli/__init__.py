@@ -6,56 +6,57 @@ Exit codes: 0 done, 2 bad input, 3 no plan, 4 an invalid plan, 130 interrupted.
 from __future__ import annotations
 
 import os
-import re
 import signal
 import sys
 import threading
-from argparse import Namespace
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 
+from rr1plan.cli.arguments import Shown, parse, spell_options
 from rr1plan.cli.console import Console
 from rr1plan.cli.parser import build_parser
 from rr1plan.errors import NoPlanError, RetimingError, Rr1PlanError
 
-# Until Python 3.14 argparse takes these negative numbers for options, but not with a space before them.
-_SMALL = re.compile(r"-(\d+\.?\d*|\.\d+)e[+-]?\d+$", re.IGNORECASE)
 OK, BAD_INPUT, NO_PLAN, INVALID_PLAN, INTERRUPTED = 0, 2, 3, 4, 130
 
 
-def run(arguments: Sequence[str]) -> int:
+def run(arguments: Sequence[str], started: float | None = None) -> int:
     """Run one command.
 
     Args:
-        arguments: What stands after `rr1plan`.
+        arguments: The words after `rr1plan`.
+        started: When the process started, by `time.perf_counter` (default: now).
 
     Returns:
         The exit code.
     """
-    options = build_parser().parse_args([f" {word}" if _SMALL.match(word) else word for word in arguments])
-    console = Console(as_json=options.json, quiet=options.quiet)
+    console = Console("--json" in arguments, "--quiet" in arguments)
     try:
-        with console.warnings():
-            code = _run_command(options, console)
+        return _run(arguments, console, time.perf_counter() if started is None else started)
     except KeyboardInterrupt:
         return _fail(console, "interrupted", INTERRUPTED)
     except (NoPlanError, RetimingError) as error:
         return _fail(console, str(error), NO_PLAN)
     except Rr1PlanError as error:
         return _fail(console, str(error), BAD_INPUT)
-    except BrokenPipeError:
-        # The reader of our output has left (`| head`); nothing more can be said to it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _run(arguments: Sequence[str], console: Console, started: float) -> int:
+    parser, commands = build_parser()
+    try:
+        options = parse(parser, commands, arguments)
+    except Shown as shown:
+        console.write(shown.text)
         return OK
-    return code
-
-
-def _run_command(options: Namespace, console: Console) -> int:
+    console.spelled = lambda text: spell_options(text, options.name, commands)
     module, function = options.command.split(".")
     with _leaving_at_once(), console.progress("loading"):
         command = getattr(import_module(f"rr1plan.cli.{module}"), function)
-    code: int = command(options, console)
+    console.watch.seconds["imports"] = time.perf_counter() - started
+    with console.warnings():
+        code: int = command(options, console)
     return code
 
 

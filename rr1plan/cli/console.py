@@ -4,67 +4,119 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from typing import Any
+from contextlib import contextmanager, suppress
+from typing import Any, TextIO
 
 from rich.console import Console as RichConsole
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from rr1plan.errors import InputError
+
 Advance = Callable[[float], None]
+# Of a table that nobody sees on a terminal.
+_WIDEST = 10_000
 
 
 class Console:
-    """Speaks to a person, or with `--json` prints exactly one JSON value at the end.
+    """Writes for a person, or with `--json` exactly one JSON value at the end.
+
+    A reader that has left (`| head`) is no error: the command goes on without text, and its exit code is its own.
 
     Args:
         as_json: Print results as JSON only.
         quiet: No progress and no text, only errors and results asked for.
+
+    Attributes:
+        watch: Wall time of the command's stages.
+        spelled: Names options in messages as the command line does.
     """
 
     def __init__(self, as_json: bool = False, quiet: bool = False) -> None:
         self.as_json = as_json
         self.quiet = quiet
+        self.watch = Stopwatch()
+        self.spelled: Callable[[str], str] = str
         self._out = RichConsole(highlight=False, soft_wrap=True)
+        if not self._out.is_terminal:
+            self._out.width = _WIDEST
         self._err = RichConsole(stderr=True, highlight=False, soft_wrap=True)
+        self._has_reader = True
 
     def say(self, text: str = "") -> None:
         """A line for people."""
         if not self.as_json and not self.quiet:
-            self._out.print(text, markup=False)
+            self.write(f"{self.spelled(text)}\n")
 
-    def table(self, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-        """A table for people."""
+    def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        """A table for people: as wide as the terminal, and a line for each row where there is none."""
         if self.as_json or self.quiet:
             return
-        table = Table(title=title or None, title_justify="left", header_style="bold", box=None, pad_edge=False)
-        for column in columns:
-            table.add_column(column)
+        table = Table(header_style="bold", box=None, pad_edge=False)
+        for i, name in enumerate(columns):
+            words = [word for row in rows for word in row[i].split()]
+            table.add_column(name, min_width=max(map(len, words), default=0), overflow="fold")
         for row in rows:
             table.add_row(*(escape(cell) for cell in row))
-        self._out.print(table)
+        with self._out.capture() as captured:
+            self._out.print(table)
+        self.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
 
     def result(self, value: Mapping[str, Any] | Sequence[Any]) -> None:
         """The command's one result for programs."""
         if self.as_json:
-            sys.stdout.write(json.dumps(value, indent=2, allow_nan=False) + "\n")
+            self.write(json.dumps(value, indent=2, allow_nan=False) + "\n")
 
     def error(self, message: str, code: int) -> None:
         """What went wrong: on stderr for people, and as JSON for programs."""
-        if self.as_json:
-            sys.stdout.write(json.dumps({"error": message, "exit_code": code}, indent=2) + "\n")
-        else:
+        message = self.spelled(message)
+        if self.as_json and self._has_reader:
+            with suppress(InputError):
+                self.write(json.dumps({"error": message, "exit_code": code}, indent=2) + "\n")
+                return
+        self.warn(message)
+
+    def warn(self, message: str) -> None:
+        """A line on stderr, above a bar that is running there."""
+        if self._err.is_terminal:
             self._err.print(f"rr1plan: {message}", markup=False)
+        elif sys.stderr is not None:
+            try:
+                sys.stderr.write(f"rr1plan: {message}\n")
+                sys.stderr.flush()
+            except OSError:
+                # There is no place left to say so.
+                _discard(sys.stderr)
+
+    def write(self, text: str) -> None:
+        """Write to standard output, at once.
+
+        Raises:
+            InputError: it cannot be written there.
+        """
+        if not self._has_reader:
+            return
+        if sys.stdout is None:
+            raise InputError("cannot write to standard output: it is closed")
+        try:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        except OSError as error:
+            self._has_reader = False
+            _discard(sys.stdout)
+            if not isinstance(error, BrokenPipeError):
+                raise InputError(f"cannot write to standard output: {error.strerror}") from error
 
     @contextmanager
     def warnings(self) -> Iterator[None]:
         """Print on stderr what the library warns of in its log."""
         logger = logging.getLogger("rr1plan")
-        handler = logging.NullHandler() if self.quiet else _WarningPrinter(self._err)
+        handler = logging.NullHandler() if self.quiet else _WarningPrinter(self)
         logger.addHandler(handler)
         try:
             yield
@@ -83,20 +135,26 @@ class Console:
             yield lambda fraction: bar.update(task, completed=fraction)
 
 
+def _discard(stream: TextIO) -> None:
+    """Let what is left in a stream's buffer go nowhere: it would be written once more when the process ends."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
 def _nothing(_: float) -> None:
     """Progress that nobody sees."""
 
 
 class _WarningPrinter(logging.Handler):
-    """Prints log records on a console, above a bar that is running there."""
+    """Prints log records on a console."""
 
-    def __init__(self, out: RichConsole) -> None:
+    def __init__(self, console: Console) -> None:
         super().__init__(logging.WARNING)
-        self._out = out
+        self._console = console
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one."""
-        self._out.print(f"rr1plan: {record.getMessage()}", markup=False)
+        self._console.warn(self._console.spelled(record.getMessage()))
 
 
 class Stopwatch:

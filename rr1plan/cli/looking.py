@@ -7,12 +7,15 @@ import platform
 import shutil
 import sys
 from argparse import Namespace
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 
 import rr1plan
+from rr1plan.checks import counted
 from rr1plan.cli.console import Console, Stopwatch, milliseconds
+from rr1plan.formats.robot_data import PACKAGE, installed_robots
 from rr1plan.library import load_problems, load_robot, load_scene, robot_names, scene_names
 from rr1plan.robot import Robot
 
@@ -38,8 +41,13 @@ def robots(options: Namespace, console: Console) -> int:
         return 0
     values = [_robot_values(load_robot(name)) for name in robot_names()]
     rows = [(v["name"], str(len(v["joints"])), str(v["links"]), ", ".join(v["presets"]) or "-") for v in values]
-    console.table("", ("robot", "joints", "links", "limit presets"), rows)
-    console.result(values)
+    console.table(("robot", "joints", "links", "limit presets"), rows)
+    installed = installed_robots()
+    if installed:
+        console.say(f"\nof the package {PACKAGE} {_version(PACKAGE)}:\n{fill(', '.join(installed), 100)}")
+    else:
+        console.say("\nmore come with: pip install 'rr1plan[robots]'")
+    console.result([*values, *({"name": name, "source": str(robot.urdf)} for name, robot in installed.items())])
     return 0
 
 
@@ -72,12 +80,17 @@ def _finite(value: float) -> float | None:
 
 def _say_robot(robot: Robot, console: Console) -> None:
     values = _robot_values(robot)
-    console.say(f"{robot.name}: {len(robot.links)} links, {values['mass']:.2f} kg, tool {robot.tool}")
+    estimated = (
+        f" ({counted(len(robot.links_of_assumed_mass), 'link')} estimated)" if robot.links_of_assumed_mass else ""
+    )
+    console.say(
+        f"{robot.name}: {counted(len(robot.links), 'link')}, {values['mass']:.2f} kg{estimated}, tool {robot.tool}"
+    )
     columns = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
     rows = [
         (j["name"], j["kind"], *("-" if j[c] is None else f"{j[c]:.4g}" for c in columns)) for j in values["joints"]
     ]
-    console.table("", ("joint", "kind", *columns), rows)
+    console.table(("joint", "kind", *columns), rows)
     console.say(f"configurations: {', '.join(robot.configurations)}")
     if robot.held:
         console.say("held: " + ", ".join(f"{name} at {value:g}" for name, value in robot.held.items()))
@@ -99,7 +112,7 @@ def scenes(options: Namespace, console: Console) -> int:
         (v["name"], str(len(v["arms"])), str(len(v["obstacles"])), ", ".join(v["queries"]) or "-", v["description"])
         for v in every
     ]
-    console.table("", ("scene", "arms", "obstacles", "queries", ""), rows)
+    console.table(("scene", "arms", "obstacles", "queries", "description"), rows)
     console.result(every)
     return 0
 
@@ -130,7 +143,7 @@ def doctor(options: Namespace, console: Console) -> int:
         (name, version or f"not installed (pip install 'rr1plan[{_OPTIONAL[name]}]')")
         for name, version in optional.items()
     ]
-    console.table("", ("package", "version"), rows)
+    console.table(("package", "version"), rows)
     console.say(f"browser for screenshots: {browser or 'none found (optional)'}")
     watch = Stopwatch()
     if options.warm and not missing:

@@ -4,133 +4,259 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rr1plan
+from rr1plan.cli.arguments import Parser, Show
 
-_EPILOG = "exit codes: 0 done, 2 bad input, 3 no plan, 4 invalid plan, 130 interrupted"
+_EXIT_CODES = "exit codes: 0 done, 2 bad input, 3 no plan, 4 invalid plan, 130 interrupted"
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """The parser of the whole command line."""
-    parser = argparse.ArgumentParser(
-        prog="rr1plan", description="Certified motion planning for robot arms.", epilog=_EPILOG
+def build_parser() -> tuple[Parser, dict[str, Parser]]:
+    """The parser of the whole command line, and that of each command."""
+    parser = Parser(
+        prog="rr1plan",
+        description="Certified motion planning for robot arms.",
+        epilog=_examples(
+            "rr1plan demo",
+            "rr1plan scenes",
+            "rr1plan plan rr1_table --html plan.html",
+            "rr1plan plan cell.toml --position -0.3 0.25 0.2 --output motion.json",
+            "rr1plan validate motion.json",
+            "rr1plan COMMAND --help",
+        ),
     )
-    parser.add_argument("--version", action="version", version=f"rr1plan {rr1plan.__version__}")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    _demo(_command(commands, "demo", "showing.demo", "plan, prove, replay and show a motion of RR1 among clutter"))
-    _plan(_command(commands, "plan", "planning.plan", "plan a motion and prove it"))
-    _validate(_command(commands, "validate", "planning.validate", "check a saved motion with the referee"))
-    _play(_command(commands, "play", "planning.play", "replay a saved motion in MuJoCo"))
-    _view(_command(commands, "view", "showing.view", "look at a scene or a saved motion in the browser"))
-    _cspace(_command(commands, "cspace", "showing.cspace", "draw the configuration space of a two-joint arm"))
-    _robots(_command(commands, "robots", "looking.robots", "list the robots, or describe one"))
-    _scenes(_command(commands, "scenes", "looking.scenes", "list the scenes, or describe one"))
-    _doctor(_command(commands, "doctor", "looking.doctor", "versions, and what is missing"))
-    return parser
+    parser.details = lambda: _EXIT_CODES
+    version = f"rr1plan {rr1plan.__version__}\n"
+    parser.add_argument("--version", action=Show, text=lambda: version, help="show the version and exit")
+    rows = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", dest="name")
+    commands = {}
+    for name, (run, text, examples, add) in _COMMANDS.items():
+        command = rows.add_parser(
+            name, help=text, description=f"{text[0].upper()}{text[1:]}.", epilog=_examples(*examples)
+        )
+        command.set_defaults(command=run)
+        command.add_argument("--json", action="store_true", help="print the result as JSON and nothing else")
+        command.add_argument("--quiet", action="store_true", help="print nothing but errors")
+        command.details = lambda: _EXIT_CODES
+        add(command)
+        commands[name] = command
+    return parser, commands
 
 
-def _command(commands: Any, name: str, run: str, text: str) -> argparse.ArgumentParser:
-    """A command; `run` is "module.function" under `rr1plan.cli`, loaded when the command is run."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        name, help=text, description=text[0].upper() + text[1:] + ".", epilog=_EPILOG
+def _examples(*lines: str) -> str:
+    return "\n  ".join(["examples:", *lines])
+
+
+def _demo(parser: Parser) -> None:
+    parser.add_argument(
+        "--output", type=_file, default="rr1plan-demo", metavar="FOLDER", help="folder for the files (%(default)s)"
     )
-    parser.set_defaults(command=run)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON and nothing else")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    return parser
-
-
-def _demo(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--output", default="rr1plan-demo", metavar="FOLDER", help="where to write (%(default)s)")
     parser.add_argument("--scene", default="rr1_cluttered", help="a scene with a query (%(default)s)")
     parser.add_argument("--query", help="a query of that scene (default: its first)")
     parser.add_argument("--seed", type=_seed, default=0, help="seed of the planner (%(default)s)")
+    _view_from(parser, "of the page")
 
 
-def _plan(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scene", help="a shipped scene or a scene file")
+def _plan(parser: Parser) -> None:
+    parser.add_argument("scene", metavar="SCENE", help="a shipped scene or a scene file")
     _query(parser)
-    parser.add_argument("--planner", default="rrt_connect", help="a planner's name (%(default)s)")
-    parser.add_argument("--retiming", default="blend", help="a retiming's name (%(default)s)")
+    parser.add_argument("--planner", default="rrt_connect", help="one of the planners below (%(default)s)")
+    parser.add_argument("--retiming", default="blend", help="one of the retimings below (%(default)s)")
     parser.add_argument("--no-shorten", action="store_true", help="keep the planner's path as it is")
     parser.add_argument("--torque-limits", action="store_true", help="also keep the joints' effort limits")
     parser.add_argument("--seconds", type=_positive, default=10.0, help="budget of wall time (%(default)s)")
     parser.add_argument("--iterations", type=_count, help="budget of iterations, for plans that repeat to the byte")
     parser.add_argument("--seed", type=_seed, default=0, help="seed of the planner (%(default)s)")
     parser.add_argument("--limits", help="limit preset of every arm, e.g. sim or hardware")
-    parser.add_argument("--output", metavar="FILE", help="save the motion as JSON")
-    parser.add_argument("--csv", metavar="FILE", help="save the trajectory as CSV")
-    parser.add_argument("--html", metavar="FILE", help="save a page that plays the motion offline")
+    parser.add_argument("--output", type=_file, metavar="FILE", help="save the motion as JSON")
+    parser.add_argument("--csv", type=_file, metavar="FILE", help="save the trajectory as CSV")
+    parser.add_argument("--html", type=_file, metavar="FILE", help="save a page that plays the motion offline")
     parser.add_argument("--spheres", action="store_true", help="with --html: show the spheres that contain each link")
+    _view_from(parser, "of the page, with --html")
+    parser.needs("--spheres", "--html")
+    parser.needs("--view", "--html")
+    parser.different_files("scene", "--output", "--csv", "--html")
+    parser.details = lambda: f"{_planners()}\n\n{_retimings()}\n\n{_EXIT_CODES}"
 
 
-def _query(parser: argparse.ArgumentParser) -> None:
+def _view_from(parser: Parser, of: str) -> None:
+    """The option that says where a page is looked at from first."""
+    parser.add_argument(
+        "--view",
+        nargs="+",
+        metavar="V",
+        help=f"first view {of}: front, back, left, right, top or corner; azimuth and elevation [rad]; or a direction "
+        "x y z (default: one that shows the motion)",
+    )
+
+
+def _query(parser: Parser) -> None:
     group = parser.add_argument_group("the question (default: the scene's first query)")
     group.add_argument("--query", help="a query of the scene, by name")
-    group.add_argument("--arm", help="the arm that moves (default: the only one)")
+    group.add_argument("--arm", help="the arm that --goal or --position is for (default: the only one)")
     group.add_argument("--start", nargs="+", metavar="Q", help="a configuration's name, or its numbers [rad]")
     group.add_argument("--goal", nargs="+", metavar="Q", help="a configuration's name, or its numbers [rad]")
     group.add_argument("--position", nargs=3, type=_finite, metavar=("X", "Y", "Z"), help="goal of the frame [m]")
     group.add_argument("--quaternion", nargs=4, type=_finite, metavar=("W", "X", "Y", "Z"), help="its orientation")
-    group.add_argument("--frame", default="tool", help="the frame that --position means (%(default)s)")
+    group.add_argument("--frame", help="the frame that --position is for (tool)")
+    parser.at_most_one("--query", "--goal", "--position")
+    parser.needs("--arm", "--goal", "--position")
+    parser.needs("--quaternion", "--position")
+    parser.needs("--frame", "--position")
 
 
-def _validate(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("motion", help="a file written by plan --output")
+def _validate(parser: Parser) -> None:
+    parser.add_argument("motion", metavar="MOTION", help="a file written by plan --output")
     parser.add_argument("--scene", help="the scene to check it in (default: the one it was planned in)")
     parser.add_argument("--torque-limits", action="store_true", help="also check the joints' effort limits")
     parser.add_argument("--jerk-limits", action="store_true", help="also check the joints' jerk limits")
 
 
-def _play(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("motion", help="a file written by plan --output")
+def _play(parser: Parser) -> None:
+    parser.add_argument("motion", metavar="MOTION", help="a file written by plan --output")
     parser.add_argument("--scene", help="the scene to replay it in (default: the one it was planned in)")
     parser.add_argument("--mode", choices=("dynamic", "kinematic"), default="dynamic", help="(%(default)s)")
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
 
 
-def _view(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("what", help="a shipped scene, a scene file, or a file written by plan --output")
+def _view(parser: Parser) -> None:
+    parser.add_argument("what", metavar="WHAT", help="a shipped scene, a scene file, or a motion file")
     parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
-    parser.add_argument("--html", metavar="FILE", help="write an offline page instead of serving one")
+    parser.add_argument("--html", type=_file, metavar="FILE", help="write an offline page instead of serving one")
     parser.add_argument("--spheres", action="store_true", help="show the spheres that contain each link")
+    _view_from(parser, "of the page")
+    parser.excludes("--html", "--port", "--no-browser")
+    parser.different_files("what", "--html")
 
 
-def _cspace(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scene", help="a shipped scene or a scene file")
+def _cspace(parser: Parser) -> None:
+    parser.add_argument("scene", metavar="SCENE", help="a shipped scene or a scene file")
     parser.add_argument("--query", help="a query of the scene, by name (default: its first, where it has one)")
     parser.add_argument("--arm", help="the arm (default: the only one)")
     parser.add_argument("--joints", nargs=2, metavar=("A", "B"), help="two of its joints (default: the first two)")
     parser.add_argument("--resolution", type=_count, default=360, help="cells along each axis (%(default)s)")
     parser.add_argument("--planner", default="rrt_connect", help="planner of the path and tree drawn (%(default)s)")
     parser.add_argument("--seed", type=_seed, default=0, help="seed of the planner (%(default)s)")
-    parser.add_argument("--png", metavar="FILE", help="write the picture (default: SCENE-cspace.png)")
-    parser.add_argument("--svg", metavar="FILE", help="write the picture for slides")
-    parser.add_argument("--html", metavar="FILE", help="write an offline page with sliders and click-to-pose")
+    parser.add_argument("--png", type=_file, metavar="FILE", help="write the picture (default: SCENE-cspace.png)")
+    parser.add_argument("--svg", type=_file, metavar="FILE", help="write the picture for slides")
+    parser.add_argument("--html", type=_file, metavar="FILE", help="write an offline page with sliders")
+    parser.different_files("scene", "--png", "--svg", "--html")
+    parser.details = lambda: f"{_planners()}\n\n{_EXIT_CODES}"
 
 
-def _robots(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("robot", nargs="?", help="a shipped robot, or a URDF or xacro file")
+def _robots(parser: Parser) -> None:
+    parser.add_argument(
+        "robot", metavar="ROBOT", nargs="?", help="a shipped or installed robot, or a URDF or xacro file"
+    )
 
 
-def _scenes(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scene", nargs="?", help="a shipped scene, or a scene file")
+def _scenes(parser: Parser) -> None:
+    parser.add_argument("scene", metavar="SCENE", nargs="?", help="a shipped scene, or a scene file")
 
 
-def _doctor(parser: argparse.ArgumentParser) -> None:
+def _doctor(parser: Parser) -> None:
     parser.add_argument("--warm", action="store_true", help="compile and cache the kernels now")
+
+
+# Of each command: "module.function" under `rr1plan.cli`, loaded when it is run; help; examples; its options.
+_COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]] = {
+    "demo": (
+        "showing.demo",
+        "plan, prove, replay and show a motion of RR1 among clutter",
+        ("rr1plan demo", "rr1plan demo --scene rr1_window --query through --output window"),
+        _demo,
+    ),
+    "plan": (
+        "planning.plan",
+        "plan a motion and prove it",
+        (
+            "rr1plan plan rr1_table",
+            "rr1plan plan rr1_table --query above_parcel --html plan.html",
+            "rr1plan plan rr1_table --position -0.3 0.25 0.2 --output motion.json --csv motion.csv",
+            "rr1plan plan cell.toml --start home --goal 0.5 0.4 -0.9 --planner anytime --seconds 1",
+            "rr1plan plan rr1_pair --arm left --goal zero --limits hardware",
+        ),
+        _plan,
+    ),
+    "validate": (
+        "planning.validate",
+        "check a saved motion with the referee",
+        ("rr1plan validate motion.json", "rr1plan validate motion.json --torque-limits --jerk-limits"),
+        _validate,
+    ),
+    "play": (
+        "planning.play",
+        "replay a saved motion in MuJoCo",
+        ("rr1plan play motion.json", "rr1plan play motion.json --mode kinematic"),
+        _play,
+    ),
+    "view": (
+        "showing.view",
+        "look at a scene or a saved motion in the browser",
+        ("rr1plan view rr1_shelf", "rr1plan view motion.json --html motion.html"),
+        _view,
+    ),
+    "cspace": (
+        "showing.cspace",
+        "draw the configuration space of a two-joint arm",
+        ("rr1plan cspace planar2r_path", "rr1plan cspace planar2r_no_path --svg figure.svg --html page.html"),
+        _cspace,
+    ),
+    "robots": (
+        "looking.robots",
+        "list the robots, or describe one",
+        ("rr1plan robots", "rr1plan robots rr1", "rr1plan robots ur5", "rr1plan robots arm.urdf"),
+        _robots,
+    ),
+    "scenes": (
+        "looking.scenes",
+        "list the scenes, or describe one",
+        ("rr1plan scenes", "rr1plan scenes rr1_table", "rr1plan scenes cell.toml"),
+        _scenes,
+    ),
+    "doctor": (
+        "looking.doctor",
+        "show versions, and what is missing",
+        ("rr1plan doctor", "rr1plan doctor --warm"),
+        _doctor,
+    ),
+}
+
+
+def _planners() -> str:
+    from rr1plan.planners import planner_table
+
+    rows = {row.name + " *" * row.optimizing: row.description for row in planner_table()}
+    return _listed("planners (* improves its path until the budget ends)", rows)
+
+
+def _retimings() -> str:
+    from rr1plan.retiming import retiming_table
+
+    return _listed("retimings", retiming_table())
+
+
+def _listed(title: str, rows: Mapping[str, str]) -> str:
+    width = max(map(len, rows))
+    return "\n  ".join([f"{title}:", *(f"{name:<{width}}  {text}" for name, text in rows.items())])
+
+
+def _file(text: str) -> str:
+    if not text:
+        raise argparse.ArgumentTypeError("'' is not a file name")
+    return text
 
 
 def _number(text: str, kind: Callable[[str], float], accept: Callable[[float], bool], wanted: str) -> Any:
     try:
         value = kind(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not {wanted}") from None
+        raise argparse.ArgumentTypeError(f"{text.strip()!r} is not {wanted}") from None
     if not math.isfinite(value) or not accept(value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not {wanted}")
+        raise argparse.ArgumentTypeError(f"{text.strip()!r} is not {wanted}")
     return value
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import rr1plan as rp
@@ -23,12 +24,13 @@ _BAD_QUESTION = (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
 
 def plan(options: Namespace, console: Console) -> int:
     """Plan a motion, prove it, and save what was asked for."""
-    if options.spheres and not options.html:
-        raise InputError("--spheres is drawn on a page and there is none; give --html FILE too")
-    scene = load_scene(options.scene)
-    problem = question(options, scene)
-    if options.limits:
-        problem = with_limits(problem, options.limits)
+    view = first_view(options.view)
+    if options.no_shorten and options.planner == "cartesian":
+        raise InputError("--no-shorten has no effect with --planner cartesian, whose paths are never shortened")
+    with console.watch.stage("load the scene"):
+        problem = question(options, load_scene(options.scene))
+        if options.limits is not None:
+            problem = with_limits(problem, options.limits)
     budget = rp.Budget(options.seconds, options.iterations)
     with console.progress("planning") as advance:
         motion = plan_motion(
@@ -43,7 +45,11 @@ def plan(options: Namespace, console: Console) -> int:
         )
     if not motion.result.solved:
         return _no_plan(motion, console)
-    files = _save(motion, options)
+    files: Mapping[str, str] = {}
+    if not options.given.isdisjoint(("--output", "--csv", "--html")):
+        with console.watch.stage("write the files"):
+            files = _save(motion, options, view)
+    motion = with_stages(motion, console.watch.seconds)
     console.say(str(motion))
     for kind, file in files.items():
         console.say(f"{kind}: {file}")
@@ -51,24 +57,29 @@ def plan(options: Namespace, console: Console) -> int:
     return 0 if motion.solved else 4
 
 
+def with_stages(motion: MotionPlan, stages: Mapping[str, float]) -> MotionPlan:
+    """The same motion with the wall time of the command's stages around those of planning."""
+    first, last = ({n: s for n, s in stages.items() if (n == "write the files") is late} for late in (False, True))
+    planning = {name: seconds for name, seconds in motion.seconds.items() if name != "imports"}
+    return replace(motion, seconds={**first, **planning, **last})
+
+
 def question(options: Namespace, scene: Scene) -> Problem:
     """The problem that the options ask, or the scene's first query.
 
     Raises:
-        InputError: a scene without queries and no goal, or two goals.
+        InputError: a scene without queries and no goal.
     """
     if options.goal is None and options.position is None:
         problem = named_query(options.scene, options.query)
         return (
             problem if options.start is None else rp.Problem(problem.scene, _words(options.start), dict(problem.goal))
         )
-    if options.query is not None or (options.goal is not None and options.position is not None):
-        raise InputError("got more than one goal, expected one of --query, --goal and --position")
     arm = scene.only_arm(options.arm)
     if options.goal is not None:
         goal: Any = _words(options.goal)
     else:
-        goal = rp.PoseGoal(options.frame, options.position, options.quaternion)
+        goal = rp.PoseGoal(options.frame or "tool", options.position, options.quaternion)
     start = None if options.start is None else {arm: _words(options.start)}
     return rp.Problem(scene, start, {arm: goal})
 
@@ -82,7 +93,7 @@ def named_query(scene: str, name: str | None) -> Problem:
     """
     queries = load_problems(scene)
     if not queries:
-        raise InputError(f"scene {scene!r} has no queries; say --goal or --position")
+        raise InputError(f"scene {scene!r} has no queries; give a goal (option goal, option position)")
     if name is None:
         name = next(iter(queries))
     elif name not in queries:
@@ -90,14 +101,26 @@ def named_query(scene: str, name: str | None) -> Problem:
     return queries[name]
 
 
-def _words(values: list[str]) -> Any:
-    """A configuration's name, or its numbers."""
+def first_view(values: list[str] | None) -> Any:
+    """The view of a page as `save_html` takes it; None where none is given.
+
+    Raises:
+        UnknownNameError: no such view.
+        InputError: numbers that are no angles or no direction.
+    """
+    from rr1plan.playback.viewer.camera import check_view
+
+    return None if values is None else check_view(_words(values, "a view's name"))
+
+
+def _words(values: list[str], name: str = "a configuration's name") -> Any:
+    """A name, or numbers."""
     try:
         return [float(value) for value in values]
     except ValueError:
         if len(values) == 1:
             return values[0]
-        raise InputError(f"{' '.join(values)!r} is neither a configuration's name nor numbers") from None
+        raise InputError(f"{' '.join(values)!r} is neither {name} nor numbers") from None
 
 
 def with_limits(problem: Problem, preset: str) -> Problem:
@@ -139,14 +162,14 @@ def _no_plan(motion: MotionPlan, console: Console) -> int:
     return code
 
 
-def _save(motion: MotionPlan, options: Namespace) -> Mapping[str, str]:
+def _save(motion: MotionPlan, options: Namespace, view: Any) -> Mapping[str, str]:
     files = {}
-    if options.output:
+    if options.output is not None:
         files["motion"] = str(motion.save(options.output))
-    if options.csv:
+    if options.csv is not None:
         files["csv"] = str(plan_files.save_csv(options.csv, motion.trajectory))
-    if options.html:
-        files["page"] = str(motion.save_html(options.html, spheres=options.spheres))
+    if options.html is not None:
+        files["page"] = str(motion.save_html(options.html, spheres=options.spheres, view=view))
     return files
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import rr1plan as rp
-from rr1plan.cli.console import Console, Stopwatch, milliseconds
-from rr1plan.cli.planning import named_query, summary, told_to
+from rr1plan.checks import counted
+from rr1plan.cli.console import Console, milliseconds
+from rr1plan.cli.planning import first_view, named_query, summary, told_to
 from rr1plan.errors import InputError
 from rr1plan.formats import plan_files
 from rr1plan.library import load_problems, load_scene
@@ -20,14 +21,13 @@ _TREE: dict[str, Any] = {"tree": True, "range": 0.15}
 
 def demo(options: Namespace, console: Console) -> int:
     """From a question to a certified, replayed, visible motion, saying what was done and how long it took."""
-    folder = Path(options.output)
-    watch = Stopwatch()
-    console.say("rr1plan demo")
+    folder, view = Path(options.output), first_view(options.view)
+    watch = console.watch
     with watch.stage("load the scene"):
         problem = named_query(options.scene, options.query)
     scene = problem.scene
-    things = len(scene.obstacles)
-    console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {things} obstacle{'s' if things != 1 else ''}")
+    console.say("rr1plan demo")
+    console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {counted(len(scene.obstacles), 'obstacle')}")
     with watch.stage("plan, shorten, retime, validate"), console.progress("planning") as advance:
         motion = plan_motion(problem, rng=options.seed, progress=told_to(advance))
     if not motion.result.solved:
@@ -38,7 +38,7 @@ def demo(options: Namespace, console: Console) -> int:
         replay = rp.simulate(motion.trajectory, scene, progress=advance)
     console.say(f"  {str(replay).replace(chr(10), chr(10) + '  ')}")
     with watch.stage("write the files"):
-        files = _write_demo(folder, motion)
+        files = _write_demo(folder, motion, view)
     console.say("how long each step took")
     steps = {**watch.seconds}
     inner = "".join(f"\n      {name}: {milliseconds(seconds)}" for name, seconds in motion.seconds.items())
@@ -53,13 +53,13 @@ def demo(options: Namespace, console: Console) -> int:
     return 0 if motion.solved and replay.free else 4
 
 
-def _write_demo(folder: Path, motion: MotionPlan) -> dict[str, Path]:
+def _write_demo(folder: Path, motion: MotionPlan, view: Any) -> dict[str, Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot make the folder {folder}: {error.strerror}") from error
     return {
-        "the page that plays it, offline": motion.save_html(folder / "motion.html"),
+        "the page that plays it, offline": motion.save_html(folder / "motion.html", view=view),
         "the motion": motion.save(folder / "motion.json"),
         "the trajectory": plan_files.save_trajectory(
             folder / "trajectory.json", motion.trajectory, motion.problem.scene
@@ -70,14 +70,15 @@ def _write_demo(folder: Path, motion: MotionPlan) -> dict[str, Path]:
 
 def view(options: Namespace, console: Console) -> int:
     """A scene or a saved motion in the browser, or as one offline page."""
+    page = {"spheres": options.spheres, "view": first_view(options.view)}
     scene, extra = _what(options.what)
-    if options.html:
-        file = rp.save_html(options.html, scene, spheres=options.spheres, **extra)
+    if options.html is not None:
+        file = rp.save_html(options.html, scene, **page, **extra)
         console.say(f"page: {file}")
         console.result({"page": str(file)})
         return 0
-    wanted = {"port": options.port, "open_browser": not options.no_browser, "spheres": options.spheres}
-    with rp.show(scene, quiet=True, **wanted, **extra) as viewer:
+    served = {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
+    with rp.show(scene, **served, **page, **extra) as viewer:
         console.say(f"page: {viewer.url}  (close it or press Ctrl-C to end)")
         console.result({"url": viewer.url})
         viewer.wait()

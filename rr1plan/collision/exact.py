@@ -109,6 +109,11 @@ class CollisionChecker:
         """No two elements collide that do not move against each other."""
         return self._resting_clearance(_ROUNDING) >= _ROUNDING or not self._resting.touching
 
+    @property
+    def resting_contacts(self) -> tuple[tuple[str, str], ...]:
+        """The pairs of elements that touch and do not move against each other."""
+        return tuple(dict.fromkeys(self.pairs[owner] for owner, *_ in self._resting.touching))
+
     def limit_violations(self, q: Any) -> tuple[tuple[str, float], ...]:
         """Joints outside their position limits, each with how far [rad or m].
 
@@ -216,9 +221,10 @@ class CollisionChecker:
         """The exact kernel of those pairs."""
         return ExactKernel(self.tables, self.nq)
 
-    def solid_distances(self, q: Any) -> Array:
-        """Distance of every pair in `solid_pairs` [m], negative where they overlap, shape (m,)."""
-        return self._placed(q).distances()
+    def solid_distances(self, q: Any, pairs: NDArray[np.intp] | None = None) -> Array:
+        """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,)."""
+        placed = self._placed(q)
+        return placed.distances() if pairs is None else np.array([placed.distance(int(i))[0] for i in pairs])
 
     def solid_distance(self, q: Any, pair: int) -> float:
         """Distance of one pair in `solid_pairs` [m], negative where they overlap."""

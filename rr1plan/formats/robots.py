@@ -10,14 +10,10 @@ import numpy as np
 
 from rr1plan.checks import Array, known_name
 from rr1plan.errors import InputError
+from rr1plan.formats.masses import with_assumed_masses
+from rr1plan.formats.self_contacts import self_contacts
 from rr1plan.formats.srdf import Semantics
-from rr1plan.formats.srdf_proposal import (
-    free_configuration,
-    jammed_pairs,
-    propose_never_collide,
-    rigid_pairs,
-    touching_links,
-)
+from rr1plan.formats.srdf_proposal import adjacent_pairs, rigid_pairs
 from rr1plan.formats.urdf import Tree
 from rr1plan.limits import Limits
 from rr1plan.robot import Joint, Robot
@@ -27,7 +23,6 @@ log = logging.getLogger(__name__)
 UNKNOWN_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.25}
 SECONDS_TO_VELOCITY = 0.25
 SECONDS_TO_ACCELERATION = 0.1
-SAMPLES = 200
 _TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
 
 
@@ -84,18 +79,8 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         named_held=_held_states(known, held),
         source=tree.source,
     )
-    never = _jammed_pairs(robot) if known.disabled else _sampled_pairs(robot)
-    robot = replace(robot, never_collide=robot.never_collide | never)
-    if "home" not in states:
-        home = free_configuration(robot, robot.home, rng=0)
-        robot = replace(robot, configurations={**robot.configurations, "home": home})
-    touching = touching_links(robot, robot.home)
-    if touching and known.disabled:
-        log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, _listed(touching))
-    elif touching:
-        # As MoveIt's setup assistant has it; without this no configuration of the robot would be free.
-        log.warning("%s: touching at home and nearly everywhere, not checked: %s", robot.name, _listed(touching))
-        robot = replace(robot, never_collide=robot.never_collide | touching)
+    robot = with_assumed_masses(robot)
+    robot = _with_self_contacts(robot, bool(known.disabled), "home" in states)
     if not any(link.collisions for link in robot.links):
         log.warning("%s: no link has a <collision>, nothing will ever be in its way", robot.name)
     elif robot.unchecked_links:
@@ -104,27 +89,26 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     return robot
 
 
+def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robot:
+    """The robot with the pairs of links that need no check, and a home where it does not touch itself."""
+    found = self_contacts(robot, has_rules, keeps_home)
+    always, at_home = _listed(found.always - adjacent_pairs(robot.joints) - robot.never_collide), _listed(found.at_home)
+    if always and has_rules:
+        log.warning("%s: touching wherever it is, not checked though the SRDF asks for it: %s", robot.name, always)
+    elif always:
+        log.info("%s: always touching, not checked: %s", robot.name, always)
+    never = robot.never_collide | found.always
+    if at_home and has_rules:
+        log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, at_home)
+    elif at_home:
+        # As MoveIt's setup assistant has it; without this no configuration of the robot would be free.
+        log.warning("%s: touching at home and nearly everywhere, not checked: %s", robot.name, at_home)
+        never |= found.at_home
+    return replace(robot, never_collide=never, configurations={**robot.configurations, "home": found.home})
+
+
 def _listed(pairs: Iterable[frozenset[str]]) -> str:
     return ", ".join(sorted(" - ".join(sorted(pair)) for pair in pairs))
-
-
-def _sampled_pairs(robot: Robot) -> frozenset[frozenset[str]]:
-    """The pairs a robot without an SRDF needs no check of: neighbours, and links that always touch."""
-    proposal = propose_never_collide(robot, SAMPLES, rng=0)
-    always = [pair for pair, reason in proposal.items() if reason == "Always"]
-    if always:
-        log.info("%s: always touching, not checked: %s", robot.name, _listed(always))
-    return frozenset(pair for pair, reason in proposal.items() if reason != "Never")
-
-
-def _jammed_pairs(robot: Robot) -> frozenset[frozenset[str]]:
-    """The pairs that an SRDF forgot: with them no configuration would ever be free."""
-    jammed = jammed_pairs(robot, SAMPLES, rng=0)
-    if jammed:
-        log.warning(
-            "%s: touching wherever it is, not checked though the SRDF asks for it: %s", robot.name, _listed(jammed)
-        )
-    return jammed
 
 
 def urdf_limits(joints: Sequence[Joint]) -> Limits:

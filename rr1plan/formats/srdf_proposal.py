@@ -8,20 +8,20 @@ judge. Shapes are compared by Coal directly.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any, Literal
+from types import MappingProxyType
+from typing import Literal
 
-import coal
 import numpy as np
 
 from rr1plan.checks import Array, Seed, as_generator
 from rr1plan.errors import InputError
+from rr1plan.formats.contact_bands import ContactBand, contact_bands, sampling_bounds
+from rr1plan.formats.link_contacts import LinkBodies, Pair
 from rr1plan.robot import Joint, Robot
-from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
-Pair = frozenset[str]
 Reason = Literal["Adjacent", "Always", "Never"]
 
 
@@ -52,7 +52,38 @@ def adjacent_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
     return frozenset(frozenset((a, b)) for j in moving for a in bodies[j.parent] for b in bodies[j.child])
 
 
-def propose_never_collide(robot: Robot, samples: int = 1000, rng: Seed = None) -> Mapping[Pair, Reason]:
+@dataclass(frozen=True, eq=False)
+class PairProposal(Mapping[Pair, Reason]):
+    """Pairs of links that need no check, each with the reason, and bands of contact to look at.
+
+    Args:
+        reasons: "Adjacent" for links that a joint joins, "Always" for links that touch in every sample, "Never" for
+            links that touch in none (a guess that grows with the samples).
+        bands: Pairs that touch whenever one joint is within an interval inside its range, which cuts the free space in
+            two. Where that comes from a shape larger than its link, the pair needs no check either.
+    """
+
+    reasons: Mapping[Pair, Reason]
+    bands: tuple[ContactBand, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reasons", MappingProxyType(dict(self.reasons)))
+
+    def __getitem__(self, pair: Pair) -> Reason:
+        return self.reasons[pair]
+
+    def __iter__(self) -> Iterator[Pair]:
+        return iter(self.reasons)
+
+    def __len__(self) -> int:
+        return len(self.reasons)
+
+    def __str__(self) -> str:
+        lines = sorted(f"{reason}: {' - '.join(sorted(pair))}" for pair, reason in self.reasons.items())
+        return "\n".join([*lines, *(f"Check: {band}" for band in self.bands)])
+
+
+def propose_never_collide(robot: Robot, samples: int = 1000, rng: Seed = None) -> PairProposal:
     """Pairs of links that need no check, each with the reason.
 
     Args:
@@ -61,17 +92,29 @@ def propose_never_collide(robot: Robot, samples: int = 1000, rng: Seed = None) -
         rng: Generator or seed.
 
     Returns:
-        "Adjacent" for links that a joint joins, "Always" for links that touch in every sample,
-        "Never" for links that touch in none (a guess that grows with the samples).
+        A mapping from pair to reason, with the pairs that touch in a band which splits a joint's range in `bands`.
+
+    Raises:
+        InputError: `samples` below 1.
+    """
+    generator = as_generator(rng)
+    bodies = LinkBodies(robot)
+    reasons, mixed = sampled_reasons(robot, samples, generator, bodies)
+    return PairProposal(reasons, contact_bands(robot, mixed, generator, bodies))
+
+
+def sampled_reasons(
+    robot: Robot, samples: int, generator: np.random.Generator, bodies: LinkBodies | None = None
+) -> tuple[Mapping[Pair, Reason], frozenset[Pair]]:
+    """Pairs that need no check with the reason, and pairs that touch in some samples only.
 
     Raises:
         InputError: `samples` below 1.
     """
     if samples < 1:
         raise InputError(f"samples is {samples}, expected at least 1")
-    generator = as_generator(rng)
     found: dict[Pair, Reason] = dict.fromkeys(adjacent_pairs(robot.joints) | rigid_pairs(robot.joints), "Adjacent")
-    bodies = LinkBodies(robot)
+    bodies = bodies or LinkBodies(robot)
     seen: dict[Pair, set[bool]] = {pair: set() for pair in bodies.pairs if pair not in found}
     for _ in range(samples):
         open_pairs = [pair for pair, outcomes in seen.items() if len(outcomes) < 2]
@@ -79,7 +122,7 @@ def propose_never_collide(robot: Robot, samples: int = 1000, rng: Seed = None) -
         for pair in open_pairs:
             seen[pair].add(pair in touching)
     found.update({pair: "Always" if True in seen[pair] else "Never" for pair in seen if len(seen[pair]) == 1})
-    return found
+    return found, frozenset(pair for pair, outcomes in seen.items() if len(outcomes) == 2)
 
 
 def jammed_pairs(robot: Robot, samples: int, rng: Seed = None) -> frozenset[Pair]:
@@ -130,41 +173,6 @@ def touching_links(robot: Robot, q: Array, bodies: LinkBodies | None = None) -> 
     return bodies.touching(robot.joint_values(q), [pair for pair in bodies.pairs if pair not in robot.never_collide])
 
 
-class LinkBodies:
-    """The collision shapes of a robot's links as Coal objects."""
-
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-        self._shapes = {
-            link.name: [(_coal_shape(g.shape), np.array(g.pose)) for g in link.collisions]
-            for link in robot.links
-            if link.collisions
-        }
-        self.pairs = [frozenset(pair) for pair in combinations(self._shapes, 2)]
-
-    def touching(self, values: Mapping[str, float], pairs: Sequence[Pair]) -> set[Pair]:
-        """Those of the pairs that touch at the given joint values."""
-        poses = _poses(self._robot, values)
-        placed = {
-            name: [(shape, _transform(poses[name] @ pose)) for shape, pose in shapes]
-            for name, shapes in self._shapes.items()
-        }
-        return {pair for pair in pairs if _touch(*(placed[name] for name in pair))}
-
-
-def _touch(one: list[tuple[Any, Any]], other: list[tuple[Any, Any]]) -> bool:
-    request = coal.CollisionRequest()
-    return any(coal.collide(a, at, b, bt, request, coal.CollisionResult()) > 0 for a, at in one for b, bt in other)
-
-
-def _poses(robot: Robot, values: Mapping[str, float]) -> dict[str, Array]:
-    """T_base_link of every link at the values of all movable joints."""
-    poses = {robot.base: np.eye(4)}
-    for joint in robot.joints:
-        poses[joint.child] = poses[joint.parent] @ joint.origin @ joint.motion(values.get(joint.name, 0.0))
-    return poses
-
-
 def _sample(robot: Robot, generator: np.random.Generator) -> dict[str, float]:
     """Random values of all joints, held ones included."""
     held = {name: _between(robot.joint(name).lower, robot.joint(name).upper, generator) for name in robot.held}
@@ -172,8 +180,7 @@ def _sample(robot: Robot, generator: np.random.Generator) -> dict[str, float]:
 
 
 def _random(robot: Robot, generator: np.random.Generator) -> Array:
-    bounds = zip(robot.limits.lower, robot.limits.upper, strict=True)
-    return np.array([_between(lower, upper, generator) for lower, upper in bounds])
+    return generator.uniform(*sampling_bounds(robot))
 
 
 def _between(lower: float, upper: float, generator: np.random.Generator) -> float:
@@ -181,25 +188,3 @@ def _between(lower: float, upper: float, generator: np.random.Generator) -> floa
     if np.isfinite(upper - lower):
         return float(generator.uniform(lower, upper))
     return float(generator.uniform(-np.pi, np.pi))
-
-
-def _transform(T: Array) -> Any:
-    return coal.Transform3s(T[:3, :3], T[:3, 3])
-
-
-def _coal_shape(shape: Shape) -> Any:
-    """A link's shape as a Coal geometry (link meshes are convex)."""
-    if isinstance(shape, Box):
-        return coal.Box(*shape.size)
-    if isinstance(shape, Sphere):
-        return coal.Sphere(shape.radius)
-    if isinstance(shape, Cylinder):
-        return coal.Cylinder(shape.radius, shape.length)
-    if isinstance(shape, Capsule):
-        return coal.Capsule(shape.radius, shape.length)
-    if not isinstance(shape, Mesh):
-        raise InputError(f"a link has a {type(shape).__name__} to collide with, expected a solid shape")
-    vertices, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    vertices.extend(list(np.array(shape.vertices)))
-    triangles.extend([coal.Triangle(int(a), int(b), int(c)) for a, b, c in shape.faces])
-    return coal.Convex(vertices, triangles)

@@ -8,18 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from rr1plan.checks import Array, Value, counted, file_path, of_kind, read_only
+from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
 from rr1plan.planning import PlanResult, SearchTree
-from rr1plan.playback.cspace_grid import CSpaceGrid, compute_grid
-from rr1plan.problem import JointGoal, PoseGoal, Problem
+from rr1plan.playback.cspace_decomposition import Decomposition, decompose
+from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid, compute_grid
+from rr1plan.playback.cspace_images import layer_of
+from rr1plan.problem import Goal, JointGoal, Problem
 from rr1plan.scene import Scene
+
+_MOST_SOLUTIONS = 16  # drawn of each goal
+_SAME = 1e-3  # a path that ends this near to a goal ends there [rad or m]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,10 +35,14 @@ class CSpace(Value):
 
     Args:
         grid: Cells, layers and components.
-        start: Where the query starts [rad], shape (2,), or None.
-        goals: Configurations that reach the goal (both elbow solutions), each (2,).
-        path: Waypoints of the answer [rad], shape (k, 2), or None.
+        start: Where the query starts [rad or m], shape (2,), or None.
+        goals: Configurations that reach the goal, each (2,): those of joint goals, and those that inverse kinematics
+            found for goals of position.
+        path: Waypoints of the answer [rad or m], shape (k, 2), or None.
         tree: What the planner explored, or None.
+        goal_names: What to call each of the goals (default: "goal", or "goal 1" and so on).
+        targets: What the query asks for (default: the goals themselves).
+        unreached: For each target that no configuration was found for: its name, and why.
     """
 
     grid: CSpaceGrid
@@ -39,18 +50,86 @@ class CSpace(Value):
     goals: tuple[Array, ...] = ()
     path: Array | None = None
     tree: SearchTree | None = None
+    goal_names: tuple[str, ...] = ()
+    targets: tuple[Goal, ...] = ()
+    unreached: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.goal_names) != len(self.goals):
+            object.__setattr__(self, "goal_names", _numbered("goal", len(self.goals)))
+        if not self.targets:
+            object.__setattr__(self, "targets", tuple(JointGoal(goal) for goal in self.goals))
+
+    def __repr__(self) -> str:
+        grid = self.grid
+        cells = " x ".join(str(n) for n in grid.free.shape)
+        asked = "" if self.start is None else f", {counted(len(self.goals), 'goal')}"
+        answer = "" if self.path is None else ", path found"
+        return (
+            f"CSpace({grid.scene.name!r}, {grid.joint_names[0]} x {grid.joint_names[1]}, {cells} cells{asked}{answer})"
+        )
+
+    # ---- the question --------------------------------------------------------------------
+
+    @cached_property
+    def start_blocked_by(self) -> tuple[str, ...]:
+        """What the start touches: names of layers; empty where it is free. The configuration counts, not its cell."""
+        return () if self.start is None else self._blocked_by(self.start)
+
+    @cached_property
+    def goals_blocked_by(self) -> tuple[tuple[str, ...], ...]:
+        """The same for each of the goals."""
+        return tuple(self._blocked_by(goal) for goal in self.goals)
+
+    def _blocked_by(self, q: Array) -> tuple[str, ...]:
+        scene, arm = self.grid.scene, self.grid.arm
+        checker, full = CollisionChecker(scene, (arm,)), np.array(scene.arms[arm].q)
+        full[[scene.arms[arm].robot.joint_names.index(name) for name in self.grid.joint_names]] = q
+        names = [layer_of(scene, (contact.a, contact.b)) for contact in checker.contacts(full)]
+        return tuple(dict.fromkeys(names + [LIMITS] * (not checker.within_limits(full))))
 
     @property
     def reachable_goals(self) -> tuple[bool, ...]:
-        """For each goal configuration, whether it is in the start's component of free space on the grid."""
+        """For each goal whether the path ends there, or it is in the start's component of free space on the grid."""
         if self.start is None:
             return tuple(False for _ in self.goals)
-        return tuple(self.grid.connected(self.start, goal) for goal in self.goals)
+        return tuple(self._ends_at(goal) or self.grid.connected(self.start, goal) for goal in self.goals)
+
+    def _ends_at(self, goal: Array) -> bool:
+        if self.path is None:
+            return False
+        off = np.where(self.grid.turns, _wrapped(self.path[-1] - goal), self.path[-1] - goal)
+        return bool(np.abs(off).max() < _SAME)
+
+    @cached_property
+    def decomposition(self) -> Decomposition | None:
+        """The cells that were certified in search of a proof that no path exists; None where none was searched for.
+
+        That is so without a question, with a path, for a start that is not free, and for slices of bigger arms.
+        """
+        grid = self.grid
+        whole = grid.scene.arms[grid.arm].robot.joint_names == grid.joint_names
+        if not whole or self.path is not None or self.start is None or not self.targets or self.start_blocked_by:
+            return None
+        return decompose(grid.scene, grid.arm, self.start, self.targets, self.goals)
 
     @property
     def proves_no_path(self) -> bool:
-        """The start is free on the grid and no goal configuration is in its component."""
-        return self.start is not None and bool(self.goals) and not any(self.reachable_goals)
+        """No path from the start to any goal exists: certified, whatever the resolution of the picture.
+
+        Either cells that are blocked as a whole separate them, or no configuration reaches the goal, or the goals are
+        configurations that are not free. False where a path was found, and where the question is open.
+        """
+        if self.start is None or self.path is not None or not self.targets:
+            return False
+        if self.start_blocked_by:
+            return True
+        joint_goals = all(isinstance(target, JointGoal) for target in self.targets)
+        if joint_goals and all(self.goals_blocked_by):
+            return True
+        return self.decomposition is not None and self.decomposition.proves_no_path
+
+    # ---- pictures ------------------------------------------------------------------------
 
     def figure(self, width: float = 13.0) -> Any:
         """A matplotlib figure: workspace left, configuration space right."""
@@ -78,28 +157,22 @@ class CSpace(Value):
 
     def show(self, **options: Any) -> Any:
         """Open the same page live and print its address; end a script with `show().wait()`."""
-        from rr1plan.playback.cspace_page import show_page
+        from rr1plan.playback.cspace_viewer import show_page
 
         return show_page(self, **options)
 
     def __str__(self) -> str:
-        grid = self.grid
-        count = grid.free.size
-        lines = [
-            f"configuration space of {grid.joint_names[0]} and {grid.joint_names[1]}: "
-            f"{grid.free.shape[0]} x {grid.free.shape[1]} cells, {grid.free.sum() / count:.1%} free, "
-            f"{counted(grid.components, 'component')} of free space"
-        ]
-        lines += [f"  {name}: {mask.sum() / count:.1%} of the cells" for name, mask in grid.layers.items()]
-        for k, (goal, reachable) in enumerate(zip(self.goals, self.reachable_goals, strict=True), 1):
-            where = f"goal {k} ({goal[0]:+.3f}, {goal[1]:+.3f})"
-            if not grid.component_of(goal):
-                lines.append(f"  {where}: not free ({', '.join(grid.why_not_free(goal))})")
-            else:
-                lines.append(f"  {where}: {'same component as' if reachable else 'cut off from'} the start")
-        if self.proves_no_path:
-            lines.append("  no path exists on this grid: start and goal lie in different components")
-        return "\n".join(lines)
+        from rr1plan.playback.cspace_verdict import describe
+
+        return describe(self)
+
+
+def _numbered(name: str, count: int) -> tuple[str, ...]:
+    return (name,) if count == 1 else tuple(f"{name} {k}" for k in range(1, count + 1))
+
+
+def _wrapped(angles: Array) -> Array:
+    return np.asarray(np.arctan2(np.sin(angles), np.cos(angles)))
 
 
 def cspace(
@@ -141,12 +214,16 @@ def cspace(
     if problem is None:
         return CSpace(grid)
     path = None if result is None or result.path is None else result.path.waypoints
+    goals, unreached = goal_configurations(problem)
     return CSpace(
         grid,
         read_only(np.array(problem.start)),
-        goal_solutions(problem),
+        tuple(goals.values()),
         path,
         None if result is None else result.tree,
+        tuple(goals),
+        problem.goal[problem.arms[0]],
+        unreached,
     )
 
 
@@ -160,22 +237,23 @@ def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | 
         raise InputError(f"joints is {joints!r}, but the problem's columns are {known!r}")
 
 
-def goal_solutions(problem: Problem) -> tuple[Array, ...]:
-    """Every configuration (2,) that reaches the goal of a two-joint problem, in collision or not.
+def goal_configurations(problem: Problem) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Configurations (2,) that reach the goal of a two-joint problem, in collision or not, by their names.
 
-    A joint goal is drawn with its twin that puts the tool in the same place (the other elbow).
+    A joint goal is itself. For a goal of position (or pose, or region) they are what inverse kinematics finds, e.g.
+    both elbows; where it finds none, the goal's name and the reason are in the second answer.
     """
     arm = problem.arms[0]
     kinematics = Kinematics(problem.scene, problem.arms)
-    robot = problem.scene.arms[arm].robot
-    found: list[Array] = []
-    for goal in problem.goal[arm]:
-        if isinstance(goal, JointGoal):
-            found.append(np.array(goal.q))
-        else:
-            found += list(solve_ik(kinematics, goal, arm, rng=0).solutions)
-    if len(found) == 1 and isinstance(problem.goal[arm][0], JointGoal):
-        tool = kinematics.pose(found[0], f"{arm}/{robot.tool}")[:3, 3]
-        twins = solve_ik(kinematics, PoseGoal(robot.tool, tool), arm, rng=0).solutions
-        found += [q for q in twins if np.abs(np.angle(np.exp(1j * (q - found[0])))).max() > 1e-3]
-    return tuple(read_only(np.array(q)) for q in found)
+    targets = problem.goal[arm]
+    found: dict[str, Array] = {}
+    unreached = []
+    for name, target in zip(_numbered("goal", len(targets)), targets, strict=True):
+        if isinstance(target, JointGoal):
+            found[name] = read_only(np.array(target.q))
+            continue
+        answer = solve_ik(kinematics, target, arm, rng=0, max_solutions=_MOST_SOLUTIONS)
+        names = _numbered(f"{name}, IK", len(answer.solutions)) if len(answer.solutions) > 1 else (name,)
+        found |= zip(names, answer.solutions, strict=False)
+        unreached += [] if answer.solved else [f"{name}: {answer.reason}"]
+    return found, tuple(unreached)

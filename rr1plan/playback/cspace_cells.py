@@ -7,30 +7,33 @@ import heapq
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 Mask = NDArray[np.bool_]
 
 
-def label_components(free: Mask, periodic: tuple[bool, bool]) -> NDArray[np.int32]:
-    """Number the components of free cells (4 neighbours), joined across periodic seams; 0 is not free."""
-    labels, count = ndimage.label(free)
-    parent = np.arange(count + 1)
+def label_components(free: Mask, periodic: tuple[bool, bool], diagonal: bool = False) -> NDArray[np.int32]:
+    """Number the components of cells, joined across periodic seams; 0 is no component.
 
-    def root(k: int) -> int:
-        while parent[k] != k:
-            parent[k] = parent[parent[k]]
-            k = int(parent[k])
-        return k
-
-    for axis, closes in enumerate(periodic):
-        if closes:
-            first, last = np.take(labels, 0, axis=axis), np.take(labels, -1, axis=axis)
-            for a, b in zip(first, last, strict=True):
-                if a and b:
-                    parent[root(int(a))] = root(int(b))
-    roots = np.array([root(k) for k in range(count + 1)])
-    _, joined = np.unique(roots, return_inverse=True)
-    return np.asarray(joined[labels], dtype=np.int32)
+    Args:
+        free: The cells, shape (n, m).
+        periodic: Whether the ends of each axis are the same place.
+        diagonal: Cells that meet in a corner are joined, not those alone that meet in an edge.
+    """
+    n, m = free.shape
+    # The first row and column once more behind the last: what is joined across a seam is joined to these.
+    around = np.pad(free, [(0, int(closes)) for closes in periodic], mode="wrap")
+    labels, count = ndimage.label(around, np.ones((3, 3)) if diagonal else None)
+    same = [
+        pairs
+        for closes, pairs in zip(periodic, ((labels[n:], labels[:1]), (labels[:, m:], labels[:, :1])), strict=True)
+        if closes
+    ]
+    rows, columns = (np.concatenate([np.zeros(0, np.int32), *(p[k].ravel() for p in same)]) for k in (0, 1))
+    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(count + 1, count + 1))
+    joined = connected_components(graph, directed=False)[1]
+    return np.asarray(joined[labels[:n, :m]], dtype=np.int32)
 
 
 def shortest_way(

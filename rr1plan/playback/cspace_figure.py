@@ -16,6 +16,7 @@ from rr1plan.checks import counted
 from rr1plan.formats.files import write_bytes
 from rr1plan.playback.cspace_colors import GOAL, INK, START, end_tints, layer_colors
 from rr1plan.playback.cspace_torus import draw_torus
+from rr1plan.playback.cspace_verdict import headline
 from rr1plan.playback.cspace_workspace import draw_workspace
 
 if TYPE_CHECKING:
@@ -76,8 +77,5 @@ def _legend(cspace: CSpace) -> list[Any]:
 def _title(cspace: CSpace) -> str:
     grid = cspace.grid
     parts = f"{counted(grid.components, 'component')} of free space"
-    if cspace.proves_no_path:
-        return f"{grid.scene.name}: no path exists, start and goal lie in different components ({parts})"
-    if cspace.path is not None:
-        return f"{grid.scene.name}: the same path in the workspace and in the configuration space ({parts})"
-    return f"{grid.scene.name}: {parts}"
+    answer = headline(cspace)
+    return f"{grid.scene.name}: {answer} ({parts})" if answer else f"{grid.scene.name}: {parts}"

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.playback.cspace_cells import Mask, label_components, shortest_way, widest_spot
 from rr1plan.playback.cspace_images import Images
+from rr1plan.robot import Joint
 from rr1plan.scene import Scene
 
 LIMITS = "joint limits"
@@ -45,12 +46,22 @@ class CSpaceGrid(Value):
     axes: tuple[Array, Array]
     periodic: tuple[bool, bool]
     layers: Mapping[str, Mask]
-    labels: NDArray[np.int32] = field(repr=False)
+    labels: NDArray[np.int32]
+
+    def __repr__(self) -> str:
+        cells = " x ".join(str(n) for n in self.labels.shape)
+        return f"CSpaceGrid({self.scene.name!r}, {self.joint_names[0]} x {self.joint_names[1]}, {cells} cells)"
 
     @property
     def free(self) -> Mask:
         """Cells that nothing forbids, shape (n, m)."""
         return self.labels > 0
+
+    @property
+    def turns(self) -> tuple[bool, bool]:
+        """Whether each joint turns; the other ones slide."""
+        first, second = (self.scene.arms[self.arm].robot.joint(name).kind != "prismatic" for name in self.joint_names)
+        return first, second
 
     @property
     def components(self) -> int:
@@ -78,6 +89,20 @@ class CSpaceGrid(Value):
         if not 0 <= index < len(centres):
             raise InputError(f"{self.joint_names[axis]} = {value} is outside the picture")
         return index
+
+    def wrapped(self, q: Any) -> Array:
+        """A configuration (2,) [rad or m] inside the picture: periodic joints without whole turns.
+
+        Raises:
+            InputError: not two finite numbers, or outside the picture.
+        """
+        pair = np.array(finite_array("q", q, (2,)))
+        self.cell(pair)
+        for axis, centers in enumerate(self.axes):
+            if self.periodic[axis]:
+                low = 0.5 * (3.0 * centers[0] - centers[1])
+                pair[axis] = low + (pair[axis] - low) % (2.0 * np.pi)
+        return pair
 
     def component_of(self, q: Any) -> int:
         """Number of the component of free space that holds a configuration (2,), 0 if it is not free."""
@@ -149,9 +174,10 @@ def compute_grid(
     names = _two_joints(scene, arm, joints)
     if not isinstance(resolution, int) or resolution < 8:
         raise InputError(f"resolution is {resolution!r}, expected a whole number of cells, at least 8")
-    columns = [scene.arms[arm].robot.joint_names.index(name) for name in names]
-    limits = scene.arms[arm].robot.limits
-    axes, periodic, inside = zip(*(_axis(limits.lower[c], limits.upper[c], resolution) for c in columns), strict=True)
+    columns = (scene.arms[arm].robot.joint_names.index(names[0]), scene.arms[arm].robot.joint_names.index(names[1]))
+    robot, limits = scene.arms[arm].robot, scene.arms[arm].robot.limits
+    spans = [(robot.joint(robot.joint_names[c]), float(limits.lower[c]), float(limits.upper[c])) for c in columns]
+    axes, periodic, inside = zip(*(_axis(*span, resolution) for span in spans), strict=True)
     checker = CollisionChecker(scene, (arm,))
     layers = Images(checker, scene.arms[arm].q, columns, axes, progress).compute()
     outside = ~(inside[0][:, None] & inside[1][None, :])
@@ -176,15 +202,18 @@ def _two_joints(scene: Scene, arm: str, joints: tuple[str, str] | None) -> tuple
     return known_name("joint", joints[0], known), known_name("joint", joints[1], known)
 
 
-def _axis(lower: float, upper: float, resolution: int) -> tuple[Array, bool, Mask]:
-    """Cell centres, whether the axis closes, and which centres are within the limits."""
-    turn = 2.0 * np.pi
+def _axis(joint: Joint, lower: float, upper: float, resolution: int) -> tuple[Array, bool, Mask]:
+    """Cell centers, whether the axis closes, and which centers are within the limits.
+
+    A joint that turns has the full turn about zero if its limits lie in it, one that slides its limits.
+    """
     unlimited = not np.isfinite(lower) or not np.isfinite(upper)
-    if unlimited or upper - lower <= turn + 1e-9:
-        low, high = (
-            (-np.pi, np.pi) if unlimited or (lower >= -np.pi - 1e-9 and upper <= np.pi + 1e-9) else (lower, upper)
-        )
-    else:
-        low, high = lower, upper
-    centres = low + (np.arange(resolution) + 0.5) * ((high - low) / resolution)
-    return read_only(centres), bool(unlimited), (centres >= lower) & (centres <= upper)
+    if unlimited and joint.kind == "prismatic":
+        raise InputError(f"joint {joint.name!r} slides without limits, a picture needs limits")
+    low, high = lower, upper
+    if unlimited or (joint.kind != "prismatic" and lower >= -np.pi - 1e-9 and upper <= np.pi + 1e-9):
+        low, high = -np.pi, np.pi
+    if not low < high:
+        raise InputError(f"joint {joint.name!r} has one value, {low}, a picture needs a range")
+    centers = low + (np.arange(resolution) + 0.5) * ((high - low) / resolution)
+    return read_only(centers), unlimited, (centers >= lower) & (centers <= upper)

@@ -14,18 +14,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, counted
+from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import SearchTree
 from rr1plan.playback.cspace_colors import layer_colors
 from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace_images import SELF
+from rr1plan.playback.cspace_verdict import tone, verdict
 from rr1plan.playback.outlines import silhouette
+from rr1plan.playback.replay import Replay
 from rr1plan.playback.search_trees import trees_of
 from rr1plan.playback.viewer.document import Document, pack, view_document
-from rr1plan.playback.viewer.live import Viewer, open_viewer
 from rr1plan.playback.viewer.page import Panel, page_html, write_page
+from rr1plan.report import Report
 from rr1plan.shapes import HalfSpace
 from rr1plan.trajectory import Trajectory
 
@@ -60,41 +62,31 @@ def save_page(
         InputError: the trajectory moves other joints than the two shown, or a file that cannot be written.
         MissingPackageError: Meshcat is not installed.
     """
-    document, panel, view = _parts(cspace, trajectory, title)
+    document, panel, view = page_parts(cspace, trajectory, title)
     return write_page(file, page_html(document, [panel], view=view, play=play))
 
 
-def show_page(
+def page_parts(
     cspace: CSpace,
-    *,
-    trajectory: Trajectory | None = None,
-    title: str | None = None,
-    port: int | None = None,
-    open_browser: bool = True,
-    quiet: bool = False,
-) -> Viewer:
-    """Open the lesson live in the browser of this machine; the program can move the arm with `Viewer.update`.
+    trajectory: Trajectory | None,
+    title: str | None,
+    report: Report | None = None,
+    replay: Replay | None = None,
+    spheres: bool = False,
+) -> tuple[Document, Panel, tuple[float, float, float] | None]:
+    """The document of the page, its panel, and the direction from which it is looked at first (None chooses one).
 
     Args:
-        cspace: The configuration space, with a question and its answer if it has one.
-        trajectory: The timed motion to play; None plays the path at a steady speed.
-        title: Headline of the page (default: the scene's name).
-        port: First port to try, the next free one is taken; None: 7000.
-        open_browser: Open the page in a browser, where there is a screen.
-        quiet: Do not print the address, which is `Viewer.url`.
+        cspace: The configuration space.
+        trajectory: The timed motion to play, or None.
+        title: Headline of the page, or None for the scene's name.
+        report: The referee's verdict on the trajectory, or None.
+        replay: What a simulation made of the trajectory, or None.
+        spheres: Show the spheres that contain each link and held object.
 
     Raises:
-        InputError: the trajectory moves other joints than the two shown, or a port that is no port.
-        BackendError: no free port.
-        MissingPackageError: Meshcat is not installed.
+        InputError: the trajectory moves other joints than the two shown.
     """
-    document, panel, view = _parts(cspace, trajectory, title)
-    return open_viewer(Viewer(cspace.grid.scene, document, [panel], view, port), open_browser, quiet)
-
-
-def _parts(
-    cspace: CSpace, trajectory: Trajectory | None, title: str | None
-) -> tuple[Document, Panel, tuple[float, float, float] | None]:
     grid = cspace.grid
     names = (f"{grid.arm}/{grid.joint_names[0]}", f"{grid.arm}/{grid.joint_names[1]}")
     if trajectory is not None and set(trajectory.joint_names) != set(names):
@@ -102,7 +94,9 @@ def _parts(
             f"the trajectory moves {', '.join(trajectory.joint_names)}, expected the joints shown: {', '.join(names)}"
         )
     path = None if cspace.path is None else Path(names, cspace.path)
-    document = view_document(grid.scene, trajectory, path=path, title=title)
+    document = view_document(
+        grid.scene, trajectory, path=path, report=report, replay=replay, title=title, spheres=spheres
+    )
     document["ghosts"] = _ghosts(cspace)
     planar = _planar(grid)
     panel = Panel(
@@ -121,7 +115,7 @@ def _asset(name: str) -> str:
     return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")
 
 
-# ---- what the panel needs to know --------------------------------------------------------------
+# ---- the data of the panel ---------------------------------------------------------------------
 
 
 def _data(cspace: CSpace, names: tuple[str, str], planar: dict[str, Any] | None) -> dict[str, Any]:
@@ -143,10 +137,11 @@ def _data(cspace: CSpace, names: tuple[str, str], planar: dict[str, Any] | None)
         "shares": shares,
         "start": None if cspace.start is None else cspace.start.tolist(),
         "goals": [goal.tolist() for goal in cspace.goals],
+        "goalNames": list(cspace.goal_names),
         "waypoints": None if cspace.path is None else pack(cspace.path, "f8"),
         "tree": None if cspace.tree is None else _tree(cspace.tree, cspace),
         "verdict": verdict(cspace),
-        "proof": cspace.proves_no_path,
+        "tone": tone(cspace),
         "planar": planar,
     }
 
@@ -247,35 +242,3 @@ def _names(grid: CSpaceGrid, height: float) -> list[dict[str, Any]]:
             middle = np.mean([shadow.mean(axis=0) for shadow in shadows], axis=0)
             named.append({"name": name, "color": colors[name], "place": [*middle.tolist(), height]})
     return named
-
-
-def verdict(cspace: CSpace) -> str:
-    """One sentence about the question: whether start and goal lie in the same component of free space."""
-    grid = cspace.grid
-    count = f"{counted(grid.components, 'component')} of free space"
-    if cspace.start is None or not cspace.goals:
-        return f"{grid.free.mean():.0%} of all configurations are free, in {count}."
-    if not grid.component_of(cspace.start):
-        return f"The start is not free: {' and '.join(grid.why_not_free(cspace.start))}."
-    if cspace.proves_no_path:
-        if not any(grid.component_of(goal) for goal in cspace.goals):
-            return "No path exists: no configuration that reaches the goal is free."
-        cells = " × ".join(str(n) for n in grid.free.shape)
-        return (
-            "No path exists: start and goal are both free, but lie in different components of free space "
-            f"(on {cells} cells)."
-        )
-    seam = "; the path leads over the seam" if _crosses_seam(cspace) else ""
-    return f"Start and goal lie in the same component of free space{seam}."
-
-
-def _crosses_seam(cspace: CSpace) -> bool:
-    """Whether the path leaves the square somewhere and comes in again at the other side."""
-    if cspace.path is None:
-        return False
-    for axis, (centres, closes) in enumerate(zip(cspace.grid.axes, cspace.grid.periodic, strict=True)):
-        step = centres[1] - centres[0]
-        turns = np.floor((cspace.path[:, axis] - centres[0] + 0.5 * step) / (step * len(centres)))
-        if closes and len(np.unique(turns)) > 1:
-            return True
-    return False

@@ -120,20 +120,18 @@ def _draw_ends(axes: Any, cspace: CSpace) -> None:
     grid = cspace.grid
 
     def mark(q: Array, label: str, color: str, **style: Any) -> None:
-        i, j = grid.cell(q)
-        x, y = grid.axes[0][i], grid.axes[1][j]
+        x, y = grid.wrapped(q)
         axes.plot(x, y, color=color, markeredgecolor="white", markeredgewidth=1.4, zorder=7, **style)
         # To the left of what is near the right edge, so that all of it is inside the picture.
-        side = -1 if i > 0.86 * len(grid.axes[0]) else 1
+        side = -1 if grid.cell(q)[0] > 0.86 * len(grid.axes[0]) else 1
         text = axes.annotate(
             label, (x, y), xytext=(11 * side, 8), textcoords="offset points", ha="right" if side < 0 else "left"
         )
         text.set(color=color, fontsize=13, fontweight="bold", zorder=8)
         text.set_path_effects([withStroke(linewidth=4, foreground="white")])
 
-    for k, goal in enumerate(cspace.goals, 1):
-        label = "goal" if len(cspace.goals) == 1 else f"goal {k}"
-        mark(goal, label, GOAL, marker="*", markersize=20)
+    for name, goal in zip(cspace.goal_names, cspace.goals, strict=True):
+        mark(goal, name, GOAL, marker="*", markersize=20)
     if cspace.start is not None:
         mark(cspace.start, "start", START, marker="o", markersize=12)
 

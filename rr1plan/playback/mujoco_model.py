@@ -29,6 +29,9 @@ from rr1plan.transforms import quaternion_from_rotation
 _NO_MASS = 1e-9
 # MuJoCo refuses principal moments below 1e-14 [kg m²].
 _LEAST_MOMENT = 1e-12
+# The least inertia that a servo is made for, and that of a motor whose joint carries nothing [kg m² or kg].
+_LEAST_CARRIED = 1e-4
+_NOTHING_CARRIED = 1e-7
 # Input signature of the `pid` actuator: position, velocity and feed-forward [MuJoCo's mjtCtrlInput].
 _POSITION_VELOCITY_FEEDFORWARD = 7
 # Boxes of one point cloud; these take about twenty seconds to build.
@@ -44,12 +47,14 @@ class MujocoScene:
         model: The compiled model.
         joint_names: "arm/joint" of every movable joint, in the order of qpos, qvel and actuators.
         geom_elements: The scene element each geom belongs to, by geom id.
+        massless_joints: Those of `joint_names` that carry no mass; each has a motor of some inertia instead.
     """
 
     spec: Any
     model: Any
     joint_names: tuple[str, ...]
     geom_elements: tuple[str, ...]
+    massless_joints: tuple[str, ...] = ()
 
 
 def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80.0) -> MujocoScene:
@@ -73,12 +78,15 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
     model = _compile(spec)
     posture = _qpos(scene, builder.joints)
     inertia = _joint_inertia(model, posture)
+    massless = tuple(j.name for j, carried in zip(builder.joints, inertia, strict=True) if carried < _NOTHING_CARRIED)
+    for name in massless:
+        spec.joint(name).armature = _LEAST_CARRIED
     for joint, carried in zip(builder.joints, inertia, strict=True):
-        _add_servo(spec, joint, stiffness, float(carried))
+        _add_servo(spec, joint, stiffness, max(float(carried), _LEAST_CARRIED))
     spec.add_key(name="posture", qpos=posture)
     model = _compile(spec)
     elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
-    return MujocoScene(spec, model, tuple(j.name for j in builder.joints), elements)
+    return MujocoScene(spec, model, tuple(j.name for j in builder.joints), elements, massless)
 
 
 def _compile(spec: Any) -> Any:
@@ -281,7 +289,6 @@ def mass_matrix(model: Any, data: Any) -> Array:
 
 
 def _add_servo(spec: Any, placed: _PlacedJoint, stiffness: float, inertia: float) -> None:
-    inertia = max(inertia, 1e-4)
     actuator = spec.add_actuator(name=placed.name, target=placed.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     actuator.set_to_pid(
         kp=stiffness**2 * inertia, kv=2.0 * stiffness * inertia, ctrlspec=_POSITION_VELOCITY_FEEDFORWARD

@@ -48,6 +48,7 @@ class Replay(Value):
         timestep: Length of a step [s].
         wall_seconds: Time the replay took [s].
         settings: Version and options that made it, for a record.
+        estimated: What a dynamic replay had to estimate, in words: masses that the robot's file does not give.
     """
 
     mode: str
@@ -63,6 +64,7 @@ class Replay(Value):
     timestep: float
     wall_seconds: float
     settings: dict[str, Any] = field(default_factory=dict)
+    estimated: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("times", "desired", "actual", "max_error", "rms_error", "peak_effort"):
@@ -109,6 +111,7 @@ class Replay(Value):
                 f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
                 + ("; plan with option torque_limits, or with lower limits of acceleration" if self._is_spent else "")
             )
+            lines += [f"  {what}" for what in self.estimated]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
             for c in self.contacts
@@ -132,4 +135,5 @@ class Replay(Value):
                 {"pair": list(c.pair), "first": c.first, "last": c.last, "depth": c.depth} for c in self.contacts
             ],
             "settings": dict(self.settings),
+            "estimated": list(self.estimated),
         }

@@ -250,4 +250,14 @@ def _report(mode: Mode, run: _Run, record_dt: float, wall: float, stiffness: flo
         timestep=timestep,
         wall_seconds=wall,
         settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness},
+        estimated=_estimated(run) if mode == "dynamic" else (),
     )
+
+
+def _estimated(run: _Run) -> tuple[str, ...]:
+    """What the description lacks and the physics needs, in words."""
+    arms = run.targets.scene.arms.items()
+    links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]
+    bare = run.world.massless_joints
+    found = [f"masses estimated from shapes: {', '.join(links)}"] if links else []
+    return (*found, f"joints that carry no mass: {', '.join(bare)}") if bare else tuple(found)

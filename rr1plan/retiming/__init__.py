@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rr1plan.retiming.methods import retime, retiming_names
+from rr1plan.retiming.methods import retime, retiming_names, retiming_table
 
 if TYPE_CHECKING:
     from rr1plan.retiming.ruckig_ import point_to_point as point_to_point
 
-__all__ = ["point_to_point", "retime", "retiming_names"]
+__all__ = ["point_to_point", "retime", "retiming_names", "retiming_table"]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,10 +1,5 @@
 """The verb `retime` and the methods behind it.
 
-    blend          lines with parabolic corners in certified clearance, as fast as can be (default)
-    stop           straight lines, rest at every waypoint, velocity and acceleration limits
-    ruckig         straight lines, rest at every waypoint, jerk limits too
-    ruckig_direct  as `ruckig`, but off the straight line where the faster motion is certified free
-
 `blend` and `stop` do not limit jerk: acceleration jumps where lines meet parabolas and where the
 path speed switches. A new method is one function, from `Work` to pieces that are `within` its limits, and one
 row of `_METHODS`.
@@ -13,7 +8,7 @@ row of `_METHODS`.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -99,7 +94,8 @@ def retime(
     if dynamics is not None:
         check_gravity(points, path.joint_names, limits.effort, dynamics)
     work = Work(points, limits, max_blend, lambda: checker or _certifier(scene, arms), dynamics)
-    parts = _METHODS[method](work)
+    _, time_pieces = _METHODS[method]
+    parts = time_pieces(work)
     if dynamics is not None:
         parts = [within_torque(part, path.joint_names, limits.effort, dynamics) for part in parts]
     return as_trajectory(path.joint_names, concatenate(parts))
@@ -108,6 +104,11 @@ def retime(
 def retiming_names() -> tuple[str, ...]:
     """Names of all retiming methods."""
     return tuple(_METHODS)
+
+
+def retiming_table() -> Mapping[str, str]:
+    """All retiming methods: one line of description by name."""
+    return {name: description for name, (description, _) in _METHODS.items()}
 
 
 def _arms(path: Path, scene: Scene) -> tuple[str, ...]:
@@ -192,11 +193,11 @@ def _is_free(pieces: Pieces, checker: CurveChecker) -> bool:
     )
 
 
-_METHODS: dict[str, Callable[[Work], list[Pieces]]] = {
-    "blend": _blend,
-    "stop": _stop,
-    "ruckig": _ruckig,
-    "ruckig_direct": _ruckig_direct,
+_METHODS: dict[str, tuple[str, Callable[[Work], list[Pieces]]]] = {
+    "blend": ("straight lines, corners rounded by parabolas within certified clearance, time-optimal", _blend),
+    "stop": ("straight lines, rest at every waypoint, time-optimal", _stop),
+    "ruckig": ("straight lines, rest at every waypoint, jerk limits too", _ruckig),
+    "ruckig_direct": ("as ruckig, but off the line where the faster motion is certified free", _ruckig_direct),
 }
 
 _JERK_LIMITED = ("ruckig", "ruckig_direct")

@@ -26,11 +26,15 @@ class _ReadOnlyArrays(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Inertial(_ReadOnlyArrays):
-    """Mass [kg], centre of mass (3,) [m] in the link frame, inertia (3, 3) [kg m²] about it in link axes."""
+    """Mass [kg], center of mass (3,) [m] in the link frame, inertia (3, 3) [kg m²] about it in link axes.
+
+    `assumed` marks one that the robot's file does not give, but that was computed from the link's shapes.
+    """
 
     mass: float
     com: Array
     inertia: Array
+    assumed: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -112,6 +112,11 @@ class Robot(Value):
         return tuple(link.name for body in bare for link in body if link.visuals)
 
     @cached_property
+    def links_of_assumed_mass(self) -> tuple[str, ...]:
+        """Links whose mass the robot's file does not give; it was computed from their shapes."""
+        return tuple(link.name for link in self.links if link.inertial is not None and link.inertial.assumed)
+
+    @cached_property
     def continuous(self) -> Array:
         """Which planning joints have no position limits (they wrap around), shape (nq,) of 0 and 1."""
         return read_only(np.array([float(self.joint(n).kind == "continuous") for n in self.joint_names]))

@@ -15,13 +15,19 @@ from typing import Any
 
 from rr1plan.validation.compiled import largest, part
 
-# Kinds of bodies. A hull is the hull of its corners (one for a ball, two for a capsule) and a rounding.
-HULL, BOX, CYLINDER, PLANE = 0, 1, 2, 3
+# Kinds of bodies, each with a rounding: a ball is a box without edges, a capsule one with a single edge. The corners of
+# a hull are looked at one by one, those of a table by direction.
+HULL, BOX, CYLINDER, PLANE, TABLE = 0, 1, 2, 3, 4
 # Columns of `kinds` (b, 6): kind, first and number of corners, link, first and number of the joints that carry it.
 KIND, FIRST, COUNT, LINK, CHAIN, DEPTH = range(6)
 # Columns of `sizes` (b, 23): a box's half edges or a cylinder's radius, radius and half length; rounding;
 # radius of all; half edges of the bounding box; its centre in the link's frame; the shape's pose there.
 HALF, ROUND, RADIUS, BOUND, CENTER, LOCAL = 0, 3, 4, 5, 8, 11
+# Rows of `corners` (4, n): the point, and for a table where the corners of each cell begin, from its first column.
+STARTS = 3
+# Cells of directions: on each face of a cube SIDE by SIDE.
+SIDE = 4
+CELLS = 6 * SIDE * SIDE
 # A row of `placed` (b, 15): R_world_shape by rows, position of its frame, centre of its bounding ball.
 ORIGIN, MIDDLE = 9, 12
 # Bodies nearer than this touch [m].
@@ -38,6 +44,33 @@ def _reach_of_corners(corners: Any, first: int, stop: int, x: float, y: float, z
 
 
 @part
+def _cell(u: float, v: float, w: float) -> int:
+    """The cell of a direction of any length."""
+    a, b, c = abs(u), abs(v), abs(w)
+    if a >= b and a >= c:
+        face, size, x, y = 0 if u >= 0.0 else 1, a, v, w
+    elif b >= c:
+        face, size, x, y = 2 if v >= 0.0 else 3, b, u, w
+    else:
+        face, size, x, y = 4 if w >= 0.0 else 5, c, u, v
+    if not size > 0.0:
+        return 0
+    i = min(int((x / size + 1.0) * (0.5 * SIDE)), SIDE - 1)
+    j = min(int((y / size + 1.0) * (0.5 * SIDE)), SIDE - 1)
+    return (face * SIDE + i) * SIDE + j
+
+
+@part
+def _columns(kinds: Any, corners: Any, b: int, u: float, v: float, w: float) -> tuple[int, int]:
+    """The columns of `corners` among which the farthest of body b along a direction in its frame is."""
+    first = kinds[b, FIRST]
+    if kinds[b, KIND] == TABLE:
+        cell = first + _cell(u, v, w)
+        return first + int(corners[STARTS, cell]), first + int(corners[STARTS, cell + 1])
+    return first, first + kinds[b, COUNT]
+
+
+@part
 def reach(kinds: Any, sizes: Any, corners: Any, placed: Any, b: int, x: float, y: float, z: float) -> float:
     """Largest d . p over the points p of body b, from its frame's origin, for a world direction d of any length."""
     u = placed[b, 0] * x + placed[b, 3] * y + placed[b, 6] * z
@@ -45,14 +78,15 @@ def reach(kinds: Any, sizes: Any, corners: Any, placed: Any, b: int, x: float, y
     w = placed[b, 2] * x + placed[b, 5] * y + placed[b, 8] * z
     kind = kinds[b, KIND]
     if kind == BOX:
-        return float(abs(u) * sizes[b, 0] + abs(v) * sizes[b, 1] + abs(w) * sizes[b, 2])
-    if kind == CYLINDER:
-        return float(sizes[b, 0] * sqrt(u * u + v * v) + sizes[b, 2] * abs(w))
-    first = kinds[b, FIRST]
-    best = _reach_of_corners(corners, first, first + kinds[b, COUNT], u, v, w)
+        best = abs(u) * sizes[b, 0] + abs(v) * sizes[b, 1] + abs(w) * sizes[b, 2]
+    elif kind == CYLINDER:
+        best = sizes[b, 0] * sqrt(u * u + v * v) + sizes[b, 2] * abs(w)
+    else:
+        first, stop = _columns(kinds, corners, b, u, v, w)
+        best = _reach_of_corners(corners, first, stop, u, v, w)
     if sizes[b, ROUND] > 0.0:
         best += sizes[b, ROUND] * sqrt(u * u + v * v + w * w)
-    return best
+    return float(best)
 
 
 @part
@@ -67,8 +101,9 @@ def _farthest(kinds: Any, sizes: Any, corners: Any, b: int, u: float, v: float, 
         if across <= 1e-300:
             return sizes[b, 0], 0.0, z
         return sizes[b, 0] * u / across, sizes[b, 0] * v / across, z
-    best, at = -1e300, kinds[b, FIRST]
-    for i in range(kinds[b, FIRST], kinds[b, FIRST] + kinds[b, COUNT]):
+    first, stop = _columns(kinds, corners, b, u, v, w)
+    best, at = -1e300, first
+    for i in range(first, stop):
         value = u * corners[0, i] + v * corners[1, i] + w * corners[2, i]
         if value > best:
             best, at = value, i
@@ -230,7 +265,7 @@ def part_bodies(
     Args:
         kinds: Kinds of the bodies.
         sizes: Their sizes.
-        corners: Corners of all hulls, shape (3, n).
+        corners: Corners of all hulls, shape (4, n).
         placed: Where the bodies are.
         a: The first body.
         b: The second body.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
-from functools import cached_property
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,13 +15,89 @@ from rr1plan.errors import InputError
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
+from rr1plan.validation.apart import CENTER
 from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.motion import Frames, SceneMotion
 from rr1plan.validation.polynomials import Index
 from rr1plan.validation.solids import Solid, solid, support
 
+CONVEX, CONCAVE, HALF_SPACE = 1, 2, 3
+_IDENTITY = np.eye(4)
 # Rounding of the distances between axes and bodies computed here [m].
 _REACH_ROUNDING = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class ElementBodies:
+    """The shapes of one element as solids in its link's frame, row by row.
+
+    Args:
+        solids: The solids.
+        forms: `CONVEX`, `CONCAVE` (a cloud too) or `HALF_SPACE`, shape (b,).
+        radius: Radii of their bounding balls [m], shape (b,).
+        half: Half the edges of their bounding boxes [m], shape (b, 3).
+        rotation, origin: Poses of their frames in the link's, shapes (b, 3, 3) and (b, 3).
+        center: Centers of their bounding balls in the link's frame [m], shape (b, 3).
+        cores: Kind, number of corners and of columns of their cores, shape (b, 3).
+        sizes: Sizes and places as `apart.py` reads them, shape (b, 23).
+    """
+
+    solids: tuple[Solid, ...]
+    forms: Index
+    radius: Array
+    half: Array
+    rotation: Array
+    origin: Array
+    center: Array
+    cores: Index
+    sizes: Array
+
+    @staticmethod
+    def of(shapes: Sequence[Shape], poses: Array) -> ElementBodies:
+        """The bodies of shapes at poses (b, 4, 4)."""
+        solids = tuple(solid(shape) for shape in shapes)
+        rotation, origin = poses[:, :3, :3], poses[:, :3, 3]
+        centers = np.array([s.center for s in solids]).reshape(-1, 3)
+        center = np.einsum("bij,bj->bi", rotation, centers) + origin
+        own = np.array([s.sizes for s in solids]).reshape(-1, CENTER)
+        return ElementBodies(
+            solids,
+            np.array([_form(s) for s in solids], dtype=np.intp),
+            np.array([s.radius for s in solids], dtype=np.float64),
+            np.array([s.half for s in solids], dtype=np.float64).reshape(-1, 3),
+            rotation,
+            origin,
+            center,
+            np.array([s.core.row for s in solids], dtype=np.intp).reshape(-1, 3),
+            np.concatenate([own, center, rotation.reshape(-1, 9), origin], axis=1),
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[ElementBodies]) -> ElementBodies:
+        """The rows of several elements, one after the other."""
+        parts = parts or [_NO_BODIES]
+        arrays = [np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(ElementBodies)[1:]]
+        return ElementBodies(tuple(s for part in parts for s in part.solids), *arrays)
+
+
+_NO_BODIES = ElementBodies.of((), np.zeros((0, 4, 4)))
+
+
+@lru_cache(maxsize=1024)
+def element_bodies(geometries: tuple[Geometry, ...], pose: bytes) -> ElementBodies:
+    """The bodies of an element's geometries on its link; the links of a robot have the same in every scene.
+
+    Args:
+        geometries: The geometries.
+        pose: T_link_element as bytes, shape (4, 4).
+    """
+    T = np.frombuffer(pose).reshape(4, 4)
+    poses = np.array([T @ g.pose for g in geometries]).reshape(-1, 4, 4)
+    return ElementBodies.of([g.shape for g in geometries], poses)
+
+
+def _form(body: Solid) -> int:
+    return CONVEX if body.convex else CONCAVE if np.isfinite(body.radius) else HALF_SPACE
 
 
 class Placed(NamedTuple):
@@ -40,12 +118,14 @@ class Bodies:
     """All shapes of a scene as solids on their links, and the pairs of shapes to check.
 
     Attributes:
-        pairs: The checked pairs of elements, as names.
         a, b: Bodies of each pair of shapes, shape (k,).
         pair: The pair of elements each pair of shapes belongs to, shape (k,).
         padding: Distance to keep, for each pair of elements [m].
         own: Whether one arm owns both elements (its links, and what it holds), for each pair of elements.
         solids: The bodies.
+        core_rows: What the compiled search knows of them, of `ElementBodies`.
+        sizes: The same.
+        forms: Their forms, shape (b,).
         link: Number of the link of each body, shape (b,).
         local_rotation, local_origin, local_center: Pose of each shape's frame and centre of its bounding ball
             in its link's frame, shapes (b, 3, 3), (b, 3), (b, 3).
@@ -57,26 +137,25 @@ class Bodies:
 
     def __init__(self, scene: Scene, motion: SceneMotion) -> None:
         self.motion = motion
-        self.pairs = scene.checked_pairs
         self.padding = scene.checked_padding
-        owners = [scene.owner(name) for name in scene.element_names]
-        numbered = np.array([owners.index(owner) for owner in owners], dtype=np.intp)
-        self.own = np.equal(*numbered[scene.checked_index].T)
         self.asked = 0
-        self._solids: dict[int, Solid] = {}
-        self.solids: list[Solid] = []
-        self._links: list[int] = []
-        self._poses: list[Array] = []
-        needed = {name for pair in self.pairs for name in pair}
-        numbers = {name: self._add(scene, name) for name in scene.element_names if name in needed}
-        self.link = np.array(self._links, dtype=np.intp)
-        self._stack()
-        pairs = [(i, j, k) for k, (a, b) in enumerate(self.pairs) for i in numbers[a] for j in numbers[b]]
-        table = np.array(pairs, dtype=np.intp).reshape(-1, 3)
-        half_first = np.isinf(self.radius[table[:, 0]])
-        table[half_first, :2] = table[half_first, 1::-1]
-        self.a, self.b, self.pair = table.T.copy()
+        self._names, self._index = scene.element_names, scene.checked_index
+        owners = [scene.owner(name) for name in self._names]
+        numbered = np.array([owners.index(owner) for owner in owners], dtype=np.intp)
+        self.own = np.equal(*numbered[self._index].T)
+        checked = np.zeros(len(self._names), dtype=np.bool_)
+        checked[self._index] = True
+        pairs = zip(self._names, checked.tolist(), strict=True)
+        elements = [self._element(scene, name) if there else (0, _NO_BODIES) for name, there in pairs]
+        counts = np.array([len(found.solids) for _, found in elements], dtype=np.intp)
+        self._stack(elements, counts)
+        self._pair_up(counts)
         self._classify()
+
+    def names(self, k: int) -> tuple[str, str]:
+        """The two elements of a pair."""
+        a, b = self._index[k].tolist()
+        return self._names[a], self._names[b]
 
     def along(self, motion: SceneMotion) -> Bodies:
         """The same bodies along another motion of the same columns, with nothing asked so far."""
@@ -90,39 +169,29 @@ class Bodies:
         """Who asks Coal."""
         return DistanceMeter()
 
-    def _add(self, scene: Scene, element: str) -> list[int]:
-        """Add all shapes of an element; their numbers."""
-        parts: tuple[Geometry, ...]
-        if element in scene.obstacles:
-            link, pose, parts = "", scene.obstacles[element].pose, scene.obstacles[element].geometries
-        elif element in scene.attachments:
-            held = scene.attachments[element]
+    def _element(self, scene: Scene, name: str) -> tuple[int, ElementBodies]:
+        """Number of the link that an element is on, and its bodies."""
+        link, pose = name, _IDENTITY
+        if name in scene.obstacles:
+            link, pose, parts = "", scene.obstacles[name].pose, scene.obstacles[name].geometries
+        elif name in scene.attachments:
+            held = scene.attachments[name]
             link, pose, parts = f"{held.arm}/{held.link}", held.pose, held.geometries
         else:
-            arm, name = element.split("/", 1)
-            link, pose, parts = element, np.eye(4), scene.arms[arm].robot.link(name).collisions
-        first = len(self.solids)
-        for part in parts:
-            self.solids.append(self._solid(part.shape))
-            self._links.append(self.motion.links[link])
-            self._poses.append(pose @ part.pose)
-            if isinstance(part.shape, HalfSpace) and self.motion.movers[self._links[-1]].any():
-                raise InputError(f"{element!r} moves and has a half-space for a shape; expected a bounded shape")
-        return list(range(first, len(self.solids)))
+            arm, part = name.split("/", 1)
+            parts = scene.arms[arm].robot.link(part).collisions
+        number, found = self.motion.links[link], element_bodies(parts, pose.tobytes())
+        if (found.forms == HALF_SPACE).any() and self.motion.movers[number].any():
+            raise InputError(f"{name!r} moves and has a half-space for a shape; expected a bounded shape")
+        return number, found
 
-    def _solid(self, shape: Shape) -> Solid:
-        if id(shape) not in self._solids:
-            self._solids[id(shape)] = solid(shape)
-        return self._solids[id(shape)]
-
-    def _stack(self) -> None:
+    def _stack(self, elements: list[tuple[int, ElementBodies]], counts: Index) -> None:
         """Arrays over all bodies."""
-        poses = np.array(self._poses, dtype=np.float64).reshape(-1, 4, 4)
-        self.radius = np.array([s.radius for s in self.solids], dtype=np.float64)
-        self.half = np.array([s.half for s in self.solids], dtype=np.float64).reshape(-1, 3)
-        self.local_rotation, self.local_origin = poses[:, :3, :3], poses[:, :3, 3]
-        centers = np.array([s.center for s in self.solids], dtype=np.float64).reshape(-1, 3)
-        self.local_center = np.einsum("bij,bj->bi", self.local_rotation, centers) + self.local_origin
+        rows = ElementBodies.joined([found for _, found in elements])
+        self.solids, self.forms, self.core_rows, self.sizes = rows.solids, rows.forms, rows.cores, rows.sizes
+        self.link = np.repeat(np.array([number for number, _ in elements], dtype=np.intp), counts)
+        self.radius, self.half = rows.radius, rows.half
+        self.local_rotation, self.local_origin, self.local_center = rows.rotation, rows.origin, rows.center
         self.moved = self.motion.movers[self.link].reshape(len(self.link), len(self.motion.column))
         # The joints that carry each body, padded to the same number with a joint that counts nothing.
         depth = int(self.moved.sum(axis=1).max(initial=0.0))
@@ -130,11 +199,23 @@ class Bodies:
         self._in_chain = np.take_along_axis(self.moved, self._chain, 1)
         self._fixed: dict[int, Any] = {}
 
+    def _pair_up(self, counts: Index) -> None:
+        """All bodies of one element against all of the other, for each pair of elements; a half-space comes second."""
+        one, two = self._index.T
+        first = np.cumsum(counts) - counts
+        each = counts[one] * counts[two]
+        self.pair = np.repeat(np.arange(len(each)), each)
+        place = np.arange(len(self.pair)) - np.repeat(np.cumsum(each) - each, each)
+        width = np.repeat(counts[two], each)
+        a, b = first[one][self.pair] + place // width, first[two][self.pair] + place % width
+        half_first = self.forms[a] == HALF_SPACE
+        self.a, self.b = np.where(half_first, b, a), np.where(half_first, a, b)
+
     def _classify(self) -> None:
-        kinds = np.array([1 if s.convex else 2 if np.isfinite(s.radius) else 3 for s in self.solids], dtype=np.intp)
-        self._kind_a, self._kind_b = kinds[self.a], kinds[self.b]
-        if (self._kind_a == 3).any():
-            names = self.pairs[self.pair[int(np.argmax(self._kind_a == 3))]]
+        self._kind_a, self._kind_b = self.forms[self.a], self.forms[self.b]
+        both = np.flatnonzero(self._kind_a == HALF_SPACE)
+        if len(both):
+            names = self.names(int(self.pair[both[0]]))
             raise InputError(f"{names[0]!r} and {names[1]!r} are both half-spaces, which cannot be kept apart")
         # A joint that carries both bodies does not move one against the other.
         self._only_a = self._in_chain[self.a] * (1.0 - np.take_along_axis(self.moved[self.b], self._chain[self.a], 1))

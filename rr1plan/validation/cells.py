@@ -59,7 +59,7 @@ def nearest_cell(
     Args:
         kinds: Kinds of the body and of a cell, shape (2, 6), as `apart.py` reads them.
         sizes: Their sizes, shape (2, 23).
-        corners: Corners of the body, shape (3, n).
+        corners: Corners of the body, shape (4, n).
         placed: Where the body is in the cloud's frame, shape (2, 15); the second row is written to.
         centers: Centres of the cells, block after block, shape (m, 3).
         half: Half a cell's edge.

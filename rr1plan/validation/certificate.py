@@ -110,7 +110,7 @@ class Certificate:
         self._motion, self._bodies = motion, bodies
         self._tolerance, self._most = tolerance, most_distances
         self._progress = progress
-        n = len(bodies.pairs)
+        n = len(bodies.padding)
         self.found = found or Findings(
             np.full(n, np.inf), np.zeros(n), np.full(n, np.inf), np.zeros(n, dtype=bool), np.full(n, np.inf)
         )
@@ -123,7 +123,7 @@ class Certificate:
         """Decide every pair on every interval."""
         bodies = self._bodies
         if len(self._items):
-            self._look_at_ends()
+            self._measure_ends()
             waiting = deque([self._root()])
             while waiting and not self.found.cancelled:
                 if bodies.asked > self._most:
@@ -135,7 +135,7 @@ class Certificate:
             self.found.statistics[name] = self.found.statistics.get(name, 0.0) + float(count)
         return self.found
 
-    def _look_at_ends(self) -> None:
+    def _measure_ends(self) -> None:
         """Add the smallest clearances at both ends to those that are known."""
         begin, finish = (float(time) for time in self._motion.breaks[[0, -1]])
         ends = []

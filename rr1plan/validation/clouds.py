@@ -17,6 +17,7 @@ from rr1plan.shapes import PointCloud
 from rr1plan.validation.apart import BOX, CENTER, COUNT, HALF, KIND, MIDDLE, ORIGIN, ROUND
 from rr1plan.validation.cells import nearest_cell
 from rr1plan.validation.polynomials import Index
+from rr1plan.validation.support_tables import Core
 
 # Cells of a block: fewer make more blocks to look through, more make more cells.
 _BLOCK = 64
@@ -66,7 +67,7 @@ class CellBlocks:
         return self._nearest(self._cells(order[1:][bound[order[1:]] < best - _ROUNDING]), body, ask, best)
 
     def parted(
-        self, core: tuple[int, Array], sizes: Array, rotation: Array, origin: Array, middle: Array
+        self, core: Core, sizes: Array, rotation: Array, origin: Array, middle: Array
     ) -> tuple[float, float, int]:
         """Distance of a convex body to the nearest cell and a proven lower bound [m]; both 0 where it touches one.
 
@@ -80,12 +81,12 @@ class CellBlocks:
             middle: Centre of its bounding box there [m], shape (3,).
         """
         kinds, table, placed = np.zeros((2, 6), np.int64), np.zeros((2, CENTER)), np.zeros((2, 15))
-        kinds[0, KIND], kinds[0, COUNT], kinds[1, KIND] = core[0], len(core[1]), BOX
+        kinds[0, KIND], kinds[0, COUNT], kinds[1, KIND] = core.kind, core.single, BOX
         table[0], table[1, HALF:ROUND] = sizes, self.half
         placed[0, :ORIGIN], placed[0, ORIGIN:MIDDLE], placed[0, MIDDLE:] = rotation.ravel(), origin, middle
         placed[1, :ORIGIN] = np.eye(3).ravel()
         nearest_cell(
-            *(kinds, table, np.ascontiguousarray(core[1].T), placed, self.centers, self.half),
+            *(kinds, table, core.corners, placed, self.centers, self.half),
             *(self._middle, self._half, self._first, self._count, self._answer),
         )
         distance, proven, asked = self._answer.tolist()

@@ -59,7 +59,7 @@ def prove(motion: SceneMotion, setting: Setting, tolerance: float, most: int, te
         bodies = setting.bodies.along(motion)
         slow = Certificate(motion, bodies, tolerance, most, _rest(tell, quick.fraction), item, found)
         slow.run()
-    found.statistics["pairs"] = float(len(setting.bodies.pairs))
+    found.statistics["pairs"] = float(len(setting.bodies.padding))
     asked = found.statistics["searches"] + found.statistics["distances"]
     found.statistics["culled_share"] = 1.0 - asked / max(found.statistics["pair_checks"], asked, 1.0)
     return found
@@ -75,7 +75,7 @@ class _Search:
 
     def __init__(self, motion: SceneMotion, setting: Setting, tolerance: float) -> None:
         self._motion, self._setting, self._tolerance = motion, setting, tolerance
-        count, elements = len(setting.pairs), len(setting.bodies.pairs)
+        count, elements = len(setting.pairs), len(setting.bodies.padding)
         self.found = np.full((elements, 3), np.inf)
         self.found[:, WHEN] = 0.0
         self.marks = np.zeros(elements, dtype=np.int64)

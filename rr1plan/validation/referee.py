@@ -219,10 +219,10 @@ def _check_collisions(
     else:
         ledger.checked.append("collision")
     for k in np.flatnonzero(np.isfinite(found.first_contact) | found.undecided).tolist():
-        ledger.violations.append(_contact(bodies.pairs[k], float(bodies.padding[k]), found, k))
+        ledger.violations.append(_contact(bodies.names(k), float(bodies.padding[k]), found, k))
     _clearance_margins(ledger, bodies, found)
     ledger.statistics |= found.statistics | {"collision_seconds": clock.perf_counter() - began}
-    if not bodies.pairs:
+    if not len(bodies.padding):
         ledger.not_checked["clearance"] = "the scene has no pair of elements that must not touch"
 
 
@@ -256,11 +256,11 @@ def _clearance_margins(ledger: Ledger, bodies: Bodies, found: Findings) -> None:
         if not np.isfinite(seen).any():
             continue
         k = int(np.argmin(seen))
-        ledger.margins[name] = Margin(float(seen[k]), "m", bodies.pairs[k], float(found.time[k]))
+        ledger.margins[name] = Margin(float(seen[k]), "m", bodies.names(k), float(found.time[k]))
         for end, nearest in zip(("start", "end"), found.ends[group], strict=True):
             if name == "clearance" and np.isfinite(nearest.clearance):
                 ledger.margins[f"{name}_{end}"] = Margin(
-                    nearest.clearance, "m", bodies.pairs[nearest.pair], nearest.time
+                    nearest.clearance, "m", bodies.names(nearest.pair), nearest.time
                 )
         if not hit.any() and not found.cancelled:
             ledger.margins[f"{name}_proven"] = Margin(float(found.proven[members].min()), "m")

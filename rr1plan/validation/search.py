@@ -297,7 +297,7 @@ def search(
     items: Any,
     ends: Any,
 ) -> None:
-    """Decide all pairs on all of a motion, or go on with it for `budget` intervals; `tables.py` says what goes in."""
+    """Decide all pairs on all of a motion, or on `budget` more of its intervals; `tables.py` says what goes in."""
     pieces, degree, width = coefficients.shape
     bodies, depth = len(kinds), 1
     for b in range(bodies):

@@ -17,6 +17,7 @@ from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.validation.apart import BOUND, BOX, CENTER, CYLINDER, HALF, HULL, PLANE, RADIUS, ROUND
 from rr1plan.validation.clouds import CellBlocks
+from rr1plan.validation.support_tables import Core, hull_core
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,20 +45,18 @@ class Solid:
     cells: CellBlocks | None = None
 
     @cached_property
-    def core(self) -> tuple[int, Array]:
-        """Its kind for the compiled search, and the corners of its hull without its rounding, shape (n, 3)."""
-        shape, none = self.shape, np.zeros((0, 3))
-        if isinstance(shape, Box):
-            return BOX, none
+    def core(self) -> Core:
+        """What the compiled search knows of it, without its rounding."""
+        shape = self.shape
+        if isinstance(shape, Box | Sphere | Capsule):
+            return Core(BOX)
         if isinstance(shape, Cylinder):
-            return CYLINDER, none
+            return Core(CYLINDER)
         if isinstance(shape, HalfSpace):
-            return PLANE, none
-        if isinstance(shape, Sphere):
-            return HULL, np.zeros((1, 3))
-        if isinstance(shape, Capsule):
-            return HULL, np.array([[0.0, 0.0, -0.5 * shape.length], [0.0, 0.0, 0.5 * shape.length]])
-        return (HULL, self.points) if self.convex else (HULL, none)
+            return Core(PLANE)
+        if not self.convex:
+            return Core(HULL)
+        return hull_core(self.points)
 
     @cached_property
     def sizes(self) -> Array:
@@ -67,8 +66,10 @@ class Solid:
             sizes[HALF:ROUND] = self.half
         elif isinstance(shape, Cylinder):
             sizes[HALF:ROUND] = shape.radius, shape.radius, 0.5 * shape.length
-        elif isinstance(shape, Sphere | Capsule):
+        elif isinstance(shape, Sphere):
             sizes[ROUND] = shape.radius
+        elif isinstance(shape, Capsule):
+            sizes[HALF + 2], sizes[ROUND] = 0.5 * shape.length, shape.radius
         sizes[RADIUS], sizes[BOUND:CENTER] = self.radius, self.half
         return sizes
 

@@ -15,15 +15,14 @@ from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Scene
 from rr1plan.shapes import HalfSpace
 from rr1plan.validation.apart import (
-    CENTER,
     HALF,
-    LOCAL,
     ROUND,
 )
-from rr1plan.validation.bodies import Bodies
+from rr1plan.validation.bodies import CONCAVE, CONVEX, HALF_SPACE, Bodies
 from rr1plan.validation.limits import Columns, columns_of
 from rr1plan.validation.motion import MovingLink, SceneMotion
 from rr1plan.validation.polynomials import Mask
+from rr1plan.validation.solids import Solid
 from rr1plan.validation.sweeping import AXIS, FIXED, GAIN, OFFSET, SHIFT, SLIDES, TURNS
 
 Table = NDArray[np.int64]
@@ -44,7 +43,7 @@ class Setting:
         searched: Which pairs of shapes the compiled search takes, shape (k,): both convex, or one a half-space.
         kinds: Kinds of the bodies, shape (b, 6).
         sizes: Sizes and places of the bodies on their links, shape (b, 23); of a half-space its world plane.
-        corners: Corners of all hulls, shape (3, n).
+        corners: Corners of all hulls, shape (4, n).
         chains: Joints that carry each body, one body after the other.
         movers: Bodies that move.
         pairs: The pairs of shapes to search, shape (k, 7).
@@ -187,35 +186,32 @@ def _links(motion: SceneMotion) -> Array:
 
 def _searched(bodies: Bodies) -> Mask:
     """Pairs of two convex shapes, or of one and a half-space; the second of a pair may be that."""
-    convex = np.array([s.convex for s in bodies.solids], dtype=bool)
-    plane = np.array([isinstance(s.shape, HalfSpace) for s in bodies.solids], dtype=bool)
-    return np.asarray(convex[bodies.a] & (convex | plane)[bodies.b])
+    return np.asarray((bodies.forms[bodies.a] == CONVEX) & (bodies.forms[bodies.b] != CONCAVE))
 
 
 def _kinds(bodies: Bodies) -> tuple[Table, Array]:
-    kinds, corners, first, chain = [], [np.zeros((0, 3))], 0, 0
-    for body, link, row in zip(bodies.solids, bodies.link.tolist(), bodies.moved, strict=True):
-        kind, points = body.core
-        depth = int(row.sum())
-        kinds.append((kind, first, len(points), link, chain, depth))
-        corners.append(points)
-        first, chain = first + len(points), chain + depth
-    return np.array(kinds, dtype=np.int64).reshape(-1, 6), np.ascontiguousarray(np.concatenate(corners).T)
+    kind, count, columns = bodies.core_rows.T
+    depth = bodies.moved.sum(axis=1).astype(np.int64)
+    first, chain = np.cumsum(columns) - columns, np.cumsum(depth) - depth
+    hulls = tuple(body for body, n in zip(bodies.solids, columns.tolist(), strict=True) if n)
+    return np.stack([kind, first, count, bodies.link, chain, depth], axis=1).astype(np.int64), _joined_corners(hulls)
+
+
+@lru_cache(maxsize=16)
+def _joined_corners(hulls: tuple[Solid, ...]) -> Array:
+    """The columns of all hulls; the same robots have the same."""
+    return np.concatenate([np.zeros((4, 0)), *(body.core.corners for body in hulls)], axis=1)
 
 
 def _sizes(bodies: Bodies, links: Array) -> Array:
-    sizes = np.zeros((len(bodies.solids), 23))
-    for i, body in enumerate(bodies.solids):
-        shape = body.shape
-        sizes[i, :CENTER] = body.sizes
-        sizes[i, CENTER:LOCAL] = bodies.local_center[i]
-        sizes[i, LOCAL : LOCAL + 9] = bodies.local_rotation[i].ravel()
-        sizes[i, LOCAL + 9 :] = bodies.local_origin[i]
-        if isinstance(shape, HalfSpace):
-            link = links[bodies.link[i]]
-            normal = link[:9].reshape(3, 3) @ bodies.local_rotation[i] @ np.array(shape.normal)
-            origin = link[:9].reshape(3, 3) @ bodies.local_origin[i] + link[9:]
-            sizes[i, HALF:ROUND], sizes[i, ROUND] = normal, shape.offset + normal @ origin
+    sizes = bodies.sizes.copy()
+    for i in np.flatnonzero(bodies.forms == HALF_SPACE).tolist():
+        shape = bodies.solids[i].shape
+        assert isinstance(shape, HalfSpace)
+        link = links[bodies.link[i]]
+        normal = link[:9].reshape(3, 3) @ bodies.local_rotation[i] @ np.array(shape.normal)
+        origin = link[:9].reshape(3, 3) @ bodies.local_origin[i] + link[9:]
+        sizes[i, HALF:ROUND], sizes[i, ROUND] = normal, shape.offset + normal @ origin
     return sizes
 
 

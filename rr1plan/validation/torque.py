@@ -30,6 +30,9 @@ def check_torques(ledger: Ledger, trajectory: Trajectory, scene: Scene) -> None:
     ledger.checked.append("torque")
     held = ", without the mass of attached objects" if scene.attachments else ""
     ledger.not_checked["torque between samples"] = f"sampled every {1000.0 * step:.3g} ms and at the breaks{held}"
+    for arm in trajectory.arms:
+        for link in scene.arms[arm].robot.links_of_assumed_mass:
+            ledger.not_checked[f"mass of {arm}/{link}"] = "not given, estimated from its shape"
     ledger.statistics["torque_samples"] = float(len(times))
 
 

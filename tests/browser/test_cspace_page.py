@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any
@@ -13,6 +14,7 @@ from PIL import Image
 
 import rr1plan as rp
 from rr1plan.library import load_problems
+from rr1plan.playback.cspace_verdict import verdict
 from rr1plan.playback.viewer.capture import wait_until
 
 pytestmark = pytest.mark.browser
@@ -311,7 +313,7 @@ def test_where_no_path_exists_the_page_says_so_in_two_colours(tab: Any, tmp_path
     wait_until(tab.page, READY)
     said = tab.page.locator(".verdict").inner_text()
     assert said.startswith("No path exists")
-    assert f"{CELLS} × {CELLS}" in said
+    assert "certified blocked cells" in said
     pixels = canvas_pixels(tab)
     assert near(pixels, "#cfe0fb", 2).sum() > 10_000
     assert near(pixels, "#cdeedb", 2).sum() > 10_000
@@ -352,4 +354,71 @@ def test_two_joints_of_a_bigger_arm_have_their_page_too(tab: Any, rr1_table: rp.
     assert (shown(tab)[~np.array(columns)] == start[~np.array(columns)]).all()
     assert tab.page.locator("#panel-cspace .state").inner_text() == "free"
     assert tab.page.locator("[data-tool=elbow]").is_hidden()
+    assert tab.complaints == []
+
+
+def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: rp.Scene) -> None:
+    """Cells, names, marks, verdict, badge, sliders and the arm in the plane are all of the scene that is shown."""
+    path_scene, no_path = load_problems("planar2r_path")["over_the_seam"], load_problems("planar2r_no_path")["no_way"]
+    first = rp.cspace(path_scene.scene, path_scene, rp.plan(path_scene, rng=0), resolution=48)
+
+    def seen(expression: str, expected: Any) -> None:
+        wait_until(tab.page, f"JSON.stringify({expression}) === JSON.stringify({json.dumps(expected)})")
+
+    with first.show(port=0, open_browser=False, quiet=True) as viewer:
+        tab.page.goto(viewer.url)
+        wait_until(tab.page, READY)
+        wait_until(tab.page, "RR1.live.socket && RR1.live.socket.readyState === 1")
+        assert tab.page.locator(".verdict").inner_text().startswith("Start and goal lie in the same")
+        # Without a query: another world, nothing of the old query is left.
+        emptied = path_scene.scene.without_obstacle("red").without_obstacle("green")
+        viewer.load(emptied)
+        second = rp.cspace(emptied, resolution=48)
+        seen("Array.from(RR1.lesson.cells.bits).filter((b) => b === 0).length", int(second.grid.free.sum()))
+        assert tab.page.locator(".legend").inner_text().split() == ["blue", "yellow", "violet"]
+        assert tab.page.locator(".verdict").inner_text() == verdict(second)
+        assert tab.ask("RR1.lesson.curve.length") == 0
+        i, j = deep_inside(first.grid.layers["red"] & (first.grid.layers["blue"] == 0))
+        tab.page.mouse.click(*on_canvas(tab, [first.grid.axes[0][i], first.grid.axes[1][j]]))
+        assert tab.page.locator("#panel-cspace .state").inner_text() == "free"
+        # With another query.
+        viewer.load(no_path.scene, problem=no_path)
+        wait_until(tab.page, "document.querySelector('.verdict').classList.contains('bad')")
+        assert tab.page.locator(".verdict").inner_text().startswith("No path exists")
+        assert near(canvas_pixels(tab), "#cdeedb", 2).sum() > 5_000
+        # An arm that is not flat, and back by a picture of its own resolution.
+        viewer.load(rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=16))
+        seen("RR1.lesson.cells.n", 16)
+        assert tab.page.locator("[data-tool=elbow]").is_hidden()
+        assert "lesson" not in (tab.page.locator("body").get_attribute("class") or "")
+        assert tab.page.locator(".pair").inner_text().count("shoulder_joint") == 1
+        viewer.load(first)
+        seen("RR1.lesson.cells.n", 48)
+        wait_until(tab.page, "!document.querySelector('[data-tool=elbow]').hidden")
+        assert tab.page.locator(".verdict").inner_text() == verdict(first)
+        # Who comes later sees the same.
+        tab.page.reload()
+        wait_until(tab.page, READY)
+        seen("Array.from(RR1.lesson.cells.bits).filter((b) => b === 0).length", int(first.grid.free.sum()))
+    assert tab.complaints == []
+
+
+@pytest.mark.parametrize(("width", "height", "radius"), [(800, 600, 170), (1024, 600, 170), (390, 844, 90)])
+def test_both_pictures_are_large_in_a_small_window(
+    tab: Any, page_file: FilePath, width: int, height: int, radius: int
+) -> None:
+    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.page.goto(page_file.as_uri())
+    wait_until(tab.page, READY)
+    base, reach = (in_view(tab, [x, 0.0, 0.0]) for x in (0.0, 1.7))
+    assert reach[0] - base[0] > radius
+    assert reach[0] < width
+    assert min(base[1], tab.page.locator("#bar").bounding_box()["y"] - base[1]) > radius
+    canvas = tab.page.locator("#panel-cspace canvas").bounding_box()
+    assert min(canvas["width"], canvas["height"]) > 0.4 * min(width, height)
+    assert canvas["y"] + canvas["height"] <= height
+    tools = [tab.page.locator(f"#panel-cspace {part}").bounding_box() for part in (".tools", ".grow", ".verdict")]
+    assert all(box["x"] >= 0.0 and box["x"] + box["width"] <= width for box in tools)
+    if width > height:
+        assert max(box["y"] + box["height"] for box in tools) <= height
     assert tab.complaints == []

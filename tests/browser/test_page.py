@@ -371,3 +371,39 @@ def test_a_live_page_follows_the_program(tab: Any, two_arms: rp.Scene) -> None:
         assert {url.split("?")[0] for url in tab.requests} <= {viewer.url, viewer.url.replace("http", "ws") + "updates"}
     wait_until(tab.page, "RR1.live.ended")
     assert tab.complaints == []
+
+
+# Some seconds: four windows are drawn.
+def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: FilePath) -> None:
+    motion = rp.plan_motion(next(iter(rp.load_problems("rr1_cluttered").values())), rng=0)
+    file = motion.save_html(tmp_path / "motion.html", play=False)
+    # What three.js' own rays meet between the camera and the tool, at each end.
+    hidden = """t => {
+        RR1.seek(RR1.player.start + t * RR1.duration);
+        const eye = RR1.stage.camera.position, { THREE } = RR1, arm = RR1.kinematics.arms[0];
+        const [x, y, z] = RR1.linkPose(`${arm.name}/${arm.robot.links[arm.robot.tool]}`).slice(12, 15);
+        const to = new THREE.Vector3(x, z, -y);
+        const ray = new THREE.Raycaster(eye, to.clone().sub(eye).normalize(), 0, eye.distanceTo(to) - 0.001);
+        return ray.intersectObjects(RR1.world.obstacles.sets.map((set) => set.drawn), false).length;
+    }"""
+    # The links that a card covers, or that are outside the window.
+    covered = """() => {
+        const { camera, pane } = RR1.stage, box = pane.getBoundingClientRect();
+        camera.updateMatrixWorld();
+        const cards = ["headline", "side", "bar"].map((id) => document.getElementById(id).getBoundingClientRect());
+        return Object.entries(RR1.poses(RR1.q)).filter(([, T]) => {
+            const p = new RR1.THREE.Vector3(T[12], T[14], -T[13]).project(camera);
+            const x = box.left + (p.x + 1) / 2 * box.width, y = box.top + (1 - p.y) / 2 * box.height;
+            const inside = (r) => x > r.left && x < r.right && y > r.top && y < r.bottom;
+            return !inside(box) || cards.some(inside);
+        }).map(([name]) => name);
+    }"""
+    tab.page.goto(file.as_uri())
+    wait_until(tab.page, READY)
+    for width, height in ((1280, 800), (800, 600), (390, 844), (844, 390)):
+        tab.page.set_viewport_size({"width": width, "height": height})
+        wait_until(tab.page, f"RR1.stage.renderer.domElement.clientWidth === {width}")
+        for t in (0.0, 1.0):
+            assert tab.ask(hidden, t) == 0, (width, height, t)
+            assert tab.ask(covered) == [], (width, height, t)
+    assert tab.complaints == []

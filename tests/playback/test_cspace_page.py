@@ -14,9 +14,13 @@ import pytest
 import rr1plan as rp
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
+from rr1plan.limits import Limits
 from rr1plan.planning import SearchTree
 from rr1plan.playback import CSpace
-from rr1plan.playback.cspace_page import _planar, _ranked_components, show_page, verdict
+from rr1plan.playback.cspace_page import _planar, _ranked_components
+from rr1plan.playback.cspace_verdict import verdict
+from rr1plan.playback.cspace_viewer import show_page
+from rr1plan.robot import Joint, Link, Robot
 
 
 @pytest.fixture(scope="module")
@@ -106,3 +110,34 @@ def test_the_page_can_be_live(lesson: rp.CSpace) -> None:
         assert viewer.url.startswith("http://127.0.0.1:")
         viewer.update({"arm": [0.1, 0.2]})
     assert viewer.closed
+
+
+def test_a_live_page_takes_scenes_and_refuses_what_does_not_fit(lesson: rp.CSpace, hopeless: rp.CSpace) -> None:
+    scene = hopeless.grid.scene
+    with show_page(lesson, port=0, open_browser=False, quiet=True) as viewer:
+        viewer.load(scene)
+        assert "planar2r_no_path" in viewer._repr_html_()
+        assert "No path exists" not in viewer._repr_html_()
+        viewer.load(hopeless)
+        assert "No path exists" in viewer._repr_html_()
+        with pytest.raises(InputError, match="arm 'slider' has 1 joint"):
+            viewer.load(rp.Scene().with_arm("slider", one_joint()))
+        with pytest.raises(InputError, match="the path moves arm/joint2, arm/joint1, expected the joints shown"):
+            viewer.load(scene, path=rp.Path(("arm/joint2", "arm/joint1"), np.zeros((2, 2))))
+        assert "No path exists" in viewer._repr_html_()
+
+
+def one_joint() -> rp.Robot:
+    joint = Joint("slide", "prismatic", "base", "tip", lower=-1, upper=1)
+    one = np.ones(1)
+    return Robot(
+        "one",
+        (Link("base"), Link("tip")),
+        (joint,),
+        ("slide",),
+        Limits(-one, *[one] * 5),
+        {"home": np.zeros(1)},
+        {},
+        frozenset(),
+        "tip",
+    )

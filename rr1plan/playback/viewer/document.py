@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, known_name, of_kind
 from rr1plan.path import Path
 from rr1plan.playback.replay import Replay
+from rr1plan.playback.viewer.camera import choose_camera
 from rr1plan.playback.viewer.solids import ShapeTable
 from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal, frame_link
 from rr1plan.report import Report
@@ -98,6 +99,7 @@ def view_document(
         "ghosts": [] if problem is None else _ghosts(problem),
         "targets": [] if problem is None else _targets(problem),
         "report": None if report is None else _finite(report.to_dict()),
+        "camera": choose_camera(scene, motion)._asdict(),
     }
 
 

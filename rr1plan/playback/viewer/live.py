@@ -36,11 +36,11 @@ class Viewer:
         scene: The arms and obstacles.
         document: What `view_document` made of the scene and the rest.
         panels: Panels beside the 3-D view.
-        view: Direction of the world from which it is looked at first.
+        view: Where it is looked at from first, as in `show`.
         port: First port to try.
 
     Raises:
-        InputError: a port that is no port, panels that do not fit.
+        InputError: a port that is no port, panels that do not fit, a view that is none.
         BackendError: no free port.
     """
 
@@ -97,8 +97,8 @@ class Viewer:
         document = view_document(
             scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
         )
-        self._scene, self._document = scene, document
         self._server.set_document(document)
+        self._scene, self._document = scene, document
 
     def update(self, q: Any) -> None:
         """Put the arms somewhere, at once and as often as you like; pages show the newest.
@@ -227,13 +227,14 @@ def show(
         title: Headline of the page (default: the scene's name).
         spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
         panels: Panels beside the 3-D view.
-        view: Direction of the world from which it is looked at first, shape (3,); None chooses one.
+        view: Where it is looked at from first: a name ("front", "back", "left", "right", "top", "corner"), azimuth and
+            elevation [rad], or a direction of the world, shape (3,). None chooses a view that shows the motion.
         port: First port to try, the next free one is taken; None: 7000.
         open_browser: Open the page in a browser, where there is a screen.
         quiet: Do not print the address, which is `Viewer.url`.
 
     Raises:
-        UnknownNameError: a column that is no joint of the scene.
+        UnknownNameError: a column that is no joint of the scene, or no view of that name.
         InputError: a port that is no port, data JSON cannot hold.
         BackendError: no free port.
         MissingPackageError: Meshcat is not installed.

@@ -24,6 +24,7 @@ from typing import Any
 
 from rr1plan.checks import file_path, finite_array, of_kind
 from rr1plan.errors import BackendError, InputError, MissingPackageError
+from rr1plan.playback.viewer.camera import check_view
 from rr1plan.playback.viewer.document import Document
 
 _SCRIPTS = (
@@ -69,7 +70,7 @@ def page_html(
     *,
     live: bool = False,
     version: int = 0,
-    view: Sequence[float] | None = None,
+    view: Any = None,
     play: bool = True,
 ) -> str:
     """The page as text.
@@ -79,11 +80,11 @@ def page_html(
         panels: Panels beside the 3-D view.
         live: The page asks the server it came from for updates.
         version: Of the document, so that the server knows whether the page has the newest.
-        view: Direction of the world from which it is looked at first, shape (3,).
+        view: Where it is looked at from first, see `check_view`; None takes the document's choice.
         play: The motion runs from the start.
 
     Raises:
-        InputError: two panels of one name, or data JSON cannot hold.
+        InputError: two panels of one name, data JSON cannot hold, or a view that is none.
         MissingPackageError: Meshcat is not installed.
         BackendError: Meshcat is there without its viewer.
     """
@@ -96,7 +97,7 @@ def page_html(
     settings = {
         "live": live,
         "version": version,
-        "view": None if view is None else finite_array("view", view, (3,)).tolist(),
+        "view": check_view(view),
         "play": play,
         "panels": [{"name": p.name, "data": p.data} for p in panels],
     }

@@ -45,14 +45,15 @@ def save_html(
         title: Headline of the page (default: the scene's name).
         spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
         panels: Panels beside the 3-D view.
-        view: Direction of the world from which it is looked at first, shape (3,); None chooses one.
+        view: Where it is looked at from first: a name ("front", "back", "left", "right", "top", "corner"), azimuth and
+            elevation [rad], or a direction of the world, shape (3,). None chooses a view that shows the motion.
         play: The motion runs from the start.
 
     Returns:
         The file.
 
     Raises:
-        UnknownNameError: a column that is no joint of the scene.
+        UnknownNameError: a column that is no joint of the scene, or no view of that name.
         InputError: a file that cannot be written, data JSON cannot hold.
         MissingPackageError: Meshcat is not installed.
     """

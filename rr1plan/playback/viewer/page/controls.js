@@ -98,6 +98,7 @@ class Controls {
 
   fold() {
     document.body.classList.toggle("folded");
+    this.viewer.frame();
   }
 
   // ---- for each document -------------------------------------------------------------------

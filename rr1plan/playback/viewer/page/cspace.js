@@ -13,30 +13,44 @@ class Lesson {
   constructor() {
     this.canvas = part("canvas");
     this.pen = this.canvas.getContext("2d");
-    this.cells = new Cells();
-    this.workspace = data.planar ? new Workspace() : null;
-    this.tree = data.tree ? treePieces(data.tree) : [];
-    this.sides = data.tree ? viewer.unpack(data.tree.sides).values : [];
-    this.grown = this.tree.length;
-    this.showTree = this.tree.length > 0;
-    this.tinted = data.proof;
-    this.only = -1;
-    this.pinned = -1;
+    this.arm = new Workspace();
     this.pointer = null;
     this.blocked = false;
-    this.fillSliders();
-    this.fillLegend();
-    this.fillTools();
-    this.fillVerdict();
+    this.wireTools();
     this.wireCanvas();
     this.wireKeys();
-    if (this.workspace) this.workspace.prepare();
+    this.takeData();
+    viewer.on("data", () => { this.takeData(); this.repaint(); });
     viewer.on("load", () => this.meet());
     viewer.on("change", () => this.follow());
     this.meet();
     new ResizeObserver(() => this.resize()).observe(part(".plot"));
     this.resize();
-    if (this.workspace) new ResizeObserver(() => { if (!this.workspace.turned) this.workspace.look(); }).observe(viewer.stage.pane);
+    new ResizeObserver(() => { if (this.workspace && !this.arm.turned) this.arm.look(); }).observe(viewer.stage.pane);
+  }
+
+  /** The arm in the plane, where it is one. */
+  get workspace() {
+    return data.planar ? this.arm : null;
+  }
+
+  /** Takes in the data of the panel: at first, and whenever the program shows another scene. */
+  takeData() {
+    cancelAnimationFrame(this.growing);
+    this.cells = new Cells();
+    this.arm.prepare();
+    this.tree = data.tree ? treePieces(data.tree) : [];
+    this.sides = data.tree ? viewer.unpack(data.tree.sides).values : [];
+    this.grown = this.tree.length;
+    this.showTree = this.tree.length > 0;
+    this.tinted = data.tone === "bad";
+    this.only = this.pinned = -1;
+    this.curve = [];
+    this.motion = [];
+    this.fillSliders();
+    this.fillLegend();
+    this.fillTools();
+    this.fillVerdict();
   }
 
   /** Takes in the motion of the document. */
@@ -50,16 +64,15 @@ class Lesson {
       }
     }
     this.motion = wrappedCopies(this.curve.length ? this.curve : [[0, 0]]);
-    if (this.workspace) {
-      this.workspace.draw();
-      this.workspace.look();
-    }
+    this.arm.draw();
+    if (this.workspace && !this.arm.turned) this.arm.look();
     this.follow();
   }
 
   // ---- controls ----------------------------------------------------------------------------
 
   fillSliders() {
+    part(".pair").replaceChildren();
     this.sliders = [0, 1].map((axis) => {
       const row = make("div"), label = make("label"), slider = make("input"), out = make("output");
       Object.assign(slider, { type: "range", min: data.low[axis], max: data.high[axis], step: data.joints[axis].straight ? 0.001 : Math.PI / 360, id: `cspace-${axis}` });
@@ -73,6 +86,7 @@ class Lesson {
   }
 
   fillLegend() {
+    part(".legend").replaceChildren();
     data.layers.forEach((layer, k) => {
       const chip = make("button", undefined, "chip"), dot = make("i");
       chip.type = "button";
@@ -95,18 +109,21 @@ class Lesson {
     this.repaint();
   }
 
-  fillTools() {
+  wireTools() {
     const tool = (name) => part(`[data-tool=${name}]`);
     this.tools = Object.fromEntries(["parts", "elbow", "tree", "grow"].map((name) => [name, tool(name)]));
     this.reach = part(".grow input");
-    part(".grow").hidden = !this.tree.length;
-    this.tools.elbow.hidden = !this.workspace;
     this.tools.parts.onclick = () => { this.tinted = !this.tinted; this.repaint(); };
     this.tools.elbow.onclick = () => this.pose(this.workspace.twin(q2()));
     this.tools.tree.onclick = () => { this.showTree = !this.showTree; this.redraw(); };
     this.tools.grow.onclick = () => this.grow();
-    Object.assign(this.reach, { max: this.tree.length, step: 1, value: this.tree.length });
     this.reach.oninput = () => { cancelAnimationFrame(this.growing); this.growTo(Number(this.reach.value)); };
+  }
+
+  fillTools() {
+    part(".grow").hidden = !this.tree.length;
+    this.tools.elbow.hidden = !this.workspace;
+    Object.assign(this.reach, { max: this.tree.length, step: 1, value: this.tree.length });
   }
 
   /** Lets the tree grow from its roots, in five seconds or at once where motion is not wanted. */
@@ -133,10 +150,8 @@ class Lesson {
   fillVerdict() {
     const text = part(".verdict");
     text.textContent = data.verdict;
-    const known = data.start !== null && data.goals.length > 0;
-    text.classList.toggle("bad", data.proof);
-    text.classList.toggle("good", known && !data.proof && this.place(data.start).free);
-    if (!data.proof) return;
+    for (const tone of ["good", "bad", "open"]) text.classList.toggle(tone, data.tone === tone);
+    if (data.tone !== "bad" || !this.place(data.start).free) return;
     const chip = (q) => {
       const swatch = make("i"), label = this.place(q).part;
       swatch.style.background = label ? PARTS[Math.min(label, PARTS.length) - 1] : "#fff";
@@ -234,7 +249,7 @@ class Lesson {
     });
     for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = false; });
     canvas.addEventListener("pointerleave", () => { this.pointer = null; this.tip(); this.draw(); });
-    if (this.workspace) this.workspace.wire(q2, (q) => this.pose(q));
+    this.arm.wire(q2, (q) => this.pose(q));
   }
 
   /** Where the pointer is, as shares of the axes. */
@@ -441,7 +456,7 @@ class Lesson {
   }
 
   drawLabels(pen) {
-    const marks = data.goals.map((goal, k) => [goal, data.goals.length > 1 ? `goal ${k + 1}` : "goal", GOAL]);
+    const marks = data.goals.map((goal, k) => [goal, data.goalNames[k], GOAL]);
     if (data.start) marks.push([data.start, "start", START]);
     const { x, y, size } = this.plot;
     pen.save();

@@ -4,7 +4,17 @@ const turn = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 
 class Workspace {
   constructor() {
+    const { stage } = viewer;
     this.turned = false;
+    this.usual = stage.key.intensity;
+  }
+
+  /** Takes in the lengths of the arm, and makes a view without cards, lit so that obstacles look like their images. */
+  prepare() {
+    const { stage } = viewer, planar = Boolean(data.planar);
+    document.body.classList.toggle("lesson", planar);
+    stage.key.intensity = planar ? 0.42 : this.usual;
+    if (!planar) return;
     const { bars, senses } = data.planar;
     this.lengths = bars.map(([x, y]) => Math.hypot(x, y));
     this.rest = bars.map(([x, y]) => Math.atan2(y, x));
@@ -42,7 +52,12 @@ class Workspace {
 
   /** The ring the tool reaches, and a handle on the tool. */
   draw() {
-    const { base, height } = data.planar, { THREE } = viewer;
+    const { THREE } = viewer;
+    if (!data.planar) {
+      for (const name of ["ring", "names", "handle"]) viewer.add(name, new THREE.Group());
+      return;
+    }
+    const { base, height } = data.planar;
     const group = new THREE.Group();
     const flat = (geometry, color, opacity) => new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color, opacity, transparent: true, depthWrite: false, side: THREE.DoubleSide }));
     const fine = 0.004 * this.outer;
@@ -87,19 +102,11 @@ class Workspace {
     this.handle.position.set(x, y, data.planar.height);
   }
 
-  /** A view without cards, lit so that obstacles have the colours of their images. */
-  prepare() {
-    const { stage } = viewer;
-    document.body.classList.add("lesson");
-    stage.margins = () => [0.03, 0.03, 0.03, 0.04 + 84 / (stage.pane.clientHeight || 1)];
-    stage.key.intensity = 0.42;
-  }
-
   /** Looks at the whole ring from above. */
   look() {
     const { base, height } = data.planar, r = 1.14 * this.outer, { THREE } = viewer;
     const box = new THREE.Box3(new THREE.Vector3(base[0] - r, base[1] - r, height), new THREE.Vector3(base[0] + r, base[1] + r, height));
-    Object.assign(viewer.extent, { near: box, whole: box });
+    Object.assign(viewer.extent, { framed: cornersOf(box), whole: box, target: null });
     viewer.look([0, 0, 1]);
   }
 
@@ -130,7 +137,7 @@ class Workspace {
       if (point) pose(this.solve(...point, this.bend(current()) >= 0 ? 1 : -1));
     };
     pane.addEventListener("pointerdown", (event) => {
-      down = event.button === 0 ? [event.clientX, event.clientY] : null;
+      down = data.planar && event.button === 0 ? [event.clientX, event.clientY] : null;
       held = down !== null && this.distance(event, this.tool(current())) < 30;
       if (!held) return;
       event.stopImmediatePropagation();
@@ -139,7 +146,7 @@ class Workspace {
     }, true);
     pane.addEventListener("pointermove", (event) => {
       if (held) reach(event);
-      else pane.style.cursor = this.distance(event, this.tool(current())) < 30 ? "move" : "";
+      else if (data.planar) pane.style.cursor = this.distance(event, this.tool(current())) < 30 ? "move" : "";
     }, true);
     window.addEventListener("pointerup", (event) => {
       const still = down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < 4;

@@ -7,6 +7,7 @@
 //   viewer.at(t)                                  the configuration of the motion at a time (null without one)
 //   viewer.on("change", f)                        f(q, time, manual) whenever the configuration shown changes
 //   viewer.on("load", f)                          f(document) after a document was loaded
+//   viewer.on("data", f)                          f() when the program has put other data into the panels' `data`
 //   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column after column
 //   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
 //   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, collisions,
@@ -19,10 +20,12 @@ class Viewer {
   constructor() {
     this.THREE = THREE;
     this.unpack = unpack;
-    this.listeners = { change: [], load: [] };
+    this.listeners = { change: [], load: [], data: [] };
+    this.panelData = {};
     this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres"]);
     this.byArm = true;
     this.stage = new Stage(find("pane"));
+    this.stage.onResize = () => this.frame();
     this.controls = new Controls(this);
     this.frames = 0;
     this.slow = 0;
@@ -46,23 +49,30 @@ class Viewer {
     this.player.speed = speed;
     this.manual = false;
     this.touched = [];
-    this.lastDirection = null;
+    this.lastDirection = this.preferred || doc.camera.direction;
     this.q = this.kinematics.rest();
     if (track) track.at(track.start, this.q);
     this.world = new World(doc, this.kinematics);
     this.build(track);
+    this.fillPanels(doc.panels);
     this.controls.load(doc);
     this.show();
     if (!keep || !this.framed) this.look();
     for (const f of this.listeners.load) f(doc);
   }
 
+  /** Puts new data into the objects that panels hold, by the name of the panel. */
+  fillPanels(panels) {
+    if (!panels) return;
+    for (const [name, data] of Object.entries(panels)) Object.assign(this.panelData[name] || {}, data);
+    for (const f of this.listeners.data) f();
+  }
+
   build(track) {
     const { world, kinematics, document: doc } = this;
     const samples = [kinematics.rest(), this.q];
     if (track) for (let i = 0; i <= 12; i++) samples.push(track.at(track.start + (i / 12) * (track.end - track.start), kinematics.rest()));
-    this.samples = samples;
-    this.extent = world.extent(samples);
+    this.extent = { ...world.extent(samples), target: doc.camera.target };
     const radius = this.extent.near.getSize(new THREE.Vector3()).length() / 2;
     const thin = Math.min(Math.max(0.0034 * radius, 0.0018), 0.012);
     if (track) {
@@ -173,20 +183,14 @@ class Viewer {
   /** Frames the arms and what is near them, or with whole everything; null keeps the direction. */
   look(direction = null, whole = false) {
     this.framed = whole ? "whole" : "near";
-    this.lastDirection = direction || this.lastDirection || this.world.openDirection(this.samples, this.front());
-    this.stage.look(this.extent[this.framed], this.lastDirection);
+    this.lastDirection = direction || this.lastDirection;
+    if (whole) this.stage.look(cornersOf(this.extent.whole), this.lastDirection);
+    else this.stage.look(this.extent.framed, this.lastDirection, this.extent.target);
   }
 
-  /** The direction [rad about z] in which the arms reach out as shown; where they reach apart, along -y. */
-  front() {
-    const poses = this.kinematics.forwardAll(this.q, new Float64Array(16 * this.kinematics.links));
-    let x = 0, y = 0;
-    for (const arm of this.kinematics.arms) {
-      const tool = 16 * this.kinematics.toolIndex(arm), base = 16 * arm.firstLink;
-      x += poses[tool + 12] - poses[base + 12];
-      y += poses[tool + 13] - poses[base + 13];
-    }
-    return Math.hypot(x, y) > 0.05 * this.kinematics.arms.length ? Math.atan2(y, x) : -Math.PI / 2;
+  /** Frames again what is framed, after the window or its cards have changed. */
+  frame() {
+    if (this.framed && !this.stage.turned) this.look(null, this.framed === "whole");
   }
 
   add(name, object) { this.stage.show(`panel-${name}`, object); }
@@ -225,9 +229,12 @@ class Viewer {
 const settings = JSON.parse(find("settings").textContent);
 const viewer = new Viewer();
 window.RR1 = viewer;
+viewer.preferred = settings.view;
 viewer.load(JSON.parse(find("document").textContent));
-if (settings.view) viewer.look(settings.view);
-for (const panel of settings.panels) mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
+for (const panel of settings.panels) {
+  viewer.panelData[panel.name] = panel.data;
+  mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
+}
 if (settings.live) viewer.live = new Live(viewer, settings.version);
 const wishes = new URLSearchParams(location.hash.slice(1));
 if (wishes.has("bare")) document.body.classList.add("bare");

@@ -5,6 +5,17 @@ function cameraPoint(x, y, z) {
   return new THREE.Vector3(x, z, -y);
 }
 
+/** The middle of the box around balls [x, y, z, radius]. */
+function middleOf(balls) {
+  return new THREE.Box3().setFromPoints(balls.map(([x, y, z]) => new THREE.Vector3(x, y, z))).getCenter(new THREE.Vector3());
+}
+
+/** The corners of a box as balls without a radius. */
+function cornersOf(box) {
+  const { min, max } = box, of = (i, axis) => (i & (1 << "xyz".indexOf(axis)) ? max : min)[axis];
+  return box.isEmpty() ? [] : [...Array(8).keys()].map((i) => [of(i, "x"), of(i, "y"), of(i, "z"), 0]);
+}
+
 class Stage {
   constructor(pane) {
     this.pane = pane;
@@ -25,7 +36,7 @@ class Stage {
     this.meshcat.scene.environment = this.surroundings();
     this.addCamera();
     this.addLights();
-    new ResizeObserver(() => this.resize()).observe(pane);
+    new ResizeObserver(() => { this.resize(); if (!this.turned && this.onResize) this.onResize(); }).observe(pane);
     this.resize();
   }
 
@@ -60,7 +71,9 @@ class Stage {
     this.controls.enableDamping = true;
     this.controls.dampingFactor = 0.12;
     this.controls.maxPolarAngle = Math.PI * 0.98;
-    this.controls.addEventListener("start", () => { this.dragged = true; });
+    this.shift = [0, 0];
+    this.turned = false;
+    this.controls.addEventListener("start", () => { this.dragged = this.turned = true; });
     this.controls.addEventListener("end", () => { this.dragged = false; });
   }
 
@@ -126,45 +139,83 @@ class Stage {
     return group;
   }
 
-  /** Looks at a box of the world from a direction of the world, so that all of it is seen. */
-  look(box, direction) {
+  /**
+   * Looks at balls of the world [x, y, z, radius] from a direction of the world, so that all are seen beside the cards.
+   * The camera stands on the line through the target, or the middle of all; the lens moves the picture to its place.
+   */
+  look(balls, direction, target = null) {
     const d = new THREE.Vector3(...direction).normalize();
     const eye = cameraPoint(d.x, d.y, d.z), up = Math.abs(d.z) > 0.999 ? cameraPoint(0, 1, 0) : new THREE.Vector3(0, 1, 0);
     const right = new THREE.Vector3().crossVectors(up, eye).normalize(), above = new THREE.Vector3().crossVectors(eye, right);
-    const middle = box.getCenter(new THREE.Vector3()), centre = cameraPoint(middle.x, middle.y, middle.z);
-    const [left, rightEdge, top, bottom] = this.margins();
+    const middle = target ? new THREE.Vector3(...target) : middleOf(balls);
+    const centre = cameraPoint(middle.x, middle.y, middle.z);
+    const local = balls.map(([x, y, z, r]) => {
+      const c = cameraPoint(x, y, z).sub(centre);
+      return [c.dot(right), c.dot(above), c.dot(eye), r];
+    });
+    // Half of the window in tangents of angles, and from where to where the balls are in it from a distance.
     const tall = Math.tan((this.camera.fov * Math.PI) / 360), wide = tall * this.camera.aspect;
-    let distance = 0.2;
-    for (let i = 0; i < 8; i++) {
-      const c = cameraPoint(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y, i & 4 ? box.max.z : box.min.z).sub(centre);
-      const depth = c.dot(eye);
-      distance = Math.max(distance,
-        depth + Math.abs(c.dot(right)) / (wide * (1 - (left + rightEdge))), depth + Math.abs(c.dot(above)) / (tall * (1 - (top + bottom))));
+    const seen = (distance) => {
+      const window = [Infinity, -Infinity, Infinity, -Infinity];
+      for (const [x, y, depth, r] of local) {
+        const far = distance - depth;
+        window[0] = Math.min(window[0], (x - r) / far / wide);
+        window[1] = Math.max(window[1], (x + r) / far / wide);
+        window[2] = Math.min(window[2], (y - r) / far / tall);
+        window[3] = Math.max(window[3], (y + r) / far / tall);
+      }
+      return window;
+    };
+    const nearest = local.reduce((most, [, , depth, r]) => Math.max(most, depth + r), 0);
+    let best = null;
+    for (const room of this.rooms()) {
+      let near = nearest + 0.02, far = nearest + 500;
+      for (let i = 0; i < 40; i++) {
+        const distance = Math.sqrt((near - nearest) * (far - nearest)) + nearest, [x0, x1, y0, y1] = seen(distance);
+        if (x1 - x0 < room.right - room.left && y1 - y0 < room.top - room.bottom) far = distance; else near = distance;
+      }
+      if (!best || far < best.distance) best = { distance: far, room };
     }
-    distance *= 0.88;
-    // What floats over the picture moves its middle.
-    centre.addScaledVector(right, (rightEdge - left) * wide * distance).addScaledVector(above, (top - bottom) * tall * distance);
+    const distance = Math.max(0.2, best.distance), [x0, x1, y0, y1] = seen(distance), { room } = best;
+    this.shift = [(x0 + x1 - room.left - room.right) / 2, (y0 + y1 - room.bottom - room.top) / 2];
     this.controls.target.copy(centre);
     this.camera.position.copy(centre).addScaledVector(eye, distance);
     this.camera.near = distance / 200;
     this.camera.far = distance * 60;
+    this.turned = false;
+    this.fitLens();
     this.controls.update();
     this.meshcat.set_dirty();
   }
 
-  /** Shares of the picture that cards cover: left, right, top, bottom. */
-  margins() {
-    const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1;
-    if (document.body.classList.contains("bare")) return [0.03, 0.03, 0.03, 0.03];
-    const folded = document.body.classList.contains("folded"), bottom = 0.04 + 84 / height;
-    if (width < 700) return [0.03, 0.03, folded ? 0.04 : Math.min(0.4, 0.02 + find("headline").offsetHeight / height), bottom];
-    return [0.13, 0.02 + (folded ? 0 : 290 / width), 0.04, bottom];
+  /** Moves the picture in the window, without another perspective. */
+  fitLens() {
+    const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1, [x, y] = this.shift;
+    this.camera.aspect = width / height;
+    this.camera.setViewOffset(width, height, (x * width) / 2, (-y * height) / 2, width, height);
+    this.camera.updateProjectionMatrix();
+  }
+
+  /** Parts of the window that no card covers, from -1 to 1 each way: beside the headline, and below it. */
+  rooms() {
+    const pane = this.pane.getBoundingClientRect(), edge = 0.03;
+    const covered = (id) => {
+      const box = find(id).getBoundingClientRect(), card = getComputedStyle(find(id)).boxShadow !== "none";
+      return box.width && card ? box : null;
+    };
+    const [head, side, bar] = ["headline", "side", "bar"].map(covered);
+    const x = (at) => (2 * (at - pane.left)) / (pane.width || 1) - 1, y = (at) => 1 - (2 * (at - pane.top)) / (pane.height || 1);
+    const room = {
+      left: -1 + edge, right: side ? x(side.left) - edge : 1 - edge, bottom: bar ? y(bar.top) + edge : -1 + edge, top: 1 - edge,
+    };
+    if (!head) return [room];
+    const rooms = [{ ...room, left: x(head.right) + edge }, { ...room, top: y(head.bottom) - edge }];
+    return rooms.filter((r) => r.right - r.left > 0.2 && r.top - r.bottom > 0.2).concat([room]).slice(0, 2);
   }
 
   resize() {
     const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1;
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
+    this.fitLens();
     this.renderer.setSize(width, height);
     this.meshcat.set_dirty();
   }

@@ -225,25 +225,46 @@ class World {
 
   // ---- extent ------------------------------------------------------------------------------
 
-  /** Boxes of the world: `near` to look at (the arms along the motion and what stands near them), and `whole`. */
+  /** Boxes of the world: `near`, the arms along the motion and what stands near them, and `whole`; what to frame of near. */
   extent(samples) {
-    const arms = new THREE.Box3(), poses = new Float64Array(this.poses.length);
+    const arms = new THREE.Box3(), poses = new Float64Array(this.poses.length), links = [];
     for (const q of samples) {
       this.kinematics.forwardAll(q, poses);
-      for (let i = 0; i < poses.length; i += 16) arms.expandByPoint(new THREE.Vector3(poses[i + 12], poses[i + 13], poses[i + 14]));
+      for (let i = 0; i < poses.length; i += 16) {
+        links.push([poses[i + 12], poses[i + 13], poses[i + 14]]);
+        arms.expandByPoint(new THREE.Vector3(...links[links.length - 1]));
+      }
     }
     const whole = this.obstacleBox();
     if (arms.isEmpty() && whole.isEmpty()) whole.set(new THREE.Vector3(-0.5, -0.5, 0), new THREE.Vector3(0.5, 0.5, 0.5));
-    const near = arms.isEmpty() ? whole.clone() : arms.clone();
+    const near = arms.isEmpty() ? whole.clone() : arms.clone(), around = new THREE.Box3();
     const lowest = Math.min(arms.isEmpty() ? Infinity : arms.min.z, whole.isEmpty() ? Infinity : whole.min.z);
+    let size = 0;
     if (!arms.isEmpty()) {
-      const size = arms.getSize(new THREE.Vector3()).length();
+      size = arms.getSize(new THREE.Vector3()).length();
       near.expandByScalar(0.07 * size);
-      const things = whole.clone().intersect(near.clone().expandByScalar(0.14 * size));
-      if (!things.isEmpty()) near.union(things);
-      this.spheres.expand(near, samples);
+      around.union(whole.clone().intersect(near.clone().expandByScalar(0.14 * size)));
+      this.spheres.expand(around, samples);
+      near.union(around);
     }
-    return { near, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };
+    const framed = arms.isEmpty() ? cornersOf(near) : [...links.map((p) => [...p, 0.08 * size]), ...this.bodyCorners(samples[1]), ...cornersOf(around)];
+    return { near, framed, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };
+  }
+
+  /** Corners of the boxes around the parts of arms at a configuration, as balls without a radius. */
+  bodyCorners(q) {
+    const poses = new Float64Array(this.poses.length), T = new THREE.Matrix4(), corner = new THREE.Vector3(), found = [];
+    this.kinematics.forwardAll(q, poses);
+    for (const { drawn, items } of this.robots.sets) {
+      drawn.geometry.computeBoundingBox();
+      const corners = cornersOf(drawn.geometry.boundingBox), placed = identity();
+      for (const item of items) {
+        multiply(placed, 0, poses, 16 * item.frame, item.local, 0);
+        T.fromArray(placed);
+        for (const [x, y, z] of corners) found.push([...corner.set(x, y, z).applyMatrix4(T).toArray(), 0]);
+      }
+    }
+    return found;
   }
 
   obstacleBox() {
@@ -261,42 +282,6 @@ class World {
       }
     }
     return box;
-  }
-
-  /** A direction to look from, half from the front, in which obstacles hide the arms least. */
-  openDirection(samples, front) {
-    const points = this.linkPoints(samples, 48), ray = new THREE.Raycaster();
-    const solids = this.obstacles.sets.map((set) => set.drawn);
-    const faces = solids.reduce((sum, s) => sum + s.count * (s.geometry.index || s.geometry.attributes.position).count / 3, 0);
-    let best = null;
-    for (const height of [0.5, 0.85]) {
-      for (const turn of [48, -48, 28, -28, 72, -72, 110, -110]) {
-        const angle = front + (turn * Math.PI) / 180;
-        const direction = new THREE.Vector3(Math.cos(angle), Math.sin(angle), height);
-        const d = direction.clone().normalize();
-        let hidden = 0;
-        for (const p of points) {
-          ray.set(p, d);
-          if (ray.intersectObjects(solids, false).length) hidden += 1;
-        }
-        // A little hidden is better than a strange side.
-        const cost = hidden / (points.length || 1) + 0.0012 * Math.abs(Math.abs(turn) - 48) + (turn < 0 ? 0.04 : 0) + (height > 0.6 ? 0.09 : 0);
-        if (!best || cost < best.cost) best = { cost, direction };
-        if (faces > 30000) return best.direction.toArray();
-      }
-    }
-    return best.direction.toArray();
-  }
-
-  /** Some places of links along the motion. */
-  linkPoints(samples, most) {
-    const all = [], poses = new Float64Array(this.poses.length);
-    for (const q of samples) {
-      this.kinematics.forwardAll(q, poses);
-      for (let i = 0; i < poses.length; i += 16) all.push(new THREE.Vector3(poses[i + 12], poses[i + 13], poses[i + 14]));
-    }
-    const step = Math.max(1, Math.floor(all.length / most));
-    return all.filter((_, i) => i % step === 0);
   }
 
   dispose() {

@@ -1,0 +1,93 @@
+"""Which links of a robot touch each other always or at home, found by sampling when it is loaded.
+
+That takes seconds for a robot of sixty links, so what took long is kept on disk by the robot's content.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, as_generator
+from rr1plan.formats.cache import Arrays, cache_key, load_cached, store_cached
+from rr1plan.formats.link_contacts import Pair
+from rr1plan.formats.srdf_proposal import free_configuration, jammed_pairs, sampled_reasons, touching_links
+from rr1plan.robot import Robot
+
+SAMPLES = 200
+_VERSION = "self-contacts-1"
+# What takes less is sampled again [s].
+_WORTH_KEEPING = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class SelfContacts:
+    """What sampling finds.
+
+    Args:
+        always: Pairs that need no check: those that touch wherever the robot is, and without rules links that a joint
+            joins.
+        home: A configuration free of other contacts, at or near the one that was asked for, shape (nq,).
+        at_home: Pairs that touch even there.
+    """
+
+    always: frozenset[Pair]
+    home: Array
+    at_home: frozenset[Pair]
+
+
+def self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
+    """Sample a robot's contacts with itself, or load what was found before.
+
+    Args:
+        robot: The robot.
+        has_rules: Its `never_collide` comes from an SRDF.
+        keeps_home: Its home is given, not to be moved.
+    """
+    rules = f"{_VERSION} {version('coal')} {SAMPLES} {has_rules} {keeps_home}"
+    key = cache_key(rules, robot.content_hash, np.array(robot.home))
+    kept = load_cached(key)
+    found = None if kept is None else _unpacked(robot, kept)
+    if found is None:
+        began = time.perf_counter()
+        found = _sampled(robot, has_rules, keeps_home)
+        if time.perf_counter() - began > _WORTH_KEEPING:
+            store_cached(key, _packed(robot, found))
+    return found
+
+
+def _sampled(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
+    if has_rules:
+        always = jammed_pairs(robot, SAMPLES, rng=0)
+    else:
+        reasons, _ = sampled_reasons(robot, SAMPLES, as_generator(0))
+        always = frozenset(pair for pair, reason in reasons.items() if reason != "Never")
+    robot = replace(robot, never_collide=robot.never_collide | always)
+    home = robot.home if keeps_home else free_configuration(robot, robot.home, rng=0)
+    return SelfContacts(always, home, frozenset(touching_links(robot, home)))
+
+
+def _packed(robot: Robot, found: SelfContacts) -> Arrays:
+    place = {name: i for i, name in enumerate(robot.link_names)}
+
+    def rows(pairs: Iterable[Pair]) -> NDArray[np.int64]:
+        return np.array(sorted(sorted(place[name] for name in pair) for pair in pairs), np.int64).reshape(-1, 2)
+
+    return {"always": rows(found.always), "home": np.array(found.home), "at_home": rows(found.at_home)}
+
+
+def _unpacked(robot: Robot, kept: Arrays) -> SelfContacts | None:
+    """What a cache entry holds, or None where it is damaged."""
+    names = robot.link_names
+    try:
+        always, at_home = (
+            frozenset(frozenset(names[i] for i in row) for row in kept[n]) for n in ("always", "at_home")
+        )
+        return SelfContacts(always, robot.configuration(kept["home"]), at_home)
+    except (KeyError, IndexError, TypeError, ValueError):
+        return None

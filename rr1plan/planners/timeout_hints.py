@@ -1,0 +1,196 @@
+"""Why a search found no path: a start or goal too near to contact, or one pair of links that separates the free space.
+
+A pair of links separates start and goal when no path exists because of it and one does without it. Such a pair touches
+somewhere on every line from the start to a goal, so few pairs are left to try: each of them is relaxed in turn and
+the search repeated for a moment. A path found that way is a hint, not a proof.
+
+The time comes out of the budget of the search: a twentieth of it and at most half a second, and a twentieth of its
+iterations. A budget of less than a second or a thousand iterations gets no hint.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.formats.contact_bands import ContactBand, contact_bands
+from rr1plan.formats.link_contacts import LinkBodies, Pair
+from rr1plan.planners.collision_messages import describe_collision
+from rr1plan.planners.goals import GoalSearch
+from rr1plan.planners.rrt_connect import RrtConnect
+from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback
+from rr1plan.problem import Problem
+from rr1plan.scene import pair as unordered
+
+_SHARE = 0.05
+_MOST_SECONDS = 0.5
+_LEAST_SECONDS, _LEAST_ITERATIONS = 1.0, 1000
+# What the searches may take of the time, so that some is left to describe what they find.
+_SEARCHES = 0.6
+# Samples of each line, in rounds: pairs that touch on most of a line are tried before those in narrow bands.
+_ROUNDS = (20, 80, 320)
+# Lines to so many goals are sampled.
+_LINES = 4
+# An end nearer to contact than this cannot be left along a proven edge [m].
+_TOUCH = 1e-6
+
+
+def split_budget(budget: Budget) -> tuple[Budget, Budget | None]:
+    """The parts of a budget for the search and for a hint why it failed; None where there is too little for one."""
+    seconds, iterations = budget.seconds, budget.iterations
+    if seconds < _LEAST_SECONDS or (iterations is not None and iterations < _LEAST_ITERATIONS):
+        return budget, None
+    reserve = min(_SHARE * seconds, _MOST_SECONDS) if math.isfinite(seconds) else math.inf
+    extra = None if iterations is None else int(_SHARE * iterations)
+    rest = seconds - reserve if math.isfinite(seconds) else math.inf
+    return Budget(rest, iterations), Budget(reserve, extra)
+
+
+def with_hint(problem: Problem, result: PlanResult, budget: Budget, progress: ProgressCallback | None) -> PlanResult:
+    """A result whose reason says why there may be no path, where that is found within the budget.
+
+    Args:
+        problem: The question.
+        result: A result without a path.
+        budget: For the hint alone.
+        progress: Called now and then; False ends the work, and the result is then `CANCELLED`.
+    """
+    search = _HintSearch(problem, result, budget, progress)
+    hint = next(search.hints(), "")
+    if search.cancelled:
+        return replace(result, status=PlanStatus.CANCELLED, reason="the progress callback returned False")
+    return replace(result, reason=f"{result.reason}; {hint}") if hint else result
+
+
+class _HintSearch:
+    """The search for a reason, under its clock."""
+
+    def __init__(self, problem: Problem, result: PlanResult, budget: Budget, progress: ProgressCallback | None) -> None:
+        self._problem, self._budget, self._progress = problem, budget, progress
+        self._seed, self._planner, self._before = result.seed, result.planner, result.seconds
+        self._began, self._reported = time.perf_counter(), -math.inf
+        self._bodies: dict[str, LinkBodies] = {}
+        self.cancelled = False
+
+    def hints(self) -> Iterator[str]:
+        """Reasons, the surest first."""
+        goals = self._goals()
+        yield from self._ends_in_contact(goals)
+        tried: set[tuple[str, Pair]] = set()
+        for count in _ROUNDS:
+            candidates = [key for key in self._pairs_on_the_way(goals[:_LINES], count) if key not in tried]
+            for k, (arm, links) in enumerate(candidates):
+                if not self._goes_on():
+                    return
+                if self._solves_without(arm, links, len(candidates) - k + 1):
+                    yield self._describe(arm, links)
+            tried.update(candidates)
+
+    def _goals(self) -> Array:
+        with borrowed_checker(self._problem.scene, self._problem.arms) as motions:
+            return GoalSearch(self._problem, motions, self._seed).find().configurations
+
+    def _ends_in_contact(self, goals: Array) -> Iterator[str]:
+        """An end that no edge can leave because it all but touches."""
+        with borrowed_checker(self._problem.scene, self._problem.arms) as motions:
+            checker = motions.checker
+            if checker.clearance(self._problem.start, _TOUCH) < _TOUCH:
+                near = describe_collision(checker, self._problem.start)
+                yield f"the start is less than a micrometer from contact, too near to be told from it: {near}"
+            elif len(goals) and all(checker.clearance(q, _TOUCH) < _TOUCH for q in goals):
+                near = describe_collision(checker, goals[0])
+                yield f"the goal is less than a micrometer from contact, too near to be told from it: {near}"
+
+    def _pairs_on_the_way(self, goals: Array, count: int) -> list[tuple[str, Pair]]:
+        """Pairs of one arm's links that touch on the line to every goal; those on the most of it first.
+
+        Args:
+            goals: Goal configurations, shape (k, nq).
+            count: Samples of each line.
+        """
+        start, shares = self._problem.start, np.linspace(0.0, 1.0, count + 2)[1:-1, None]
+        lines = [start + shares * (goal - start) for goal in goals]
+        counts = {(arm, links): n for arm in self._problem.arms for links, n in self._touching(arm, lines).items()}
+        return sorted(counts, key=lambda key: (-counts[key], key[0], sorted(key[1])))
+
+    def _touching(self, arm: str, lines: list[Array]) -> dict[Pair, int]:
+        """Pairs of an arm's links that touch on each of some lines, with the number of samples at which they do."""
+        scene = self._problem.scene
+        robot = scene.arms[arm].robot
+        if arm not in self._bodies:
+            self._bodies[arm] = LinkBodies(robot)
+        bodies = self._bodies[arm]
+        links = [pair for pair in bodies.pairs if not scene.may_touch(*(f"{arm}/{link}" for link in pair))]
+        total: Counter[Pair] = Counter()
+        for line in lines:
+            found: Counter[Pair] = Counter()
+            for q in line:
+                if not self._goes_on():
+                    return {}
+                values = robot.joint_values(scene.split(q, self._problem.arms)[arm])
+                found.update(bodies.touching(values, links))
+            # A pair that does not touch on one line does not separate.
+            links = [pair for pair in links if pair in found]
+            total.update(found)
+        return {pair: total[pair] for pair in links}
+
+    def _solves_without(self, arm: str, links: Pair, shares: int) -> bool:
+        """Whether a moment's search finds a path where a pair of links may touch."""
+        a, b = (f"{arm}/{link}" for link in sorted(links))
+        relaxed = Problem(
+            replace(self._problem.scene, allowed=self._problem.scene.allowed | {unordered(a, b)}),
+            self._problem.start,
+            self._problem.goal,
+            self._problem.arms,
+        )
+        iterations = self._budget.iterations
+        budget = Budget(
+            max(1e-3, self._seconds_left / shares),
+            None if iterations is None else max(1, iterations // shares),
+        )
+        return RrtConnect().plan(relaxed, budget, self._seed, self._report).solved
+
+    def _describe(self, arm: str, links: Pair) -> str:
+        robot, (a, b) = self._problem.scene.arms[arm].robot, sorted(links)
+        bands = contact_bands(robot, [links], np.random.default_rng(self._seed), self._bodies[arm])
+        where = " or ".join(
+            f"{joint} is in {_intervals(bands, joint)}" for joint in dict.fromkeys(x.joint for x in bands)
+        )
+        when = f"they touch whenever {where}" if bands else "with this pair allowed there is a path"
+        return (
+            f"start and goal of {arm!r} seem to be separated by {a!r} and {b!r}: {when}; if that is an artifact of "
+            f"their shapes, allow the pair (scene.allow('{arm}/{a}', '{arm}/{b}'), in a scene file allowed = "
+            f'[["{arm}/{a}", "{arm}/{b}"]]), give an SRDF, or load the robot with convex=\'pieces\''
+        )
+
+    # ---- the clock ------------------------------------------------------------------------
+
+    @property
+    def _seconds_left(self) -> float:
+        return _SEARCHES * self._budget.seconds - (time.perf_counter() - self._began)
+
+    def _goes_on(self) -> bool:
+        """Whether there is time left; reports progress about ten times a second."""
+        now = time.perf_counter()
+        if self._progress is not None and not self.cancelled and now - self._reported >= 0.1:
+            self._reported = now
+            self._report()
+        return not self.cancelled and self._seconds_left > 0.0
+
+    def _report(self, _: Progress | None = None) -> bool:
+        """Report that the budget is nearly used up, whatever is searched; whether to go on."""
+        if self._progress is not None:
+            seconds = self._before + time.perf_counter() - self._began
+            self.cancelled = self._progress(Progress(self._planner, seconds, 1.0)) is False
+        return not self.cancelled
+
+
+def _intervals(bands: Sequence[ContactBand], joint: str) -> str:
+    return " or ".join(f"[{band.lower:.3g}, {band.upper:.3g}]" for band in bands if band.joint == joint)

@@ -1,0 +1,111 @@
+"""The lesson page that follows the running program."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rr1plan.errors import InputError
+from rr1plan.path import Path
+from rr1plan.playback.configuration_space import CSpace, cspace
+from rr1plan.playback.cspace_page import page_parts
+from rr1plan.playback.replay import Replay
+from rr1plan.playback.viewer.live import Viewer, open_viewer
+from rr1plan.problem import Problem
+from rr1plan.report import Report
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+
+def show_page(
+    picture: CSpace,
+    *,
+    trajectory: Trajectory | None = None,
+    title: str | None = None,
+    port: int | None = None,
+    open_browser: bool = True,
+    quiet: bool = False,
+) -> CSpaceViewer:
+    """Open the lesson live in the browser of this machine; the program can move the arm with `Viewer.update`.
+
+    Args:
+        picture: The configuration space, with a question and its answer if it has one.
+        trajectory: The timed motion to play; None plays the path at a steady speed.
+        title: Headline of the page (default: the scene's name).
+        port: First port to try, the next free one is taken; None: 7000.
+        open_browser: Open the page in a browser, where there is a screen.
+        quiet: Do not print the address, which is `Viewer.url`.
+
+    Raises:
+        InputError: the trajectory moves other joints than the two shown, or a port that is no port.
+        BackendError: no free port.
+        MissingPackageError: Meshcat is not installed.
+    """
+    viewer = CSpaceViewer(picture, trajectory, title, port)
+    open_viewer(viewer, open_browser, quiet)
+    return viewer
+
+
+class CSpaceViewer(Viewer):
+    """A live page of a configuration space. `CSpace.show` makes one; see `Viewer` for its other methods.
+
+    Args:
+        picture: The configuration space.
+        trajectory: The timed motion to play, or None.
+        title: Headline of the page, or None for the scene's name.
+        port: First port to try, or None.
+    """
+
+    def __init__(self, picture: CSpace, trajectory: Trajectory | None, title: str | None, port: int | None) -> None:
+        document, panel, view = page_parts(picture, trajectory, title)
+        super().__init__(picture.grid.scene, document, [panel], view, port)
+        self._picture = picture
+
+    def load(
+        self,
+        scene: Scene | CSpace,
+        trajectory: Trajectory | None = None,
+        *,
+        path: Path | None = None,
+        problem: Problem | None = None,
+        report: Report | None = None,
+        replay: Replay | None = None,
+        title: str | None = None,
+        spheres: bool = False,
+    ) -> None:
+        """Show something else on the same page, in the workspace and in the configuration space.
+
+        Args:
+            scene: A scene, whose configuration space is computed at the resolution of the page: of the same arm and
+                joints where it has them. Or a `CSpace`, which brings its own query, path and tree.
+            trajectory: The timed motion to play, or None.
+            path: The answer to the query, or None.
+            problem: The query: its start and goals are drawn in both spaces, and the verdict is about it.
+            report: The referee's verdict on the trajectory, shown as a badge.
+            replay: What a simulation made of the trajectory.
+            title: Headline of the page (default: the scene's name).
+            spheres: Show the spheres that contain each link and held object.
+
+        Raises:
+            UnknownNameError: a column that is no joint of the scene.
+            InputError: an arm without two joints, a problem, path or trajectory of other joints, or a closed viewer.
+        """
+        picture = scene if isinstance(scene, CSpace) else self._picture_of(scene, problem, path)
+        document, panel, _ = page_parts(picture, trajectory, title, report, replay, spheres)
+        self._server.set_document({**document, "panels": {panel.name: panel.data}})
+        self._scene, self._document, self._panels = picture.grid.scene, document, (panel,)
+        self._picture = picture
+
+    def _picture_of(self, scene: Scene, problem: Problem | None, path: Path | None) -> CSpace:
+        grid, arm, joints = self._picture.grid, None, None
+        if problem is None and grid.arm in scene.arms:
+            arm = grid.arm
+            joints = grid.joint_names if set(grid.joint_names) <= set(scene.arms[arm].robot.joint_names) else None
+        picture = cspace(scene, problem, arm=arm, joints=joints, resolution=len(grid.free))
+        if path is None:
+            return picture
+        names = tuple(f"{picture.grid.arm}/{name}" for name in picture.grid.joint_names)
+        if path.joint_names != names:
+            raise InputError(
+                f"the path moves {', '.join(path.joint_names)}, expected the joints shown: {', '.join(names)}"
+            )
+        return replace(picture, path=path.waypoints)

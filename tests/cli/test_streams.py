@@ -1,0 +1,138 @@
+"""What the command line does where its output cannot go, and when it is interrupted."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rr1plan.cli import BAD_INPUT, INTERRUPTED, NO_PLAN, OK
+from rr1plan.library import load_problems, scene_names
+
+RR1PLAN = f"{sys.executable} -m rr1plan"
+NO_PATH = "plan planar2r_no_path --seconds 0.3"
+
+
+def shell(line: str) -> subprocess.CompletedProcess[str]:
+    """Run a line of bash whose exit code is that of its first command."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    line = f"{line}; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=False, env=environment)
+    assert "Traceback" not in done.stderr
+    assert "Exception ignored" not in done.stderr
+    return done
+
+
+@pytest.mark.parametrize("command", ["scenes rr1_table", "scenes rr1_table --json", "--version"])
+@pytest.mark.parametrize("where", ["> /dev/full", ">&-"])
+def test_output_that_cannot_be_written_is_an_error(command: str, where: str) -> None:
+    done = shell(f"{RR1PLAN} {command} {where}")
+    assert done.returncode == BAD_INPUT
+    assert re.fullmatch("rr1plan: cannot write to standard output: .*\n", done.stderr)
+
+
+@pytest.mark.parametrize("where", ["> /dev/full", ">&-"])
+def test_an_error_that_cannot_be_json_is_a_line(where: str) -> None:
+    done = shell(f"{RR1PLAN} scenes nowhere --json {where}")
+    assert done.returncode == BAD_INPUT
+    assert done.stderr.startswith("rr1plan: unknown scene 'nowhere'")
+
+
+@pytest.mark.parametrize(("command", "code"), [("scenes nowhere", BAD_INPUT), (NO_PATH, NO_PLAN)])
+@pytest.mark.parametrize("where", ["2> /dev/full", "2>&-"])
+def test_errors_that_cannot_be_written_still_have_their_exit_code(command: str, code: int, where: str) -> None:
+    done = shell(f"{RR1PLAN} {command} {where}")
+    assert (done.returncode, done.stdout, done.stderr) == (code, "", "")
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        ("robots rr1 | head -1", OK),
+        ("scenes --json | true", OK),
+        ("plan --help | true", OK),
+        (f"{NO_PATH} --json | true", NO_PLAN),
+    ],
+)
+def test_a_reader_that_leaves_changes_nothing(command: str, code: int) -> None:
+    done = shell(f"{RR1PLAN} {command}")
+    assert done.returncode == code
+    assert done.stderr == ""
+
+
+def test_a_command_whose_reader_left_does_its_work(tmp_path: Path) -> None:
+    assert shell(f"{RR1PLAN} demo --scene planar2r_path --output {tmp_path}/out | head -1").stdout == "rr1plan demo\n"
+    assert (tmp_path / "out" / "trajectory.csv").exists()
+
+
+def test_a_character_that_the_terminal_lacks_is_no_error() -> None:
+    done = shell(f"PYTHONIOENCODING=ascii {RR1PLAN} plan rr1_table --arm é")
+    assert done.returncode == BAD_INPUT
+    Path("ä.toml").write_text("description = 'größer'\n[arms.a]\nrobot = 'planar2r'\n")
+    assert "gr\\xf6\\xdfer" in shell(f"PYTHONIOENCODING=ascii {RR1PLAN} scenes ä.toml").stdout
+
+
+def test_a_table_in_a_pipe_has_a_whole_line_for_each_row() -> None:
+    lines = shell(f"{RR1PLAN} scenes").stdout.splitlines()[1:]
+    assert [line.split()[0] for line in lines] == list(scene_names())
+    for name, line in zip(scene_names(), lines, strict=True):
+        assert ", ".join(load_problems(name)) in line
+        assert line == line.rstrip()
+
+
+def test_a_table_on_a_narrow_terminal_has_whole_names() -> None:
+    ours, theirs = pty.openpty()
+    environment = os.environ | {"COLUMNS": "80", "TERM": "xterm"}
+    child = subprocess.Popen([*RR1PLAN.split(), "scenes"], stdout=theirs, stderr=theirs, env=environment)
+    os.close(theirs)
+    said = b""
+    try:
+        while block := os.read(ours, 65536):
+            said += block
+    except OSError:
+        # The terminal is closed with its last user.
+        pass
+    finally:
+        os.close(ours)
+    assert child.wait() == OK
+    text = said.decode()
+    assert "…" not in text
+    for name in scene_names():
+        assert name in text
+        assert all(query in text for query in load_problems(name))
+
+
+# Speaks from inside `main`, whose first act is to import the command line: a signal sent
+# while the interpreter itself is starting is not ours to answer.
+_TELLS_THAT_IT_RUNS = """
+import sys
+import rr1plan.__main__ as command
+
+class Tells:
+    def find_spec(self, name, path=None, target=None):
+        if name == "rr1plan.cli":
+            print("started", flush=True)
+
+sys.meta_path.insert(0, Tells())
+command.main()
+"""
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.2, 0.4, 0.7, 1.0, 1.5, 3.0])
+def test_ctrl_c_at_any_moment_ends_with_130_and_no_traceback(delay: float) -> None:
+    command = [sys.executable, "-c", _TELLS_THAT_IT_RUNS, "plan", "planar2r_no_path", "--seconds", "60"]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    assert child.stdout.readline() == "started\n"
+    time.sleep(delay)
+    os.kill(child.pid, signal.SIGINT)
+    _, said = child.communicate(timeout=30)
+    assert child.returncode == INTERRUPTED, said
+    assert "Traceback" not in said

@@ -1,0 +1,61 @@
+"""What is sampled of a robot when it is loaded: the same as slow and plain, and found once."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import coal
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.formats import self_contacts
+from rr1plan.formats.link_contacts import LinkBodies, coal_shape
+from rr1plan.robot import Robot
+
+
+def touching_plainly(robot: Robot, q: np.ndarray) -> set[frozenset[str]]:
+    """Pairs of links that touch, each pair of shapes compared."""
+    poses, found = robot.link_poses(q), set()
+    for one, other in combinations([link for link in robot.links if link.collisions], 2):
+        for a in one.collisions:
+            for b in other.collisions:
+                at, bt = (poses[link.name] @ g.pose for link, g in ((one, a), (other, b)))
+                placed = [coal.Transform3s(T[:3, :3], T[:3, 3]) for T in (at, bt)]
+                shapes = coal_shape(a.shape), coal_shape(b.shape)
+                result = coal.CollisionResult()
+                if coal.collide(shapes[0], placed[0], shapes[1], placed[1], coal.CollisionRequest(), result):
+                    found.add(frozenset((one.name, other.name)))
+    return found
+
+
+def test_touching_links_are_those_that_touch_pair_by_pair(rr1: Robot) -> None:
+    bodies = LinkBodies(rr1)
+    rng = np.random.default_rng(0)
+    seen = set()
+    for q in rng.uniform(rr1.limits.lower, rr1.limits.upper, (25, rr1.nq)):
+        found = bodies.touching(rr1.joint_values(q), bodies.pairs)
+        assert found == touching_plainly(rr1, q)
+        seen |= found
+    assert len(seen) > 5
+
+
+@pytest.mark.parametrize("srdf", [None, False])
+def test_a_robot_that_took_long_is_not_sampled_again(
+    srdf: bool | None, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(self_contacts, "_WORTH_KEEPING", np.inf)
+    first = rp.load_robot("rr1", srdf=srdf)
+    assert not own_cache.exists()
+    monkeypatch.setattr(self_contacts, "_WORTH_KEEPING", 0.0)
+    assert rp.load_robot("rr1", srdf=srdf).content_hash == first.content_hash
+    (file,) = own_cache.iterdir()
+    sample = self_contacts._sampled
+    monkeypatch.setattr(self_contacts, "_sampled", lambda *_: pytest.fail("sampled again"))
+    kept = rp.load_robot("rr1", srdf=srdf)
+    assert kept.content_hash == first.content_hash
+    assert kept.home.tolist() == first.home.tolist()
+    np.savez(file, always=np.array([[0, 99]]), home=first.home, at_home=np.zeros((0, 2), np.int64))
+    monkeypatch.setattr(self_contacts, "_sampled", sample)
+    assert rp.load_robot("rr1", srdf=srdf).content_hash == first.content_hash

@@ -1,0 +1,151 @@
+"""Why there may be no path: the pair of links that separates start and goal is named, whatever the planner."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.planners.timeout_hints import split_budget
+from rr1plan.robot import Geometry, Joint, Link
+from rr1plan.transforms import pose
+
+ITERATIONS = rp.Budget(math.inf, 4000)
+
+
+@pytest.fixture(scope="module")
+def gate() -> rp.Robot:
+    """A forearm whose tip has to pass a disk around the base: at one band of the elbow's angle, wherever it turns."""
+    ez, ey = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
+    ones = np.ones(2)
+    return rp.Robot(
+        name="gate",
+        links=(
+            Link("base", collisions=(Geometry("disk", rp.Cylinder(1.0, 0.02)),)),
+            Link("column", collisions=(Geometry("post", rp.Cylinder(0.01, 0.1)),)),
+            Link("forearm", collisions=(Geometry("ball", rp.Sphere(0.03), pose([0.3, 0.0, 0.0])),)),
+        ),
+        joints=(
+            Joint("turn", "revolute", "base", "column", pose([0.0, 0.0, 0.1]), ez, -2.0, 2.0, 1.0, 1.0),
+            Joint("elbow", "revolute", "column", "forearm", pose([0.2, 0.0, 0.0]), ey, -1.5, 1.5, 1.0, 1.0),
+        ),
+        joint_names=("turn", "elbow"),
+        limits=rp.Limits(np.array([-2.0, -1.5]), np.array([2.0, 1.5]), ones, ones, ones, ones),
+        configurations={"home": np.zeros(2)},
+        held={},
+        never_collide=frozenset({frozenset({"base", "column"}), frozenset({"column", "forearm"})}),
+        tool="forearm",
+    )
+
+
+@pytest.fixture(scope="module")
+def separated(gate: rp.Robot) -> rp.Problem:
+    return rp.Problem(rp.Scene().with_arm("a", gate), [0.0, -0.5], [0.5, 1.2])
+
+
+@pytest.mark.parametrize("planner", ["rrt_connect", "anytime", "roadmap", "rrt", "bit_star"])
+def test_the_pair_that_separates_start_and_goal_is_named_with_its_band(separated: rp.Problem, planner: str) -> None:
+    result = rp.plan(separated, planner, ITERATIONS, rng=0)
+    assert result.status is rp.PlanStatus.TIMEOUT
+    assert "no path found" in result.reason
+    assert "separated by 'base' and 'forearm'" in result.reason
+    low, high = map(float, re.findall(r"whenever elbow is in \[([\d.-]+), ([\d.-]+)\]", result.reason)[0])
+    # The ball of 3 cm, 30 cm from the elbow and 10 cm above the disk's middle, over a disk of 2 cm.
+    assert low == pytest.approx(math.asin((0.1 - 0.04) / 0.3), abs=5e-3)
+    assert high == pytest.approx(math.asin((0.1 + 0.04) / 0.3), abs=5e-3)
+    for remedy in ("allowed = [", "SRDF", "convex='pieces'"):
+        assert remedy in result.reason
+
+
+def test_allowing_the_pair_as_it_is_said_solves_the_problem(separated: rp.Problem) -> None:
+    reason = rp.plan(separated, "rrt_connect", ITERATIONS, rng=0).reason
+    (remedy,) = re.findall(r"scene(\.allow\('a/base', 'a/forearm'\))", reason)
+    scene = eval(f"separated.scene{remedy}")
+    assert rp.plan(rp.Problem(scene, separated.start, separated.goal), rng=0).solved
+
+
+def test_the_same_seed_gives_the_same_hint(separated: rp.Problem) -> None:
+    reasons = {re.sub(r"after [\d.e-]+ s", "", rp.plan(separated, budget=ITERATIONS, rng=7).reason) for _ in range(2)}
+    assert len(reasons) == 1
+
+
+def test_a_motion_comes_with_the_hint_too(separated: rp.Problem) -> None:
+    motion = rp.plan_motion(separated, budget=ITERATIONS, rng=0)
+    assert not motion.solved
+    assert "separated by 'base' and 'forearm'" in motion.result.reason
+
+
+def test_the_arm_whose_links_they_are_is_named(gate: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("left", gate).with_arm("right", gate, [3.0, 0.0, 0.0])
+    goal = {"left": [0.5, -0.4], "right": [0.5, 1.2]}
+    problem = rp.Problem(scene, {"left": [0.0, -0.5], "right": [0.0, -0.5]}, goal)
+    assert "start and goal of 'right' seem to be separated" in rp.plan(problem, budget=ITERATIONS, rng=0).reason
+
+
+def test_an_obstacle_in_the_way_is_not_blamed_on_links(gate: rp.Robot) -> None:
+    wall = rp.Box((0.8, 0.02, 2.0))
+    scene = rp.Scene().with_arm("a", gate).with_obstacle("wall", wall, [0.5, 0.0, 0.0])
+    problem = rp.Problem(scene, [-0.7, -0.5], [0.7, -0.5])
+    result = rp.plan(problem, budget=ITERATIONS, rng=0)
+    assert result.status is rp.PlanStatus.TIMEOUT
+    assert "separated" not in result.reason
+    lesson = rp.load_problems("planar2r_no_path")["no_way"]
+    assert "separated" not in rp.plan(lesson, budget=ITERATIONS, rng=0).reason
+
+
+@pytest.mark.parametrize("budget", [rp.Budget(0.05), rp.Budget(math.inf, 900), rp.Budget(5.0, 900)])
+def test_a_small_budget_gets_no_hint(separated: rp.Problem, budget: rp.Budget) -> None:
+    result = rp.plan(separated, "rrt_connect", budget, rng=0)
+    assert result.status is rp.PlanStatus.TIMEOUT
+    assert "separated" not in result.reason
+
+
+def test_a_hint_takes_a_twentieth_of_the_budget_and_half_a_second_at_most() -> None:
+    for budget in (rp.Budget(1.0), rp.Budget(10.0), rp.Budget(600.0, 10**6), rp.Budget(math.inf, 10**6)):
+        search, hint = split_budget(budget)
+        assert hint is not None
+        assert search.seconds + hint.seconds == budget.seconds
+        assert search.iterations == budget.iterations
+        if math.isfinite(budget.seconds):
+            assert hint.seconds <= min(0.5, 0.05 * budget.seconds)
+        if budget.iterations is not None:
+            assert hint.iterations == budget.iterations // 20
+    assert split_budget(rp.Budget(0.9)) == (rp.Budget(0.9), None)
+
+
+def test_the_progress_may_cancel_while_a_hint_is_looked_for(separated: rp.Problem) -> None:
+    told: list[float] = []
+
+    def progress(p: rp.Progress) -> bool:
+        told.append(p.fraction)
+        return p.fraction < 1.0
+
+    result = rp.plan(separated, "rrt_connect", ITERATIONS, rng=0, progress=progress)
+    assert result.status is rp.PlanStatus.CANCELLED
+    assert told[0] < 1.0
+    assert told.count(1.0) == 1
+
+
+def test_a_start_too_near_to_contact_to_leave_is_named(gate: rp.Robot) -> None:
+    tip = rp.Scene().with_arm("a", gate).link_poses({"a": np.array([0.0, -0.5])})["a/forearm"] @ [0.3, 0.0, 0.0, 1.0]
+    roof = rp.Box((4.0, 4.0, 0.02))
+    scene = rp.Scene().with_arm("a", gate).with_obstacle("roof", roof, [0.0, 0.0, tip[2] + 0.04 + 1e-7])
+    result = rp.plan(rp.Problem(scene, [0.0, -0.5], [0.5, -0.4]), budget=ITERATIONS, rng=0)
+    assert result.status is rp.PlanStatus.TIMEOUT
+    assert "the start is less than a micrometer from contact" in result.reason
+    assert "'roof'" in result.reason
+
+
+def test_a_proposal_names_pairs_that_touch_in_a_band(gate: rp.Robot, rr1: rp.Robot) -> None:
+    proposal = rp.propose_never_collide(gate, 200, rng=0)
+    (band,) = proposal.bands
+    assert {band.a, band.b} == {"base", "forearm"}
+    assert band.joint == "elbow"
+    assert (band.lower, band.upper) == (pytest.approx(0.2, abs=0.01), pytest.approx(0.485, abs=0.01))
+    assert str(band) in str(proposal)
+    assert "Adjacent: base - column" in str(proposal)
+    assert proposal == dict(proposal)
+    assert rp.propose_never_collide(rr1, 100, rng=0).bands == ()
