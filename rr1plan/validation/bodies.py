@@ -15,9 +15,9 @@ from rr1plan.errors import InputError
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
-from rr1plan.validation.apart import CENTER
 from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.motion import Frames, SceneMotion
+from rr1plan.validation.native import CENTER
 from rr1plan.validation.polynomials import Index
 from rr1plan.validation.solids import Solid, solid, support
 
@@ -39,7 +39,7 @@ class ElementBodies:
         rotation, origin: Poses of their frames in the link's, shapes (b, 3, 3) and (b, 3).
         center: Centers of their bounding balls in the link's frame [m], shape (b, 3).
         cores: Kind, number of corners and of columns of their cores, shape (b, 3).
-        sizes: Sizes and places as `apart.py` reads them, shape (b, 23).
+        sizes: Sizes and places as `BodySizes` has them, shape (b, 23).
     """
 
     solids: tuple[Solid, ...]

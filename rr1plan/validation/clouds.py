@@ -14,8 +14,18 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.shapes import PointCloud
-from rr1plan.validation.apart import BOX, CENTER, COUNT, HALF, KIND, MIDDLE, ORIGIN, ROUND
-from rr1plan.validation.cells import nearest_cell
+from rr1plan.validation.native import (
+    BOX,
+    CENTER,
+    COUNT,
+    HALF,
+    MIDDLE,
+    ORIGIN,
+    ROUND,
+    SHAPE,
+    RefereeStruct,
+    load_library,
+)
 from rr1plan.validation.polynomials import Index
 from rr1plan.validation.support_tables import Core
 
@@ -58,6 +68,7 @@ class CellBlocks:
         upper = np.maximum.reduceat(self.centers, self._first) + self.half
         self._middle, self._half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         self._answer = np.zeros(3)
+        self._scratch = np.empty(len(self._first) + int(self._count.max()))
 
     def distance(self, body: BodyBox, ask: Ask) -> float:
         """Distance [m] of a body to the nearest cell; in contact minus the depth of some cell."""
@@ -75,20 +86,26 @@ class CellBlocks:
 
         Args:
             core: Kind and corners of the body.
-            sizes: Its sizes, shape (8,), as `apart.py` reads them.
+            sizes: Its sizes, shape (8,), as `BodySizes` has them.
             rotation: R_cloud_body, shape (3, 3).
             origin: Where its frame is in the cloud's [m], shape (3,).
             middle: Centre of its bounding box there [m], shape (3,).
         """
-        kinds, table, placed = np.zeros((2, 6), np.int64), np.zeros((2, CENTER)), np.zeros((2, 15))
-        kinds[0, KIND], kinds[0, COUNT], kinds[1, KIND] = core.kind, core.single, BOX
-        table[0], table[1, HALF:ROUND] = sizes, self.half
+        bodies, table, placed = np.zeros((2, 6), np.int64), np.zeros((2, 23)), np.zeros((2, 15))
+        bodies[0, SHAPE], bodies[0, COUNT], bodies[1, SHAPE] = core.kind, core.single, BOX
+        table[0, :CENTER], table[1, HALF:ROUND] = sizes, self.half
         placed[0, :ORIGIN], placed[0, ORIGIN:MIDDLE], placed[0, MIDDLE:] = rotation.ravel(), origin, middle
         placed[1, :ORIGIN] = np.eye(3).ravel()
-        nearest_cell(
-            *(kinds, table, core.corners, placed, self.centers, self.half),
-            *(self._middle, self._half, self._first, self._count, self._answer),
+        both = RefereeStruct(
+            "RefereeBodies",
+            bodies=bodies,
+            sizes=table,
+            corners=core.corners,
+            body_count=2,
+            corner_count=core.corners.shape[1],
         )
+        blocks = (self._middle, self._half, self._first, self._count, len(self._first))
+        load_library().rr1_nearest_cell(both, placed, self.centers, self.half, *blocks, self._scratch, self._answer)
         distance, proven, asked = self._answer.tolist()
         return distance, proven, int(asked)
 

@@ -12,26 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.validation.certificate import TOUCH, Certificate, Findings, Nearest
-from rr1plan.validation.gaps import (
-    AMOUNTS,
-    CHECKS,
-    COUNTS,
-    DECIDED,
-    DONE,
-    GROUPS,
-    INTERVALS,
-    LEFT,
-    NEAREST,
-    PROVEN,
-    SEARCHES,
-    SEEN,
-    SMALLEST,
-    STAGE,
-    UNDECIDED,
-    WHEN,
-)
 from rr1plan.validation.motion import SceneMotion
-from rr1plan.validation.search import DEEPEST, search
+from rr1plan.validation.native import GROUPS, LEFT, PROVEN, SEEN, SOURCES, UNDECIDED, WHEN, RefereeStruct, load_library
 from rr1plan.validation.tables import Setting
 
 # Intervals between two looks at whether to go on.
@@ -50,9 +32,9 @@ def prove(motion: SceneMotion, setting: Setting, tolerance: float, most: int, te
         most: Searches, and Coal's distances, before giving up on what is still open.
         tell: Called with the fraction decided; False from it cancels.
     """
-    quick = _Search(motion, setting, tolerance)
+    quick = _Search(motion, setting, tolerance, most)
     if len(setting.pairs):
-        quick.run(most, tell)
+        quick.run(tell)
     found = quick.findings()
     item = np.flatnonzero(~setting.searched | quick.left[setting.bodies.pair])
     if len(item) and not found.cancelled:
@@ -73,41 +55,72 @@ def _rest(tell: Tell | None, done: float) -> Tell | None:
 class _Search:
     """One run of the compiled search, and what it writes."""
 
-    def __init__(self, motion: SceneMotion, setting: Setting, tolerance: float) -> None:
-        self._motion, self._setting, self._tolerance = motion, setting, tolerance
-        count, elements = len(setting.pairs), len(setting.bodies.padding)
+    def __init__(self, motion: SceneMotion, setting: Setting, tolerance: float, most: int) -> None:
+        self._motion, self._setting = motion, setting
+        count, elements, bodies = len(setting.pairs), len(setting.bodies.padding), len(setting.kinds)
         self.found = np.full((elements, 3), np.inf)
         self.found[:, WHEN] = 0.0
         self.marks = np.zeros(elements, dtype=np.int64)
-        self.counts, self.amounts = np.zeros(COUNTS, dtype=np.int64), np.zeros(AMOUNTS)
-        self.counts[NEAREST : NEAREST + GROUPS], self.amounts[SMALLEST : SMALLEST + GROUPS] = -1, np.inf
-        self.directions = np.zeros((count, 4))
-        self.stack, self.spans = np.empty((DEEPEST, 4), dtype=np.int64), np.empty((DEEPEST, 2))
-        self.items = np.empty(count * DEEPEST, dtype=np.int64)
-        self.ends = np.full((GROUPS, 2, 2), np.inf)
-        self.ends[:, :, 1] = -1.0
+        breaks, coefficients = np.ascontiguousarray(motion.breaks), np.ascontiguousarray(motion.coefficients)
+        pieces, terms, columns = coefficients.shape
+        chain = int(setting.bodies.moved.sum(axis=1).max(initial=0)) + 1
+        depth = SOURCES.constants["SEARCH_DEPTH"]
+        self._struct = RefereeStruct(
+            "RefereeSearch",
+            breaks=breaks,
+            coefficients=coefficients,
+            break_count=len(breaks),
+            piece_count=pieces,
+            terms=terms,
+            column_count=columns,
+            steps=setting.steps,
+            frames=setting.frames,
+            joints=setting.joints,
+            step_count=len(setting.steps),
+            joint_count=len(setting.joints),
+            bodies=setting.bodies_struct,
+            chains=setting.chains,
+            movers=setting.movers,
+            mover_count=len(setting.movers),
+            pairs=setting.pairs,
+            padding=setting.padding,
+            pair_count=count,
+            tolerance=tolerance,
+            touch=TOUCH,
+            max_searches=most,
+            links=setting.links.copy(),
+            columns=np.zeros((columns, 4)),
+            ranges=np.zeros((pieces * columns, 2)),
+            states=_zeroed("JointState", len(setting.joints) + 1),
+            placed=np.zeros((bodies, 15)),
+            sweeps=np.zeros((bodies * chain, 2)),
+            sweep_stride=chain,
+            terms_scratch=np.zeros(terms),
+            gjk=_zeroed("GjkState", count),
+            found=self.found,
+            marks=self.marks,
+            directions=np.zeros((count, 4)),
+            intervals=_zeroed("TimeInterval", depth),
+            items=np.zeros(count * depth, np.int64),
+        )
+        self._search = self._struct.value
+        self._search.nearest[:], self._search.smallest[:] = [-1] * GROUPS, [np.inf] * GROUPS
+        self._search.end_clearance[:], self._search.end_pair[:] = [np.inf] * 2 * GROUPS, [-1] * 2 * GROUPS
         self.cancelled = False
         self.fraction = 0.0
 
-    def run(self, most: int, tell: Tell | None) -> None:
+    def run(self, tell: Tell | None) -> None:
         """Search until all is decided, or cancelled."""
-        s, motion = self._setting, self._motion
-        breaks, coefficients = np.ascontiguousarray(motion.breaks), np.ascontiguousarray(motion.coefficients)
-        links = s.links.copy()
+        s, breaks = self._setting, self._motion.breaks
         total = float(breaks[-1] - breaks[0]) * len(s.searched)
-        while self.counts[STAGE] != DONE and not self.cancelled:
-            search(
-                *(breaks, coefficients, s.steps, s.frames, s.joints, links),
-                *(s.kinds, s.sizes, s.corners, s.chains, s.movers, s.pairs, s.padding),
-                *(self._tolerance, TOUCH, most, _SLICE),
-                *(self.found, self.marks, self.counts, self.amounts, self.directions),
-                *(self.stack, self.spans, self.items, self.ends),
-            )
-            if self.counts[STAGE] == DONE:
+        done = SOURCES.constants["SEARCH_DONE"]
+        while self._search.stage != done and not self.cancelled:
+            load_library().rr1_prove_motion(self._struct, _SLICE)
+            if self._search.stage == done:
                 rest = float(self.left[s.bodies.pair].sum() + (~s.searched & ~self.left[s.bodies.pair]).sum())
                 self.fraction = max(self.fraction, 1.0 - rest / len(s.searched))
             elif total > 0.0:
-                self.fraction = max(self.fraction, min(1.0, float(self.amounts[DECIDED]) / total))
+                self.fraction = max(self.fraction, min(1.0, self._search.decided / total))
             self.cancelled = tell is not None and tell(self.fraction) is False
 
     @property
@@ -128,16 +141,25 @@ class _Search:
             self._ends(),
             self.cancelled,
             {
-                "intervals": float(self.counts[INTERVALS]),
-                "pair_checks": float(self.counts[CHECKS]),
-                "searches": float(self.counts[SEARCHES]),
+                "intervals": float(self._search.interval_count),
+                "pair_checks": float(self._search.check_count),
+                "searches": float(self._search.search_count),
                 "distances": 0.0,
             },
         )
 
     def _ends(self) -> tuple[tuple[Nearest, Nearest], ...]:
         begin, finish = (float(time) for time in self._motion.breaks[[0, -1]])
+        clearances, pairs = self._search.end_clearance, self._search.end_pair
         return tuple(
-            (Nearest(float(first), int(pair), begin), Nearest(float(last), int(other), finish))
-            for (first, pair), (last, other) in self.ends
+            (
+                Nearest(clearances[2 * group], pairs[2 * group], begin),
+                Nearest(clearances[2 * group + 1], pairs[2 * group + 1], finish),
+            )
+            for group in range(GROUPS)
         )
+
+
+def _zeroed(kind: str, count: int) -> NDArray[np.uint8]:
+    """Zeroed memory for structs of a kind, a row of bytes each."""
+    return np.zeros((count, SOURCES.item_size(kind)), np.uint8)

@@ -15,8 +15,8 @@ from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
-from rr1plan.validation.apart import BOUND, BOX, CENTER, CYLINDER, HALF, HULL, PLANE, RADIUS, ROUND
 from rr1plan.validation.clouds import CellBlocks
+from rr1plan.validation.native import BOUND, BOX, CENTER, CYLINDER, HALF, HULL, PLANE, RADIUS, ROUND
 from rr1plan.validation.support_tables import Core, hull_core
 
 

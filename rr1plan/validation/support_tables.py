@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.validation.apart import CELLS, HULL, SIDE, STARTS, TABLE
+from rr1plan.validation.native import CELLS, HULL, SIDE, STARTS, TABLE
 
 # Fewer corners are looked at one by one.
 _LEAST = 32
@@ -29,7 +29,7 @@ class Core(NamedTuple):
     """A convex body for the compiled search, without its rounding.
 
     Args:
-        kind: Its kind, of `apart.py`.
+        kind: Its kind, a `SHAPE_` of `referee_tables.h`.
         single: Number of corners to look at one by one.
         corners: Its columns of `corners`, shape (4, n).
     """
@@ -73,7 +73,7 @@ def _listed(points: Array) -> NDArray[np.bool_]:
 
 @cache
 def _cells() -> Array:
-    """The four directions at the corners of each cell, in the order of `apart.py`, shape (cells, 4, 3)."""
+    """The four directions at the corners of each cell, in the order of the kernels, shape (cells, 4, 3)."""
     edges = np.linspace(-1.0, 1.0, SIDE + 1)
     low, high = edges[:-1] - _WIDER, edges[1:] + _WIDER
     faces = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,16 +14,12 @@ from rr1plan.checks import Array
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Scene
 from rr1plan.shapes import HalfSpace
-from rr1plan.validation.apart import (
-    HALF,
-    ROUND,
-)
 from rr1plan.validation.bodies import CONCAVE, CONVEX, HALF_SPACE, Bodies
 from rr1plan.validation.limits import Columns, columns_of
 from rr1plan.validation.motion import MovingLink, SceneMotion
+from rr1plan.validation.native import AXIS, FIXED, GAIN, HALF, OFFSET, ROUND, SHIFT, SLIDES, TURNS, RefereeStruct
 from rr1plan.validation.polynomials import Mask
 from rr1plan.validation.solids import Solid
-from rr1plan.validation.sweeping import AXIS, FIXED, GAIN, OFFSET, SHIFT, SLIDES, TURNS
 
 Table = NDArray[np.int64]
 
@@ -65,6 +61,18 @@ class Setting:
     movers: Table
     pairs: Table
     padding: Array
+
+    @cached_property
+    def bodies_struct(self) -> RefereeStruct:
+        """The bodies as the kernels read them."""
+        return RefereeStruct(
+            "RefereeBodies",
+            bodies=self.kinds,
+            sizes=self.sizes,
+            corners=self.corners,
+            body_count=len(self.kinds),
+            corner_count=self.corners.shape[1],
+        )
 
 
 def setting_of(scene: Scene, joint_names: tuple[str, ...]) -> Setting:

@@ -39,7 +39,7 @@ static void pose_bodies_at(RefereeSearch *s, double time) {
     pose_bodies(s, piece, lesser(greater(time - s->breaks[piece], 0.0), width), 0.0);
 }
 
-static inline int is_plane(const RefereeSearch *s, int64_t b) { return s->bodies.bodies[b].shape == SHAPE_PLANE; }
+static inline int is_plane(const RefereeSearch *s, int64_t b) { return s->bodies->bodies[b].shape == SHAPE_PLANE; }
 
 typedef struct {
     double gap;       // lower bound of a clearance [m]
@@ -50,7 +50,7 @@ typedef struct {
 static BallGap ball_gap(const RefereeSearch *s, int64_t k) {
     int64_t a = s->pairs[k].a, b = s->pairs[k].b;
     const PlacedBody *one = &s->placed[a], *two = &s->placed[b];
-    const BodySizes *size_a = &s->bodies.sizes[a], *size_b = &s->bodies.sizes[b];
+    const BodySizes *size_a = &s->bodies->sizes[a], *size_b = &s->bodies->sizes[b];
     double far = 0.0, square = 0.0;
     for (int i = 0; i < 3; i++) {
         far += fabs(one->origin[i]) + fabs(two->origin[i]);
@@ -72,15 +72,15 @@ static double box_gap(const RefereeSearch *s, int64_t k) {
     int64_t a = s->pairs[k].a, b = s->pairs[k].b;
     if (is_plane(s, b)) return -1e300;
     double one = box_distance(s, a, b), two = box_distance(s, b, a), best = -1e300;
-    if (one > 0.0) best = one - s->bodies.sizes[b].radius;
-    if (two > 0.0) best = greater(best, two - s->bodies.sizes[a].radius);
+    if (one > 0.0) best = one - s->bodies->sizes[b].radius;
+    if (two > 0.0) best = greater(best, two - s->bodies->sizes[a].radius);
     return best - s->padding[k];
 }
 
 // d . (origin of b - origin of a); of a half-space the height of the origin of a above it.
 static double origin_gap(const RefereeSearch *s, int64_t a, int64_t b, Direction d) {
     const double *p = s->placed[a].origin, *q = s->placed[b].origin;
-    const BodySizes *plane = &s->bodies.sizes[b];
+    const BodySizes *plane = &s->bodies->sizes[b];
     if (is_plane(s, b))
         return plane->half[0] * p[0] + plane->half[1] * p[1] + plane->half[2] * p[2] - plane->rounding;
     return d.x * (q[0] - p[0]) + d.y * (q[1] - p[1]) + d.z * (q[2] - p[2]);
@@ -89,16 +89,16 @@ static double origin_gap(const RefereeSearch *s, int64_t a, int64_t b, Direction
 // Clearance of a pair along a direction from a to b [m]: a lower bound of it.
 static double gap_along(const RefereeSearch *s, int64_t k, Direction d) {
     int64_t a = s->pairs[k].a, b = s->pairs[k].b;
-    double gap = origin_gap(s, a, b, d) - body_reach(&s->bodies, s->placed, a, d) - s->padding[k];
+    double gap = origin_gap(s, a, b, d) - body_reach(s->bodies, s->placed, a, d) - s->padding[k];
     if (is_plane(s, b)) return gap;
-    return gap - body_reach(&s->bodies, s->placed, b, (Direction){-d.x, -d.y, -d.z});
+    return gap - body_reach(s->bodies, s->placed, b, (Direction){-d.x, -d.y, -d.z});
 }
 
 // Least clearance along a direction while both bodies move at their steady velocities [m].
 static double steady_gap(const RefereeSearch *s, int64_t k, double half, Direction d) {
     const RefereePair *pair = &s->pairs[k];
     int64_t a = pair->a, b = pair->b;
-    int64_t before = pair->shared > 0 ? s->chains[s->bodies.bodies[a].first_joint + pair->shared - 1] : -1;
+    int64_t before = pair->shared > 0 ? s->chains[s->bodies->bodies[a].first_joint + pair->shared - 1] : -1;
     double least = 1e300;
     for (int end = 0; end < 2; end++) {
         double time = end ? half : -half;
@@ -118,7 +118,7 @@ typedef struct {
 // They may differ by a quarter of the upper one's distance from `base`; the search ends above `enough`.
 static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base, double enough) {
     int64_t a = s->pairs[k].a, b = s->pairs[k].b;
-    const BodySizes *one = &s->bodies.sizes[a], *two = &s->bodies.sizes[b];
+    const BodySizes *one = &s->bodies->sizes[a], *two = &s->bodies->sizes[b];
     if (is_plane(s, b)) {
         Direction d = {-two->half[0], -two->half[1], -two->half[2]};
         s->directions[k] = (KnownDirection){d.x, d.y, d.z, 1.0};
@@ -127,7 +127,7 @@ static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base,
     }
     s->search_count++;
     double off = one->rounding + two->rounding + s->padding[k];
-    Separation found = separate(&s->bodies, s->placed, a, b, &s->gjk[k], base + off, enough + off);
+    Separation found = separate(s->bodies, s->placed, a, b, &s->gjk[k], base + off, enough + off);
     s->directions[k] = (KnownDirection){found.direction.x, found.direction.y, found.direction.z, 1.0};
     return (ClearanceBounds){found.upper - off, found.lower - off};
 }
@@ -181,8 +181,8 @@ static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double 
     least = greater(least, box_gap(s, k) - ball.rounding - approach);
     if (least > need) return (IntervalClearance){least, 1};
     // No direction can prove more than the distance of two points of the bodies.
-    double most = ball.gap + s->bodies.sizes[a].radius, error = 1e300;
-    if (!is_plane(s, b)) most += s->bodies.sizes[b].radius;
+    double most = ball.gap + s->bodies->sizes[a].radius, error = 1e300;
+    if (!is_plane(s, b)) most += s->bodies->sizes[b].radius;
     if (single) error = unsteadiness(s, a, shared) + ball.rounding + unsteadiness(s, b, shared);
     if (lesser(approach, error) > greater(COARSE, most - need)) return (IntervalClearance){least, 0};
     approach += ball.rounding;

@@ -198,7 +198,7 @@ typedef struct {
     const MovingJoint *joints;
     int64_t step_count;
     int64_t joint_count;
-    RefereeBodies bodies;
+    const RefereeBodies *bodies;
     const int64_t *chains;  // joints that carry each body, one body after the other
     const int64_t *movers;  // bodies that move
     int64_t mover_count;

@@ -199,7 +199,7 @@ static void start_search(RefereeSearch *s) {
                 (ColumnRange){column->value - column->change, column->value + column->change};
         }
     }
-    for (int64_t b = 0; b < s->bodies.body_count; b++) place_body(s, b);
+    for (int64_t b = 0; b < s->bodies->body_count; b++) place_body(s, b);
     look_ahead(s);
     for (int64_t k = 0; k < s->pair_count; k++) s->items[k] = k;
     double end = s->break_count > 1 ? s->breaks[1] - s->breaks[0] : 0.0;

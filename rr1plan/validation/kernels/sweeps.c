@@ -128,8 +128,8 @@ static void add_velocities(RefereeSearch *s) {
 
 // World pose of a body, and the center of its bounding ball.
 static void place_body(RefereeSearch *s, int64_t b) {
-    const LinkPose *link = &s->links[s->bodies.bodies[b].link];
-    const BodySizes *size = &s->bodies.sizes[b];
+    const LinkPose *link = &s->links[s->bodies->bodies[b].link];
+    const BodySizes *size = &s->bodies->sizes[b];
     PlacedBody *placed = &s->placed[b];
     for (int i = 0; i < 3; i++) {
         const double *row = &link->rotation[3 * i], *r = size->rotation, *o = size->origin, *c = size->center;
@@ -141,7 +141,7 @@ static void place_body(RefereeSearch *s, int64_t b) {
 
 // How far a body reaches from each joint of its chain, and how far that joint and those after it carry it.
 static void sweep_body(RefereeSearch *s, int64_t b) {
-    const RefereeBody *body = &s->bodies.bodies[b];
+    const RefereeBody *body = &s->bodies->bodies[b];
     const double *middle = s->placed[b].middle;
     Sweep *sweeps = s->sweeps + b * s->sweep_stride;
     sweeps[body->depth].carried = 0.0;
@@ -154,7 +154,7 @@ static void sweep_body(RefereeSearch *s, int64_t b) {
         }
         double x = middle[0] - state->pivot[0], y = middle[1] - state->pivot[1], z = middle[2] - state->pivot[2];
         double along = x * state->axis[0] + y * state->axis[1] + z * state->axis[2];
-        double across = sqrt(greater(0.0, x * x + y * y + z * z - along * along)) + s->bodies.sizes[b].radius +
+        double across = sqrt(greater(0.0, x * x + y * y + z * z - along * along)) + s->bodies->sizes[b].radius +
                         AXIS_ROUNDING;
         // A chord is never longer than the arc, nor than the diameter.
         sweeps[i] = (Sweep){across, sweeps[i + 1].carried + lesser(state->change, 2.0) * across};
@@ -163,7 +163,7 @@ static void sweep_body(RefereeSearch *s, int64_t b) {
 
 // What a body can move beside its steady velocity, by the joints of its chain from `shared` on [m].
 static double unsteadiness(const RefereeSearch *s, int64_t b, int64_t shared) {
-    const RefereeBody *body = &s->bodies.bodies[b];
+    const RefereeBody *body = &s->bodies->bodies[b];
     const Sweep *sweeps = s->sweeps + b * s->sweep_stride;
     double total = 0.0, tilt = 0.0;
     for (int64_t i = shared; i < body->depth; i++) {
@@ -196,7 +196,7 @@ static double steady_reach(const RefereeSearch *s, int64_t b, int64_t last, int6
         d.y + time * (d.z * wx - d.x * wz),
         d.z + time * (d.x * wy - d.y * wx),
     };
-    return moved + body_reach(&s->bodies, s->placed, b, turned);
+    return moved + body_reach(s->bodies, s->placed, b, turned);
 }
 
 // Distance of the center of body b from the bounding box of body a [m]; 0 inside.
@@ -206,7 +206,7 @@ static double box_distance(const RefereeSearch *s, int64_t a, int64_t b) {
     double x = p[0] - q[0], y = p[1] - q[1], z = p[2] - q[2], total = 0.0;
     for (int j = 0; j < 3; j++) {
         double along = box->rotation[j] * x + box->rotation[3 + j] * y + box->rotation[6 + j] * z;
-        double outside = fabs(along) - s->bodies.sizes[a].box[j];
+        double outside = fabs(along) - s->bodies->sizes[a].box[j];
         if (outside > 0.0) total += outside * outside;
     }
     return sqrt(total);
