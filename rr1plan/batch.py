@@ -24,7 +24,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from rr1plan._kernels.jit import all_kept, build_all
 from rr1plan.batch_worker import Raised, Settings, Task, begin_worker, raised, run_chunk
 from rr1plan.checks import Seed, Value, as_generator, known_name
 from rr1plan.errors import BackendError, InputError
@@ -33,7 +32,6 @@ from rr1plan.planners import planner_names
 from rr1plan.planning import Budget, PlanResult, Progress, ProgressCallback
 from rr1plan.problem import Problem
 from rr1plan.retiming import retiming_names
-from rr1plan.validation.compiled import build_entries
 
 logger = logging.getLogger(__name__)
 
@@ -86,8 +84,8 @@ def plan_many(
     """Answer many problems at once, each as `plan_motion` (or `plan`) does alone.
 
     Without an executor the processes are spawned here, so a script has to guard its main part with
-    `if __name__ == "__main__":`. Kernels that were never compiled are compiled first, not in each process. Ctrl-C
-    stops the processes within about a tenth of a second of planning.
+    `if __name__ == "__main__":`. Ctrl-C stops the processes within about a
+    tenth of a second of planning.
 
     Args:
         problems: The questions. Those about one scene should share one `Scene` value and follow each other.
@@ -240,11 +238,6 @@ def _take(future: Future[list[Any]], chunk: list[Task], chunks: deque[list[Task]
 
 def _work_in_processes(chunks: list[list[Task]], settings: Settings, board: _Board, workers: int) -> None:
     """Work off all chunks in processes of our own; those lost with a process are asked again, each alone."""
-    # Else each process would compile the same.
-    if not all_kept():
-        build_all()
-    if settings.full:
-        build_entries()
     left = deque(chunks)
     while left and not board.cancelled:
         with _pool(workers) as pool:

@@ -14,13 +14,13 @@ import numpy as np
 
 import rr1plan
 from rr1plan.checks import counted
-from rr1plan.cli.console import Console, Stopwatch, milliseconds
+from rr1plan.cli.console import Console
 from rr1plan.formats.robot_data import PACKAGE, installed_robots
 from rr1plan.library import load_problems, load_robot, load_scene, robot_names, scene_names
 from rr1plan.robot import Robot
 
 _REQUIRED = (
-    "numpy", "scipy", "numba", "pin", "coal", "ompl", "toppra", "ruckig", "mujoco", "meshcat", "tornado",
+    "numpy", "scipy", "pin", "coal", "ompl", "toppra", "ruckig", "mujoco", "meshcat", "tornado",
     "trimesh", "pycollada", "coacd", "matplotlib", "msgspec", "pyyaml", "rich",
 )  # fmt: skip
 _OPTIONAL = {
@@ -130,7 +130,7 @@ def _scene_values(name: str) -> dict[str, Any]:
 
 
 def doctor(options: Namespace, console: Console) -> int:
-    """Versions, what is missing, and with --warm the kernels compiled and cached."""
+    """Versions, the compiled kernels, and what is missing."""
     required = {name: _version(name) for name in _REQUIRED}
     optional = {name: _version(name) for name in _OPTIONAL}
     missing = [name for name, version in required.items() if version is None]
@@ -145,9 +145,9 @@ def doctor(options: Namespace, console: Console) -> int:
     ]
     console.table(("package", "version"), rows)
     console.say(f"browser for screenshots: {browser or 'none found (optional)'}")
-    watch = Stopwatch()
-    if options.warm and not missing:
-        _warm(watch, console)
+    kernels = {} if missing else _kernels()
+    if kernels:
+        console.say("compiled kernels: " + ", ".join(f"{name} {variant}" for name, variant in kernels.items()))
     console.result(
         {
             "rr1plan": rr1plan.__version__,
@@ -158,7 +158,7 @@ def doctor(options: Namespace, console: Console) -> int:
             "optional": optional,
             "missing": missing,
             "browser": browser,
-            "seconds": watch.seconds,
+            "kernels": kernels,
         }
     )
     if missing:
@@ -168,19 +168,17 @@ def doctor(options: Namespace, console: Console) -> int:
     return 0
 
 
-def _warm(watch: Stopwatch, console: Console) -> None:
-    """Compile and keep every kernel; then plan twice, to show what is left to load and what a query takes."""
-    import rr1plan.pipeline  # all that is compiled is known then
-    from rr1plan._kernels.jit import build_all
+def _kernels() -> dict[str, str]:
+    """Which variant of the compiled kernels this processor runs, by library.
 
-    with console.progress("compiling") as advance, watch.stage("kernels"):
-        build_all(advance)
-    for stage in ("first plan", "second plan"):
-        with watch.stage(stage):
-            rr1plan.plan_motion(next(iter(load_problems("rr1_table").values())), rng=0)
-    console.say(
-        "kernels are compiled and kept: " + ", ".join(f"{k} {milliseconds(v)}" for k, v in watch.seconds.items())
-    )
+    Raises:
+        InstallationError: one is not there, or cannot be loaded.
+    """
+    from rr1plan.kernels.library import LIBRARY
+    from rr1plan.validation import native
+
+    libraries = {"planning": LIBRARY, "referee": native.LIBRARY}
+    return {name: library.variants[0] for name, library in libraries.items() if library.fastest}
 
 
 def _version(package: str) -> str | None:

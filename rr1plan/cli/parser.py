@@ -157,8 +157,8 @@ def _scenes(parser: Parser) -> None:
     parser.add_argument("scene", metavar="SCENE", nargs="?", help="a shipped scene, or a scene file")
 
 
-def _doctor(parser: Parser) -> None:
-    parser.add_argument("--warm", action="store_true", help="compile and cache the kernels now")
+def _no_options(parser: Parser) -> None:
+    """A command without options besides those of all."""
 
 
 # Of each command: "module.function" under `rr1plan.cli`, loaded when it is run; help; examples; its options.
@@ -220,8 +220,8 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     "doctor": (
         "looking.doctor",
         "show versions, and what is missing",
-        ("rr1plan doctor", "rr1plan doctor --warm"),
-        _doctor,
+        ("rr1plan doctor", "rr1plan doctor --json"),
+        _no_options,
     ),
 }
 

@@ -180,7 +180,7 @@ class Graph:
 def _degrees(capacity: int, nq: int) -> NDArray[np.int64]:
     """How many neighbors a vertex is joined to among 0, 1, ... other ones (Karaman, Frazzoli 2011), shape (n + 1,)."""
     counts = np.arange(capacity + 1)
-    return np.ceil(np.e * (1.0 + 1.0 / nq) * np.log(counts + 1.0)).astype(np.int64)
+    return np.asarray(np.ceil(np.e * (1.0 + 1.0 / nq) * np.log(counts + 1.0)), np.int64)
 
 
 def _longer(array: NDArray[_T], length: int) -> NDArray[_T]:

@@ -61,10 +61,11 @@ def make_grid(curve: Curve, limits: Limits, longest: Array) -> Grid:
     while True:
         piece, offset, delta = np.empty(capacity, np.int64), np.empty(capacity), np.empty(capacity)
         arena = CStruct("Arena", memory=np.empty(3 * capacity), size=3 * capacity)
-        grid = (piece, offset, delta)
-        count = load_library().rr1_make_grid(path, rates, 0.5 * _STEP, longest, arena, *grid, capacity)
+        count = load_library().rr1_make_grid(
+            *(path, rates, 0.5 * _STEP, longest, arena), *(piece, offset, delta, capacity)
+        )
         if count != constants()["ARENA_FULL"]:
-            return Grid(*(column[:count] for column in grid))
+            return Grid(piece[:count], offset[:count], delta[:count])
         capacity *= 2
 
 

@@ -51,4 +51,5 @@ def extremes(breaks: Array, coefficients: Array) -> Extremes:
     scratch = np.empty(terms * (SOURCES.constants["EXTREMES_DEPTH"] + 2))
     load_library().rr1_find_extremes(breaks, len(breaks), coefficients, *coefficients.shape, peaks, jumps, end, scratch)
     high, high_time, low, low_time = peaks.T.reshape(4, ORDERS, nq)
-    return Extremes(high, high_time, low, low_time, *jumps.T.reshape(2, ORDERS - 1, nq), end)
+    jump, jump_time = jumps.T.reshape(2, ORDERS - 1, nq)
+    return Extremes(high, high_time, low, low_time, jump, jump_time, end)
