@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
@@ -166,7 +166,8 @@ def plan_motion(
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
-        progress: Called about ten times a second, also while meshes are cut into convex pieces; False cancels.
+        progress: Called about ten times a second while a path is searched for and while meshes are cut into convex
+            pieces, and once at the begin of each later stage; False cancels.
 
     Returns:
         A `MotionPlan`; `solved` says whether there is a proven trajectory.
@@ -199,18 +200,22 @@ def plan_motion(
     path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")
     with borrowed_checker(roomy.scene, problem.arms) as motions:
-        if shorten and planner != "cartesian":
-            with _timed(seconds, "shorten"):
-                path = shorten_path(path, motions, rng=generator, iterations=_SHORTCUTS)
-        for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
-            with _timed(seconds, "retime"):
-                trajectory = retime(path, roomy.scene, method, checker=motions, torque_limits=torque_limits)
-            with _timed(seconds, "validate"):
-                report = validate(
-                    trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits
-                )
-            if report.valid:
-                break
+        try:
+            if shorten and planner != "cartesian":
+                with _timed(seconds, "shorten", progress):
+                    path = shorten_path(path, motions, rng=generator, iterations=_SHORTCUTS)
+            for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
+                with _timed(seconds, "retime", progress):
+                    trajectory = retime(path, roomy.scene, method, checker=motions, torque_limits=torque_limits)
+                with _timed(seconds, "validate", progress):
+                    report = validate(
+                        trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits
+                    )
+                if report.valid:
+                    break
+        except CancelledError as error:
+            result = replace(result, status=PlanStatus.CANCELLED, path=None, reason=str(error))
+            return MotionPlan(problem, result, seconds, margin)
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
 
 
@@ -280,8 +285,14 @@ def with_margin(problem: Problem, margin: float) -> Problem:
 
 
 @contextmanager
-def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    """Add the wall time of a stage to the table."""
+def _timed(seconds: dict[str, float], stage: str, progress: ProgressCallback | None = None) -> Iterator[None]:
+    """Add the wall time of a stage to the table, after its begin was reported.
+
+    Raises:
+        CancelledError: `progress` returned False.
+    """
+    if progress is not None and progress(Progress(stage, sum(seconds.values()), 0.0)) is False:
+        raise CancelledError(f"cancelled before stage {stage!r}")
     started = time.perf_counter()
     try:
         yield

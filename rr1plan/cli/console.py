@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import Any, Protocol, TextIO
 
 from rich.console import Console as RichConsole
 from rich.markup import escape
@@ -18,7 +18,15 @@ from rich.table import Table
 
 from rr1plan.errors import InputError
 
-Advance = Callable[[float], None]
+
+class Advance(Protocol):
+    """What moves a bar."""
+
+    def __call__(self, fraction: float, what: str = "") -> None:
+        """Show the fraction done, and what is being done where that is said."""
+        ...
+
+
 # Of a table that nobody sees on a terminal.
 _WIDEST = 10_000
 
@@ -132,7 +140,11 @@ class Console:
         columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=24), TimeElapsedColumn())
         with Progress(*columns, console=self._err, transient=True) as bar:
             task = bar.add_task(text, total=1.0)
-            yield lambda fraction: bar.update(task, completed=fraction)
+
+            def advance(fraction: float, what: str = "") -> None:
+                bar.update(task, completed=fraction, description=what or text)
+
+            yield advance
 
 
 def _discard(stream: TextIO) -> None:
@@ -141,7 +153,7 @@ def _discard(stream: TextIO) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _nothing(_: float) -> None:
+def _nothing(fraction: float, what: str = "") -> None:
     """Progress that nobody sees."""
 
 

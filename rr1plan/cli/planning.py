@@ -11,11 +11,11 @@ import rr1plan as rp
 from rr1plan.cli.console import Advance, Console, milliseconds
 from rr1plan.errors import InputError
 from rr1plan.formats import plan_files
-from rr1plan.library import load_problems, load_scene
+from rr1plan.formats.scene_toml import SceneFile
+from rr1plan.library import load_problems, load_scene, load_scene_file
 from rr1plan.pipeline import MotionPlan, plan_motion
 from rr1plan.planning import PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
-from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
 # What a person can mend by asking differently is bad input; the rest is "no plan".
@@ -27,8 +27,8 @@ def plan(options: Namespace, console: Console) -> int:
     view = first_view(options.view)
     if options.no_shorten and options.planner == "cartesian":
         raise InputError("--no-shorten has no effect with --planner cartesian, whose paths are never shortened")
-    with console.watch.stage("load the scene"):
-        problem = question(options, load_scene(options.scene))
+    with console.watch.stage("load the scene"), console.progress("loading the scene"):
+        problem = question(options, load_scene_file(options.scene))
         if options.limits is not None:
             problem = with_limits(problem, options.limits)
     budget = rp.Budget(options.seconds, options.iterations)
@@ -64,24 +64,24 @@ def with_stages(motion: MotionPlan, stages: Mapping[str, float]) -> MotionPlan:
     return replace(motion, seconds={**first, **planning, **last})
 
 
-def question(options: Namespace, scene: Scene) -> Problem:
+def question(options: Namespace, file: SceneFile) -> Problem:
     """The problem that the options ask, or the scene's first query.
 
     Raises:
         InputError: a scene without queries and no goal.
     """
     if options.goal is None and options.position is None:
-        problem = named_query(options.scene, options.query)
+        problem = _chosen(options.scene, file.problems, options.query)
         return (
             problem if options.start is None else rp.Problem(problem.scene, _words(options.start), dict(problem.goal))
         )
-    arm = scene.only_arm(options.arm)
+    arm = file.scene.only_arm(options.arm)
     if options.goal is not None:
         goal: Any = _words(options.goal)
     else:
         goal = rp.PoseGoal(options.frame or "tool", options.position, options.quaternion)
     start = None if options.start is None else {arm: _words(options.start)}
-    return rp.Problem(scene, start, {arm: goal})
+    return rp.Problem(file.scene, start, {arm: goal})
 
 
 def named_query(scene: str, name: str | None) -> Problem:
@@ -91,7 +91,11 @@ def named_query(scene: str, name: str | None) -> Problem:
         UnknownNameError: no query of that name.
         InputError: the scene has none.
     """
-    queries = load_problems(scene)
+    return _chosen(scene, load_problems(scene), name)
+
+
+def _chosen(scene: str, queries: Mapping[str, Problem], name: str | None) -> Problem:
+    """The query of that name, or the first."""
     if not queries:
         raise InputError(f"scene {scene!r} has no queries; give a goal (option goal, option position)")
     if name is None:
@@ -131,9 +135,12 @@ def with_limits(problem: Problem, preset: str) -> Problem:
     return rp.Problem(scene, problem.start, dict(problem.goal), problem.arms)
 
 
+_STAGES = {"set up": "preparing the scene", "shorten": "shortening", "retime": "retiming", "validate": "proving"}
+
+
 def told_to(advance: Advance) -> ProgressCallback:
     """A planner's progress as a bar's."""
-    return lambda progress: advance(progress.fraction)
+    return lambda progress: advance(progress.fraction, _STAGES.get(progress.stage, ""))
 
 
 def summary(motion: MotionPlan) -> dict[str, Any]:
@@ -175,7 +182,7 @@ def _save(motion: MotionPlan, options: Namespace, view: Any) -> Mapping[str, str
 
 def validate(options: Namespace, console: Console) -> int:
     """Check a saved motion with the referee."""
-    saved, trajectory = _saved(options)
+    saved, trajectory = _saved(options, console)
     with console.progress("checking") as advance:
         report = rp.validate(
             trajectory,
@@ -192,7 +199,7 @@ def validate(options: Namespace, console: Console) -> int:
 
 def play(options: Namespace, console: Console) -> int:
     """Replay a saved motion in MuJoCo."""
-    saved, trajectory = _saved(options)
+    saved, trajectory = _saved(options, console)
     with console.progress("replaying") as advance:
         replay = rp.simulate(trajectory, saved.scene, options.mode, timestep=options.timestep, progress=advance)
     console.say(str(replay))
@@ -201,10 +208,11 @@ def play(options: Namespace, console: Console) -> int:
     return 0 if replay.free else 4
 
 
-def _saved(options: Namespace) -> tuple[plan_files.SavedMotion, Trajectory]:
+def _saved(options: Namespace, console: Console) -> tuple[plan_files.SavedMotion, Trajectory]:
     """A saved motion and its trajectory, in the scene that was asked for or its own."""
-    scene = None if options.scene is None else load_scene(options.scene)
-    saved = plan_files.load_motion(options.motion, scene)
+    with console.progress("loading the motion"):
+        scene = None if options.scene is None else load_scene(options.scene)
+        saved = plan_files.load_motion(options.motion, scene)
     if saved.trajectory is None:
         raise InputError(f"{options.motion} holds no trajectory; write one with: rr1plan plan SCENE --output FILE")
     return saved, saved.trajectory

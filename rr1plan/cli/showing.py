@@ -23,7 +23,7 @@ def demo(options: Namespace, console: Console) -> int:
     """From a question to a certified, replayed, visible motion, saying what was done and how long it took."""
     folder, view = Path(options.output), first_view(options.view)
     watch = console.watch
-    with watch.stage("load the scene"):
+    with watch.stage("load the scene"), console.progress("loading the scene"):
         problem = named_query(options.scene, options.query)
     scene = problem.scene
     console.say("rr1plan demo")
@@ -71,7 +71,8 @@ def _write_demo(folder: Path, motion: MotionPlan, view: Any) -> dict[str, Path]:
 def view(options: Namespace, console: Console) -> int:
     """A scene or a saved motion in the browser, or as one offline page."""
     page = {"spheres": options.spheres, "view": first_view(options.view)}
-    scene, extra = _what(options.what)
+    with console.progress(f"loading {options.what}"):
+        scene, extra = _what(options.what)
     if options.html is not None:
         file = rp.save_html(options.html, scene, **page, **extra)
         console.say(f"page: {file}")

@@ -262,3 +262,15 @@ def test_warnings_are_seen_in_a_program_that_sets_up_no_logging() -> None:
     program = "import rr1plan; rr1plan.load_robot('bare.urdf')"
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     assert "no link has a <collision>" in ended.stderr
+
+
+def test_plan_reads_a_scene_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rr1plan import library
+
+    loaded = []
+    read = library.read_scene
+    monkeypatch.setattr(library, "read_scene", lambda *arguments: loaded.append(arguments) or read(*arguments))
+    assert run(["plan", "rr1_table", "--quiet"]) == OK
+    assert len(loaded) == 1
+    assert run(["scenes", "rr1_table", "--quiet"]) == OK
+    assert len(loaded) == 2
