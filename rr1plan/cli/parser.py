@@ -134,16 +134,26 @@ def _view(parser: Parser) -> None:
 
 def _cspace(parser: Parser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="a shipped scene or a scene file")
-    parser.add_argument("--query", help="a query of the scene, by name (default: its first, where it has one)")
+    parser.add_argument("--query", help="a query of the scene, by name (default: its first of a two-joint arm, if any)")
     parser.add_argument("--arm", help="the arm (default: the only one)")
-    parser.add_argument("--joints", nargs=2, metavar=("A", "B"), help="two of its joints (default: the first two)")
-    parser.add_argument("--resolution", type=_count, default=360, help="cells along each axis (%(default)s)")
+    parser.add_argument(
+        "--joints", nargs=2, metavar=("A", "B"), help="two of its joints (default: the first two); the others rest"
+    )
+    parser.add_argument("--resolution", type=_count, default=360, help="cells along each axis, 8 to 2000 (%(default)s)")
     parser.add_argument("--planner", default="rrt_connect", help="planner of the path and tree drawn (%(default)s)")
+    parser.add_argument(
+        "--seconds", type=_positive, default=5.0, help="the planner's budget of wall time (%(default)s)"
+    )
     parser.add_argument("--seed", type=_seed, default=0, help="seed of the planner (%(default)s)")
-    parser.add_argument("--png", type=_file, metavar="FILE", help="write the picture (default: SCENE-cspace.png)")
-    parser.add_argument("--svg", type=_file, metavar="FILE", help="write the picture for slides")
-    parser.add_argument("--html", type=_file, metavar="FILE", help="write an offline page with sliders")
-    parser.different_files("scene", "--png", "--svg", "--html")
+    parser.add_argument(
+        "--png", type=_file_of(".png"), metavar="FILE.png", help="write the picture (default: SCENE-cspace.png)"
+    )
+    parser.add_argument("--svg", type=_file_of(".svg"), metavar="FILE.svg", help="write the picture for slides")
+    parser.add_argument("--pdf", type=_file_of(".pdf"), metavar="FILE.pdf", help="write the picture for papers")
+    parser.add_argument(
+        "--html", type=_file_of(".html"), metavar="FILE.html", help="write an offline page with sliders"
+    )
+    parser.different_files("scene", "--png", "--svg", "--pdf", "--html")
     parser.details = lambda: f"{_planners()}\n\n{_EXIT_CODES}"
 
 
@@ -201,8 +211,12 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     ),
     "cspace": (
         "showing.cspace",
-        "draw the configuration space of a two-joint arm",
-        ("rr1plan cspace planar2r_path", "rr1plan cspace planar2r_no_path --svg figure.svg --html page.html"),
+        "draw the configuration space of two joints, and prove or answer a query in it",
+        (
+            "rr1plan cspace planar2r_path",
+            "rr1plan cspace planar2r_no_path --svg figure.svg --html page.html",
+            "rr1plan cspace rr1_table --joints shoulder_joint elbow_joint --resolution 120",
+        ),
         _cspace,
     ),
     "robots": (
@@ -248,6 +262,17 @@ def _file(text: str) -> str:
     if not text:
         raise argparse.ArgumentTypeError("'' is not a file name")
     return text
+
+
+def _file_of(suffix: str) -> Callable[[str], str]:
+    """A file name that ends in a suffix."""
+
+    def check(text: str) -> str:
+        if not _file(text).lower().endswith(suffix):
+            raise argparse.ArgumentTypeError(f"{text!r} does not end in {suffix}")
+        return text
+
+    return check
 
 
 def _number(text: str, kind: Callable[[str], float], accept: Callable[[float], bool], wanted: str) -> Any:

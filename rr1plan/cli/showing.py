@@ -105,36 +105,40 @@ def _with_tree(name: str) -> rp.Planner:
     return rp.make_planner(name, **{key: value for key, value in _TREE.items() if hasattr(planner, key)})
 
 
+# Where no path exists the planner stops after this many iterations: enough for a tree to look at.
+_HOPELESS_ITERATIONS = 1500
+
+
 def cspace(options: Namespace, console: Console) -> int:
-    """Draw the configuration space of a two-joint arm."""
-    scene = load_scene(options.scene)
-    queries = load_problems(options.scene)
-    problem = named_query(options.scene, options.query) if options.query or queries else None
-    if problem is not None and (problem.nq != 2 or options.joints):
-        problem = None
-    result = None
-    if problem is not None:
-        with console.progress("planning") as advance:
-            planner = _with_tree(options.planner)
-            result = planner.plan(problem, rp.Budget(5.0), options.seed, told_to(advance))
+    """Draw the configuration space of two joints, with a query of a two-joint arm and its answer."""
+    scene, problem = load_scene(options.scene), _flat_query(options)
+    if problem is None:
+        idle = [option for option in ("--planner", "--seconds", "--seed") if option in options.given]
+        if idle:
+            raise InputError(f"{idle[0]} has no effect: there is no query of two joints to plan for")
     with console.progress("checking every cell") as advance:
         picture = rp.cspace(
             scene,
             problem,
-            result,
             arm=options.arm,
             joints=None if options.joints is None else (options.joints[0], options.joints[1]),
             resolution=options.resolution,
             progress=advance,
         )
-    files = {}
-    if options.png or not (options.svg or options.html):
-        files["png"] = picture.save_png(options.png or f"{scene.name}-cspace.png")
-    if options.svg:
-        files["svg"] = picture.save_svg(options.svg)
-    if options.html:
-        files["page"] = picture.save_html(options.html)
+    result = None
+    if problem is not None:
+        with console.progress("looking for a proof that no path exists"):
+            hopeless = picture.proves_no_path
+        budget = rp.Budget(options.seconds, _HOPELESS_ITERATIONS if hopeless else None)
+        with console.progress("planning") as advance:
+            result = _with_tree(options.planner).plan(problem, budget, options.seed, told_to(advance))
+        picture = picture.with_result(result)
+    with console.progress("drawing"):
+        files = _save_pictures(picture, options)
     console.say(str(picture))
+    if result is not None:
+        found = result.reason if result.path is None else f"path found in {milliseconds(result.seconds)}"
+        console.say(f"  {result.planner}: {found}")
     for kind, file in files.items():
         console.say(f"{kind}: {file}")
     console.result(
@@ -142,8 +146,29 @@ def cspace(options: Namespace, console: Console) -> int:
             "components": picture.grid.components,
             "free_share": float(picture.grid.free.mean()),
             "proves_no_path": picture.proves_no_path,
+            "verdict": picture.verdict,
             "planned": None if result is None else result.status.value,
             "files": {kind: str(file) for kind, file in files.items()},
         }
     )
     return 0
+
+
+def _flat_query(options: Namespace) -> rp.Problem | None:
+    """The query to draw: the one asked for, or the first that the picture can show; None for a picture without."""
+    if options.query is not None:
+        return named_query(options.scene, options.query)
+    for problem in load_problems(options.scene).values():
+        own = problem.scene.arms[problem.arms[0]].robot.joint_names
+        shown = options.arm in (None, problem.arms[0]) and options.joints in (None, list(own))
+        if problem.nq == 2 and len(problem.arms) == 1 and shown:
+            return problem
+    return None
+
+
+def _save_pictures(picture: rp.CSpace, options: Namespace) -> dict[str, Path]:
+    """Write the files asked for, or a PNG."""
+    asked = {kind: getattr(options, kind) for kind in ("png", "svg", "pdf", "html")}
+    if not any(asked.values()):
+        asked["png"] = f"{picture.grid.scene.name}-cspace.png"
+    return {"page" if kind == "html" else kind: picture.save(file) for kind, file in asked.items() if file}

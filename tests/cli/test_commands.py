@@ -205,11 +205,57 @@ def test_spheres_are_put_on_pages_when_asked_for(motion: Path) -> None:
 
 
 def test_cspace_draws_and_proves(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["cspace", "planar2r_no_path", "--resolution", "120", "--svg", "a.svg", "--json"]) == OK
-    assert answer(capsys)["proves_no_path"] is True
-    assert Path("a.svg").stat().st_size > 1000
+    assert (
+        run(["cspace", "planar2r_no_path", "--resolution", "120", "--svg", "a.svg", "--html", "a.html", "--json"]) == OK
+    )
+    said = answer(capsys)
+    assert said["proves_no_path"] is True
+    assert said["verdict"].startswith("No path exists")
+    assert said["files"] == {"svg": "a.svg", "page": "a.html"}
+    # The planner is stopped early, as no path exists: a tree that a slide can hold.
+    assert 1000 < Path("a.svg").stat().st_size < 1_500_000
     assert run(["cspace", "planar2r_path", "--resolution", "60"]) == OK
-    assert "planar2r_path-cspace.png" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "planar2r_path-cspace.png" in said
+    assert "Start and goal lie in the same component" in said
+
+
+def test_cspace_takes_the_format_from_the_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["cspace", "planar2r_path", "--png", "a.jpg"]) == BAD_INPUT
+    assert "--png: 'a.jpg' does not end in .png" in capsys.readouterr().err
+    assert run(["cspace", "planar2r_path", "--resolution", "24", "--pdf", "a.PDF"]) == OK
+    assert Path("a.PDF").read_bytes().startswith(b"%PDF")
+    assert list(Path().glob("*")) == [Path("a.PDF")]
+
+
+def test_cspace_draws_a_slice_of_a_bigger_arm(capsys: pytest.CaptureFixture[str]) -> None:
+    joints = ["--joints", "shoulder_joint", "elbow_joint"]
+    assert run(["cspace", "rr1_table", *joints, "--resolution", "16"]) == OK
+    said = capsys.readouterr().out
+    assert "configuration space of shoulder_joint and elbow_joint: 16 x 16 cells" in said
+    assert "a slice, at upper_arm_joint = 0, forearm_joint = 0, wrist_joint = 0.5, hand_joint = 0" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            ["planar2r_path", "--resolution", "100000"],
+            "resolution is 100000, expected a whole number of cells from 8 to 2000",
+        ),
+        (["planar2r_path", "--seconds", "0"], "'0' is not a number above zero"),
+        (["rr1_table", "--query", "above_parcel"], "the problem has 6 columns"),
+        (["rr1_table", "--seconds", "3"], "--seconds has no effect: there is no query of two joints"),
+        (["rr1_table", "--planner", "prm"], "--planner has no effect"),
+        (["planar2r_path", "--joints", "joint2", "joint1", "--query", "elbow_flip"], "the problem's columns are"),
+    ],
+)
+def test_cspace_refuses_at_once_what_it_cannot_draw(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["cspace", *arguments]) == BAD_INPUT
+    assert said in capsys.readouterr().err
+    assert list(Path().glob("*")) == []
 
 
 def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
