@@ -153,7 +153,6 @@ def _cspace(parser: Parser) -> None:
     parser.add_argument(
         "--html", type=_file_of(".html"), metavar="FILE.html", help="write an offline page with sliders"
     )
-    parser.different_files("scene", "--png", "--svg", "--pdf", "--html")
     parser.details = lambda: f"{_planners()}\n\n{_EXIT_CODES}"
 
 
