@@ -42,21 +42,32 @@ class MotionPlan:
     planner's reason; `solved` and `status` can be asked first.
 
     Args:
-        problem: The question.
+        problem: The question; None for a motion from a file that does not hold it.
         result: The planner's answer.
         seconds: Wall time of each stage [s], in order: "imports" (of what `rr1plan` loaded before the first question
             of the process), "set up" (of compiled code and of the scene, done once), "plan", "shorten", "retime",
             "validate".
         margin: Distance that was kept beyond the scene's padding while planning [m].
+        changes: For a motion from a file: what differs between the scene that it was made in and `scene`.
     """
 
-    problem: Problem
+    problem: Problem | None
     result: PlanResult
     seconds: Mapping[str, float] = field(default_factory=dict)
     margin: float = 0.0
     _path: Path | None = None
     _trajectory: Trajectory | None = None
     _report: Report | None = None
+    changes: tuple[str, ...] = ()
+    _scene: Scene | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """Where it happens."""
+        if self._scene is not None:
+            return self._scene
+        assert self.problem is not None, "a plan without a problem is made with its scene"
+        return self.problem.scene
 
     @property
     def status(self) -> PlanStatus:
@@ -75,7 +86,7 @@ class MotionPlan:
     @property
     def path(self) -> Path:
         """The path, shortened."""
-        return self._path if self._path is not None else self.result.path_or_raise()
+        return self._path if self._path is not None else _present(self.result.path, self.result)
 
     @property
     def trajectory(self) -> Trajectory:
@@ -90,13 +101,23 @@ class MotionPlan:
     def __repr__(self) -> str:
         if self._report is None:
             return f"MotionPlan({self.result!r})"
-        return f"MotionPlan({counted(len(self.path), 'waypoint')}, {self.path.length:.2f} rad, {self._report!r})"
+        return f"MotionPlan({self.size()}, {self._report!r})"
 
     def __str__(self) -> str:
         if self._report is None:
             return f"no plan ({self.result.planner}, {self.status.value}): {self.result.reason}"
-        stages = ", ".join(f"{name} {1e3 * seconds:.1f} ms" for name, seconds in self.seconds.items())
-        return f"{counted(len(self.path), 'waypoint')}, {self.path.length:.2f} rad long; {stages}\n{self._report}"
+        stages = "".join(f"{name} {1e3 * seconds:.1f} ms, " for name, seconds in self.seconds.items())
+        lines = [f"{self.size()}; {stages}".rstrip("; ,"), *(f"  changed      {change}" for change in self.changes)]
+        return "\n".join([*lines, str(self._report)])
+
+    def size(self) -> str:
+        """What it consists of, in words: "57 waypoints, 2.31 rad long, 1.20 s in 112 quartic pieces"."""
+        _, path, trajectory, _, _ = self._content()
+        parts = [] if path is None else [f"{counted(len(path), 'waypoint')}, {path.length:.2f} rad long"]
+        if trajectory is not None:
+            kind = _DEGREES.get(trajectory.degree, f"degree-{trajectory.degree}")
+            parts.append(f"{trajectory.duration:.3f} s in {counted(len(trajectory.coefficients), f'{kind} piece')}")
+        return ", ".join(parts)
 
     def show(self, **options: Any) -> Any:
         """Open the motion in a live Meshcat page and print its address; options as in `rr1plan.playback.show`.
@@ -105,22 +126,40 @@ class MotionPlan:
         """
         from rr1plan import playback
 
-        return playback.show(self.problem.scene, self.trajectory, **self._picture(), **options)
+        return playback.show(self.scene, self._trajectory, **self._picture(), **options)
 
     def save_html(self, file: str | FilePath, **options: Any) -> FilePath:
         """Write one self-contained page that plays the motion offline; options as in `save_html`."""
         from rr1plan import playback
 
-        return playback.save_html(file, self.problem.scene, self.trajectory, **self._picture(), **options)
+        return playback.save_html(file, self.scene, self._trajectory, **self._picture(), **options)
 
-    def save(self, file: str | FilePath) -> FilePath:
-        """Write problem, path, trajectory and report to one JSON file; read it with `rr1plan.load_motion`."""
+    def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
+        """Write scene, problem, path, trajectory and report to one JSON file; read it with `rr1plan.load_motion`.
+
+        Args:
+            file: The file.
+            embed: Put large meshes into the file, not into the folder "geometry" beside it; see `save_motion`.
+        """
         from rr1plan.formats.plan_files import save_motion
 
-        return save_motion(file, self.problem.scene, self.path, self.trajectory, self.report, self.problem)
+        return save_motion(file, *self._content(), embed=embed)
+
+    def to_json(self) -> str:
+        """The text of a motion file that is whole by itself."""
+        from rr1plan.formats.plan_files import motion_text
+
+        return motion_text(*self._content())
+
+    def _content(self) -> tuple[Scene, Path | None, Trajectory | None, Report | None, Problem | None]:
+        path = self._path if self._path is not None else self.result.path
+        if path is None:
+            _present(self._trajectory, self.result)
+        return self.scene, path, self._trajectory, self._report, self.problem
 
     def _picture(self) -> dict[str, Any]:
-        return {"path": self.path, "problem": self.problem, "report": self._report}
+        _, path, _, report, problem = self._content()
+        return {"path": path, "problem": problem, "report": report}
 
 
 _T = TypeVar("_T")
@@ -128,12 +167,14 @@ _T = TypeVar("_T")
 _NO_IMPORTS = 0.01
 # Tried to shorten a path that is going to be driven: seconds of motion are worth milliseconds of thought.
 _SHORTCUTS = 48
+_DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 
 
 def _present(value: _T | None, result: PlanResult) -> _T:
     if value is None:
-        result.path_or_raise()
-        raise NoPlanError(f"{result.planner}: there is a path, but it was not timed")
+        if not result.solved:
+            result.path_or_raise()
+        raise NoPlanError(result.reason or f"{result.planner}: there is a path, but it was not timed")
     return value
 
 

@@ -55,10 +55,19 @@ class Console:
             self._out.width = _WIDEST
         self._err = RichConsole(stderr=True, highlight=False, soft_wrap=True)
         self._has_reader = True
+        self._out_is_taken = False
+
+    def leave_stdout(self) -> None:
+        """Write text for people to stderr from now on, as stdout takes a file's content."""
+        self._out_is_taken = True
 
     def say(self, text: str = "") -> None:
         """A line for people."""
-        if not self.as_json and not self.quiet:
+        if self.as_json or self.quiet:
+            return
+        if self._out_is_taken:
+            self._write_aside(f"{self.spelled(text)}\n")
+        else:
             self.write(f"{self.spelled(text)}\n")
 
     def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -93,13 +102,19 @@ class Console:
         """A line on stderr, above a bar that is running there."""
         if self._err.is_terminal:
             self._err.print(f"rr1plan: {message}", markup=False)
-        elif sys.stderr is not None:
-            try:
-                sys.stderr.write(f"rr1plan: {message}\n")
-                sys.stderr.flush()
-            except OSError:
-                # There is no place left to say so.
-                _discard(sys.stderr)
+        else:
+            self._write_aside(f"rr1plan: {message}\n")
+
+    def _write_aside(self, text: str) -> None:
+        """Write to stderr, where there is one."""
+        if sys.stderr is None:
+            return
+        try:
+            sys.stderr.write(text)
+            sys.stderr.flush()
+        except OSError:
+            # There is no place left to say so.
+            _discard(sys.stderr)
 
     def write(self, text: str) -> None:
         """Write to standard output, at once.

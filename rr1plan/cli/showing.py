@@ -9,10 +9,13 @@ from typing import Any
 import rr1plan as rp
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console, milliseconds
+from rr1plan.cli.motions import saved_motion, say_changes
 from rr1plan.cli.planning import first_view, named_query, summary, told_to
 from rr1plan.errors import InputError
-from rr1plan.formats import plan_files
-from rr1plan.library import load_problems, load_scene
+from rr1plan.formats.csv_files import save_csv
+from rr1plan.formats.motion_files import is_motion_file
+from rr1plan.formats.plan_files import save_trajectory
+from rr1plan.library import load_problems, load_scene, scene_names
 from rr1plan.pipeline import MotionPlan, plan_motion
 
 # Short edges [rad] make a tree that shows how it grew.
@@ -61,42 +64,39 @@ def _write_demo(folder: Path, motion: MotionPlan, view: Any) -> dict[str, Path]:
     return {
         "the page that plays it, offline": motion.save_html(folder / "motion.html", view=view),
         "the motion": motion.save(folder / "motion.json"),
-        "the trajectory": plan_files.save_trajectory(
-            folder / "trajectory.json", motion.trajectory, motion.problem.scene
-        ),
-        "the trajectory as a table": plan_files.save_csv(folder / "trajectory.csv", motion.trajectory),
+        "the trajectory": save_trajectory(folder / "trajectory.json", motion.trajectory, motion.scene),
+        "the trajectory as a table": save_csv(folder / "trajectory.csv", motion.trajectory),
     }
 
 
 def view(options: Namespace, console: Console) -> int:
     """A scene or a saved motion in the browser, or as one offline page."""
-    page = {"spheres": options.spheres, "view": first_view(options.view)}
-    with console.progress(f"loading {options.what}"):
-        scene, extra = _what(options.what)
+    looks: dict[str, Any] = {"spheres": options.spheres, "view": first_view(options.view)}
+    scene, motion = _what(options, console)
     if options.html is not None:
-        file = rp.save_html(options.html, scene, **page, **extra)
-        console.say(f"page: {file}")
-        console.result({"page": str(file)})
+        page = rp.save_html(options.html, scene, **looks) if motion is None else motion.save_html(options.html, **looks)
+        console.say(f"page: {page}")
+        console.result({"page": str(page)})
         return 0
-    served = {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
-    with rp.show(scene, **served, **page, **extra) as viewer:
+    looks |= {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
+    with rp.show(scene, **looks) if motion is None else motion.show(**looks) as viewer:
         console.say(f"page: {viewer.url}  (close it or press Ctrl-C to end)")
         console.result({"url": viewer.url})
         viewer.wait()
     return 0
 
 
-def _what(name: str) -> tuple[rp.Scene, dict[str, Any]]:
+def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | None]:
     """A scene, and a motion in it when the name is a motion file's."""
-    if not name.endswith(".json"):
-        return load_scene(name), {}
-    saved = plan_files.load_motion(name)
-    return saved.scene, {
-        "trajectory": saved.trajectory,
-        "path": saved.path,
-        "problem": saved.problem,
-        "report": saved.report,
-    }
+    is_scene = options.what in scene_names() or not is_motion_file(options.what)
+    if options.scene is None and is_scene:
+        with console.progress(f"loading {options.what}"):
+            return load_scene(options.what), None
+    if is_scene:
+        raise InputError(f"{options.what} is no motion file; --scene names the scene of a motion")
+    motion = saved_motion(options.what, options.scene, console)
+    say_changes(motion, console)
+    return motion.scene, motion
 
 
 def _with_tree(name: str) -> rp.Planner:
