@@ -208,7 +208,7 @@ def plan_motion(
         budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
         progress: Called about ten times a second while a path is searched for and while meshes are cut into convex
-            pieces, and once at the begin of each later stage; False cancels.
+            pieces, and once at the begin of each other stage; False cancels.
 
     Returns:
         A `MotionPlan`; `solved` says whether there is a proven trajectory.
@@ -223,14 +223,14 @@ def plan_motion(
     generator = as_generator(rng)
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
-    with _timed(seconds, "set up"):
-        try:
+    try:
+        with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
-        except CancelledError as error:
-            return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
-        margin = affordable_margin(problem, margin)
-        roomy = with_margin(problem, margin)
-        set_up(roomy)
+            margin = affordable_margin(problem, margin)
+            roomy = with_margin(problem, margin)
+            set_up(roomy)
+    except CancelledError as error:
+        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
     with _timed(seconds, "plan"):
         result = plan(roomy, planner, budget, generator, progress)
         if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):

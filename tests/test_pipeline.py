@@ -121,9 +121,9 @@ print(sum(first.seconds.values()) / wall)
     assert 0.7 < float(share) <= 1.0
 
 
-def test_later_stages_are_reported_and_can_be_cancelled() -> None:
+def test_all_stages_are_reported_and_can_be_cancelled() -> None:
     problem = rp.Problem(rp.load_scene("rr1_table"), "home", "zero")
-    for last in ("shorten", "retime", "validate"):
+    for last in ("set up", "shorten", "retime", "validate"):
         heard: list[str] = []
 
         def progress(progress: rp.planning.Progress, heard: list[str] = heard, last: str = last) -> bool:
