@@ -12,8 +12,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from rr1plan.formats.plan_files import load_motion
 from rr1plan.library import load_scene
+from rr1plan.loading import load_motion
 from rr1plan.playback import save_html, screenshot
 
 HERE = Path(__file__).resolve().parent
@@ -47,7 +47,7 @@ def _moment(work: Path, page: Path) -> float | None:
     if not saved.exists():
         return None
     trajectory = load_motion(saved).trajectory
-    return None if trajectory is None else trajectory.start_time + 0.5 * trajectory.duration
+    return trajectory.start_time + 0.5 * trajectory.duration
 
 
 if __name__ == "__main__":

@@ -46,9 +46,9 @@ if TYPE_CHECKING:
     from rr1plan.formats.csv_files import load_csv as load_csv
     from rr1plan.formats.csv_files import save_csv as save_csv
     from rr1plan.formats.meshes import load_mesh as load_mesh
-    from rr1plan.formats.plan_files import load_motion as load_motion
     from rr1plan.formats.plan_files import save_motion as save_motion
     from rr1plan.formats.point_files import load_point_cloud as load_point_cloud
+    from rr1plan.formats.ros_files import load_joint_trajectory as load_joint_trajectory
     from rr1plan.formats.srdf_proposal import propose_never_collide as propose_never_collide
     from rr1plan.kinematics import IkResult as IkResult
     from rr1plan.kinematics import Kinematics as Kinematics
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from rr1plan.library import save_scene as save_scene
     from rr1plan.library import scene_names as scene_names
     from rr1plan.limits import Limits as Limits
+    from rr1plan.loading import load_motion as load_motion
     from rr1plan.multi import place_grid as place_grid
     from rr1plan.multi import place_ring as place_ring
     from rr1plan.path import Path as Path
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
     from rr1plan.robot import Robot as Robot
     from rr1plan.scene import Arm as Arm
     from rr1plan.scene import Scene as Scene
+    from rr1plan.scene import scene_differences as scene_differences
     from rr1plan.shapes import Box as Box
     from rr1plan.shapes import Capsule as Capsule
     from rr1plan.shapes import Cylinder as Cylinder
@@ -133,8 +135,9 @@ _EXPORTS = {
     "rr1plan.formats.csv_files": ("load_csv", "save_csv"),
     "rr1plan.formats.meshes": ("load_mesh",),
     "rr1plan.formats.convex_pieces": ("convex_pieces",),
-    "rr1plan.formats.plan_files": ("load_motion", "save_motion"),
+    "rr1plan.formats.plan_files": ("save_motion",),
     "rr1plan.formats.point_files": ("load_point_cloud",),
+    "rr1plan.formats.ros_files": ("load_joint_trajectory",),
     "rr1plan.formats.srdf_proposal": ("propose_never_collide",),
     "rr1plan.kinematics": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
     "rr1plan.library": (
@@ -147,6 +150,7 @@ _EXPORTS = {
         "scene_names",
     ),
     "rr1plan.limits": ("Limits",),
+    "rr1plan.loading": ("load_motion",),
     "rr1plan.multi": ("place_grid", "place_ring"),
     "rr1plan.path": ("Path",),
     "rr1plan.pipeline": ("MotionPlan", "plan_motion", "set_up"),
@@ -158,7 +162,7 @@ _EXPORTS = {
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
     "rr1plan.robot": ("Robot",),
-    "rr1plan.scene": ("Arm", "Scene"),
+    "rr1plan.scene": ("Arm", "Scene", "scene_differences"),
     "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Sphere"),
     "rr1plan.trajectory": ("Trajectory",),
     "rr1plan.validation": ("certify_path", "validate"),

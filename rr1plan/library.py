@@ -15,7 +15,7 @@ from rr1plan.formats.moveit_scene import read_moveit_scene
 from rr1plan.formats.robot_data import installed_robots
 from rr1plan.formats.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.formats.robots import Choice, assemble
-from rr1plan.formats.scene_toml import parse_scene, read_scene, scene_text
+from rr1plan.formats.scene_toml import SceneFile, parse_scene, read_scene, scene_text
 from rr1plan.formats.srdf import Semantics, read_srdf
 from rr1plan.formats.urdf import Tree, read_urdf
 from rr1plan.formats.xacro import expand_xacro
@@ -195,12 +195,22 @@ def load_scene(name_or_file: str | Path) -> Scene:
         UnknownNameError: no scene of that name ships.
         FormatError: the file is not a scene.
     """
+    return load_scene_file(name_or_file).scene
+
+
+def load_scene_file(name_or_file: str | Path) -> SceneFile:
+    """A scene as `load_scene` loads it, with its named queries where the file can have some: both in one reading.
+
+    Raises:
+        UnknownNameError: no scene of that name ships.
+        FormatError: the file is not a scene.
+    """
     file = _scene_file(name_or_file)
     if file.suffix == ".scene":
-        return read_moveit_scene(file)
+        return SceneFile(read_moveit_scene(file), {})
     if file.suffix in (".yaml", ".yml"):
-        return read_bench_scene(file)
-    return read_scene(file, load_robot).scene
+        return SceneFile(read_bench_scene(file), {})
+    return read_scene(file, load_robot)
 
 
 def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:

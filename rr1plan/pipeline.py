@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
@@ -40,21 +40,32 @@ class MotionPlan:
     planner's reason; `solved` and `status` can be asked first.
 
     Args:
-        problem: The question.
+        problem: The question; None for a motion from a file that does not hold it.
         result: The planner's answer.
         seconds: Wall time of each stage [s], in order: "imports" (of what `rr1plan` loaded before the first question
             of the process), "set up" (of compiled code and of the scene, done once), "plan", "shorten", "retime",
             "validate".
         margin: Distance that was kept beyond the scene's padding while planning [m].
+        changes: For a motion from a file: what differs between the scene that it was made in and `scene`.
     """
 
-    problem: Problem
+    problem: Problem | None
     result: PlanResult
     seconds: Mapping[str, float] = field(default_factory=dict)
     margin: float = 0.0
     _path: Path | None = None
     _trajectory: Trajectory | None = None
     _report: Report | None = None
+    changes: tuple[str, ...] = ()
+    _scene: Scene | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """Where it happens."""
+        if self._scene is not None:
+            return self._scene
+        assert self.problem is not None, "a plan without a problem is made with its scene"
+        return self.problem.scene
 
     @property
     def status(self) -> PlanStatus:
@@ -73,7 +84,7 @@ class MotionPlan:
     @property
     def path(self) -> Path:
         """The path, shortened."""
-        return self._path if self._path is not None else self.result.path_or_raise()
+        return self._path if self._path is not None else _present(self.result.path, self.result)
 
     @property
     def trajectory(self) -> Trajectory:
@@ -88,13 +99,23 @@ class MotionPlan:
     def __repr__(self) -> str:
         if self._report is None:
             return f"MotionPlan({self.result!r})"
-        return f"MotionPlan({counted(len(self.path), 'waypoint')}, {self.path.length:.2f} rad, {self._report!r})"
+        return f"MotionPlan({self.size()}, {self._report!r})"
 
     def __str__(self) -> str:
         if self._report is None:
             return f"no plan ({self.result.planner}, {self.status.value}): {self.result.reason}"
-        stages = ", ".join(f"{name} {1e3 * seconds:.1f} ms" for name, seconds in self.seconds.items())
-        return f"{counted(len(self.path), 'waypoint')}, {self.path.length:.2f} rad long; {stages}\n{self._report}"
+        stages = "".join(f"{name} {1e3 * seconds:.1f} ms, " for name, seconds in self.seconds.items())
+        lines = [f"{self.size()}; {stages}".rstrip("; ,"), *(f"  changed      {change}" for change in self.changes)]
+        return "\n".join([*lines, str(self._report)])
+
+    def size(self) -> str:
+        """What it consists of, in words: "57 waypoints, 2.31 rad long, 1.20 s in 112 quartic pieces"."""
+        _, path, trajectory, _, _ = self._content()
+        parts = [] if path is None else [f"{counted(len(path), 'waypoint')}, {path.length:.2f} rad long"]
+        if trajectory is not None:
+            kind = _DEGREES.get(trajectory.degree, f"degree-{trajectory.degree}")
+            parts.append(f"{trajectory.duration:.3f} s in {counted(len(trajectory.coefficients), f'{kind} piece')}")
+        return ", ".join(parts)
 
     def show(self, **options: Any) -> Any:
         """Open the motion in a live Meshcat page and print its address; options as in `rr1plan.playback.show`.
@@ -103,22 +124,40 @@ class MotionPlan:
         """
         from rr1plan import playback
 
-        return playback.show(self.problem.scene, self.trajectory, **self._picture(), **options)
+        return playback.show(self.scene, self._trajectory, **self._picture(), **options)
 
     def save_html(self, file: str | FilePath, **options: Any) -> FilePath:
         """Write one self-contained page that plays the motion offline; options as in `save_html`."""
         from rr1plan import playback
 
-        return playback.save_html(file, self.problem.scene, self.trajectory, **self._picture(), **options)
+        return playback.save_html(file, self.scene, self._trajectory, **self._picture(), **options)
 
-    def save(self, file: str | FilePath) -> FilePath:
-        """Write problem, path, trajectory and report to one JSON file; read it with `rr1plan.load_motion`."""
+    def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
+        """Write scene, problem, path, trajectory and report to one JSON file; read it with `rr1plan.load_motion`.
+
+        Args:
+            file: The file.
+            embed: Put large meshes into the file, not into the folder "geometry" beside it; see `save_motion`.
+        """
         from rr1plan.formats.plan_files import save_motion
 
-        return save_motion(file, self.problem.scene, self.path, self.trajectory, self.report, self.problem)
+        return save_motion(file, *self._content(), embed=embed)
+
+    def to_json(self) -> str:
+        """The text of a motion file that is whole by itself."""
+        from rr1plan.formats.plan_files import motion_text
+
+        return motion_text(*self._content())
+
+    def _content(self) -> tuple[Scene, Path | None, Trajectory | None, Report | None, Problem | None]:
+        path = self._path if self._path is not None else self.result.path
+        if path is None:
+            _present(self._trajectory, self.result)
+        return self.scene, path, self._trajectory, self._report, self.problem
 
     def _picture(self) -> dict[str, Any]:
-        return {"path": self.path, "problem": self.problem, "report": self._report}
+        _, path, _, report, problem = self._content()
+        return {"path": path, "problem": problem, "report": report}
 
 
 _T = TypeVar("_T")
@@ -126,12 +165,14 @@ _T = TypeVar("_T")
 _NO_IMPORTS = 0.01
 # Tried to shorten a path that is going to be driven: seconds of motion are worth milliseconds of thought.
 _SHORTCUTS = 48
+_DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 
 
 def _present(value: _T | None, result: PlanResult) -> _T:
     if value is None:
-        result.path_or_raise()
-        raise NoPlanError(f"{result.planner}: there is a path, but it was not timed")
+        if not result.solved:
+            result.path_or_raise()
+        raise NoPlanError(result.reason or f"{result.planner}: there is a path, but it was not timed")
     return value
 
 
@@ -164,7 +205,8 @@ def plan_motion(
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
-        progress: Called about ten times a second, also while meshes are cut into convex pieces; False cancels.
+        progress: Called about ten times a second while a path is searched for and while meshes are cut into convex
+            pieces, and once at the begin of each other stage; False cancels.
 
     Returns:
         A `MotionPlan`; `solved` says whether there is a proven trajectory.
@@ -179,14 +221,14 @@ def plan_motion(
     generator = as_generator(rng)
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
-    with _timed(seconds, "set up"):
-        try:
+    try:
+        with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
-        except CancelledError as error:
-            return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
-        margin = affordable_margin(problem, margin)
-        roomy = with_margin(problem, margin)
-        set_up(roomy)
+            margin = affordable_margin(problem, margin)
+            roomy = with_margin(problem, margin)
+            set_up(roomy)
+    except CancelledError as error:
+        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
     with _timed(seconds, "plan"):
         result = plan(roomy, planner, budget, generator, progress)
         if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
@@ -197,18 +239,22 @@ def plan_motion(
     path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")
     with borrowed_checker(roomy.scene, problem.arms) as motions:
-        if shorten and planner != "cartesian":
-            with _timed(seconds, "shorten"):
-                path = shorten_path(path, motions, rng=generator, iterations=_SHORTCUTS)
-        for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
-            with _timed(seconds, "retime"):
-                trajectory = retime(path, roomy.scene, method, checker=motions, torque_limits=torque_limits)
-            with _timed(seconds, "validate"):
-                report = validate(
-                    trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits
-                )
-            if report.valid:
-                break
+        try:
+            if shorten and planner != "cartesian":
+                with _timed(seconds, "shorten", progress):
+                    path = shorten_path(path, motions, rng=generator, iterations=_SHORTCUTS)
+            for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
+                with _timed(seconds, "retime", progress):
+                    trajectory = retime(path, roomy.scene, method, checker=motions, torque_limits=torque_limits)
+                with _timed(seconds, "validate", progress):
+                    report = validate(
+                        trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits
+                    )
+                if report.valid:
+                    break
+        except CancelledError as error:
+            result = replace(result, status=PlanStatus.CANCELLED, path=None, reason=str(error))
+            return MotionPlan(problem, result, seconds, margin)
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
 
 
@@ -277,8 +323,14 @@ def with_margin(problem: Problem, margin: float) -> Problem:
 
 
 @contextmanager
-def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    """Add the wall time of a stage to the table."""
+def _timed(seconds: dict[str, float], stage: str, progress: ProgressCallback | None = None) -> Iterator[None]:
+    """Add the wall time of a stage to the table, after its begin was reported.
+
+    Raises:
+        CancelledError: `progress` returned False.
+    """
+    if progress is not None and progress(Progress(stage, sum(seconds.values()), 0.0)) is False:
+        raise CancelledError(f"cancelled before stage {stage!r}")
     started = time.perf_counter()
     try:
         yield

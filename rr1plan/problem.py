@@ -155,6 +155,27 @@ class Problem(Value):
         """Number of columns."""
         return len(self.start)
 
+    def in_scene(self, scene: Scene) -> Problem:
+        """The same question in another scene: numbers go with the names of their joints.
+
+        Raises:
+            UnknownNameError: the scene has no arm or frame of that name.
+            InputError: an arm that has other joints there.
+        """
+        start: dict[str, Array] = {}
+        goal: dict[str, list[Goal]] = {}
+        postures = self.scene.split(self.start, self.arms)
+        for arm in self.arms:
+            old, new = self.scene.arms[arm].robot.joint_names, scene.arm(arm).robot.joint_names
+            if set(old) != set(new):
+                raise InputError(
+                    f"the problem moves the joints {', '.join(old)} of arm {arm!r}, which has {', '.join(new)} here"
+                )
+            order = [old.index(name) for name in new]
+            start[arm] = postures[arm][order]
+            goal[arm] = [JointGoal(g.q[order]) if isinstance(g, JointGoal) else g for g in self.goal[arm]]
+        return Problem(scene, start, goal, self.arms)
+
     def _moving_arms(self) -> tuple[str, ...]:
         if self.arms is not None:
             if not isinstance(self.arms, str | Sequence):

@@ -125,10 +125,15 @@ def as_pose(value: Any, name: str = "pose") -> Array:
         return pose(near_array(name, value, (3,)))
     T = finite_array(name, value, (4, 4))
     R = T[:3, :3]
-    if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0 or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
+    if not _is_rotation(R) or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
         raise InputError(f"{name} is not a rigid transform: its rotation part is not a rotation matrix")
     near_array(f"position of {name}", T[:3, 3], (3,))
     return read_only(T)
+
+
+def _is_rotation(R: Array) -> bool:
+    """Orthonormal and no mirror; entries beyond 1 are refused first, as their products may overflow."""
+    return bool(np.abs(R).max() < 2.0 and np.abs(R @ R.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(R) > 0.0)
 
 
 def inverse(T: Array) -> Array:

@@ -119,3 +119,26 @@ print(sum(first.seconds.values()) / wall)
     assert second == "set up,plan,shorten,retime,validate"
     # The rest is reading the scene.
     assert 0.7 < float(share) <= 1.0
+
+
+def test_all_stages_are_reported_and_can_be_cancelled() -> None:
+    problem = rp.Problem(rp.load_scene("rr1_table"), "home", "zero")
+    for last in ("set up", "shorten", "retime", "validate"):
+        heard: list[str] = []
+
+        def progress(progress: rp.planning.Progress, heard: list[str] = heard, last: str = last) -> bool:
+            heard.append(progress.stage)
+            return progress.stage != last
+
+        motion = rp.plan_motion(problem, rng=0, progress=progress)
+        assert motion.status is rp.PlanStatus.CANCELLED
+        assert not motion.solved
+        assert motion.result.reason == f"cancelled before stage {last!r}"
+        assert heard[-1] == last
+    motion = rp.plan_motion(problem, rng=0, progress=lambda progress: heard.append(progress.stage))
+    assert motion.solved
+    assert [stage for stage in heard if stage in ("shorten", "retime", "validate")][-3:] == [
+        "shorten",
+        "retime",
+        "validate",
+    ]

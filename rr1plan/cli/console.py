@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import Any, Protocol, TextIO
 
 from rich.console import Console as RichConsole
 from rich.markup import escape
@@ -18,7 +18,15 @@ from rich.table import Table
 
 from rr1plan.errors import InputError
 
-Advance = Callable[[float], None]
+
+class Advance(Protocol):
+    """What moves a bar."""
+
+    def __call__(self, fraction: float, what: str = "") -> None:
+        """Show the fraction done, and what is being done where that is said."""
+        ...
+
+
 # Of a table that nobody sees on a terminal.
 _WIDEST = 10_000
 
@@ -47,10 +55,19 @@ class Console:
             self._out.width = _WIDEST
         self._err = RichConsole(stderr=True, highlight=False, soft_wrap=True)
         self._has_reader = True
+        self._out_is_taken = False
+
+    def leave_stdout(self) -> None:
+        """Write text for people to stderr from now on, as stdout takes a file's content."""
+        self._out_is_taken = True
 
     def say(self, text: str = "") -> None:
         """A line for people."""
-        if not self.as_json and not self.quiet:
+        if self.as_json or self.quiet:
+            return
+        if self._out_is_taken:
+            self._write_aside(f"{self.spelled(text)}\n")
+        else:
             self.write(f"{self.spelled(text)}\n")
 
     def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -85,13 +102,19 @@ class Console:
         """A line on stderr, above a bar that is running there."""
         if self._err.is_terminal:
             self._err.print(f"rr1plan: {message}", markup=False)
-        elif sys.stderr is not None:
-            try:
-                sys.stderr.write(f"rr1plan: {message}\n")
-                sys.stderr.flush()
-            except OSError:
-                # There is no place left to say so.
-                _discard(sys.stderr)
+        else:
+            self._write_aside(f"rr1plan: {message}\n")
+
+    def _write_aside(self, text: str) -> None:
+        """Write to stderr, where there is one."""
+        if sys.stderr is None:
+            return
+        try:
+            sys.stderr.write(text)
+            sys.stderr.flush()
+        except OSError:
+            # There is no place left to say so.
+            _discard(sys.stderr)
 
     def write(self, text: str) -> None:
         """Write to standard output, at once.
@@ -132,7 +155,11 @@ class Console:
         columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=24), TimeElapsedColumn())
         with Progress(*columns, console=self._err, transient=True) as bar:
             task = bar.add_task(text, total=1.0)
-            yield lambda fraction: bar.update(task, completed=fraction)
+
+            def advance(fraction: float, what: str = "") -> None:
+                bar.update(task, completed=fraction, description=what or text)
+
+            yield advance
 
 
 def _discard(stream: TextIO) -> None:
@@ -141,7 +168,7 @@ def _discard(stream: TextIO) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _nothing(_: float) -> None:
+def _nothing(fraction: float, what: str = "") -> None:
     """Progress that nobody sees."""
 
 

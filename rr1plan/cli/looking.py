@@ -16,7 +16,7 @@ import rr1plan
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console
 from rr1plan.formats.robot_data import PACKAGE, installed_robots
-from rr1plan.library import load_problems, load_robot, load_scene, robot_names, scene_names
+from rr1plan.library import load_problems, load_robot, load_scene_file, robot_names, scene_names
 from rr1plan.robot import Robot
 
 _REQUIRED = (
@@ -35,7 +35,8 @@ _OPTIONAL = {
 def robots(options: Namespace, console: Console) -> int:
     """List the robots, or describe one."""
     if options.robot is not None:
-        robot = load_robot(options.robot)
+        with console.progress(f"loading {options.robot}"):
+            robot = load_robot(options.robot)
         _say_robot(robot, console)
         console.result(_robot_values(robot))
         return 0
@@ -101,7 +102,8 @@ def _say_robot(robot: Robot, console: Console) -> None:
 def scenes(options: Namespace, console: Console) -> int:
     """List the scenes, or describe one."""
     if options.scene is not None:
-        values = _scene_values(options.scene)
+        with console.progress(f"loading {options.scene}"):
+            values = _scene_values(options.scene)
         console.say(f"{values['name']}: {values['description']}")
         for kind in ("arms", "obstacles", "attachments", "queries"):
             console.say(f"{kind}: {', '.join(values[kind]) or '-'}")
@@ -118,14 +120,15 @@ def scenes(options: Namespace, console: Console) -> int:
 
 
 def _scene_values(name: str) -> dict[str, Any]:
-    scene = load_scene(name)
+    file = load_scene_file(name)
+    scene = file.scene
     return {
         "name": scene.name,
         "description": scene.description,
         "arms": list(scene.arms),
         "obstacles": list(scene.obstacles),
         "attachments": list(scene.attachments),
-        "queries": list(load_problems(name)),
+        "queries": list(file.problems),
     }
 
 

@@ -12,6 +12,8 @@ from rr1plan.cli.arguments import Parser, Show
 
 _EXIT_CODES = "exit codes: 0 done, 2 bad input, 3 no plan, 4 invalid plan, 130 interrupted"
 
+_MOTION = "a motion: a file that plan wrote, a trajectory (.json, .csv), a ROS JointTrajectory (.yaml), or a ROS bag"
+
 
 def build_parser() -> tuple[Parser, dict[str, Parser]]:
     """The parser of the whole command line, and that of each command."""
@@ -70,13 +72,21 @@ def _plan(parser: Parser) -> None:
     parser.add_argument("--iterations", type=_count, help="budget of iterations, for plans that repeat to the byte")
     parser.add_argument("--seed", type=_seed, default=0, help="seed of the planner (%(default)s)")
     parser.add_argument("--limits", help="limit preset of every arm, e.g. sim or hardware")
-    parser.add_argument("--output", type=_file, metavar="FILE", help="save the motion as JSON")
-    parser.add_argument("--csv", type=_file, metavar="FILE", help="save the trajectory as CSV")
+    parser.add_argument(
+        "--output", type=_file, metavar="FILE", help="save the motion as JSON (- writes it to standard output)"
+    )
+    parser.add_argument(
+        "--embed", action="store_true", help="with --output: put meshes into the file, not into the folder geometry"
+    )
+    parser.add_argument(
+        "--csv", type=_file, metavar="FILE", help="save the trajectory as CSV (- writes it to standard output)"
+    )
     parser.add_argument("--html", type=_file, metavar="FILE", help="save a page that plays the motion offline")
     parser.add_argument("--spheres", action="store_true", help="with --html: show the spheres that contain each link")
     _view_from(parser, "of the page, with --html")
     parser.needs("--spheres", "--html")
     parser.needs("--view", "--html")
+    parser.needs("--embed", "--output")
     parser.different_files("scene", "--output", "--csv", "--html")
     parser.details = lambda: f"{_planners()}\n\n{_retimings()}\n\n{_EXIT_CODES}"
 
@@ -108,21 +118,22 @@ def _query(parser: Parser) -> None:
 
 
 def _validate(parser: Parser) -> None:
-    parser.add_argument("motion", metavar="MOTION", help="a file written by plan --output")
-    parser.add_argument("--scene", help="the scene to check it in (default: the one it was planned in)")
+    parser.add_argument("motion", metavar="MOTION", help=_MOTION)
+    parser.add_argument("--scene", help="the scene to check it in (default: the one that the file holds)")
     parser.add_argument("--torque-limits", action="store_true", help="also check the joints' effort limits")
     parser.add_argument("--jerk-limits", action="store_true", help="also check the joints' jerk limits")
 
 
 def _play(parser: Parser) -> None:
-    parser.add_argument("motion", metavar="MOTION", help="a file written by plan --output")
-    parser.add_argument("--scene", help="the scene to replay it in (default: the one it was planned in)")
+    parser.add_argument("motion", metavar="MOTION", help=_MOTION)
+    parser.add_argument("--scene", help="the scene to replay it in (default: the one that the file holds)")
     parser.add_argument("--mode", choices=("dynamic", "kinematic"), default="dynamic", help="(%(default)s)")
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
 
 
 def _view(parser: Parser) -> None:
-    parser.add_argument("what", metavar="WHAT", help="a shipped scene, a scene file, or a motion file")
+    parser.add_argument("what", metavar="WHAT", help=f"a shipped scene, a scene file, or {_MOTION}")
+    parser.add_argument("--scene", help="the scene of the motion (default: the one that the file holds)")
     parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.add_argument("--html", type=_file, metavar="FILE", help="write an offline page instead of serving one")
@@ -134,16 +145,25 @@ def _view(parser: Parser) -> None:
 
 def _cspace(parser: Parser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="a shipped scene or a scene file")
-    parser.add_argument("--query", help="a query of the scene, by name (default: its first, where it has one)")
+    parser.add_argument("--query", help="a query of the scene, by name (default: its first of a two-joint arm, if any)")
     parser.add_argument("--arm", help="the arm (default: the only one)")
-    parser.add_argument("--joints", nargs=2, metavar=("A", "B"), help="two of its joints (default: the first two)")
-    parser.add_argument("--resolution", type=_count, default=360, help="cells along each axis (%(default)s)")
+    parser.add_argument(
+        "--joints", nargs=2, metavar=("A", "B"), help="two of its joints (default: the first two); the others rest"
+    )
+    parser.add_argument("--resolution", type=_count, default=360, help="cells along each axis, 8 to 2000 (%(default)s)")
     parser.add_argument("--planner", default="rrt_connect", help="planner of the path and tree drawn (%(default)s)")
+    parser.add_argument(
+        "--seconds", type=_positive, default=5.0, help="the planner's budget of wall time (%(default)s)"
+    )
     parser.add_argument("--seed", type=_seed, default=0, help="seed of the planner (%(default)s)")
-    parser.add_argument("--png", type=_file, metavar="FILE", help="write the picture (default: SCENE-cspace.png)")
-    parser.add_argument("--svg", type=_file, metavar="FILE", help="write the picture for slides")
-    parser.add_argument("--html", type=_file, metavar="FILE", help="write an offline page with sliders")
-    parser.different_files("scene", "--png", "--svg", "--html")
+    parser.add_argument(
+        "--png", type=_file_of(".png"), metavar="FILE.png", help="write the picture (default: SCENE-cspace.png)"
+    )
+    parser.add_argument("--svg", type=_file_of(".svg"), metavar="FILE.svg", help="write the picture for slides")
+    parser.add_argument("--pdf", type=_file_of(".pdf"), metavar="FILE.pdf", help="write the picture for papers")
+    parser.add_argument(
+        "--html", type=_file_of(".html"), metavar="FILE.html", help="write an offline page with sliders"
+    )
     parser.details = lambda: f"{_planners()}\n\n{_EXIT_CODES}"
 
 
@@ -182,13 +202,17 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         _plan,
     ),
     "validate": (
-        "planning.validate",
+        "motions.validate",
         "check a saved motion with the referee",
-        ("rr1plan validate motion.json", "rr1plan validate motion.json --torque-limits --jerk-limits"),
+        (
+            "rr1plan validate motion.json",
+            "rr1plan validate motion.json --scene changed.toml",
+            "rr1plan validate samples.csv --scene cell.toml --torque-limits",
+        ),
         _validate,
     ),
     "play": (
-        "planning.play",
+        "motions.play",
         "replay a saved motion in MuJoCo",
         ("rr1plan play motion.json", "rr1plan play motion.json --mode kinematic"),
         _play,
@@ -201,8 +225,12 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     ),
     "cspace": (
         "showing.cspace",
-        "draw the configuration space of a two-joint arm",
-        ("rr1plan cspace planar2r_path", "rr1plan cspace planar2r_no_path --svg figure.svg --html page.html"),
+        "draw the configuration space of two joints, and prove or answer a query in it",
+        (
+            "rr1plan cspace planar2r_path",
+            "rr1plan cspace planar2r_no_path --svg figure.svg --html page.html",
+            "rr1plan cspace rr1_table --joints shoulder_joint elbow_joint --resolution 120",
+        ),
         _cspace,
     ),
     "robots": (
@@ -248,6 +276,17 @@ def _file(text: str) -> str:
     if not text:
         raise argparse.ArgumentTypeError("'' is not a file name")
     return text
+
+
+def _file_of(suffix: str) -> Callable[[str], str]:
+    """A file name that ends in a suffix."""
+
+    def check(text: str) -> str:
+        if not _file(text).lower().endswith(suffix):
+            raise argparse.ArgumentTypeError(f"{text!r} does not end in {suffix}")
+        return text
+
+    return check
 
 
 def _number(text: str, kind: Callable[[str], float], accept: Callable[[float], bool], wanted: str) -> Any:

@@ -8,15 +8,14 @@ from dataclasses import replace
 from typing import Any
 
 import rr1plan as rp
-from rr1plan.cli.console import Advance, Console, milliseconds
+from rr1plan.cli.console import Advance, Console
 from rr1plan.errors import InputError
-from rr1plan.formats import plan_files
-from rr1plan.library import load_problems, load_scene
+from rr1plan.formats.csv_files import csv_text, save_csv
+from rr1plan.formats.scene_toml import SceneFile
+from rr1plan.library import load_problems, load_scene_file
 from rr1plan.pipeline import MotionPlan, plan_motion
 from rr1plan.planning import PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
-from rr1plan.scene import Scene
-from rr1plan.trajectory import Trajectory
 
 # What a person can mend by asking differently is bad input; the rest is "no plan".
 _BAD_QUESTION = (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
@@ -27,8 +26,9 @@ def plan(options: Namespace, console: Console) -> int:
     view = first_view(options.view)
     if options.no_shorten and options.planner == "cartesian":
         raise InputError("--no-shorten has no effect with --planner cartesian, whose paths are never shortened")
-    with console.watch.stage("load the scene"):
-        problem = question(options, load_scene(options.scene))
+    _check_outputs(options)
+    with console.watch.stage("load the scene"), console.progress("loading the scene"):
+        problem = question(options, load_scene_file(options.scene))
         if options.limits is not None:
             problem = with_limits(problem, options.limits)
     budget = rp.Budget(options.seconds, options.iterations)
@@ -45,10 +45,12 @@ def plan(options: Namespace, console: Console) -> int:
         )
     if not motion.result.solved:
         return _no_plan(motion, console)
+    if "-" in (options.output, options.csv):
+        console.leave_stdout()
     files: Mapping[str, str] = {}
     if not options.given.isdisjoint(("--output", "--csv", "--html")):
         with console.watch.stage("write the files"):
-            files = _save(motion, options, view)
+            files = _save(motion, options, view, console)
     motion = with_stages(motion, console.watch.seconds)
     console.say(str(motion))
     for kind, file in files.items():
@@ -64,24 +66,24 @@ def with_stages(motion: MotionPlan, stages: Mapping[str, float]) -> MotionPlan:
     return replace(motion, seconds={**first, **planning, **last})
 
 
-def question(options: Namespace, scene: Scene) -> Problem:
+def question(options: Namespace, file: SceneFile) -> Problem:
     """The problem that the options ask, or the scene's first query.
 
     Raises:
         InputError: a scene without queries and no goal.
     """
     if options.goal is None and options.position is None:
-        problem = named_query(options.scene, options.query)
+        problem = _chosen(options.scene, file.problems, options.query)
         return (
             problem if options.start is None else rp.Problem(problem.scene, _words(options.start), dict(problem.goal))
         )
-    arm = scene.only_arm(options.arm)
+    arm = file.scene.only_arm(options.arm)
     if options.goal is not None:
         goal: Any = _words(options.goal)
     else:
         goal = rp.PoseGoal(options.frame or "tool", options.position, options.quaternion)
     start = None if options.start is None else {arm: _words(options.start)}
-    return rp.Problem(scene, start, {arm: goal})
+    return rp.Problem(file.scene, start, {arm: goal})
 
 
 def named_query(scene: str, name: str | None) -> Problem:
@@ -91,7 +93,11 @@ def named_query(scene: str, name: str | None) -> Problem:
         UnknownNameError: no query of that name.
         InputError: the scene has none.
     """
-    queries = load_problems(scene)
+    return _chosen(scene, load_problems(scene), name)
+
+
+def _chosen(scene: str, queries: Mapping[str, Problem], name: str | None) -> Problem:
+    """The query of that name, or the first."""
     if not queries:
         raise InputError(f"scene {scene!r} has no queries; give a goal (option goal, option position)")
     if name is None:
@@ -131,9 +137,12 @@ def with_limits(problem: Problem, preset: str) -> Problem:
     return rp.Problem(scene, problem.start, dict(problem.goal), problem.arms)
 
 
+_STAGES = {"set up": "preparing the scene", "shorten": "shortening", "retime": "retiming", "validate": "proving"}
+
+
 def told_to(advance: Advance) -> ProgressCallback:
     """A planner's progress as a bar's."""
-    return lambda progress: advance(progress.fraction)
+    return lambda progress: advance(progress.fraction, _STAGES.get(progress.stage, ""))
 
 
 def summary(motion: MotionPlan) -> dict[str, Any]:
@@ -162,49 +171,25 @@ def _no_plan(motion: MotionPlan, console: Console) -> int:
     return code
 
 
-def _save(motion: MotionPlan, options: Namespace, view: Any) -> Mapping[str, str]:
+def _check_outputs(options: Namespace) -> None:
+    """Standard output takes one thing only."""
+    taken = [name for name in ("--output", "--csv", "--html") if getattr(options, name[2:]) == "-"]
+    if "--html" in taken:
+        raise InputError("--html - : a page is not written to standard output; name a file")
+    if options.json and taken:
+        raise InputError(f"--json and {taken[0]} - both write to standard output; name a file for one of them")
+
+
+def _save(motion: MotionPlan, options: Namespace, view: Any, console: Console) -> Mapping[str, str]:
     files = {}
-    if options.output is not None:
-        files["motion"] = str(motion.save(options.output))
-    if options.csv is not None:
-        files["csv"] = str(plan_files.save_csv(options.csv, motion.trajectory))
+    if options.output == "-":
+        console.write(motion.to_json())
+    elif options.output is not None:
+        files["motion"] = str(motion.save(options.output, embed=options.embed))
+    if options.csv == "-":
+        console.write(csv_text(motion.trajectory))
+    elif options.csv is not None:
+        files["csv"] = str(save_csv(options.csv, motion.trajectory))
     if options.html is not None:
         files["page"] = str(motion.save_html(options.html, spheres=options.spheres, view=view))
     return files
-
-
-def validate(options: Namespace, console: Console) -> int:
-    """Check a saved motion with the referee."""
-    saved, trajectory = _saved(options)
-    with console.progress("checking") as advance:
-        report = rp.validate(
-            trajectory,
-            saved.scene,
-            saved.problem,
-            torque_limits=options.torque_limits,
-            jerk_limits=options.jerk_limits,
-            progress=told_to(advance),
-        )
-    console.say(str(report))
-    console.result(report.to_dict())
-    return 0 if report.valid else 4
-
-
-def play(options: Namespace, console: Console) -> int:
-    """Replay a saved motion in MuJoCo."""
-    saved, trajectory = _saved(options)
-    with console.progress("replaying") as advance:
-        replay = rp.simulate(trajectory, saved.scene, options.mode, timestep=options.timestep, progress=advance)
-    console.say(str(replay))
-    console.say(f"  it took {milliseconds(replay.wall_seconds)}")
-    console.result(replay.to_dict())
-    return 0 if replay.free else 4
-
-
-def _saved(options: Namespace) -> tuple[plan_files.SavedMotion, Trajectory]:
-    """A saved motion and its trajectory, in the scene that was asked for or its own."""
-    scene = None if options.scene is None else load_scene(options.scene)
-    saved = plan_files.load_motion(options.motion, scene)
-    if saved.trajectory is None:
-        raise InputError(f"{options.motion} holds no trajectory; write one with: rr1plan plan SCENE --output FILE")
-    return saved, saved.trajectory

@@ -9,10 +9,13 @@ from typing import Any
 import rr1plan as rp
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console, milliseconds
+from rr1plan.cli.motions import saved_motion, say_changes
 from rr1plan.cli.planning import first_view, named_query, summary, told_to
 from rr1plan.errors import InputError
-from rr1plan.formats import plan_files
-from rr1plan.library import load_problems, load_scene
+from rr1plan.formats.csv_files import save_csv
+from rr1plan.formats.motion_files import is_motion_file
+from rr1plan.formats.plan_files import save_trajectory
+from rr1plan.library import load_problems, load_scene, scene_names
 from rr1plan.pipeline import MotionPlan, plan_motion
 
 # Short edges [rad] make a tree that shows how it grew.
@@ -23,7 +26,7 @@ def demo(options: Namespace, console: Console) -> int:
     """From a question to a certified, replayed, visible motion, saying what was done and how long it took."""
     folder, view = Path(options.output), first_view(options.view)
     watch = console.watch
-    with watch.stage("load the scene"):
+    with watch.stage("load the scene"), console.progress("loading the scene"):
         problem = named_query(options.scene, options.query)
     scene = problem.scene
     console.say("rr1plan demo")
@@ -61,41 +64,39 @@ def _write_demo(folder: Path, motion: MotionPlan, view: Any) -> dict[str, Path]:
     return {
         "the page that plays it, offline": motion.save_html(folder / "motion.html", view=view),
         "the motion": motion.save(folder / "motion.json"),
-        "the trajectory": plan_files.save_trajectory(
-            folder / "trajectory.json", motion.trajectory, motion.problem.scene
-        ),
-        "the trajectory as a table": plan_files.save_csv(folder / "trajectory.csv", motion.trajectory),
+        "the trajectory": save_trajectory(folder / "trajectory.json", motion.trajectory, motion.scene),
+        "the trajectory as a table": save_csv(folder / "trajectory.csv", motion.trajectory),
     }
 
 
 def view(options: Namespace, console: Console) -> int:
     """A scene or a saved motion in the browser, or as one offline page."""
-    page = {"spheres": options.spheres, "view": first_view(options.view)}
-    scene, extra = _what(options.what)
+    looks: dict[str, Any] = {"spheres": options.spheres, "view": first_view(options.view)}
+    scene, motion = _what(options, console)
     if options.html is not None:
-        file = rp.save_html(options.html, scene, **page, **extra)
-        console.say(f"page: {file}")
-        console.result({"page": str(file)})
+        page = rp.save_html(options.html, scene, **looks) if motion is None else motion.save_html(options.html, **looks)
+        console.say(f"page: {page}")
+        console.result({"page": str(page)})
         return 0
-    served = {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
-    with rp.show(scene, **served, **page, **extra) as viewer:
+    looks |= {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
+    with rp.show(scene, **looks) if motion is None else motion.show(**looks) as viewer:
         console.say(f"page: {viewer.url}  (close it or press Ctrl-C to end)")
         console.result({"url": viewer.url})
         viewer.wait()
     return 0
 
 
-def _what(name: str) -> tuple[rp.Scene, dict[str, Any]]:
+def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | None]:
     """A scene, and a motion in it when the name is a motion file's."""
-    if not name.endswith(".json"):
-        return load_scene(name), {}
-    saved = plan_files.load_motion(name)
-    return saved.scene, {
-        "trajectory": saved.trajectory,
-        "path": saved.path,
-        "problem": saved.problem,
-        "report": saved.report,
-    }
+    is_scene = options.what in scene_names() or not is_motion_file(options.what)
+    if options.scene is None and is_scene:
+        with console.progress(f"loading {options.what}"):
+            return load_scene(options.what), None
+    if is_scene:
+        raise InputError(f"{options.what} is no motion file; --scene names the scene of a motion")
+    motion = saved_motion(options.what, options.scene, console)
+    say_changes(motion, console)
+    return motion.scene, motion
 
 
 def _with_tree(name: str) -> rp.Planner:
@@ -104,36 +105,40 @@ def _with_tree(name: str) -> rp.Planner:
     return rp.make_planner(name, **{key: value for key, value in _TREE.items() if hasattr(planner, key)})
 
 
+# Where no path exists the planner stops after this many iterations: enough for a tree to look at.
+_HOPELESS_ITERATIONS = 1500
+
+
 def cspace(options: Namespace, console: Console) -> int:
-    """Draw the configuration space of a two-joint arm."""
-    scene = load_scene(options.scene)
-    queries = load_problems(options.scene)
-    problem = named_query(options.scene, options.query) if options.query or queries else None
-    if problem is not None and (problem.nq != 2 or options.joints):
-        problem = None
-    result = None
-    if problem is not None:
-        with console.progress("planning") as advance:
-            planner = _with_tree(options.planner)
-            result = planner.plan(problem, rp.Budget(5.0), options.seed, told_to(advance))
+    """Draw the configuration space of two joints, with a query of a two-joint arm and its answer."""
+    scene, problem = load_scene(options.scene), _flat_query(options)
+    if problem is None:
+        idle = [option for option in ("--planner", "--seconds", "--seed") if option in options.given]
+        if idle:
+            raise InputError(f"{idle[0]} has no effect: there is no query of two joints to plan for")
     with console.progress("checking every cell") as advance:
         picture = rp.cspace(
             scene,
             problem,
-            result,
             arm=options.arm,
             joints=None if options.joints is None else (options.joints[0], options.joints[1]),
             resolution=options.resolution,
             progress=advance,
         )
-    files = {}
-    if options.png or not (options.svg or options.html):
-        files["png"] = picture.save_png(options.png or f"{scene.name}-cspace.png")
-    if options.svg:
-        files["svg"] = picture.save_svg(options.svg)
-    if options.html:
-        files["page"] = picture.save_html(options.html)
+    result = None
+    if problem is not None:
+        with console.progress("looking for a proof that no path exists"):
+            hopeless = picture.proves_no_path
+        budget = rp.Budget(options.seconds, _HOPELESS_ITERATIONS if hopeless else None)
+        with console.progress("planning") as advance:
+            result = _with_tree(options.planner).plan(problem, budget, options.seed, told_to(advance))
+        picture = picture.with_result(result)
+    with console.progress("drawing"):
+        files = _save_pictures(picture, options)
     console.say(str(picture))
+    if result is not None:
+        found = result.reason if result.path is None else f"path found in {milliseconds(result.seconds)}"
+        console.say(f"  {result.planner}: {found}")
     for kind, file in files.items():
         console.say(f"{kind}: {file}")
     console.result(
@@ -141,8 +146,29 @@ def cspace(options: Namespace, console: Console) -> int:
             "components": picture.grid.components,
             "free_share": float(picture.grid.free.mean()),
             "proves_no_path": picture.proves_no_path,
+            "verdict": picture.verdict,
             "planned": None if result is None else result.status.value,
             "files": {kind: str(file) for kind, file in files.items()},
         }
     )
     return 0
+
+
+def _flat_query(options: Namespace) -> rp.Problem | None:
+    """The query to draw: the one asked for, or the first that the picture can show; None for a picture without."""
+    if options.query is not None:
+        return named_query(options.scene, options.query)
+    for problem in load_problems(options.scene).values():
+        own = problem.scene.arms[problem.arms[0]].robot.joint_names
+        shown = options.arm in (None, problem.arms[0]) and options.joints in (None, list(own))
+        if problem.nq == 2 and len(problem.arms) == 1 and shown:
+            return problem
+    return None
+
+
+def _save_pictures(picture: rp.CSpace, options: Namespace) -> dict[str, Path]:
+    """Write the files asked for, or a PNG."""
+    asked = {kind: getattr(options, kind) for kind in ("png", "svg", "pdf", "html")}
+    if not any(asked.values()):
+        asked["png"] = f"{picture.grid.scene.name}-cspace.png"
+    return {"page" if kind == "html" else kind: picture.save(file) for kind, file in asked.items() if file}

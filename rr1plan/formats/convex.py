@@ -15,8 +15,23 @@ Faces = NDArray[np.int32]
 
 # Points times planes that are held in memory at once.
 _MOST_PRODUCTS = 20_000_000
+# Share of a mesh's size by which a vertex may lie outside the plane of a face.
+_FLAT_TOLERANCE = 1e-7
 # Coal counts the neighbours of a corner in a byte.
 _MOST_NEIGHBOURS = 255
+
+
+def bounds_its_hull(mesh: Mesh) -> bool:
+    """No vertex lies outside the plane of a face, so that the faces bound the hull of the vertices."""
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    if (lengths == 0.0).any():
+        return False
+    normals = normals / lengths
+    offsets = np.einsum("ij,ij->i", normals, a)
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    return bool((normals @ mesh.vertices.T <= offsets[:, None] + _FLAT_TOLERANCE * size).all())
 
 
 def convex_hull(points: Array) -> Mesh:

@@ -17,10 +17,7 @@ _HEADER = "t,q:<joint>...,v:<joint>...,a:<joint>..."
 
 
 def save_csv(file: _File, trajectory: Trajectory, dt: float = 0.01) -> pathlib.Path:
-    """Write samples of a trajectory as CSV and return the file's path.
-
-    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`; SI units and radians; the velocities of the
-    last row are exactly zero.
+    """Write samples of a trajectory as CSV and return the file's path; see `csv_text`.
 
     Args:
         file: The file.
@@ -29,6 +26,22 @@ def save_csv(file: _File, trajectory: Trajectory, dt: float = 0.01) -> pathlib.P
 
     Raises:
         InputError: the trajectory does not end at rest, or the file cannot be written.
+    """
+    return write_text(file, csv_text(trajectory, dt))
+
+
+def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
+    """Samples of a trajectory as CSV.
+
+    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`; SI units and radians; the velocities of the
+    last row are exactly zero.
+
+    Args:
+        trajectory: A trajectory that ends at rest.
+        dt: Time between rows [s]; the last row is the end.
+
+    Raises:
+        InputError: the trajectory does not end at rest.
     """
     of_kind("trajectory", trajectory, Trajectory)
     times = trajectory.sample_times(dt)
@@ -39,7 +52,7 @@ def save_csv(file: _File, trajectory: Trajectory, dt: float = 0.01) -> pathlib.P
     v[-1] = 0.0
     header = ["t", *(f"{kind}:{name}" for kind in "qva" for name in trajectory.joint_names)]
     rows = np.column_stack([times, q, v, a]).tolist()
-    return write_text(file, "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows)]) + "\n")
+    return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows)]) + "\n"
 
 
 def load_csv(file: _File) -> Trajectory:

@@ -57,7 +57,20 @@ def read_yaml(file: str | Path, max_bytes: int = MAX_BYTES) -> Table:
         FormatError: the file cannot be read, is not YAML, is nested deeper than 100, has merge keys, or aliases
             that expand to more than the whole file.
     """
-    return Table(_parse(read_text(file, max_bytes), file, "YAML", _bounded_yaml), file)
+    documents = _parse(read_text(file, max_bytes), file, "YAML", _bounded_yaml)
+    if len(documents) > 1:
+        raise FormatError(f"has {len(documents)} documents, expected one", file)
+    return Table(documents[0] if documents else None, file)
+
+
+def read_yaml_documents(file: str | Path, max_bytes: int = MAX_BYTES) -> list[Any]:
+    """The documents of a YAML file, separated by "---", without empty ones.
+
+    Raises:
+        FormatError: as `read_yaml`.
+    """
+    documents = _parse(read_text(file, max_bytes), file, "YAML", _bounded_yaml)
+    return [document for document in documents if document is not None]
 
 
 def _parse(text: str, file: str | Path, kind: str, parse: Callable[[str], Any]) -> Any:
@@ -107,7 +120,7 @@ def _bounded_toml(text: str) -> Any:
     return tomllib.loads(text)
 
 
-def _bounded_yaml(text: str) -> Any:
+def _bounded_yaml(text: str) -> list[Any]:
     # Most scenes are not YAML, and the parser takes its time to load.
     import yaml
 
@@ -119,4 +132,4 @@ def _bounded_yaml(text: str) -> Any:
                 if key.tag == "tag:yaml.org,2002:merge":
                     raise yaml.constructor.ConstructorError(None, None, "merge keys (<<) are refused", key.start_mark)
 
-    return yaml.load(text, Loader)
+    return list(yaml.load_all(text, Loader))

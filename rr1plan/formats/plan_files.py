@@ -1,11 +1,12 @@
 """Paths, trajectories and whole motions as JSON files that prove they are whole.
 
-    {"format": "rr1plan", "version": 1, "kind": "trajectory", "sha256": "...", "content": {...}}
+    {"format": "rr1plan", "version": 2, "kind": "trajectory", "sha256": "...", "content": {...}}
 
 `sha256` is that of the content in one canonical form, so a file that was cut off or altered is
-refused. The content names the scene and the robots by their hashes; a motion holds the scene
-itself and can be validated and played from the file alone. Floats are written so that they read
-back to the last bit; nothing is unpickled; files are replaced in one step.
+refused. The content is checked against `motion_schema` before anything is built from it, and names the
+scene and the robots by their hashes; a motion holds the scene itself. Large meshes and point clouds lie
+beside it, in the folder "geometry", unless they are embedded. Floats are written so that they read back
+to the last bit; nothing is unpickled; files are replaced in one step.
 """
 
 from __future__ import annotations
@@ -16,42 +17,50 @@ import pathlib
 from dataclasses import dataclass
 from typing import Any
 
-from rr1plan.checks import Value, known_name, of_kind
-from rr1plan.formats.csv_files import load_csv as load_csv
-from rr1plan.formats.csv_files import save_csv as save_csv
+import msgspec
+
+from rr1plan.checks import Value, file_path, known_name, of_kind
+from rr1plan.errors import FormatError, InputError
+from rr1plan.formats import motion_schema as schema
+from rr1plan.formats import motion_values as values
 from rr1plan.formats.documents import read_json
 from rr1plan.formats.files import write_text
-from rr1plan.formats.tables import Table
-from rr1plan.formats.values import from_plain, to_plain
+from rr1plan.formats.stored_shapes import FOLDER, read_shape, shape_hash, store_shapes
 from rr1plan.path import Path
 from rr1plan.problem import Problem
 from rr1plan.report import Report
-from rr1plan.robot import Robot
-from rr1plan.scene import Arm, Attachment, Obstacle, Scene
+from rr1plan.scene import Scene
+from rr1plan.shapes import Mesh, PointCloud
 from rr1plan.trajectory import Trajectory
 
 _FORMAT = "rr1plan"
-_VERSION = 1
 _File = str | pathlib.Path
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SavedMotion(Value):
-    """What a motion file holds.
+    """What a file holds of a motion.
 
     Args:
-        scene: The scene it was planned in.
+        scene: The scene it was made in, when the file holds it.
         path: The path, when it was saved.
         trajectory: The timed motion, when it was saved.
         report: The referee's verdict at the time, when it was saved.
         problem: The question, when it was saved.
+        units: The unit of each column of the trajectory or path, when the file has them.
+        made_for: Names and hashes of the scene and its robots, when the file has them.
     """
 
-    scene: Scene
+    scene: Scene | None = None
     path: Path | None = None
     trajectory: Trajectory | None = None
     report: Report | None = None
     problem: Problem | None = None
+    units: tuple[str, ...] | None = None
+    made_for: schema.SceneReference | None = None
+
+
+# ---- writing -------------------------------------------------------------------------------
 
 
 def save_path(file: _File, path: Path, scene: Scene) -> pathlib.Path:
@@ -61,7 +70,7 @@ def save_path(file: _File, path: Path, scene: Scene) -> pathlib.Path:
         UnknownNameError: a joint the scene does not have.
         InputError: the file cannot be written.
     """
-    return _write(file, "path", _scene_summary(scene) | {"path": _path_entries(path, scene)})
+    return write_text(file, _text("path", {"made_for": _reference(scene), "path": _path_entry(path, scene)}))
 
 
 def save_trajectory(file: _File, trajectory: Trajectory, scene: Scene) -> pathlib.Path:
@@ -71,7 +80,8 @@ def save_trajectory(file: _File, trajectory: Trajectory, scene: Scene) -> pathli
         UnknownNameError: a joint the scene does not have.
         InputError: the file cannot be written.
     """
-    return _write(file, "trajectory", _scene_summary(scene) | {"trajectory": _trajectory_entries(trajectory, scene)})
+    content = {"made_for": _reference(scene), "trajectory": _trajectory_entry(trajectory, scene)}
+    return write_text(file, _text("trajectory", content))
 
 
 def save_motion(
@@ -81,152 +91,106 @@ def save_motion(
     trajectory: Trajectory | None = None,
     report: Report | None = None,
     problem: Problem | None = None,
+    *,
+    embed: bool = False,
 ) -> pathlib.Path:
     """Write a scene and what is known of a motion in it to a JSON file and return the file's path.
 
+    Args:
+        file: The file; read it with `load_motion`.
+        scene: The scene.
+        path: The path.
+        trajectory: The timed motion.
+        report: The referee's verdict.
+        problem: The question.
+        embed: Put large meshes and point clouds into the file, which is then whole by itself. Otherwise they go to the
+            folder "geometry" beside it, named by their hashes and shared by all motions there; copy both.
+
     Raises:
         UnknownNameError: a joint the scene does not have.
-        InputError: the file cannot be written.
+        InputError: a value that has no form, or the file cannot be written.
     """
-    robots: list[Robot] = []
-    content = _scene_summary(scene) | {"scene": to_plain(scene, robots)}
-    content["robots"] = [to_plain(robot) for robot in robots]
+    of_kind("embed", embed, bool)
+    stored: values.Shapes | None = None if embed else {}
+    text = _motion_text(stored, scene, path, trajectory, report, problem)
+    target = file_path(file)
+    if stored:
+        store_shapes(target.parent / FOLDER, stored)
+    return write_text(target, text)
+
+
+def motion_text(
+    scene: Scene,
+    path: Path | None = None,
+    trajectory: Trajectory | None = None,
+    report: Report | None = None,
+    problem: Problem | None = None,
+) -> str:
+    """The text of a motion file that is whole by itself; see `save_motion`."""
+    return _motion_text(None, scene, path, trajectory, report, problem)
+
+
+def _motion_text(
+    stored: values.Shapes | None,
+    scene: Scene,
+    path: Path | None,
+    trajectory: Trajectory | None,
+    report: Report | None,
+    problem: Problem | None,
+) -> str:
+    content = {"made_for": _reference(scene), **values.plain_scene(scene, stored)}
     if path is not None:
-        content["path"] = _path_entries(path, scene)
+        content["path"] = _path_entry(path, scene)
     if trajectory is not None:
-        content["trajectory"] = _trajectory_entries(trajectory, scene)
+        content["trajectory"] = _trajectory_entry(trajectory, scene)
     if report is not None:
         of_kind("report", report, Report)
-        content["report"] = to_plain(report)
+        content["report"] = report.to_dict()
     if problem is not None:
         of_kind("problem", problem, Problem)
-        content["problem"] = {n: to_plain(getattr(problem, n)) for n in ("start", "goal", "arms")}
-    return _write(file, "motion", content)
+        content["problem"] = {n: values.plain(getattr(problem, n)) for n in ("start", "goal", "arms")}
+    return _text("motion", content)
 
 
-def load_path(file: _File, scene: Scene | None = None) -> Path:
-    """Read a path from a path file or a motion file.
-
-    Args:
-        file: The file.
-        scene: The scene it has to be for.
-
-    Raises:
-        FormatError: cut off, altered, of another version or kind, or made for another scene.
-    """
-    content = _read(file, ("path", "motion"))
-    _check_scene(content, scene)
-    return _read_path(content.table("path"))
-
-
-def load_trajectory(file: _File, scene: Scene | None = None) -> Trajectory:
-    """Read a trajectory from a trajectory file or a motion file.
-
-    Args:
-        file: The file.
-        scene: The scene it has to be for.
-
-    Raises:
-        FormatError: cut off, altered, of another version or kind, or made for another scene.
-    """
-    content = _read(file, ("trajectory", "motion"))
-    _check_scene(content, scene)
-    return _read_trajectory(content.table("trajectory"))
-
-
-def load_motion(file: _File, scene: Scene | None = None) -> SavedMotion:
-    """Read a motion file.
-
-    Args:
-        file: The file.
-        scene: The scene it has to be for (default: the one it holds).
-
-    Raises:
-        FormatError: cut off, altered, of another version or kind, or made for another scene.
-    """
-    content = _read(file, ("motion",))
-    _check_scene(content, scene)
-    with content.blame():
-        held = _read_scene(content)
-        report = from_plain(content.raw("report"))
-        if not isinstance(report, Report | None):
-            raise content.error("holds something else in the place of a report")
-        problem = content.table("problem") if "problem" in content else None
-        question = {n: from_plain(problem.required(n)) for n in ("start", "goal", "arms")} if problem else None
-        return SavedMotion(
-            scene=held,
-            path=_read_path(content.table("path")) if "path" in content else None,
-            trajectory=_read_trajectory(content.table("trajectory")) if "trajectory" in content else None,
-            report=report,
-            problem=Problem(held, **question) if question else None,
-        )
-
-
-# ---- the file ------------------------------------------------------------------------------
-
-
-def _write(file: _File, kind: str, content: dict[str, Any]) -> pathlib.Path:
-    text = _canonical(content)
-    digest = hashlib.sha256(text.encode()).hexdigest()
-    head = json.dumps({"format": _FORMAT, "version": _VERSION, "kind": kind, "sha256": digest})
-    return write_text(file, f'{head[:-1]}, "content": {text}}}\n')
-
-
-def _canonical(content: Any) -> str:
-    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-
-
-def _read(file: _File, kinds: tuple[str, ...]) -> Table:
-    """The content of a file, proven whole."""
-    top = read_json(file)
-    if top.raw("format") != _FORMAT:
-        raise top.error("is not a file of rr1plan: it has no entry 'format' that says so")
-    if top.raw("version") != _VERSION:
-        raise top.error(f"has version {top.raw('version')!r}, expected {_VERSION}")
-    kind, digest = top.string("kind"), top.string("sha256")
-    if kind not in kinds:
-        raise top.error(f"holds a {kind}, expected a {' or a '.join(kinds)}")
-    content = top.table("content")
-    top.finish()
+def _text(kind: str, content: dict[str, Any]) -> str:
+    """The file's text; what could not be read again is not written."""
     try:
-        whole = hashlib.sha256(_canonical(top.raw("content")).encode()).hexdigest() == digest
-    except ValueError as error:
-        raise top.error(f"holds a number that is not finite: {error}") from error
-    if not whole:
-        raise top.error("was altered after it was written: its content does not have the sha256 that it names")
-    return content
+        msgspec.convert(content, schema.DOCUMENTS[kind])
+        if content.get("report") is not None:
+            Report.from_dict(content["report"])
+        text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+        digest = _digest(content)
+    except (msgspec.ValidationError, ValueError) as error:
+        raise InputError(f"the {kind} cannot be saved: {error}") from error
+    head = json.dumps({"format": _FORMAT, "version": schema.VERSION, "kind": kind, "sha256": digest})
+    return f'{head[:-1]}, "content": {text}}}\n'
 
 
-def _scene_summary(scene: Scene) -> dict[str, Any]:
+def _digest(content: Any) -> str:
+    """SHA-256 of the content in canonical form.
+
+    Raises:
+        ValueError: a number that is not finite.
+    """
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _reference(scene: Scene) -> dict[str, Any]:
     of_kind("scene", scene, Scene)
-    robots = {name: {"robot": arm.robot.name, "sha256": arm.robot.content_hash} for name, arm in scene.arms.items()}
-    return {"made_for": {"scene": scene.name, "sha256": scene.content_hash, "arms": robots}}
+    arms = {name: {"robot": arm.robot.name, "sha256": arm.robot.content_hash} for name, arm in scene.arms.items()}
+    return {"scene": scene.name, "sha256": scene.content_hash, "arms": arms}
 
 
-def _check_scene(content: Table, scene: Scene | None) -> None:
-    """Refuse a file that was made for another scene, saying what differs."""
-    if scene is None:
-        return
-    of_kind("scene", scene, Scene)
-    made_for = content.table("made_for")
-    if made_for.string("sha256") == scene.content_hash:
-        return
-    mine = _scene_summary(scene)["made_for"]["arms"]
-    arms = made_for.table("arms")
-    differ = [name for name in {**mine, **dict.fromkeys(arms.names())} if arms.raw(name) != mine.get(name)]
-    what = f"the robot of arm {differ[0]!r} differs" if differ else "its obstacles, places or rules differ"
-    raise content.error(f"was made for another scene ({made_for.string('scene')!r}): {what}")
-
-
-def _path_entries(path: Path, scene: Scene) -> dict[str, Any]:
+def _path_entry(path: Path, scene: Scene) -> dict[str, Any]:
     of_kind("path", path, Path)
-    head = {"joint_names": list(path.joint_names), "units": _units(path.joint_names, scene)}
+    head = {"joint_names": list(path.joint_names), "units": units(path.joint_names, scene)}
     return head | {"waypoints": path.waypoints.tolist()}
 
 
-def _trajectory_entries(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
+def _trajectory_entry(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
     of_kind("trajectory", trajectory, Trajectory)
-    head = {"joint_names": list(trajectory.joint_names), "units": _units(trajectory.joint_names, scene)}
+    head = {"joint_names": list(trajectory.joint_names), "units": units(trajectory.joint_names, scene)}
     return head | {
         "time_unit": "s",
         "breaks": trajectory.breaks.tolist(),
@@ -234,39 +198,125 @@ def _trajectory_entries(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
     }
 
 
-def _units(joint_names: tuple[str, ...], scene: Scene) -> list[str]:
-    units: dict[str, str] = {}
-    for arm, placed in scene.arms.items():
-        kinds = {name: placed.robot.joint(name).kind for name in placed.robot.joint_names}
-        units |= {f"{arm}/{name}": "m" if kind == "prismatic" else "rad" for name, kind in kinds.items()}
-    return [units[known_name("joint", name, units)] for name in joint_names]
+def units(joint_names: tuple[str, ...], scene: Scene) -> list[str]:
+    """The unit of each column, "m" for a prismatic joint and "rad" for others.
+
+    Raises:
+        UnknownNameError: a joint the scene does not have.
+    """
+    known = {
+        f"{arm}/{name}": "m" if placed.robot.joint(name).kind == "prismatic" else "rad"
+        for arm, placed in scene.arms.items()
+        for name in placed.robot.joint_names
+    }
+    return [known[known_name("joint", name, known)] for name in joint_names]
 
 
-def _read_scene(content: Table) -> Scene:
-    """The scene of a motion file."""
-    listed = content.required("robots")
-    if not isinstance(listed, list):
-        raise content.error(f"holds {type(listed).__name__} in the place of a list of robots")
+# ---- reading -------------------------------------------------------------------------------
+
+
+def read_plan_file(file: _File, scene: Scene | None = None) -> SavedMotion:
+    """Read a motion, trajectory or path file.
+
+    Args:
+        file: The file.
+        scene: A scene whose meshes serve where those that the file refers to are not beside it.
+
+    Raises:
+        FormatError: cut off, altered, of another version or kind, or a content that makes no sense.
+    """
+    document = _read(file)
     try:
-        scene = from_plain(content.required("scene"), [from_plain(data) for data in listed])
-    except (AttributeError, TypeError) as error:
-        # Parts that are values of their own, but not those a scene is made of.
-        raise content.error(f"holds something that makes no scene: {error}") from error
-    if not isinstance(scene, Scene):
-        raise content.error("holds something else in the place of a scene")
-    for parts, kind in ((scene.arms, Arm), (scene.obstacles, Obstacle), (scene.attachments, Attachment)):
-        for name, part in parts.items():
-            if not isinstance(part, kind):
-                raise content.error(f"holds {type(part).__name__} in the place of the {kind.__name__} {name!r}")
-    return scene
+        return _saved(document, _Geometry(file_path(file), scene))
+    except FormatError as error:
+        raise error if error.file is not None else FormatError(str(error), file) from error
+    except InputError as error:
+        raise FormatError(str(error), file) from error
 
 
-def _read_path(entry: Table) -> Path:
-    with entry.blame():
-        return Path(entry.strings("joint_names"), entry.numbers("waypoints", (None, None)))
+def _read(file: _File) -> schema.Document:
+    """The content of a file, proven whole and of the right types."""
+    top = read_json(file)
+    if top.raw("format") != _FORMAT:
+        raise top.error("is not a file of rr1plan: it has no entry 'format' that says so")
+    if top.raw("version") != schema.VERSION:
+        raise top.error(f"has version {top.raw('version')!r}, expected {schema.VERSION}")
+    kind, sha256, content = top.string("kind"), top.string("sha256"), top.table("content").entries
+    top.finish()
+    with top.blame("kind"):
+        entries = schema.DOCUMENTS[known_name("kind of file", kind, schema.DOCUMENTS)]
+    try:
+        whole = _digest(content) == sha256
+    except ValueError as error:
+        raise top.error(f"holds a number that is not finite: {error}") from error
+    if not whole:
+        raise top.error("was altered after it was written: its content does not have the sha256 that it names")
+    try:
+        return msgspec.convert(content, entries)
+    except msgspec.ValidationError as error:
+        raise top.error(str(error), "content") from error
 
 
-def _read_trajectory(entry: Table) -> Trajectory:
-    with entry.blame():
-        breaks, coefficients = entry.numbers("breaks", (None,)), entry.numbers("coefficients", (None, None, None))
-        return Trajectory(entry.strings("joint_names"), breaks, coefficients)
+class _Geometry:
+    """Finds meshes and point clouds by their hashes: beside a file, or in a scene."""
+
+    def __init__(self, file: pathlib.Path, scene: Scene | None) -> None:
+        self._folder = file.parent / FOLDER
+        self._known = {} if scene is None else {shape_hash(shape): shape for shape in _large_shapes(scene)}
+
+    def __call__(self, sha256: str) -> Mesh | PointCloud:
+        if sha256 not in self._known:
+            if not (self._folder / f"{sha256}.npz").exists():
+                raise InputError(
+                    f"refers to the mesh {sha256[:12]}..., which is not in {self._folder}: keep that folder beside the "
+                    "file, give a scene with the same robots (option scene), or save the motion whole (option embed)"
+                )
+            self._known[sha256] = read_shape(self._folder, sha256)
+        return self._known[sha256]
+
+
+def _large_shapes(scene: Scene) -> list[Mesh | PointCloud]:
+    robots = {id(arm.robot): arm.robot for arm in scene.arms.values()}.values()
+    geometries = [g for robot in robots for link in robot.links for g in (*link.visuals, *link.collisions)]
+    for parts in (scene.obstacles, scene.attachments):
+        geometries += [g for part in parts.values() for g in part.geometries]
+    return [g.shape for g in geometries if isinstance(g.shape, Mesh | PointCloud)]
+
+
+def _saved(document: schema.Document, geometry: _Geometry) -> SavedMotion:
+    """The values of a document.
+
+    Raises:
+        InputError: values that make no sense, alone or together.
+    """
+    match document:
+        case schema.PathDocument(made_for, path):
+            _check_units(path, None)
+            return SavedMotion(path=values.build_path(path), units=tuple(path.units), made_for=made_for)
+        case schema.TrajectoryDocument(made_for, trajectory):
+            _check_units(trajectory, None)
+            timed = values.build_trajectory(trajectory)
+            return SavedMotion(trajectory=timed, units=tuple(trajectory.units), made_for=made_for)
+    report = None if document.report is None else Report.from_dict(document.report)
+    scene = values.build_scene(document, geometry)
+    if msgspec.to_builtins(document.made_for) != _reference(scene):
+        raise InputError("made_for: names another scene than the one that the file holds")
+    for entry in (document.path, document.trajectory):
+        if entry is not None:
+            _check_units(entry, scene)
+    return SavedMotion(
+        scene=scene,
+        path=None if document.path is None else values.build_path(document.path),
+        trajectory=None if document.trajectory is None else values.build_trajectory(document.trajectory),
+        report=report,
+        problem=None if document.problem is None else values.build_problem(document.problem, scene),
+        made_for=document.made_for,
+    )
+
+
+def _check_units(entry: schema.Path | schema.Trajectory, scene: Scene | None) -> None:
+    """Each column has a unit, that of its joint where the scene is known."""
+    if len(entry.units) != len(entry.joint_names):
+        raise InputError(f"has {len(entry.units)} units for {len(entry.joint_names)} joints")
+    if scene is not None and entry.units != (wanted := units(tuple(entry.joint_names), scene)):
+        raise InputError(f"units are {', '.join(entry.units)}, expected those of the joints: {', '.join(wanted)}")

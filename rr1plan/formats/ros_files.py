@@ -14,7 +14,7 @@ import msgspec
 
 from rr1plan.checks import file_path, known_name
 from rr1plan.errors import FormatError, InputError, MissingPackageError
-from rr1plan.formats.files import read_text
+from rr1plan.formats.documents import read_yaml_documents
 from rr1plan.trajectory import Trajectory
 
 BAG_SUFFIXES = (".bag", ".mcap", ".db3")
@@ -88,33 +88,17 @@ def load_joint_trajectory(file: _File, topic: str | None = None) -> Trajectory:
 def holds_joint_trajectory(file: _File) -> bool:
     """Whether a YAML file holds a JointTrajectory, and not a scene, say."""
     try:
-        documents = _documents(file_path(file))
+        documents = read_yaml_documents(file)
     except FormatError:
         return False
     return bool(documents) and "joint_names" in _unwrapped(documents[0])
 
 
 def _from_yaml(file: pathlib.Path) -> _JointTrajectory:
-    documents = _documents(file)
+    documents = read_yaml_documents(file)
     if len(documents) != 1:
         raise FormatError(f"holds {len(documents)} messages, expected one JointTrajectory", file)
     return _converted(_unwrapped(documents[0]), file)
-
-
-def _documents(file: pathlib.Path) -> list[Any]:
-    import yaml
-
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    try:
-        return [one for one in yaml.load_all(read_text(file), Loader=loader) if one is not None]
-    except yaml.YAMLError as error:
-        raise FormatError(f"is not YAML: {error}", file) from error
-    except RecursionError as error:
-        raise FormatError("is nested too deeply", file) from error
-    except ValueError as error:
-        if isinstance(error, FormatError):
-            raise
-        raise FormatError(f"holds a value that cannot be read: {error}", file) from error
 
 
 def _unwrapped(data: Any) -> dict[Any, Any]:
@@ -148,8 +132,7 @@ def _from_bag(file: pathlib.Path, topic: str | None) -> _JointTrajectory:
         raise MissingPackageError("rosbags", "reading a ROS bag", "ros") from error
     # The database of a ROS 2 bag is read by way of its folder, which describes it.
     bag = file.parent if file.suffix in (".mcap", ".db3") else file
-    if not bag.exists() or not file.exists():
-        raise FormatError("there is no such file", file)
+    _check_regular(file, bag)
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             (message,) = _messages(reader, topic, file)
@@ -168,6 +151,20 @@ def _from_bag(file: pathlib.Path, topic: str | None) -> _JointTrajectory:
         ],
     }
     return _converted(data, file)
+
+
+def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
+    """Refuse a bag that is not there, or that has a FIFO or a device in it, which would be waited for."""
+    try:
+        parts = [file, *(bag.iterdir() if bag.is_dir() else ())]
+        odd = [part for part in parts if part.exists() and not part.is_file() and not part.is_dir()]
+        there = file.exists()
+    except OSError as error:
+        raise FormatError(f"cannot be read: {error.strerror}", file) from error
+    if odd:
+        raise FormatError(f"holds {odd[0].name}, expected regular files", file)
+    if not there:
+        raise FormatError("there is no such file", file)
 
 
 def _messages(reader: Any, topic: str | None, file: pathlib.Path) -> Iterator[Any]:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import Array, known_name, read_only, resolved_path
+from rr1plan.formats.convex import bounds_its_hull
 from rr1plan.formats.convex_pieces import convex_shapes
 from rr1plan.formats.meshes import read_mesh
 from rr1plan.formats.point_files import read_points
@@ -27,7 +28,6 @@ from rr1plan.robot import Color, Geometry
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.transforms import pose, quaternion_from_rotation, rotation_from_quaternion
 
-_FLAT_TOLERANCE = 1e-7
 _CONVEX = ("hull", "pieces")
 
 
@@ -173,7 +173,7 @@ def _read_mesh(table: Table, folder: Path) -> tuple[Shape, ...]:
     convex = entry.boolean("convex")
     entry.finish()
     mesh = Mesh(vertices, faces, convex)
-    if convex and not _is_convex(mesh):
+    if convex and not bounds_its_hull(mesh):
         raise entry.error("says it is convex, but a vertex lies outside one of its faces", "convex")
     return (mesh,)
 
@@ -194,19 +194,6 @@ def _mesh_from_file(entry: Table, folder: Path) -> tuple[Shape, ...]:
     x, y, z = factors.tolist()
     parts = [part.mesh for part in read_mesh(path, (x, y, z))]
     return tuple(convex_shapes(parts, "hull" if known_name("convex", convex, _CONVEX) == "hull" else "pieces"))
-
-
-def _is_convex(mesh: Mesh) -> bool:
-    """No vertex lies outside the plane of a face, so that the faces bound the hull of the vertices."""
-    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    if (lengths == 0.0).any():
-        return False
-    normals = normals / lengths
-    offsets = np.einsum("ij,ij->i", normals, a)
-    size = float(np.ptp(mesh.vertices, axis=0).max())
-    return bool((normals @ mesh.vertices.T <= offsets[:, None] + _FLAT_TOLERANCE * size).all())
 
 
 def _read_points(table: Table, folder: Path) -> tuple[Shape, ...]:

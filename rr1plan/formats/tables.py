@@ -43,6 +43,11 @@ class Table:
         self._asked.add(key)
         return key in self._data
 
+    @property
+    def entries(self) -> Mapping[str, Any]:
+        """All that is in it, as parsed."""
+        return self._data
+
     def names(self) -> tuple[str, ...]:
         """All keys, without asking for them."""
         return tuple(self._data)

@@ -7,7 +7,7 @@ each obstacle's image in the torus of joint angles on the right, and the same pa
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
@@ -22,6 +22,7 @@ from rr1plan.planning import PlanResult, SearchTree
 from rr1plan.playback.cspace_decomposition import Decomposition, decompose
 from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid, compute_grid
 from rr1plan.playback.cspace_images import layer_of
+from rr1plan.playback.search_trees import DrawnTree, drawn_tree
 from rr1plan.problem import Goal, JointGoal, Problem
 from rr1plan.scene import Scene
 
@@ -129,6 +130,29 @@ class CSpace(Value):
             return True
         return self.decomposition is not None and self.decomposition.proves_no_path
 
+    @property
+    def verdict(self) -> str:
+        """The answer to the query in a sentence: what is proven, what was found, what is open."""
+        from rr1plan.playback.cspace_verdict import verdict
+
+        return verdict(self)
+
+    def with_result(self, result: PlanResult) -> CSpace:
+        """The same with a planner's answer to the query: its path and, if it kept one, its tree."""
+        of_kind("result", result, PlanResult)
+        path = None if result.path is None else result.path.waypoints
+        found = replace(self, path=path, tree=result.tree)
+        if path is None and "decomposition" in self.__dict__:
+            found.__dict__["decomposition"] = self.decomposition
+        return found
+
+    @cached_property
+    def drawn_tree(self) -> DrawnTree | None:
+        """The tree as pictures and pages show it, huge ones thinned; None where there is none, or it has no edges."""
+        if self.tree is None or len(self.tree.edges) == 0:
+            return None
+        return drawn_tree(self.tree, self.start, self.goals)
+
     # ---- pictures ------------------------------------------------------------------------
 
     def figure(self, width: float = 13.0) -> Any:
@@ -137,17 +161,50 @@ class CSpace(Value):
 
         return draw(self, width)
 
-    def save_png(self, file: str | FilePath, dpi: int = 150) -> FilePath:
-        """Write the picture as PNG, atomically."""
-        from rr1plan.playback.cspace_figure import save
+    def save(self, file: str | FilePath) -> FilePath:
+        """Write it in the format that the name ends in: .png, .svg, .pdf (pictures) or .html (the page), atomically.
 
-        return save(self, file_path(file), "png", dpi)
+        Raises:
+            InputError: another ending, or a file that cannot be written.
+        """
+        target = file_path(file)
+        formats = {".png": self.save_png, ".svg": self.save_svg, ".pdf": self.save_pdf, ".html": self.save_html}
+        write = formats.get(target.suffix.lower())
+        if write is None:
+            raise InputError(f"cannot save {str(file)!r}, expected a name that ends in {', '.join(formats)}")
+        return write(target)
+
+    def save_png(self, file: str | FilePath, dpi: int = 150) -> FilePath:
+        """Write the picture as PNG, atomically.
+
+        Raises:
+            InputError: a name that does not end in .png, or a file that cannot be written.
+        """
+        return self._save_figure(file, "png", dpi)
 
     def save_svg(self, file: str | FilePath) -> FilePath:
-        """Write the picture as SVG, for slides, atomically."""
+        """Write the picture as SVG, for slides, atomically.
+
+        Raises:
+            InputError: a name that does not end in .svg, or a file that cannot be written.
+        """
+        return self._save_figure(file, "svg")
+
+    def save_pdf(self, file: str | FilePath) -> FilePath:
+        """Write the picture as PDF, for papers, atomically.
+
+        Raises:
+            InputError: a name that does not end in .pdf, or a file that cannot be written.
+        """
+        return self._save_figure(file, "pdf")
+
+    def _save_figure(self, file: str | FilePath, kind: str, dpi: int = 150) -> FilePath:
         from rr1plan.playback.cspace_figure import save
 
-        return save(self, file_path(file), "svg", 150)
+        target = file_path(file)
+        if target.suffix.lower() != f".{kind}":
+            raise InputError(f"cannot save {str(file)!r} as {kind.upper()}, expected a name that ends in .{kind}")
+        return save(self, target, kind, dpi)
 
     def save_html(self, file: str | FilePath, **options: Any) -> FilePath:
         """Write one offline page: the arm in 3-D and the configuration space, linked by sliders and clicks."""
@@ -194,7 +251,7 @@ def cspace(
         arm: The arm (default: the problem's, or the only one).
         joints: Two of its planning joints (default: the first two). A problem and a result can be drawn
             only when the arm has no other planning joints.
-        resolution: Cells along each axis; every cell is checked with Coal.
+        resolution: Cells along each axis, 8 to 2000; every cell is checked with Coal.
         progress: Called with the fraction done, 0 to 1.
 
     Returns:
@@ -202,7 +259,7 @@ def cspace(
 
     Raises:
         UnknownNameError: no such arm or joint.
-        InputError: not two joints, a resolution below 8, or a problem with other columns.
+        InputError: not two joints, a resolution outside 8 to 2000, or a problem with other columns.
     """
     of_kind("scene", scene, Scene)
     of_kind("problem", problem, Problem, optional=True)
@@ -213,18 +270,16 @@ def cspace(
     grid = compute_grid(scene, arm, joints, resolution, progress)
     if problem is None:
         return CSpace(grid)
-    path = None if result is None or result.path is None else result.path.waypoints
     goals, unreached = goal_configurations(problem)
-    return CSpace(
+    picture = CSpace(
         grid,
         read_only(np.array(problem.start)),
         tuple(goals.values()),
-        path,
-        None if result is None else result.tree,
-        tuple(goals),
-        problem.goal[problem.arms[0]],
-        unreached,
+        goal_names=tuple(goals),
+        targets=problem.goal[problem.arms[0]],
+        unreached=unreached,
     )
+    return picture if result is None else picture.with_result(result)
 
 
 def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | None) -> None:

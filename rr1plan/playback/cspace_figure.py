@@ -49,10 +49,10 @@ def draw(cspace: CSpace, width: float) -> Figure:
 
 
 def save(cspace: CSpace, file: FilePath, kind: str, dpi: int) -> FilePath:
-    """Write the picture as "png" or "svg", atomically."""
+    """Write the picture as "png", "svg" or "pdf", atomically; the same picture gives the same bytes."""
     buffer = io.BytesIO()
+    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
     with rc_context(_STYLE):
-        metadata = {"Date": None} if kind == "svg" else {}
         draw(cspace, 13.0).savefig(buffer, format=kind, dpi=dpi, metadata=metadata)
     return write_bytes(file, buffer.getvalue())
 
@@ -61,9 +61,11 @@ def _legend(cspace: CSpace) -> list[Any]:
     named = cspace.grid.name_spots()
     colors = layer_colors(cspace.grid).items()
     handles: list[Any] = [Patch(color=color, label=name) for name, color in colors if name not in named]
-    if cspace.tree is not None and len(cspace.tree.edges):
-        handles += [Line2D([], [], color=START, label="tree of the start")]
-        handles += [Line2D([], [], color=GOAL, label="tree of the goal")] * bool(cspace.goals)
+    tree = cspace.drawn_tree
+    if tree is not None:
+        thinned = "" if len(tree.edges) == tree.explored else ", thinned"
+        handles += [Line2D([], [], color=START, label=f"tree of the start{thinned}")]
+        handles += [Line2D([], [], color=GOAL, label=f"tree of the goal{thinned}")] * bool(cspace.goals)
     tints = end_tints(cspace)
     if cspace.start is not None and tints:
         start = cspace.grid.component_of(cspace.start)

@@ -21,6 +21,8 @@ from rr1plan.robot import Joint
 from rr1plan.scene import Scene
 
 LIMITS = "joint limits"
+# Cells along each axis.
+FEWEST_CELLS, MOST_CELLS = 8, 2000
 # Half the length and half the height of a short name, as parts of the picture.
 _HALF_NAME, _ROOM = 0.07, 0.02
 
@@ -168,12 +170,13 @@ def compute_grid(
 
     Raises:
         UnknownNameError: no such arm or joint.
-        InputError: fewer than two joints, the same joint twice, or a resolution below 8.
+        InputError: fewer than two joints, the same joint twice, or a resolution outside 8 to 2000.
     """
     arm = scene.only_arm(arm)
     names = _two_joints(scene, arm, joints)
-    if not isinstance(resolution, int) or resolution < 8:
-        raise InputError(f"resolution is {resolution!r}, expected a whole number of cells, at least 8")
+    if not isinstance(resolution, int) or not FEWEST_CELLS <= resolution <= MOST_CELLS:
+        expected = f"expected a whole number of cells from {FEWEST_CELLS} to {MOST_CELLS}"
+        raise InputError(f"resolution is {resolution!r}, {expected}")
     columns = (scene.arms[arm].robot.joint_names.index(names[0]), scene.arms[arm].robot.joint_names.index(names[1]))
     robot, limits = scene.arms[arm].robot, scene.arms[arm].robot.limits
     spans = [(robot.joint(robot.joint_names[c]), float(limits.lower[c]), float(limits.upper[c])) for c in columns]
@@ -205,13 +208,15 @@ def _two_joints(scene: Scene, arm: str, joints: tuple[str, str] | None) -> tuple
 def _axis(joint: Joint, lower: float, upper: float, resolution: int) -> tuple[Array, bool, Mask]:
     """Cell centers, whether the axis closes, and which centers are within the limits.
 
-    A joint that turns has the full turn about zero if its limits lie in it, one that slides its limits.
+    A joint that turns has the full turn about zero if its limits lie in it and leave at least half of it; others have
+    their limits.
     """
-    unlimited = not np.isfinite(lower) or not np.isfinite(upper)
-    if unlimited and joint.kind == "prismatic":
+    unlimited, slides = not np.isfinite(lower) or not np.isfinite(upper), joint.kind == "prismatic"
+    if unlimited and slides:
         raise InputError(f"joint {joint.name!r} slides without limits, a picture needs limits")
     low, high = lower, upper
-    if unlimited or (joint.kind != "prismatic" and lower >= -np.pi - 1e-9 and upper <= np.pi + 1e-9):
+    nearly_all = upper - lower >= np.pi - 1e-9 and lower >= -np.pi - 1e-9 and upper <= np.pi + 1e-9
+    if unlimited or (nearly_all and not slides):
         low, high = -np.pi, np.pi
     if not low < high:
         raise InputError(f"joint {joint.name!r} has one value, {low}, a picture needs a range")

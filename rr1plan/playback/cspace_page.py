@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.path import Path
-from rr1plan.planning import SearchTree
 from rr1plan.playback.cspace_colors import layer_colors
 from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace_images import SELF
 from rr1plan.playback.cspace_verdict import tone, verdict
 from rr1plan.playback.outlines import silhouette
 from rr1plan.playback.replay import Replay
-from rr1plan.playback.search_trees import trees_of
+from rr1plan.playback.search_trees import DrawnTree
 from rr1plan.playback.viewer.document import Document, pack, view_document
 from rr1plan.playback.viewer.page import Panel, page_html, write_page
 from rr1plan.report import Report
@@ -139,7 +138,7 @@ def _data(cspace: CSpace, names: tuple[str, str], planar: dict[str, Any] | None)
         "goals": [goal.tolist() for goal in cspace.goals],
         "goalNames": list(cspace.goal_names),
         "waypoints": None if cspace.path is None else pack(cspace.path, "f8"),
-        "tree": None if cspace.tree is None else _tree(cspace.tree, cspace),
+        "tree": None if cspace.drawn_tree is None else _tree(cspace.drawn_tree),
         "verdict": verdict(cspace),
         "tone": tone(cspace),
         "planar": planar,
@@ -178,12 +177,14 @@ def _ranked_components(cspace: CSpace) -> tuple[NDArray[np.uint8], list[float]]:
     return rank[grid.labels], [float(counts[k] / grid.labels.size) for k in order[: _CRUMB - 1]]
 
 
-def _tree(tree: SearchTree, cspace: CSpace) -> dict[str, Any]:
-    """The edges in the order of how far along their tree they are from its root, and which tree that is."""
-    sides, reach = trees_of(tree, cspace.start, cspace.goals)
-    order = np.argsort(reach, kind="stable")
-    edges = np.asarray(tree.edges).reshape(-1, 2)[order]
-    return {"vertices": pack(tree.vertices), "edges": pack(edges, "u4"), "sides": pack(sides[order], "u4")}
+def _tree(tree: DrawnTree) -> dict[str, Any]:
+    """The edges that are drawn, those nearer to their root first, and the tree each belongs to."""
+    return {
+        "vertices": pack(tree.vertices),
+        "edges": pack(tree.edges, "u4"),
+        "sides": pack(tree.sides, "u4"),
+        "explored": tree.explored,
+    }
 
 
 def _ghosts(cspace: CSpace) -> list[dict[str, Any]]:

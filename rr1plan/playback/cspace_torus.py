@@ -11,11 +11,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.patheffects import withStroke
 
 from rr1plan.checks import Array
-from rr1plan.planning import SearchTree
 from rr1plan.playback.cspace_colors import GOAL, INK, START, end_tints, layer_colors
 from rr1plan.playback.cspace_grid import CSpaceGrid
 from rr1plan.playback.cspace_lines import along, gradient, write_name
-from rr1plan.playback.search_trees import trees_of
+from rr1plan.playback.search_trees import DrawnTree
 
 if TYPE_CHECKING:
     from rr1plan.playback.configuration_space import CSpace
@@ -58,8 +57,8 @@ def draw_torus(axes: Any, cspace: CSpace) -> None:
         zorder=0,
     )
     axes.set_box_aspect(1.0)
-    if cspace.tree is not None and len(cspace.tree.edges):
-        _draw_tree(axes, cspace, cspace.tree)
+    if cspace.drawn_tree is not None:
+        _draw_tree(axes, cspace, cspace.drawn_tree)
     if cspace.path is not None:
         _draw_path(axes, cspace.path, grid)
     colors = layer_colors(grid)
@@ -68,10 +67,10 @@ def draw_torus(axes: Any, cspace: CSpace) -> None:
     _draw_ends(axes, cspace)
     _draw_seams(axes, grid)
     axes.set(xlim=extent[:2], ylim=extent[2:])
-    first, second = grid.joint_names
-    axes.set(xlabel=rf"$\theta_1$ {first} [rad]", ylabel=rf"$\theta_2$ {second} [rad]")
-    for which, values in zip((axes.xaxis, axes.yaxis), grid.axes, strict=True):
-        _pi_ticks(which, *_edges(values))
+    for k, (axis, name, turns) in enumerate(zip((axes.xaxis, axes.yaxis), grid.joint_names, grid.turns, strict=True)):
+        axis.set_label_text(rf"$\theta_{k + 1}$ {name} [rad]" if turns else rf"$d_{k + 1}$ {name} [m]")
+        if turns:
+            _pi_ticks(axis, *_edges(grid.axes[k]))
 
 
 def _edges(centres: Array) -> tuple[float, float]:
@@ -92,12 +91,11 @@ def wrapped_pieces(points: Array, grid: CSpaceGrid) -> list[Array]:
     return [piece for piece in np.split(inside, cuts) if len(piece) > 1]
 
 
-def _draw_tree(axes: Any, cspace: CSpace, tree: SearchTree) -> None:
+def _draw_tree(axes: Any, cspace: CSpace, tree: DrawnTree) -> None:
     """The tree of the start and that of the goals, each in its end's colour, a dot at each vertex of small ones."""
-    sides, _ = trees_of(tree, cspace.start, cspace.goals)
     dense = len(tree.edges) > 800
     for side, color in enumerate((START, GOAL)):
-        edges = tree.edges[sides == side]
+        edges = tree.edges[tree.sides == side]
         lines = [piece for a, b in edges for piece in wrapped_pieces(tree.vertices[[a, b]], cspace.grid)]
         width, alpha = (0.7, 0.6) if dense else (1.4, 0.85)
         axes.add_collection(LineCollection(lines, colors=color, linewidths=width, alpha=alpha, zorder=2))

@@ -18,6 +18,7 @@ def describe(cspace: CSpace) -> str:
     first, second = grid.joint_names
     share = f"{grid.free.mean():.1%} free"
     lines = [f"configuration space of {first} and {second}: {_cells(cspace, 'x')}, {share}, {_parts(cspace)}"]
+    lines += _others(cspace)
     lines += [f"  {name}: {mask.mean():.1%} of the cells" for name, mask in grid.layers.items()]
     for name, goal, reachable, blocked in zip(
         cspace.goal_names, cspace.goals, cspace.reachable_goals, cspace.goals_blocked_by, strict=True
@@ -34,15 +35,24 @@ def describe(cspace: CSpace) -> str:
     return "\n".join(lines)
 
 
+def _others(cspace: CSpace) -> list[str]:
+    """Where the other joints of the arm are, which makes this a slice."""
+    arm = cspace.grid.scene.arms[cspace.grid.arm]
+    others = [(n, q) for n, q in zip(arm.robot.joint_names, arm.q, strict=True) if n not in cspace.grid.joint_names]
+    return [f"  a slice, at {', '.join(f'{name} = {value:.4g}' for name, value in others)}"] if others else []
+
+
 def headline(cspace: CSpace) -> str:
-    """The same in half a line."""
+    """The same in a few words, for a title."""
     if cspace.path is not None:
         return "the same path in the workspace and in the configuration space"
     if cspace.start_blocked_by:
         return "the start is not free"
+    if cspace.proves_no_path and cspace.goals and not all(cspace.goals_blocked_by):
+        return "no path exists, start and goal lie in different components"
     if cspace.proves_no_path:
         return f"no path exists, {_why_none(cspace)}"
-    return ""
+    return "a slice" if _others(cspace) else ""
 
 
 def tone(cspace: CSpace) -> str:
@@ -84,17 +94,15 @@ def _why_none(cspace: CSpace) -> str:
         return "no configuration reaches the goal"
     if all(cspace.goals_blocked_by):
         return "no configuration that reaches the goal is free"
-    return "start and goal are both free, but lie in different components of free space"
+    return "start and goal are free, but in different components of free space"
 
 
 def _by_which_cells(cspace: CSpace) -> str:
     """How fine the cells are that prove it, where it takes cells to prove it."""
     if (cspace.goals and all(cspace.goals_blocked_by)) or cspace.decomposition is None:
         return ""
-    cells = f"{cspace.decomposition.resolution} × {cspace.decomposition.resolution} cells"
-    if not cspace.goals:
-        return f" (proven: excluded for each of {cells})"
-    return f" (proven: separated by certified blocked cells on a grid of {cells})"
+    cells = f"{cspace.decomposition.resolution} × {cspace.decomposition.resolution}"
+    return f", proven by certified cells on a grid of {cells}"
 
 
 def _about_path(cspace: CSpace) -> str:

@@ -25,7 +25,7 @@ def draw_workspace(axes: Any, cspace: CSpace) -> None:
     scene, arm = grid.scene, grid.scene.arms[grid.arm]
     axes.set_title("workspace", loc="left", color=INK)
     axes.set_aspect("equal")
-    reach = _draw_annulus(axes, cspace)
+    reach = _draw_reach(axes, cspace)
     colors = layer_colors(grid)
     for name, obstacle in scene.obstacles.items():
         for g in obstacle.geometries:
@@ -45,23 +45,19 @@ def draw_workspace(axes: Any, cspace: CSpace) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _draw_annulus(axes: Any, cspace: CSpace) -> float:
-    """The ring the tool can reach, from the grid's own configurations; returns its outer radius."""
+def _draw_reach(axes: Any, cspace: CSpace) -> float:
+    """Draw the ring that the tool of an arm with two joints that turn can reach; returns how far it gets."""
     grid = cspace.grid
     base = grid.scene.arms[grid.arm].base[:2, 3]
-    seconds = grid.axes[1][:: max(1, len(grid.axes[1]) // 180)]
-    radii = [float(np.linalg.norm(_tool(grid, np.array([grid.axes[0][0], s])) - base)) for s in seconds]
+    ring = all(grid.turns) and len(grid.scene.arms[grid.arm].robot.joint_names) == 2
+    firsts = grid.axes[0][:1] if ring else grid.axes[0][:: max(1, len(grid.axes[0]) // 24)]
+    seconds = grid.axes[1][:: max(1, len(grid.axes[1]) // (180 if ring else 24))]
+    radii = [float(np.linalg.norm(_tool(grid, np.array([a, b])) - base)) for a in firsts for b in seconds]
     inner, outer = min(radii), max(radii)
-    ring = Annulus(
-        (float(base[0]), float(base[1])),
-        outer,
-        max(outer - inner, 1e-6),
-        facecolor="#eef1f5",
-        edgecolor="#c5ccd6",
-        lw=0.8,
-        zorder=0,
-    )
-    axes.add_patch(ring)
+    if ring:
+        disc = Annulus((float(base[0]), float(base[1])), outer, max(outer - inner, 1e-6), zorder=0)
+        disc.set(facecolor="#eef1f5", edgecolor="#c5ccd6", linewidth=0.8)
+        axes.add_patch(disc)
     return outer
 
 

@@ -1,8 +1,9 @@
-"""Which root each edge of a search tree hangs on, and how far from it, to colour it and to let it grow."""
+"""Search trees as they are drawn: the root of each edge, its distance from it, and huge trees thinned."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,69 @@ from rr1plan.planning import SearchTree
 
 _SAME = 1e-3  # two ways to a goal's configuration agree within this [rad or m]
 _TURN = 2.0 * np.pi
+MOST_EDGES = 4000  # drawn of one tree
+_FINEST_RASTER = 256  # cells along each axis
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnTree:
+    """The edges of a search tree that are drawn, those nearer to a root first.
+
+    Args:
+        vertices: Their ends [rad or m], shape (n, nq).
+        edges: Pairs of them, shape (m, 2).
+        sides: The tree each edge belongs to, 0: the start's, 1: a goal's; shape (m,).
+        explored: Number of edges before huge trees are thinned.
+    """
+
+    vertices: Array
+    edges: NDArray[np.int64]
+    sides: NDArray[np.int64]
+    explored: int
+
+
+def drawn_tree(tree: SearchTree, start: Array | None, goals: Sequence[Array], most: int = MOST_EDGES) -> DrawnTree:
+    """A search tree to draw, thinned to at most `most` edges, unless fewer do not hang together.
+
+    Thinning lays a raster over the configurations and keeps, of the edges of one tree that end in one of its cells, the
+    one nearest to the root, and all edges between those and their root: what is left is a part of the tree and hangs
+    together. The raster is halved until few enough edges are left.
+
+    Args:
+        tree: The explored tree.
+        start: Where the search started, shape (n,), or None.
+        goals: Configurations that reach the goal, each (n,).
+        most: Number of edges.
+    """
+    edges, owner, reach = _explored(tree, start, goals)
+    edges = edges[np.argsort(reach[edges].max(axis=1, initial=0.0), kind="stable")]
+    kept = _thinned(tree.vertices, edges, owner[edges[:, 0]], reach, most)
+    used, ends = np.unique(edges[kept], return_inverse=True)
+    return DrawnTree(tree.vertices[used], ends.reshape(-1, 2), owner[edges[kept, 0]], len(edges))
+
+
+def _thinned(
+    vertices: Array, edges: NDArray[np.int64], sides: NDArray[np.int64], reach: Array, most: int
+) -> NDArray[np.int64]:
+    """Indices of the edges to draw; edges come in the order of their distance from the root."""
+    kept, cells = np.arange(len(edges)), _FINEST_RASTER
+    if len(kept) <= most:
+        return kept
+    # The end of each edge that is farther from the root, and the edge before it on the way from there, or -1.
+    far, near = (np.where((reach[edges[:, 0]] > reach[edges[:, 1]]) == flip, *edges.T) for flip in (True, False))
+    into = np.full(len(vertices), -1)
+    into[far[::-1]] = np.arange(len(edges))[::-1]
+    before, span = into[near], np.ptp(vertices, axis=0)
+    while len(kept) > most and cells >= 1:
+        raster = np.floor((vertices[far] - vertices.min(axis=0)) / np.where(span > 0.0, span, 1.0) * cells)
+        frontier = np.unique(np.column_stack([sides, raster]), axis=0, return_index=True)[1]
+        chosen = np.zeros(len(edges), dtype=np.bool_)
+        while len(frontier):
+            chosen[frontier] = True
+            frontier = np.unique(before[frontier])
+            frontier = frontier[(frontier >= 0) & ~chosen[frontier]]
+        kept, cells = np.flatnonzero(chosen), cells // 2
+    return kept
 
 
 def trees_of(tree: SearchTree, start: Array | None, goals: Sequence[Array]) -> tuple[NDArray[np.int64], Array]:
@@ -27,6 +91,14 @@ def trees_of(tree: SearchTree, start: Array | None, goals: Sequence[Array]) -> t
         start: Where the search started, shape (n,), or None.
         goals: Configurations that reach the goal, each (n,); a whole turn more is the same.
     """
+    edges, owner, reach = _explored(tree, start, goals)
+    return np.asarray(owner[edges[:, 0]]), reach[edges].max(axis=1, initial=0.0)
+
+
+def _explored(
+    tree: SearchTree, start: Array | None, goals: Sequence[Array]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """The edges, and for each vertex the tree that holds it and how far along it it is."""
     edges = np.asarray(tree.edges, dtype=np.int64).reshape(-1, 2)
     sides = np.full(len(tree.vertices), -1)
     for side, ends in enumerate(([] if start is None else [start], goals)):
@@ -37,7 +109,7 @@ def trees_of(tree: SearchTree, start: Array | None, goals: Sequence[Array]) -> t
     roots = np.flatnonzero(sides >= 0)
     within, owner = _joined(edges, sides)
     reach = _from_roots(tree.vertices, edges[within], roots)
-    return np.asarray(owner[edges[:, 0]]), reach[edges].max(axis=1, initial=0.0)
+    return edges, owner, reach
 
 
 def _joined(edges: NDArray[np.int64], sides: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:

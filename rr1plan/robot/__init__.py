@@ -6,8 +6,20 @@ so they cannot disagree about the robot. The forward kinematics here is the plai
 `rr1plan.kinematics` has the fast one.
 """
 
+from rr1plan.robot.check_robot import check_robot
 from rr1plan.robot.digest import feed_digest
 from rr1plan.robot.parts import Color, Geometry, Inertial, Joint, JointKind, Link, Mimic
 from rr1plan.robot.robot import Robot
 
-__all__ = ["Color", "Geometry", "Inertial", "Joint", "JointKind", "Link", "Mimic", "Robot", "feed_digest"]
+__all__ = [
+    "Color",
+    "Geometry",
+    "Inertial",
+    "Joint",
+    "JointKind",
+    "Link",
+    "Mimic",
+    "Robot",
+    "check_robot",
+    "feed_digest",
+]

@@ -7,9 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, read_only
+from rr1plan.checks import Array, Value, finite_array, of_kind, read_only
+from rr1plan.errors import InputError
 from rr1plan.shapes import Shape
-from rr1plan.transforms import identity, rotation_about
+from rr1plan.transforms import as_pose, identity, rotation_about
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
 Color = tuple[float, float, float, float]
@@ -39,12 +40,27 @@ class Inertial(_ReadOnlyArrays):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Geometry(_ReadOnlyArrays):
-    """A shape at a pose (4, 4) in the frame of its link or obstacle, with a colour (rgba, 0..1) or None."""
+    """A shape at a pose (4, 4) in the frame of its link or obstacle, with a color (rgba, 0..1) or None.
+
+    Raises:
+        InputError: no text, shape, rigid transform or color.
+    """
 
     name: str
     shape: Shape
     pose: Array = field(default_factory=identity)
     color: Color | None = None
+
+    def __post_init__(self) -> None:
+        of_kind("name of a shape", self.name, str)
+        if not isinstance(self.shape, Shape):
+            raise InputError(f"shape {self.name!r} is of type {type(self.shape).__name__}, expected a shape")
+        object.__setattr__(self, "pose", as_pose(self.pose, f"pose of shape {self.name!r}"))
+        if self.color is not None:
+            r, g, b, a = finite_array(f"color of shape {self.name!r}", self.color, (4,)).tolist()
+            if not all(0.0 <= share <= 1.0 for share in (r, g, b, a)):
+                raise InputError(f"color of shape {self.name!r} is {(r, g, b, a)}, expected numbers from 0 to 1")
+            object.__setattr__(self, "color", (r, g, b, a))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

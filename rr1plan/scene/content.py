@@ -51,7 +51,8 @@ class SceneContent(Value):
             twice = next(name for name in names if names.count(name) > 1)
             raise InputError(f"the scene has two elements named {twice!r}")
         for held in self.attachments.values():
-            self.arm(held.arm).robot.link(held.link)
+            for link in (held.link, *held.touch):
+                self.arm(held.arm).robot.link(link)
         for both in (*self.allowed, *self.pair_padding):
             for name in both:
                 known_name("element", name, (*self.element_names, *self.arms))

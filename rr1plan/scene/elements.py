@@ -85,6 +85,11 @@ class Attachment(Value):
     pose: Array
     touch: frozenset[str] = frozenset()
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "geometries", posed_shapes(self.geometries))
+        object.__setattr__(self, "pose", as_pose(self.pose, "pose of the held object"))
+        object.__setattr__(self, "touch", frozenset(self.touch))
+
 
 def pair(a: str, b: str) -> Pair:
     """The unordered pair of two element names."""

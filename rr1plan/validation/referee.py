@@ -21,9 +21,9 @@ from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation.bodies import Bodies
 from rr1plan.validation.certificate import TOUCH, Findings
-from rr1plan.validation.extremes import extremes
+from rr1plan.validation.extremes import Extremes, extremes
 from rr1plan.validation.goals import check_ends
-from rr1plan.validation.limits import Ledger, check_continuity, check_positions, check_rates, check_rest
+from rr1plan.validation.limits import Columns, Ledger, check_continuity, check_positions, check_rates, check_rest
 from rr1plan.validation.motion import SceneMotion
 from rr1plan.validation.proof import prove
 from rr1plan.validation.tables import Setting, setting_of
@@ -32,6 +32,8 @@ from rr1plan.validation.torque import check_torques
 _MOST_DISTANCES = 400_000
 # Positions beyond this [rad or m] are no motion of an arm, and cost digits.
 _FARTHEST = 1e6
+# A speed beyond 100 times its limit, or times 10 rad/s (or m/s) where it has none, is no motion of an arm.
+_ABSURD, _FAST = 100.0, 10.0
 
 
 def validate(
@@ -78,9 +80,9 @@ def validate(
         return _no_motion(ledger)
     setting = setting_of(scene, trajectory.joint_names)
     motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
-    _check_collisions(ledger, motion, setting, clearance_tolerance, progress)
-    _name_unchecked_links(ledger, scene)
     columns, found = setting.columns, extremes(motion.breaks, motion.coefficients)
+    _check_collisions(ledger, motion, setting, clearance_tolerance, _most_distances(columns, found), progress)
+    _name_unchecked_links(ledger, scene)
     check_positions(ledger, columns, found)
     check_continuity(ledger, columns, found, motion.coefficients)
     check_rest(ledger, columns, found, motion.breaks, motion.coefficients)
@@ -125,7 +127,7 @@ def certify_path(
         return _no_motion(ledger)
     setting = setting_of(scene, trajectory.joint_names)
     motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
-    _check_collisions(ledger, motion, setting, clearance_tolerance, progress)
+    _check_collisions(ledger, motion, setting, clearance_tolerance, _MOST_DISTANCES, progress)
     _name_unchecked_links(ledger, scene)
     check_positions(ledger, setting.columns, extremes(motion.breaks, motion.coefficients))
     for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
@@ -208,12 +210,25 @@ def _check_reach(ledger: Ledger, trajectory: Trajectory) -> bool:
     return bool((reach <= _FARTHEST).all())
 
 
+def _most_distances(columns: Columns, found: Extremes) -> int:
+    """Distances that a proof may take: few for a motion that is far too fast, which is refused whatever it hits."""
+    speed = np.maximum(found.high[1], -found.low[1])
+    limits = columns.limits.velocity
+    absurd = speed > _ABSURD * np.where(np.isfinite(limits), limits, _FAST)
+    return _MOST_DISTANCES // 50 if absurd.any() else _MOST_DISTANCES
+
+
 def _check_collisions(
-    ledger: Ledger, motion: SceneMotion, setting: Setting, tolerance: float, progress: ProgressCallback | None
+    ledger: Ledger,
+    motion: SceneMotion,
+    setting: Setting,
+    tolerance: float,
+    most: int,
+    progress: ProgressCallback | None,
 ) -> None:
     began = clock.perf_counter()
     bodies = setting.bodies
-    found = prove(motion, setting, tolerance, _MOST_DISTANCES, _teller(progress))
+    found = prove(motion, setting, tolerance, most, _teller(progress))
     if found.cancelled:
         ledger.not_checked["collision"] = "cancelled before all of the motion was decided"
     else:

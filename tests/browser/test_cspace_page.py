@@ -313,7 +313,7 @@ def test_where_no_path_exists_the_page_says_so_in_two_colours(tab: Any, tmp_path
     wait_until(tab.page, READY)
     said = tab.page.locator(".verdict").inner_text()
     assert said.startswith("No path exists")
-    assert "certified blocked cells" in said
+    assert "proven by certified cells" in said
     pixels = canvas_pixels(tab)
     assert near(pixels, "#cfe0fb", 2).sum() > 10_000
     assert near(pixels, "#cdeedb", 2).sum() > 10_000

@@ -8,8 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
+import rr1plan as rp
 from rr1plan.cli import BAD_INPUT, INVALID_PLAN, NO_PLAN, OK, run
+from rr1plan.formats.plan_files import save_trajectory
 from rr1plan.library import installed_robot_names, robot_names, scene_names
 
 
@@ -123,18 +126,90 @@ def test_validate_accepts_a_good_motion_and_refuses_it_elsewhere(
 ) -> None:
     assert run(["validate", str(motion)]) == OK
     assert "certified free" in capsys.readouterr().out
-    assert run(["validate", str(motion), "--scene", "rr1_shelf"]) == BAD_INPUT
-    assert "rr1_table" in capsys.readouterr().err
+    assert run(["validate", str(motion), "--scene", "rr1_cage"]) == INVALID_PLAN
+    said = capsys.readouterr().out
+    assert "in the scene rr1_cage" in said
+    assert "which differs from the scene that the motion was made in:" in said
+    assert "obstacle 'crate' is gone" in said
+    assert "INVALID" in said
+    assert run(["validate", str(motion), "--scene", "planar2r_path"]) == BAD_INPUT
+    assert "'rr1/shoulder_joint'" in capsys.readouterr().err
+
+
+def test_does_my_saved_plan_survive_the_changed_cell(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = rp.load_scene("rr1_table")
+    rp.save_scene("same.toml", scene)
+    rp.save_scene("moved.toml", scene.with_obstacle("crate", rp.Box((0.01, 0.01, 0.01)), (0, 0, 3)))
+    assert run(["validate", str(motion), "--scene", "same.toml", "--json"]) == OK
+    assert answer(capsys)["changes"] == []
+    assert run(["validate", str(motion), "--scene", "moved.toml", "--json"]) == OK
+    value = answer(capsys)
+    assert value["scene"] == "rr1_table"
+    assert [change.split()[0:2] for change in value["changes"]] == [["obstacle", "'crate'"]] * len(value["changes"])
+    assert run(["play", str(motion), "--scene", "moved.toml", "--json"]) == OK
+    assert answer(capsys)["changes"] == value["changes"]
+    assert run(["view", str(motion), "--scene", "moved.toml", "--html", "moved.html"]) == OK
+    assert "obstacle 'crate'" in capsys.readouterr().out
+
+
+def test_motions_of_every_kind_are_validated_viewed_and_replayed(
+    motion: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    saved = rp.load_motion(motion)
+    save_trajectory("t.json", saved.trajectory, saved.scene)
+    rp.save_csv("t.csv", saved.trajectory.stretched(2.0))
+    times, q = saved.trajectory.sample(0.1)
+    points = [{"positions": row.tolist(), "time_from_start": float(t)} for t, row in zip(times, q, strict=True)]
+    names = [name.split("/")[1] for name in saved.trajectory.joint_names]
+    Path("t.yaml").write_text(yaml.safe_dump({"joint_names": names, "points": points}))
+    for name, verdict, pieces in (
+        ("t.json", OK, "quartic"),
+        ("t.csv", OK, "quintic"),
+        ("t.yaml", INVALID_PLAN, "linear"),
+    ):
+        assert run(["validate", name]) == BAD_INPUT
+        assert "--scene" in capsys.readouterr().err
+        assert run(["validate", name, "--scene", "rr1_table"]) == verdict
+        assert f"{pieces} piece" in capsys.readouterr().out
+        assert run(["play", name, "--scene", "rr1_table", "--mode", "kinematic"]) == OK
+        assert run(["view", name, "--scene", "rr1_table", "--html", "page.html"]) == OK
+    assert run(["view", "rr1_table", "--scene", "rr1_table", "--html", "page.html"]) == BAD_INPUT
+    assert "rr1_table is no motion" in capsys.readouterr().err
+
+
+def test_a_minus_writes_a_motion_that_is_whole_to_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plan", "rr1_table", "--output", "-", "--csv", "t.csv"]) == OK
+    written = capsys.readouterr()
+    assert "certified free" in written.err
+    Path("m.json").write_text(written.out)
+    assert run(["validate", "m.json", "--quiet"]) == OK
+    assert run(["plan", "rr1_table", "--csv", "-", "--quiet"]) == OK
+    Path("again.csv").write_text(capsys.readouterr().out)
+    assert Path("again.csv").read_text() == Path("t.csv").read_text()
+    assert sorted(p.name for p in Path.cwd().iterdir()) == ["again.csv", "m.json", "t.csv"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--output", "-", "--csv", "-"], "are the same file '-'"),
+        (["--output", "-", "--json"], "standard output"),
+        (["--html", "-"], "name a file"),
+        (["--embed"], "--embed has no effect without --output"),
+    ],
+)
+def test_standard_output_takes_one_thing(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plan", "rr1_table", *options]) == BAD_INPUT
+    written = capsys.readouterr()
+    assert words in written.out + written.err
+    assert not list(Path.cwd().iterdir())
 
 
 def test_a_motion_that_is_too_fast_is_invalid_and_exits_with_4(
     motion: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from rr1plan.formats.plan_files import load_motion, save_motion
-
-    saved = load_motion(motion)
-    assert saved.trajectory is not None
-    save_motion("fast.json", saved.scene, saved.path, saved.trajectory.stretched(0.3), None, saved.problem)
+    saved = rp.load_motion(motion)
+    rp.save_motion("fast.json", saved.scene, saved.path, saved.trajectory.stretched(0.3), None, saved.problem)
     assert run(["validate", "fast.json", "--json"]) == INVALID_PLAN
     kinds = {violation["kind"] for violation in answer(capsys)["violations"]}
     assert "acceleration" in kinds
@@ -205,11 +280,57 @@ def test_spheres_are_put_on_pages_when_asked_for(motion: Path) -> None:
 
 
 def test_cspace_draws_and_proves(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["cspace", "planar2r_no_path", "--resolution", "120", "--svg", "a.svg", "--json"]) == OK
-    assert answer(capsys)["proves_no_path"] is True
-    assert Path("a.svg").stat().st_size > 1000
+    assert (
+        run(["cspace", "planar2r_no_path", "--resolution", "120", "--svg", "a.svg", "--html", "a.html", "--json"]) == OK
+    )
+    said = answer(capsys)
+    assert said["proves_no_path"] is True
+    assert said["verdict"].startswith("No path exists")
+    assert said["files"] == {"svg": "a.svg", "page": "a.html"}
+    # The planner is stopped early, as no path exists: a tree that a slide can hold.
+    assert 1000 < Path("a.svg").stat().st_size < 1_500_000
     assert run(["cspace", "planar2r_path", "--resolution", "60"]) == OK
-    assert "planar2r_path-cspace.png" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "planar2r_path-cspace.png" in said
+    assert "Start and goal lie in the same component" in said
+
+
+def test_cspace_takes_the_format_from_the_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["cspace", "planar2r_path", "--png", "a.jpg"]) == BAD_INPUT
+    assert "--png: 'a.jpg' does not end in .png" in capsys.readouterr().err
+    assert run(["cspace", "planar2r_path", "--resolution", "24", "--pdf", "a.PDF"]) == OK
+    assert Path("a.PDF").read_bytes().startswith(b"%PDF")
+    assert list(Path().glob("*")) == [Path("a.PDF")]
+
+
+def test_cspace_draws_a_slice_of_a_bigger_arm(capsys: pytest.CaptureFixture[str]) -> None:
+    joints = ["--joints", "shoulder_joint", "elbow_joint"]
+    assert run(["cspace", "rr1_table", *joints, "--resolution", "16"]) == OK
+    said = capsys.readouterr().out
+    assert "configuration space of shoulder_joint and elbow_joint: 16 x 16 cells" in said
+    assert "a slice, at upper_arm_joint = 0, forearm_joint = 0, wrist_joint = 0.5, hand_joint = 0" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            ["planar2r_path", "--resolution", "100000"],
+            "resolution is 100000, expected a whole number of cells from 8 to 2000",
+        ),
+        (["planar2r_path", "--seconds", "0"], "'0' is not a number above zero"),
+        (["rr1_table", "--query", "above_parcel"], "the problem has 6 columns"),
+        (["rr1_table", "--seconds", "3"], "--seconds has no effect: there is no query of two joints"),
+        (["rr1_table", "--planner", "prm"], "--planner has no effect"),
+        (["planar2r_path", "--joints", "joint2", "joint1", "--query", "elbow_flip"], "the problem's columns are"),
+    ],
+)
+def test_cspace_refuses_at_once_what_it_cannot_draw(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["cspace", *arguments]) == BAD_INPUT
+    assert said in capsys.readouterr().err
+    assert list(Path().glob("*")) == []
 
 
 def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -262,3 +383,15 @@ def test_warnings_are_seen_in_a_program_that_sets_up_no_logging() -> None:
     program = "import rr1plan; rr1plan.load_robot('bare.urdf')"
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     assert "no link has a <collision>" in ended.stderr
+
+
+def test_plan_reads_a_scene_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rr1plan import library
+
+    loaded = []
+    read = library.read_scene
+    monkeypatch.setattr(library, "read_scene", lambda *arguments: loaded.append(arguments) or read(*arguments))
+    assert run(["plan", "rr1_table", "--quiet"]) == OK
+    assert len(loaded) == 1
+    assert run(["scenes", "rr1_table", "--quiet"]) == OK
+    assert len(loaded) == 2

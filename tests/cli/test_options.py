@@ -53,7 +53,7 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
         (["plan", "rr1_table", "--output", "a.json", "--csv", "./a.json"], "--output and --csv are the same file"),
         (["plan", "cell.toml", "--html", "cell.toml"], "SCENE and --html are the same file 'cell.toml'"),
         (["view", "cell.toml", "--html", "cell.toml"], "WHAT and --html are the same file"),
-        (["cspace", "cell.toml", "--svg", "cell.toml"], "SCENE and --svg are the same file"),
+        (["cspace", "cell.toml", "--svg", "cell.toml"], "--svg: 'cell.toml' does not end in .svg"),
     ],
 )
 def test_an_option_without_an_effect_is_refused(

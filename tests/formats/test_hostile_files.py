@@ -12,7 +12,6 @@ import pytest
 import rr1plan as rp
 from rr1plan.formats.meshes import SUFFIXES, read_mesh
 from rr1plan.formats.motion_bench import problem_set_joints
-from rr1plan.formats.plan_files import load_csv, load_path, load_trajectory
 from rr1plan.formats.point_files import read_points
 from rr1plan.formats.srdf import read_srdf
 from rr1plan.formats.urdf import read_urdf
@@ -29,9 +28,8 @@ READERS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "bench": (rp.load_scene, "a.yaml"),
     "problems": (problem_set_joints, "a.json.gz"),
     "motion": (rp.load_motion, "a.json"),
-    "path": (load_path, "a.json"),
-    "trajectory": (load_trajectory, "a.json"),
-    "csv": (load_csv, "a.csv"),
+    "csv": (rp.load_csv, "a.csv"),
+    "message": (rp.load_joint_trajectory, "a.yaml"),
     "points": (read_points, "a.npy"),
     "text points": (read_points, "a.xyz"),
     "ply points": (read_points, "a.ply"),

@@ -17,6 +17,7 @@ import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.library import load_problems
+from rr1plan.playback import CSpace
 from rr1plan.playback.cspace_cells import label_components, widest_spot
 from rr1plan.playback.cspace_grid import LIMITS, compute_grid
 from rr1plan.playback.cspace_images import SELF
@@ -235,6 +236,40 @@ def test_png_and_svg_are_written_and_repeat_to_the_byte(question: rp.Problem, tm
     assert ET.fromstring(first).tag.endswith("svg")
     assert b"<!-- configuration space -->" in first
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "a.svg", "b.svg"]
+
+
+def test_the_name_of_a_file_says_its_format(lesson: rp.Scene, tmp_path: Path) -> None:
+    picture = rp.cspace(lesson, resolution=24)
+    for name, begin in (("a.png", b"\x89PNG"), ("a.SVG", b"<?xml"), ("a.pdf", b"%PDF"), ("a.html", b"<!doctype")):
+        assert picture.save(tmp_path / name).read_bytes()[: len(begin)].lower() == begin.lower()
+    assert picture.save_pdf(tmp_path / "b.pdf").read_bytes() == (tmp_path / "a.pdf").read_bytes()
+    with pytest.raises(InputError, match=r"a\.jpg', expected a name that ends in \.png, \.svg, \.pdf, \.html"):
+        picture.save(tmp_path / "a.jpg")
+    with pytest.raises(InputError, match=r"a\.jpg' as PNG, expected a name that ends in \.png"):
+        picture.save_png(tmp_path / "a.jpg")
+    assert not (tmp_path / "a.jpg").exists()
+
+
+def test_a_huge_tree_makes_no_huge_files(question: rp.Problem, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    vertices = rng.uniform(-np.pi, np.pi, (40_000, 2))
+    vertices[0] = question.start
+    parents = (rng.random(39_999) * np.arange(1, 40_000)).astype(int)
+    tree = rp.planning.SearchTree(vertices, np.column_stack([parents, np.arange(1, 40_000)]))
+    picture = CSpace(compute_grid(question.scene, resolution=24), question.start, (), None, tree)
+    assert picture.save_svg(tmp_path / "a.svg").stat().st_size < 3_000_000
+    plain = CSpace(picture.grid, question.start).save_html(tmp_path / "b.html").stat().st_size
+    assert picture.save_html(tmp_path / "a.html").stat().st_size - plain < 300_000
+    assert "tree of the start, thinned" in (tmp_path / "a.svg").read_text()
+
+
+def test_progress_moves_on_evenly_and_ends_below_one(rr1_table: rp.Scene) -> None:
+    told: list[float] = []
+    rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=64, progress=told.append)
+    assert len(told) > 10
+    assert told == sorted(told)
+    assert 0.5 < told[-1] <= 1.0
+    assert np.diff(told).max() < 0.35
 
 
 def test_bad_arguments_are_named(lesson: rp.Scene, rr1_table: rp.Scene) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.planning import SearchTree
-from rr1plan.playback.search_trees import trees_of
+from rr1plan.playback.search_trees import drawn_tree, trees_of
 
 START, GOAL = np.array([0.0, 0.0]), np.array([5.0, 5.0])
 
@@ -60,3 +60,42 @@ def test_a_planners_trees_hang_together_as_they_grow(name: str) -> None:
         seen[int(sides[edge])] |= ends
     roots = [q for q in tree.vertices if min(np.abs(np.sin((q - r) / 2)).max() for r in (problem.start, *goals)) < 1e-6]
     assert new_roots <= len(roots)
+
+
+def a_big_tree(count: int, seed: int = 0) -> SearchTree:
+    """Vertices near START, each joined to one before it, in a random direction of the edge."""
+    rng = np.random.default_rng(seed)
+    parents = np.array([rng.integers(max(0, k - 40), k) for k in range(1, count)])
+    vertices = np.zeros((count, 2))
+    for k, parent in enumerate(parents, 1):
+        vertices[k] = vertices[parent] + rng.normal(size=2)
+    edges = np.column_stack([parents, np.arange(1, count)])
+    swapped = rng.random(count - 1) < 0.5
+    edges[swapped] = edges[swapped, ::-1]
+    return SearchTree(vertices, rng.permutation(edges))
+
+
+@pytest.mark.parametrize("most", [400, 1000])
+def test_a_huge_tree_is_thinned_to_a_part_of_it_that_hangs_together(most: int) -> None:
+    tree = a_big_tree(5000)
+    drawn = drawn_tree(tree, START, (), most)
+    assert drawn.explored == 4999
+    assert 0.1 * most < len(drawn.edges) <= most
+    known = {frozenset(map(tuple, tree.vertices[edge].tolist())) for edge in tree.edges}
+    seen = {tuple(START.tolist())}
+    for edge in drawn.edges:
+        ends = set(map(tuple, drawn.vertices[edge].tolist()))
+        assert frozenset(ends) in known
+        assert ends & seen, "an edge that begins nowhere"
+        seen |= ends
+    # It still reaches as far as the whole one.
+    span = np.ptp(tree.vertices, axis=0)
+    assert (np.ptp(drawn.vertices, axis=0) > 0.75 * span).all()
+
+
+def test_a_small_tree_is_drawn_whole() -> None:
+    tree = tree_of([[0, 0], [1, 0], [1, 1], [5, 5], [5, 8]], [[1, 2], [0, 1], [3, 4]])
+    drawn = drawn_tree(tree, START, (GOAL,))
+    assert drawn.explored == len(drawn.edges) == 3
+    assert drawn.sides.tolist() == [0, 0, 1]
+    np.testing.assert_allclose(drawn.vertices[drawn.edges[0]], [[0, 0], [1, 0]])

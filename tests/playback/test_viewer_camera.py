@@ -154,3 +154,17 @@ def test_a_view_that_is_none_is_named(view: Any, message: str, rr1: rp.Robot, tm
     with pytest.raises(rp.InputError, match=message):
         rp.save_html(tmp_path / "page.html", rp.Scene().with_arm("arm", rr1), view=view)
     assert not (tmp_path / "page.html").exists()
+
+
+@pytest.mark.parametrize(("name", "things"), [("rr1_pair", ("", "crate_")), ("rr1_bin", ("bin_",))])
+def test_what_is_called_left_is_on_the_left(name: str, things: tuple[str, ...]) -> None:
+    scene = rp.load_scene(name)
+    motions = [rp.plan_motion(problem, rng=0).trajectory for problem in rp.load_problems(name).values()]
+    for motion in (None, *motions):
+        x, y, _ = choose_camera(scene, motion).direction
+        for thing in things:
+            left, right = (
+                scene.arms[side].base if side in scene.arms else scene.obstacles[f"{thing}{side}"].pose
+                for side in ("left", "right")
+            )
+            assert np.dot((right - left)[:2, 3], [-y, x]) > 0.1

@@ -124,6 +124,8 @@ class Lesson {
     part(".grow").hidden = !this.tree.length;
     this.tools.elbow.hidden = !this.workspace;
     Object.assign(this.reach, { max: this.tree.length, step: 1, value: this.tree.length });
+    const thinned = data.tree && data.tree.explored > this.tree.length;
+    this.tools.tree.title = `What the planner explored (T)${thinned ? `: ${this.tree.length} of ${data.tree.explored} edges are drawn` : ""}`;
   }
 
   /** Lets the tree grow from its roots, in five seconds or at once where motion is not wanted. */
