@@ -16,7 +16,7 @@ import rr1plan
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console
 from rr1plan.formats.robot_data import PACKAGE, installed_robots
-from rr1plan.library import load_problems, load_robot, load_scene_file, robot_names, scene_names
+from rr1plan.library import load_robot, load_scene_file, robot_names, scene_names
 from rr1plan.robot import Robot
 
 _REQUIRED = (

@@ -147,6 +147,20 @@ static double tightest_row(const double *alpha, const double *beta, double x, do
     return most;
 }
 
+EXPORT double rr1_highest_speed(const double *alpha, const double *beta, int64_t count, double high) {
+    return highest_speed(alpha, beta, count, high);
+}
+
+EXPORT double rr1_next_speed(const double *alpha, const double *beta, int64_t count, double x, double high) {
+    return next_speed(alpha, beta, count, x, high);
+}
+
+// Rows of an interval of a curve of one piece, shape (ROWS(nq),) each; see `fill_rows`.
+EXPORT void rr1_fill_rows(const PathCurve *curve, double offset, double delta, const RateLimits *limits, double *alpha,
+                          double *beta) {
+    fill_rows(curve->coefficients, curve->column_count, offset, delta, limits, alpha, beta);
+}
+
 typedef struct {
     double *x;         // squared speeds at the gridpoints, shape (count + 1,)
     double duration;   // of the motion [s]
@@ -201,4 +215,15 @@ static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits
     }
     *speeds = (Speeds){x, total, loose / total};
     return 1;
+}
+
+// The fastest squared speeds at the gridpoints of a curve, shape (count + 1,); 0, or ARENA_FULL.
+EXPORT int64_t rr1_fastest_speeds(const PathCurve *curve, const RateLimits *limits, int64_t *piece, double *offset,
+                                  double *delta, int64_t count, Arena *arena, double *x) {
+    Grid grid = {piece, offset, delta, count};
+    Speeds speeds;
+    arena->used = 0;
+    if (!solve_grid(curve, &grid, limits, arena, &speeds)) return ARENA_FULL;
+    for (int64_t i = 0; i <= count; i++) x[i] = speeds.x[i];
+    return 0;
 }

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-import rr1plan as rp
 from rr1plan._kernels.clearance import least_clearance
 from rr1plan._kernels.motion import CONTACT, FREE, certify
+from rr1plan.collision.swept import SweptEdges
+from rr1plan.kernels.memory import address_of
+
+import rr1plan as rp
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel, exact_scratch, exact_struct
-from rr1plan.collision.swept import SweptEdges
 from rr1plan.kernels.library import load_file, load_library, variant_file, variants
-from rr1plan.kernels.memory import address_of
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud
 from rr1plan.transforms import pose
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
-
 from rr1plan._kernels.cover import RECORD, SPHERE, tables_of
 from rr1plan._kernels.jit import FLOATS1, OUT1
 from rr1plan._kernels.lanes import WIDTH, fill, load
 from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres, take_edge
+from rr1plan.collision.swept import SweptEdges
+
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.groups import ball_around, families_of, group_rows
-from rr1plan.collision.swept import SweptEdges
 from rr1plan.library import load_scene
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-
 from rr1plan._kernels.cover import RECORD, tables_of
 from rr1plan._kernels.exact import EXACT
 from rr1plan._kernels.intervals import _separate
@@ -23,10 +22,11 @@ from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, pla
 from rr1plan._kernels.poses import bound_travel, place_body, place_joints
 from rr1plan._kernels.record import pack
 from rr1plan._kernels.spheres import meet_body, meet_obstacle
+from rr1plan.collision.swept import SweptEdges
+
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.collision.spheres import cover
-from rr1plan.collision.swept import SweptEdges
 from rr1plan.formats.convex import convex_hull
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot

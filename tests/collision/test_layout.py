@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rr1plan.collision.swept import SweptEdges
 
 from rr1plan.collision import CollisionChecker, MotionChecker, carried, carried_cover, exact_tables, pairs, standing
 from rr1plan.collision.obstacle_rows import standing_obstacles
-from rr1plan.collision.swept import SweptEdges
 from rr1plan.contact_rules import rules_of
 from rr1plan.errors import InputError
 from rr1plan.library import load_scene

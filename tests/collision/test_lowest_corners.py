@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from rr1plan._kernels.cover import ALL, DIRECTION_CELLS, RECORD, WORD, tables_of
 from rr1plan._kernels.jit import I64, OUT1
 from rr1plan._kernels.lanes import WIDTH, load, store
 from rr1plan._kernels.supports import lowest
+from rr1plan.collision.swept import SweptEdges
+
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.lowest_corners import corners_per_bit, lowest_corners
-from rr1plan.collision.swept import SweptEdges
 from rr1plan.formats.convex import convex_hull
 from rr1plan.scene import Scene
 from rr1plan.transforms import pose

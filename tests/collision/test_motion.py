@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from rr1plan._kernels.motion import take_interval
 from rr1plan._kernels.poses import bound_travel, place_body, place_joints
+
 from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.library import load_scene

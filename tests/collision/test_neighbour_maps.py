@@ -6,9 +6,9 @@ import logging
 
 import numpy as np
 import pytest
+from rr1plan.collision.swept import SweptEdges
 
 from rr1plan.collision import CollisionChecker, neighbour_maps
-from rr1plan.collision.swept import SweptEdges
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.scene import Scene

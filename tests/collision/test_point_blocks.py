@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from rr1plan._kernels.cover import BLOCK
+
 from rr1plan.collision.point_blocks import in_blocks
 
 

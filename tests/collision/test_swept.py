@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from rr1plan._kernels.lanes import WIDTH
-from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.collision.swept import SweptEdges
+
+from rr1plan.collision import CollisionChecker, MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.library import load_robot, load_scene
 from rr1plan.scene import Scene

@@ -9,11 +9,11 @@ from decimal import Decimal, getcontext
 
 import numpy as np
 import pytest
-
 from rr1plan._kernels import cover, motion, separation
+from rr1plan.kernels.memory import CStruct, address_of, zeroed
+
 from rr1plan.errors import InstallationError
 from rr1plan.kernels import library, structs
-from rr1plan.kernels.memory import CStruct, address_of, zeroed
 
 VARIANTS = library.variants()
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import coal
 import numpy as np
 import pytest
-
 from rr1plan._kernels.separation import separation
+
 from rr1plan.collision.body_rows import _core, _neighbours
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.formats.convex import convex_hull

@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-
 from rr1plan._kernels.chain import TARGET, Scratch, differentiate, miss, place_chain, turn_between
+
 from rr1plan.kinematics import Kinematics
 from rr1plan.kinematics.chain import chain_of
 from rr1plan.kinematics.descent import Target, errors_at, position_at

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from rr1plan._kernels.generator import generator_state
 from rr1plan._kernels.inverse import solve
+
 from rr1plan.kinematics import Kinematics
 from rr1plan.kinematics.chain import chain_of
 from rr1plan.kinematics.descent import Target, descend

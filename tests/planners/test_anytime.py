@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-import rr1plan as rp
 from rr1plan._kernels import rrt_connect as kernel
 from rr1plan._kernels.generator import generator_state
 from rr1plan._kernels.tree_samples import _draw_between_foci
 from rr1plan._kernels.trees import nearest_within
+
+import rr1plan as rp
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems

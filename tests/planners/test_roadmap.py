@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rr1plan._kernels import roadmap as kernel
 
 import rr1plan as rp
-from rr1plan._kernels import roadmap as kernel
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.library import load_problems

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-import rr1plan as rp
 from rr1plan._kernels.generator import generator_state
 from rr1plan._kernels.tree_samples import step_aside
+
+import rr1plan as rp
 from rr1plan.collision import MotionChecker
 from rr1plan.kinematics import nearest_copy
 from rr1plan.planners import RrtConnect

@@ -15,11 +15,33 @@ from toppra.algorithm import TOPPRA
 from toppra.constraint import DiscretizationType, JointAccelerationConstraint, JointVelocityConstraint
 
 import rr1plan as rp
-from rr1plan._kernels.parameterize import fastest_speeds
+from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.retiming.blends import blend_sizes, clean, curves
 from rr1plan.retiming.pieces import as_trajectory
 from rr1plan.retiming.speed import make_grid, time_polyline, timed
 from rr1plan.retiming.toppra_ import _rate_rows, _solve, time_curve_with_torque
+
+
+def fastest_speeds(curve, grid, limits):
+    x, n, rates = np.empty(len(grid.piece) + 1), len(grid.piece), (limits.velocity.copy(), limits.acceleration.copy())
+    path = CStruct(
+        "PathCurve",
+        lengths=curve.lengths.copy(),
+        coefficients=curve.coefficients.copy().ravel(),
+        count=len(curve.lengths),
+        column_count=curve.coefficients.shape[2],
+    )
+    both = CStruct(
+        "RateLimits",
+        velocity=rates[0],
+        acceleration=rates[1],
+        inverse_velocity=1.0 / rates[0],
+        inverse_acceleration=1.0 / rates[1],
+    )
+    arena = CStruct("Arena", memory=np.empty(1 << 20), size=1 << 20)
+    columns = (np.ascontiguousarray(column) for column in grid)
+    assert load_library().rr1_fastest_speeds(path, both, *columns, n, arena, x) == 0
+    return x
 
 
 def no_torque(q, qd, qdd):
@@ -189,7 +211,7 @@ def test_the_compiled_passes_find_the_speeds_of_toppra(seed, nq, max_blend):
         if len(curve.lengths) == 1:  # one interval from rest to rest: nothing to find
             continue
         grid = make_grid(curve, limits, curve.lengths)
-        ours = fastest_speeds(curve.coefficients, *grid, limits.velocity, limits.acceleration)
+        ours = fastest_speeds(curve, grid, limits)
         toppras = _solve(curve, grid, _rate_rows(curve, grid, limits))
         # TOPPRA keeps a little away from the bounds of its sets; what one interval lacks the next may have more of
         np.testing.assert_allclose(ours, toppras, rtol=2e-2, atol=1e-5 * toppras.max())

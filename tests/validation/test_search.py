@@ -9,6 +9,7 @@ from typing import Any
 import coal
 import numpy as np
 import pytest
+from rr1plan.validation.apart import part_bodies
 from scipy.spatial import ConvexHull
 
 import rr1plan as rp
@@ -16,7 +17,6 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.robot import Mimic
 from rr1plan.transforms import pose
-from rr1plan.validation.apart import part_bodies
 from rr1plan.validation.certificate import Certificate, Findings
 from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.proof import prove

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rr1plan.validation.apart import TABLE, reach
 from scipy.spatial import ConvexHull
 
 import rr1plan as rp
-from rr1plan.validation.apart import TABLE, reach
 from rr1plan.validation.solids import solid
 from rr1plan.validation.support_tables import hull_core
 

@@ -8,13 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-import rr1plan as rp
-from rr1plan.checks import Array
-from rr1plan.robot import Geometry, Joint, Link, Mimic
-from rr1plan.transforms import inverse, pose
 from rr1plan.validation.apart import CHAIN, DEPTH, ORIGIN
-from rr1plan.validation.solids import support
 from rr1plan.validation.sweeping import (
     add_speeds,
     expand,
@@ -24,6 +18,12 @@ from rr1plan.validation.sweeping import (
     steady_reach,
     unsteadiness,
 )
+
+import rr1plan as rp
+from rr1plan.checks import Array
+from rr1plan.robot import Geometry, Joint, Link, Mimic
+from rr1plan.transforms import inverse, pose
+from rr1plan.validation.solids import support
 from rr1plan.validation.tables import setting_of
 
 Make = Callable[..., Any]

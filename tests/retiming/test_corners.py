@@ -6,7 +6,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan._kernels.polyline import corners
+from rr1plan.kernels.library import load_library
+
+
+def corners(points, tolerance):
+    index = np.empty(len(points), np.int64)
+    return index[: load_library().rr1_find_corners(points, *points.shape, tolerance, index)]
 
 
 def straight(points):
