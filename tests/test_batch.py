@@ -9,14 +9,13 @@ import subprocess
 import sys
 import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
 from multiprocessing import get_context
 
 import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan import batch, batch_worker
+from rr1plan import batch_worker
 from rr1plan.batch import PlanFailure, problem_seeds
 
 BUDGET = rp.Budget(float("inf"), iterations=20_000)
@@ -78,25 +77,6 @@ def test_spawned_processes_give_the_same_answers_whatever_their_number(problems)
     spawned = rp.plan_many(problems, workers=2, rng=7, full=False, budget=BUDGET)
     for one, two in zip(paths(here), paths(spawned), strict=True):
         np.testing.assert_array_equal(one, two)
-
-
-@pytest.mark.parametrize(
-    ("kept", "full", "built"), [(True, False, []), (False, False, ["kernels"]), (True, True, ["referee"])]
-)
-def test_what_was_never_compiled_is_compiled_before_processes_start(problems, monkeypatch, kept, full, built):
-    order = []
-    monkeypatch.setattr(batch, "all_kept", lambda: kept)
-    monkeypatch.setattr(batch, "build_all", lambda: order.append("kernels"))
-    monkeypatch.setattr(batch, "build_entries", lambda: order.append("referee"))
-
-    @contextmanager
-    def pool(workers):
-        order.append("started")
-        yield InLine()
-
-    monkeypatch.setattr(batch, "_pool", pool)
-    assert all(answer.solved for answer in batch.plan_many(problems[:2], workers=1, rng=0, full=full))
-    assert order == [*built, "started"]
 
 
 def test_a_problem_that_kills_its_process_is_the_only_one_lost(problems):

@@ -34,6 +34,7 @@
 #include "polyline.c"
 #include "chain.c"
 #include "inverse_kinematics.c"
+#include "planner_probes.c"
 // Motions along paths.
 #include "path_grid.c"
 #include "parameterize.c"

@@ -88,34 +88,37 @@ class Trees:
     Args:
         start: Root of the one, shape (nq,).
         goals: Roots of the other, shape (k, nq).
+
+    Attributes:
+        memory: Their arrays.
     """
 
     def __init__(self, start: Array, goals: Array) -> None:
-        self._memory = _take_memory(len(start), max(_CAPACITY, 2 * len(goals)))
+        self.memory = _take_memory(len(start), max(_CAPACITY, 2 * len(goals)))
         self._query = CStruct("TreeQuery", start=start, goals=goals, goal_count=len(goals))
         self._goals = goals
         self._call = load_library().rr1_grow_trees
 
     def __del__(self) -> None:
         """Leave the memory to other trees: to touch new memory for the first time takes as long as an edge."""
-        _idle.append(self._memory)
+        _idle.append(self.memory)
 
     @property
     def samples(self) -> int:
         """Samples drawn so far."""
-        samples: int = self._memory.struct.value.samples
+        samples: int = self.memory.struct.value.samples
         return samples
 
     @property
     def edges(self) -> int:
         """Edges checked so far."""
-        edges: int = self._memory.struct.value.edges
+        edges: int = self.memory.struct.value.edges
         return edges
 
     @property
     def sizes(self) -> tuple[int, int]:
         """Vertices of the start's tree and of the goals'."""
-        one, two = self._memory.struct.value.sides
+        one, two = self.memory.struct.value.sides
         return one.size, two.size
 
     def restart(self, lower: Array, extent: Array, step: float, domain: float, bound: float) -> None:
@@ -129,22 +132,22 @@ class Trees:
             bound: Longest path [rad] (inf: any).
         """
         self._query.set(lower=lower, extent=extent, step=step, domain=domain, bound=bound)
-        trees = self._memory.struct.value
+        trees = self.memory.struct.value
         trees.sides[0].size = trees.samples = trees.edges = 0
 
     def grow(self, state: RandomState, samples: int, scene: tuple[int, int]) -> bool:
         """Grow until so many samples have been drawn in all, or there is no room; whether the trees have met."""
-        struct = self._memory.struct
+        struct = self.memory.struct
         code = self._call(struct, self._query, state, samples, *scene)
         if code == constants()["SEARCH_FULL"]:
-            self._memory.enlarge()
+            self.memory.enlarge()
         return bool(code == constants()["SEARCH_SOLVED"])
 
     def add_goals(self, goals: Array) -> None:
         """More roots of the goals' tree, shape (k, nq)."""
         self._goals = np.concatenate([self._goals, goals])
         self._query.set(goals=self._goals, goal_count=len(self._goals))
-        memory = self._memory
+        memory = self.memory
         size = self.sizes[1]
         end = size + len(goals)
         while max(end, 2 * len(self._goals)) > memory.capacity:
@@ -155,11 +158,11 @@ class Trees:
 
     def path(self) -> Array:
         """The path from the start to a goal, shape (n, nq)."""
-        return self._memory.path[: self._memory.struct.value.path_rows].copy()
+        return self.memory.path[: self.memory.struct.value.path_rows].copy()
 
     def explored(self, *, joined: bool) -> SearchTree:
         """Both trees, and the edge between them when they have met."""
-        memory, sizes = self._memory, self.sizes
+        memory, sizes = self.memory, self.sizes
         vertices = np.concatenate([memory.vertices[side, :, :size].T for side, size in enumerate(sizes)])
         edges = []
         for side, first in enumerate((0, sizes[0])):
@@ -172,7 +175,7 @@ class Trees:
         return SearchTree(vertices, np.concatenate(edges).astype(np.int64))
 
 
-class _TreeMemory:
+class TreeMemory:
     """Arrays of two trees, and the struct that leads to them."""
 
     def __init__(self, nq: int, capacity: int) -> None:
@@ -206,13 +209,13 @@ class _TreeMemory:
 
 
 # Of trees that are no more; appending to it and popping from it are atomic.
-_idle: deque[_TreeMemory] = deque(maxlen=4)
+_idle: deque[TreeMemory] = deque(maxlen=4)
 
 
-def _take_memory(nq: int, capacity: int) -> _TreeMemory:
+def _take_memory(nq: int, capacity: int) -> TreeMemory:
     """Memory for two trees of so many vertices each, used before where possible."""
     with suppress(IndexError):
         used = _idle.pop()
         if used.vertices.shape[1:] == (nq, capacity):
             return used
-    return _TreeMemory(nq, capacity)
+    return TreeMemory(nq, capacity)

@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from rr1plan._kernels.chain import TARGET, Scratch, differentiate, miss, place_chain, turn_between
 
+from rr1plan.kernels.library import load_library
 from rr1plan.kinematics import Kinematics
-from rr1plan.kinematics.chain import chain_of
+from rr1plan.kinematics.chain import Chain, chain_of
 from rr1plan.kinematics.descent import Target, errors_at, position_at
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import pose
@@ -22,6 +22,13 @@ def flat(T):
     return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
 
 
+def error_and_jacobian(chain, target, q):
+    """The error (6,), its derivative (6, nq), and how many entries of both count."""
+    error, jacobian = np.empty(6), np.empty((len(q), 6))
+    rows = load_library().rr1_chain_jacobian(chain.struct, target.struct, q, len(q), error, jacobian)
+    return error, jacobian.T, rows
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_link_is_where_pinocchio_has_it(name, request):
     robot = request.getfixturevalue(name)
@@ -29,12 +36,12 @@ def test_every_link_is_where_pinocchio_has_it(name, request):
     kinematics, rng = Kinematics(Scene({"it": Arm(robot, base)})), np.random.default_rng(1)
     for link in robot.link_names:
         chain = chain_of(kinematics.scene_model.skeleton, f"it/{link}")
-        frames = np.empty((len(chain.values), 12))
+        frame = np.empty(12)
         for _ in range(5):
             q = rng.uniform(-2.0, 2.0, robot.nq)
-            place_chain(q, chain, frames)
-            np.testing.assert_allclose(frames[-1], flat(kinematics.pose(q, link)), atol=1e-12)
-            np.testing.assert_array_equal(position_at(chain, q), frames[-1, 9:])
+            load_library().rr1_chain_pose(chain.struct, q, frame)
+            np.testing.assert_allclose(frame, flat(kinematics.pose(q, link)), atol=1e-12)
+            np.testing.assert_array_equal(position_at(chain, q), frame[9:])
 
 
 def test_a_chain_holds_only_what_is_driven(odd_arm, rr1):
@@ -54,17 +61,17 @@ def test_the_jacobian_is_pinocchios(name, request):
     kinematics, rng = Kinematics(robot), np.random.default_rng(2)
     index = kinematics.scene_model.frame_id(f"arm/{robot.tool}")
     chain = chain_of(kinematics.scene_model.skeleton, f"arm/{robot.tool}")
-    scratch = Scratch(np.empty((len(chain.values), 12)), np.empty(6), np.empty((robot.nq, 6)))
     for _ in range(20):
         q = rng.uniform(-2.0, 2.0, robot.nq)
         p, R, J = kinematics.pose_and_jacobian(q, index)
         target = Target(p - 0.1, p - 0.1, R)
-        miss(q, chain, target.row, scratch)
-        assert differentiate(chain, target.row, scratch) == 6
-        expected = np.concatenate([J[:3], target.row[-1] * J[3:]])
-        np.testing.assert_allclose(scratch.jacobian.T, expected, atol=1e-12)
-        assert differentiate(chain, Target(p, p, None).row, scratch) == 3
-        np.testing.assert_allclose(scratch.jacobian.T[:3], J[:3], atol=1e-12)
+        _, jacobian, rows = error_and_jacobian(chain, target, q)
+        expected = np.concatenate([J[:3], target.struct.value.weight * J[3:]])
+        np.testing.assert_allclose(jacobian, expected, atol=1e-12)
+        assert rows == 6
+        _, jacobian, rows = error_and_jacobian(chain, Target(p - 0.1, p - 0.1, None), q)
+        np.testing.assert_allclose(jacobian[:3], J[:3], atol=1e-12)
+        assert rows == 3
 
 
 def test_a_coordinate_inside_its_box_may_change(rr1):
@@ -73,12 +80,10 @@ def test_a_coordinate_inside_its_box_may_change(rr1):
     p = kinematics.pose(q)[:3, 3]
     low, high = np.array([[-0.1, -0.3, -0.1], [0.1, -0.2, 0.1]])
     target = Target(p + low, p + high, None)
-    scratch = Scratch(np.empty((len(chain.values), 12)), np.empty(6), np.empty((6, 6)))
-    assert miss(q, chain, target.row, scratch) == pytest.approx(0.04)
-    np.testing.assert_allclose(scratch.error[:3], [0.0, 0.2, 0.0], atol=1e-12)
-    differentiate(chain, target.row, scratch)
-    assert (scratch.jacobian[:, [0, 2]] == 0.0).all()
-    assert (scratch.jacobian[:, 1] != 0.0).any()
+    error, jacobian, _ = error_and_jacobian(chain, target, q)
+    np.testing.assert_allclose(error[:3], [0.0, 0.2, 0.0], atol=1e-12)
+    assert (jacobian[[0, 2]] == 0.0).all()
+    assert (jacobian[1] != 0.0).any()
 
 
 ANGLES = st.one_of(st.floats(0.0, np.pi), st.floats(-16.0, -1.0).map(lambda x: np.pi - 10.0**x))
@@ -95,19 +100,15 @@ def test_the_turn_between_rotations_undoes_itself(seed, angle):
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
     wanted = pin.exp3(rng.normal(size=3))
-    target = np.zeros(TARGET)
-    target[6:15] = wanted.ravel()
-    turn = np.array(turn_between(flat(pose_of(pin.exp3(angle * axis) @ wanted)), target))
+    # A chain without joints: its frame is where its only link is.
+    link = np.concatenate([(pin.exp3(angle * axis) @ wanted).ravel(), np.zeros(5)])[None]
+    chain, target = Chain(np.zeros((0, 2), np.int64), link), Target(np.zeros(3), np.zeros(3), wanted)
+    error, _, _ = error_and_jacobian(chain, target, np.zeros(0))
+    turn = error[3:] / target.struct.value.weight
     np.testing.assert_allclose(np.linalg.norm(turn), angle, atol=2e-8)
     np.testing.assert_allclose(pin.exp3(turn), pin.exp3(angle * axis), atol=4e-8)
     if angle < 3.0:
         np.testing.assert_allclose(turn, angle * axis, atol=1e-12)
-
-
-def pose_of(R):
-    T = np.eye(4)
-    T[:3, :3] = R
-    return T
 
 
 def test_errors_are_distance_and_angle(rr1):

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rr1plan._kernels.generator import generator_state
-from rr1plan._kernels.inverse import solve
 
+from rr1plan.kernels.library import load_library
+from rr1plan.kernels.random_state import random_state
 from rr1plan.kinematics import Kinematics
 from rr1plan.kinematics.chain import chain_of
 from rr1plan.kinematics.descent import Target, descend
@@ -19,7 +19,7 @@ from rr1plan.problem import PoseGoal, RegionGoal
 
 def search_for(robot, goal, seed=0, **settings):
     chain = chain_of(Kinematics(robot).scene_model.skeleton, f"arm/{robot.tool}")
-    return IkSearch(chain, robot, goal, robot.home[None], generator_state(seed), **settings)
+    return IkSearch(chain, robot, goal, robot.home[None], random_state(seed), **settings)
 
 
 def slow_descent(kinematics, frame, T, q, steps=60):
@@ -56,13 +56,13 @@ def test_normal_equations_are_solved_as_numpy_does(n, seed):
     H, x = A.T @ A + 0.1 * np.eye(n), rng.normal(size=n)
     expected = np.linalg.solve(H, x)
     lower = np.tril(H) + np.triu(np.full((n, n), np.nan), 1)
-    assert solve(lower, x, n)
+    assert load_library().rr1_solve_cholesky(lower, x, n)
     np.testing.assert_allclose(x, expected, rtol=1e-8, atol=1e-10)
 
 
 def test_what_is_not_positive_definite_is_refused():
-    assert not solve(np.array([[1.0, 0.0], [2.0, 1.0]]), np.ones(2), 2)
-    assert not solve(np.full((1, 1), np.nan), np.ones(1), 1)
+    for wrong in (np.array([[1.0, 0.0], [2.0, 1.0]]), np.full((1, 1), np.nan)):
+        assert not load_library().rr1_solve_cholesky(wrong, np.ones(len(wrong)), len(wrong))
 
 
 @pytest.mark.parametrize("name", ["rr1", "odd_arm", "redundant_arm", "wrist_arm"])

@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rr1plan._kernels import rrt_connect as kernel
-from rr1plan._kernels.generator import generator_state
-from rr1plan._kernels.tree_samples import _draw_between_foci
-from rr1plan._kernels.trees import nearest_within
 
 import rr1plan as rp
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
+from rr1plan.kernels.library import CStruct, address_of, load_library
+from rr1plan.kernels.random_state import random_state
 from rr1plan.library import load_problems
 from rr1plan.planners import AnytimePlanner, RrtConnect
 from rr1plan.planners.anytime import luby
@@ -39,13 +37,31 @@ def seam():
     return load_problems("planar2r_path")["over_the_seam"]
 
 
+def trees_of(vertices):
+    """A struct of two trees with these vertices, one a column, shape (2, nq, capacity); they have to be kept alive."""
+    trees = CStruct("Trees", column_count=vertices.shape[1], capacity=vertices.shape[2])
+    for side, tree in enumerate(trees.value.sides):
+        tree.vertices = address_of(vertices[side], "double")
+    return trees
+
+
+def drawn(ends, bound, state, lower, extent, q):
+    """Whether a sample of the ellipsoid between the first vertices of two trees, written to q, is in the box."""
+    draw = load_library().rr1_draw_in_ellipsoid
+    return bool(draw(trees_of(ends), 0, bound, state, lower, extent, np.zeros(len(q)), q))
+
+
 @settings(deadline=None, max_examples=60)
 @given(st.integers(0, 2**32), st.integers(1, 300), st.integers(1, 9), st.floats(0.0, 9.0))
 def test_the_nearest_vertex_in_time_is_that_of_all_distances(seed, count, nq, most):
     rng = np.random.default_rng(seed)
     tree, lengths, q = 3 * rng.normal(size=(nq, count + 5)), rng.uniform(0.0, 5.0, count + 5), 3 * rng.normal(size=nq)
     turns = np.where(rng.random(nq) < 0.5, 2 * np.pi, 0.0)
-    index, distance = nearest_within(tree, lengths, count, q, most, turns, np.empty(64))
+    trees, near = trees_of(np.stack([tree, tree])), np.empty(1)
+    side = trees.value.sides[0]
+    side.vertices, side.lengths, side.size = address_of(tree, "double"), address_of(lengths, "double"), count
+    index = load_library().rr1_nearest_vertex(trees, 0, q, most, turns, near)
+    distance = near[0]
     away = tree[:, :count] - q[:, None]
     away = np.where(turns[:, None] > 0.0, np.angle(np.exp(1j * away)), away)
     distances = np.linalg.norm(away, axis=0)
@@ -63,9 +79,9 @@ def test_samples_lie_where_a_path_within_the_bound_may_pass_and_all_around(seed,
     start, goal = ends[:, :, 0]
     bound = detour * np.linalg.norm(goal - start)
     lower, extent = np.minimum(start, goal) - 9.0 * bound, np.abs(goal - start) + 18.0 * bound
-    state, q, found = generator_state(seed), np.empty(nq), []
+    state, q, found = random_state(seed), np.empty(nq), []
     for _ in range(300):
-        assert _draw_between_foci(ends, 0, bound, state, lower, extent, np.zeros(len(q)), q)
+        assert drawn(ends, bound, state, lower, extent, q)
         found.append(q.copy())
     found = np.array(found)
     lengths = np.linalg.norm(found - start, axis=1) + np.linalg.norm(found - goal, axis=1)
@@ -80,20 +96,20 @@ def test_samples_lie_where_a_path_within_the_bound_may_pass_and_all_around(seed,
 def test_samples_out_of_limits_or_without_a_way_are_none():
     ends = np.zeros((2, 2, 4))
     ends[1, 0, 0] = 1.0
-    state, q = generator_state(0), np.empty(2)
+    state, q = random_state(0), np.empty(2)
     narrow = np.array([-9.0, 5.0]), np.array([18.0, 1.0])
-    assert not any(_draw_between_foci(ends, 0, 2.0, state, *narrow, np.zeros(2), q) for _ in range(50))
+    assert not any(drawn(ends, 2.0, state, *narrow, q) for _ in range(50))
     wide = np.array([-9.0, -9.0]), np.array([18.0, 18.0])
-    assert not _draw_between_foci(ends, 0, 1.0, state, *wide, np.zeros(2), q)
+    assert not drawn(ends, 1.0, state, *wide, q)
 
 
 def test_a_joint_without_play_keeps_its_value_to_the_bit():
     ends = np.zeros((2, 3, 4))
     ends[1, 0, 0], ends[:, 1, 0] = 1.0, 0.1
-    state, q = generator_state(0), np.empty(3)
+    state, q = random_state(0), np.empty(3)
     lower, extent = np.array([-9.0, 0.1, -9.0]), np.array([18.0, 0.0, 18.0])
     for _ in range(50):
-        assert _draw_between_foci(ends, 0, 2.0, state, lower, extent, np.zeros(len(q)), q)
+        assert drawn(ends, 2.0, state, lower, extent, q)
         assert q[1] == 0.1
 
 
@@ -105,9 +121,8 @@ def test_trees_under_a_bound_meet_within_it(shelf):
     box = limits.lower, limits.upper - limits.lower
     met = 0
     for seed in range(20):
-        trees.counts[:] = 0
-        code = trees.grow(generator_state(seed), *box, 0.6, 2.0, bound, 800, motion.context)
-        if code != kernel.SOLVED:
+        trees.restart(*box, 0.6, 2.0, bound)
+        if not trees.grow(random_state(seed), 800, motion.context):
             continue
         met += 1
         path = trees.path()
@@ -116,19 +131,19 @@ def test_trees_under_a_bound_meet_within_it(shelf):
     assert met >= 5
 
 
-def test_each_vertex_knows_the_length_of_its_way(shelf):
+def test_each_vertex_has_the_length_of_its_path(shelf):
     trees = Trees(shelf.start, np.array([shelf.goal[shelf.arms[0]][0].q]))
     limits = shelf.scene.limits(shelf.arms)
-    context = MotionChecker(shelf.scene, shelf.arms).context
-    trees.counts[:] = 0
-    trees.grow(generator_state(1), limits.lower, limits.upper - limits.lower, 0.5, 2.0, 7.0, 600, context)
-    for side, size in enumerate(trees.counts[:2]):
+    motion, memory = MotionChecker(shelf.scene, shelf.arms), trees.memory
+    trees.restart(limits.lower, limits.upper - limits.lower, 0.5, 2.0, 7.0)
+    trees.grow(random_state(1), 600, motion.context)
+    for side, size in enumerate(trees.sizes):
         assert size > 2
         for i in range(1, size):
-            parent = trees.parents[side, i]
-            edge = np.linalg.norm(trees.vertices[side, :, i] - trees.vertices[side, :, parent])
+            parent = memory.parents[side, i]
+            edge = np.linalg.norm(memory.vertices[side, :, i] - memory.vertices[side, :, parent])
             assert edge <= 0.5 + 1e-12
-            assert trees.lengths[side, i] == pytest.approx(trees.lengths[side, parent] + edge, abs=1e-9)
+            assert memory.lengths[side, i] == pytest.approx(memory.lengths[side, parent] + edge, abs=1e-9)
 
 
 def test_neither_chunks_nor_room_change_the_path(shelf, monkeypatch):

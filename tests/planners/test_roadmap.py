@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rr1plan._kernels import roadmap as kernel
 
 import rr1plan as rp
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.library import load_problems
 from rr1plan.planners import Roadmap, RoadmapPlanner, RrtConnect
 from rr1plan.planning import Budget, PlanStatus
@@ -74,7 +74,8 @@ def test_the_nearest_few_are_those_of_all_distances_sorted(seed, count, nq, most
     vertices, q = rng.uniform(-np.pi, np.pi, (nq, count + 3)), rng.uniform(-np.pi, np.pi, nq)
     wraps = rng.random(nq) < 0.5
     nearest, distances = np.empty(most, np.int64), np.empty(most)
-    found = kernel.nearest_few(vertices, count, q, wraps, most, np.empty(count), nearest, distances)
+    graph = CStruct("RoadmapGraph", vertices=vertices, wraps=wraps.view(np.uint8), column_count=nq, capacity=count + 3)
+    found = load_library().rr1_find_neighbors(graph, count, q, most, np.empty(count), nearest, distances)
     away = np.abs(vertices[:, :count] - q[:, None])
     away[wraps] = np.minimum(away[wraps], 2 * np.pi - away[wraps])
     expected = np.linalg.norm(away, axis=0)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rr1plan._kernels.generator import generator_state
-from rr1plan._kernels.tree_samples import step_aside
 
 import rr1plan as rp
 from rr1plan.collision import MotionChecker
+from rr1plan.kernels.library import CStruct, address_of, load_library
+from rr1plan.kernels.random_state import random_state
 from rr1plan.kinematics import nearest_copy
 from rr1plan.planners import RrtConnect
 from rr1plan.planners.query import Query
@@ -132,17 +132,20 @@ def test_the_space_of_endless_joints_has_no_seam_and_can_be_unrolled(tmp_path):
 
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**32), st.integers(1, 9), st.floats(0.01, 2.0))
-def test_a_step_aside_is_no_longer_than_a_step_within_limits_and_may_go_any_way(seed, nq, step):
+def test_an_escape_sample_is_no_longer_than_a_step_within_limits_and_may_go_any_way(seed, nq, step):
     rng = np.random.default_rng(seed)
     lower, extent = -rng.uniform(0.0, 1.0, nq), rng.uniform(1.0, 3.0, nq)
     turns = np.where(rng.random(nq) < 0.3, TURN, 0.0)
     still = rng.random(nq) < 0.2
     still[0] = False
     extent[still] = lower[still] = 0.0
-    trees, state, found = np.zeros((2, nq, 3)), generator_state(seed), []
+    vertices, state, found = np.zeros((nq, 3)), random_state(seed), []
+    trees = CStruct("Trees", column_count=nq, capacity=3)
+    trees.value.sides[1].vertices = address_of(vertices, "double")
+    escape = load_library().rr1_escape_sample
     for _ in range(60):
         q = np.empty(nq)
-        distance = step_aside(trees, 1, 2, step, state, lower, extent, turns, q)
+        distance = escape(trees, 1, 2, step, state, lower, extent, turns, q)
         assert distance == pytest.approx(np.linalg.norm(q))
         assert distance <= step * (1.0 + 1e-12)
         inside = (turns > 0.0) | ((lower <= q) & (q <= lower + extent))
