@@ -89,6 +89,9 @@ def test_an_option_without_an_effect_is_refused(
         (["plan", "rr1_table", "--position", "0", "0"], "--position: expected 3 arguments"),
         (["plan", "rr1_table", "--position", "0", "0", "-inf"], "--position: '-inf' is not a finite number"),
         (["plan", "rr1_table", "--html", ""], "--html: '' is not a file name"),
+        (["plan", "rr1_table", "--html", "a\0b"], "is not a file name"),
+        (["plan", "a" * 300], "is longer than 255 bytes"),
+        (["plan", "rr1_table", "--html", "a" * 300], "is longer than 255 bytes"),
         (["plan", "rr1_table", "--limits", ""], "unknown"),
         (["plan", "rr1_table", "--query", ""], "unknown query ''"),
         (["scenes", "--quiet=yes"], "--quiet: ignored explicit argument 'yes'"),
@@ -178,3 +181,13 @@ def test_help_lists_planners_and_retimings(capsys: pytest.CaptureFixture[str]) -
 def test_the_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--version"]) == OK
     assert re.fullmatch(r"rr1plan \d+\.\d+\.\d+\S*\n", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("option", ["--output", "--csv", "--html"])
+@pytest.mark.parametrize(("name", "why"), [("not/there", "No such file"), (".", "it is a folder")])
+def test_a_file_that_cannot_be_written_is_refused_before_planning(
+    option: str, name: str, why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Planning would end with no plan.
+    assert run(["plan", "planar2r_no_path", "--seconds", "0.2", option, name]) == BAD_INPUT
+    assert f"cannot write {name}: {why}" in one_line(capsys)
