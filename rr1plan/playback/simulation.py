@@ -26,6 +26,8 @@ from rr1plan.trajectory import Trajectory
 _UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
 # More steps than this take hours and more memory than there is.
 _MOST_STEPS = 5_000_000
+# A joint that moves more than this in one step is not tracked well [rad or m].
+_LONG_STRIDE = 0.05
 Mode = Literal["dynamic", "kinematic"]
 Progress = Callable[[float], None]
 
@@ -161,7 +163,7 @@ class _Run:
         velocity = self.targets(self.times, 1)
         feedforward = self._feedforward(velocity)
         control = np.stack([self.desired, velocity, feedforward], axis=2).reshape(len(self.times), -1)
-        limit = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)
+        limit = self.world.effort_limits
         data.qpos[:] = self.desired[0]
         data.qvel[:] = velocity[0]
         for k in range(len(self.times) - 1):
@@ -250,14 +252,20 @@ def _report(mode: Mode, run: _Run, record_dt: float, wall: float, stiffness: flo
         timestep=timestep,
         wall_seconds=wall,
         settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness},
-        estimated=_estimated(run) if mode == "dynamic" else (),
+        remarks=_remarks(run) if mode == "dynamic" else (),
     )
 
 
-def _estimated(run: _Run) -> tuple[str, ...]:
-    """What the description lacks and the physics needs, in words."""
+def _remarks(run: _Run) -> tuple[str, ...]:
+    """What the description or the step lacks for the physics, in words."""
     arms = run.targets.scene.arms.items()
     links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]
-    bare = run.world.massless_joints
-    found = [f"masses estimated from shapes: {', '.join(links)}"] if links else []
-    return (*found, f"joints that carry no mass: {', '.join(bare)}") if bare else tuple(found)
+    found = []
+    if links:
+        found.append(f"masses estimated from shapes: {', '.join(links)}")
+    if run.world.massless_joints:
+        found.append(f"joints that carry no mass: {', '.join(run.world.massless_joints)}")
+    stride = float(np.abs(np.diff(run.desired, axis=0)).max(initial=0.0))
+    if stride > _LONG_STRIDE:
+        found.append(f"joints move up to {stride:.2g} rad in a step, which costs accuracy: take a smaller timestep")
+    return tuple(found)

@@ -8,7 +8,8 @@ row of `_METHODS`.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
@@ -91,13 +92,13 @@ def retime(
         return Trajectory.rest(path.joint_names, points[0])
     check_limits(path.joint_names, points, limits, jerk=method in _JERK_LIMITED)
     dynamics = Kinematics(scene, arms).inverse_dynamics if torque_limits else None
-    if dynamics is not None:
-        check_gravity(points, path.joint_names, limits.effort, dynamics)
     work = Work(points, limits, max_blend, lambda: checker or _certifier(scene, arms), dynamics)
     _, time_pieces = _METHODS[method]
-    parts = time_pieces(work)
-    if dynamics is not None:
-        parts = [within_torque(part, path.joint_names, limits.effort, dynamics) for part in parts]
+    if dynamics is None:
+        return as_trajectory(path.joint_names, concatenate(time_pieces(work)))
+    with _naming_estimates(scene, arms):
+        check_gravity(points, path.joint_names, limits.effort, dynamics)
+        parts = [within_torque(part, path.joint_names, limits.effort, dynamics) for part in time_pieces(work)]
     return as_trajectory(path.joint_names, concatenate(parts))
 
 
@@ -117,6 +118,18 @@ def _arms(path: Path, scene: Scene) -> tuple[str, ...]:
     if path.joint_names != expected:
         raise InputError(f"the path's joints are {path.joint_names}, expected those of the arms in order: {expected}")
     return arms
+
+
+@contextmanager
+def _naming_estimates(scene: Scene, arms: tuple[str, ...]) -> Iterator[None]:
+    """Add to what is wrong with torques which masses are estimates."""
+    try:
+        yield
+    except RetimingError as error:
+        links = [f"{arm}/{link}" for arm in arms for link in scene.arms[arm].robot.links_of_assumed_mass]
+        if not links:
+            raise
+        raise RetimingError(f"{error}; the masses of {', '.join(links)} are estimates") from error
 
 
 def _certifier(scene: Scene, arms: tuple[str, ...]) -> CurveChecker:
