@@ -277,8 +277,10 @@ def _clearance_margins(ledger: Ledger, bodies: Bodies, found: Findings) -> None:
         seen = np.where(members, found.clearance, np.inf)
         if not np.isfinite(seen).any():
             continue
-        k = int(np.argmin(seen))
-        ledger.margins[name] = Margin(float(seen[k]), "m", bodies.names(k), float(found.time[k]))
+        # With a contact to report, only contacts are looked for: the rest is not found to its tolerance.
+        if not hit.any() or hit[members].any():
+            k = int(np.argmin(seen))
+            ledger.margins[name] = Margin(float(seen[k]), "m", bodies.names(k), float(found.time[k]))
         for end, nearest in zip(("start", "end"), found.ends[group], strict=True):
             if name == "clearance" and np.isfinite(nearest.clearance):
                 ledger.margins[f"{name}_{end}"] = Margin(
