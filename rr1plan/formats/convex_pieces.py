@@ -321,7 +321,7 @@ def _size(points: Array) -> float:
 
 
 def _is_own_hull(mesh: Mesh) -> bool:
-    """Whether a mesh is the surface of its hull, small gaps apart; an open box is not."""
+    """Whether a mesh is the surface of its hull up to small gaps; an open box is not."""
     if not is_convex(mesh):
         return False
     return _is_closed(mesh) or _swelling(mesh, [convex_hull(mesh.vertices)], False) <= _OWN_HULL * _size(mesh.vertices)

@@ -47,8 +47,8 @@ class MujocoScene:
         model: The compiled model.
         joint_names: "arm/joint" of every movable joint, in the order of qpos, qvel and actuators.
         geom_elements: The scene element each geom belongs to, by geom id.
-        effort_limits: Largest effort of each of those joints [Nm or N], inf where there is none; servos keep it but for
-            arms whose masses are estimated.
+        effort_limits: Largest effort of each of those joints [Nm or N], inf where there is none. Servos keep it, except
+            in arms whose masses are estimated.
         massless_joints: Those of `joint_names` that carry no mass; each has a motor of some inertia instead.
     """
 
