@@ -172,6 +172,11 @@ def files_read_back_exactly_and_altered_ones_are_refused(said: str, folder: Path
     header = "t,q:rr1/shoulder_joint,"
     assert header in said
     assert (folder / "14_trajectory.csv").read_text().startswith(header)
+    assert "proven again: True" in said
+    assert "there: Report(not valid: collision" in said
+    assert "what differs: obstacle 'late_ball' is new" in said
+    assert "from samples: 1.18" in said
+    assert FREE in said
     assert "refused: 14_altered.json: was altered" in said
 
 

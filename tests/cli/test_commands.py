@@ -129,7 +129,7 @@ def test_validate_accepts_a_good_motion_and_refuses_it_elsewhere(
     assert run(["validate", str(motion), "--scene", "rr1_cage"]) == INVALID_PLAN
     said = capsys.readouterr().out
     assert "in the scene rr1_cage" in said
-    assert "which differs from the scene that the motion was made in:" in said
+    assert "the scene differs from the one that the motion was made in:" in said
     assert "obstacle 'crate' is gone" in said
     assert "INVALID" in said
     assert run(["validate", str(motion), "--scene", "planar2r_path"]) == BAD_INPUT
