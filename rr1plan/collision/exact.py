@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rr1plan._kernels.clearance import least_clearance as _least_clearance_untyped
 from rr1plan._kernels.exact import EXACT, ExactTables
 from rr1plan._kernels.record import pack
-from rr1plan.checks import Array, finite_array, read_only
+from rr1plan.checks import Array, finite_array, finite_number, read_only, whole_number
 from rr1plan.collision.answers import Contact, Nearest
 from rr1plan.collision.carried import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
@@ -210,6 +210,7 @@ class CollisionChecker:
             InputError: wrong shape or not finite, or elements that cannot be measured against each other.
         """
         q = self.checked(q)
+        most = most if type(most) is float and most > 0.0 else finite_number("most", most)
         return _least_clearance(q, self._resting_clearance(most), self.record)
 
     # ---- for the motion checker -----------------------------------------------------------
@@ -230,7 +231,12 @@ class CollisionChecker:
         return placed.distances() if pairs is None else np.array([placed.distance(int(i))[0] for i in pairs])
 
     def solid_distance(self, q: Any, pair: int) -> float:
-        """Distance of one pair in `solid_pairs` [m], negative where they overlap."""
+        """Distance of one pair in `solid_pairs` [m], negative where they overlap.
+
+        Raises:
+            InputError: wrong shape or not finite, or no pair of that number.
+        """
+        whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return self._placed(q).distance(pair)[0]
 
     def checked(self, q: Any) -> Array:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_number, known_name, of_kind, positive_number
+from rr1plan.checks import Array, finite_number, known_name, of_kind, positive_number, true_or_false
 from rr1plan.errors import InputError, RetimingError
 from rr1plan.kinematics import Kinematics
 from rr1plan.limits import Limits
@@ -84,7 +84,9 @@ def retime(
         raise InputError(f"checker is of type {type(checker).__name__}, expected a MotionChecker")
     arms = _arms(path, scene)
     scales = [_share("velocity_scale", velocity_scale), _share("acceleration_scale", acceleration_scale)]
-    if not finite_number("max_blend", max_blend) >= 0.0:
+    torque_limits = true_or_false("torque_limits", torque_limits)
+    max_blend = finite_number("max_blend", max_blend)
+    if max_blend < 0.0:
         raise InputError(f"max_blend is {max_blend}, expected a size >= 0")
     limits = scene.limits(arms).scaled(*scales)
     points = clean(path.waypoints)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rr1plan.checks import of_kind, positive_number
+from rr1plan.checks import check_callback, of_kind, positive_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import Progress, ProgressCallback
@@ -74,7 +74,12 @@ def validate(
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
     of_kind("problem", problem, Problem, optional=True)
-    positive_number("clearance_tolerance", clearance_tolerance)
+    clearance_tolerance = positive_number("clearance_tolerance", clearance_tolerance)
+    check_callback("progress", progress)
+    torque_limits, jerk_limits = (
+        true_or_false("torque_limits", torque_limits),
+        true_or_false("jerk_limits", jerk_limits),
+    )
     _check_columns(trajectory, scene)
     ledger = Ledger()
     if not _check_values(ledger, trajectory):
@@ -120,7 +125,8 @@ def certify_path(
     """
     of_kind("path", path, Path)
     of_kind("scene", scene, Scene)
-    positive_number("clearance_tolerance", clearance_tolerance)
+    clearance_tolerance = positive_number("clearance_tolerance", clearance_tolerance)
+    check_callback("progress", progress)
     trajectory = _unit_speed(path)
     _check_columns(trajectory, scene)
     ledger = Ledger()

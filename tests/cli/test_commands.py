@@ -316,7 +316,7 @@ def test_cspace_draws_a_slice_of_a_bigger_arm(capsys: pytest.CaptureFixture[str]
     [
         (
             ["planar2r_path", "--resolution", "100000"],
-            "resolution is 100000, expected a whole number of cells from 8 to 2000",
+            "resolution is 100000, expected a whole number from 8 to 2000",
         ),
         (["planar2r_path", "--seconds", "0"], "'0' is not a number above zero"),
         (["rr1_table", "--query", "above_parcel"], "the problem has 6 columns"),
