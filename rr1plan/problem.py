@@ -16,6 +16,7 @@ from rr1plan.checks import (
     finite_array,
     known_name,
     near_array,
+    of_kind,
     positive_number,
     read_only,
     shape_of,
@@ -174,6 +175,7 @@ class Problem(Value):
             UnknownNameError: the scene has no arm or frame of that name.
             InputError: an arm that has other joints there.
         """
+        of_kind("scene", scene, Scene)
         start: dict[str, Array] = {}
         goal: dict[str, list[Goal]] = {}
         postures = self.scene.split(self.start, self.arms)

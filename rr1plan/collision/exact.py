@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rr1plan._kernels.clearance import least_clearance as _least_clearance_untyped
 from rr1plan._kernels.exact import EXACT, ExactTables
 from rr1plan._kernels.record import pack
-from rr1plan.checks import Array, finite_array, finite_number, read_only, whole_number
+from rr1plan.checks import Array, finite_array, finite_number, items_of, read_only, whole_number
 from rr1plan.collision.answers import Contact, Nearest
 from rr1plan.collision.carried import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
@@ -226,9 +226,18 @@ class CollisionChecker:
         return pack(self.tables, EXACT)
 
     def solid_distances(self, q: Any, pairs: NDArray[np.intp] | None = None) -> Array:
-        """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,)."""
+        """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,).
+
+        Raises:
+            InputError: wrong shape or not finite, or no pairs of these numbers.
+        """
         placed = self._placed(q)
-        return placed.distances() if pairs is None else np.array([placed.distance(int(i))[0] for i in pairs])
+        if pairs is None:
+            return placed.distances()
+        numbers = items_of("pairs", pairs, "numbers of pairs")
+        for pair in numbers:
+            whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
+        return np.array([placed.distance(int(i))[0] for i in numbers])
 
     def solid_distance(self, q: Any, pair: int) -> float:
         """Distance of one pair in `solid_pairs` [m], negative where they overlap.
