@@ -21,9 +21,11 @@ POSITION = ["--position", "-0.30", "0.25", "0.20"]
 def one_line(capsys: pytest.CaptureFixture[str]) -> str:
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err.startswith("rr1plan: ")
-    assert said.err.count("\n") == 1, said.err
-    return said.err
+    # The first compilation says so, whatever is planned first.
+    lines = [line for line in said.err.splitlines() if "compiling for this machine" not in line]
+    assert len(lines) == 1, said.err
+    assert lines[0].startswith("rr1plan: ")
+    return lines[0]
 
 
 @pytest.mark.parametrize(

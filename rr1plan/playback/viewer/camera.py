@@ -73,7 +73,7 @@ def check_view(view: Any) -> Point | None:
         if abs(azimuth) > 2.0 * math.pi or abs(elevation) > 0.5 * math.pi + 1e-3:
             raise InputError(
                 f"view is azimuth {azimuth:g} and elevation {elevation:g}, expected angles [rad] of at most 2 pi and "
-                f"pi / 2; for degrees try ({math.radians(azimuth):.3g}, {math.radians(elevation):.3g})"
+                f"pi / 2; for degrees try {math.radians(azimuth):.3g} and {math.radians(elevation):.3g}"
             )
         flat = math.cos(elevation)
         return (flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation))
