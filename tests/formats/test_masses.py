@@ -82,7 +82,9 @@ def test_gravity_and_the_report_on_torque_know_of_it(tmp_path: Path) -> None:
 def test_a_replay_says_that_masses_are_estimated(tmp_path: Path) -> None:
     robot = arm(tmp_path, SOLID, SOLID)
     scene = rp.Scene().with_arm("arm", robot)
-    trajectory = rp.plan_motion(rp.Problem(scene, "home", [0.5, -0.3]), rng=0).trajectory
+    motion = rp.plan_motion(rp.Problem(scene, "home", [0.5, -0.3]), rng=0)
+    trajectory = motion.trajectory
+    scene = rp.load_motion(motion.save(tmp_path / "motion.json")).scene
     replay = rp.simulate(trajectory, scene)
     assert "masses estimated from shapes: arm/l0, arm/l1" in str(replay)
     assert replay.to_dict()["remarks"] == ["masses estimated from shapes: arm/l0, arm/l1"]
