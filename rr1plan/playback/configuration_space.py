@@ -86,7 +86,7 @@ class CSpace(Value):
         scene, arm = self.grid.scene, self.grid.arm
         checker, full = CollisionChecker(scene, (arm,)), np.array(scene.arms[arm].q)
         full[[scene.arms[arm].robot.joint_names.index(name) for name in self.grid.joint_names]] = q
-        names = [layer_of(scene, (contact.a, contact.b)) for contact in checker.contacts(full)]
+        names = [layer_of(scene, (contact.a, contact.b), arm) for contact in checker.contacts(full)]
         return tuple(dict.fromkeys(names + [LIMITS] * (not checker.within_limits(full))))
 
     @property
