@@ -21,9 +21,13 @@ Path("two_links.urdf").write_text("""
 <robot name="two_links">
   <link name="base"/>
   <link name="upper">
+    <inertial><origin xyz="0.2 0 0"/><mass value="0.8"/>
+      <inertia ixx="3e-4" iyy="0.011" izz="0.011" ixy="0" ixz="0" iyz="0"/></inertial>
     <collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.05 0.05"/></geometry></collision>
   </link>
   <link name="tip">
+    <inertial><origin xyz="0.1 0 0"/><mass value="0.3"/>
+      <inertia ixx="8e-5" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial>
     <collision><origin xyz="0.1 0 0"/><geometry><box size="0.2 0.04 0.04"/></geometry></collision>
   </link>
   <link name="tool"/>

@@ -25,7 +25,17 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rr1plan.batch_worker import Raised, Settings, Task, begin_worker, raised, run_chunk
-from rr1plan.checks import Seed, Value, as_generator, known_name
+from rr1plan.checks import (
+    Seed,
+    Value,
+    as_generator,
+    check_callback,
+    items_of,
+    known_name,
+    of_kind,
+    true_or_false,
+    whole_number,
+)
 from rr1plan.errors import BackendError, InputError
 from rr1plan.pipeline import MotionPlan
 from rr1plan.planners import planner_names
@@ -38,6 +48,7 @@ logger = logging.getLogger(__name__)
 _T = TypeVar("_T")
 _CHUNKS_PER_WORKER = 4
 _LONGEST_CHUNK = 32
+_MOST_WORKERS = 10_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,6 +127,9 @@ def plan_many(
         known_name("retiming", retiming, retiming_names()),
         budget,
     )
+    check_callback("progress", progress)
+    of_kind("budget", budget, Budget, optional=True)
+    true_or_false("full", full)
     questions = _checked(problems, executor, workers)
     tasks = [Task(i, p, s) for i, (p, s) in enumerate(zip(questions, problem_seeds(rng, len(questions)), strict=True))]
     chunks = _chunks(tasks, workers or _processors())
@@ -141,16 +155,14 @@ def problem_seeds(rng: Seed, count: int) -> list[int]:
 
 
 def _checked(problems: Iterable[Problem], executor: Executor | None, workers: int | None) -> list[Problem]:
-    if not isinstance(problems, Iterable):
-        raise InputError(f"problems is {type(problems).__name__}, expected a list of Problem")
-    questions = list(problems)
+    questions = list(items_of("problems", problems, "Problem"))
     for i, problem in enumerate(questions):
         if not isinstance(problem, Problem):
             raise InputError(f"problems[{i}] is {type(problem).__name__}, expected a Problem")
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise InputError(f"executor is {type(executor).__name__}, expected a concurrent.futures.Executor")
-    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
-        raise InputError(f"workers is {workers!r}, expected a number of processes, at least one")
+    if workers is not None:
+        whole_number("workers", workers, 1, _MOST_WORKERS)
     return questions
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.errors import shown as shown
 
 Array = NDArray[np.float64]
 # Beyond this [m] distances are no longer good to a micrometre, and Coal gives wrong ones (or none).
@@ -21,19 +22,9 @@ FARTHEST = 1e4
 # Of one part of a path, and of a path [bytes], on all common file systems.
 _LONGEST_NAME = 255
 _LONGEST_PATH = 4095
-_LONGEST_SHOWN = 80  # [characters]
 # In a repr: numbers or names of a list, entries of other lists.
 _MOST_NUMBERS, _MOST_ENTRIES = 8, 2
 Seed = np.random.Generator | int | None
-
-
-def shown(value: Any) -> str:
-    """A value as messages show it: its repr, cut where it is long, or its type where it has none."""
-    try:
-        text = repr(value)
-    except Exception:  # an int of 5,000 digits, or an object of a caller's own class
-        return f"a {type(value).__name__}"
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
 
 
 def _in_brief(value: Any) -> str:
@@ -60,6 +51,29 @@ def _rest(value: Sized, most: int) -> str:
     return f", ... {len(value)} in all" if len(value) > most else ""
 
 
+def number_array(name: str, value: Any) -> Array:
+    """A new float64 array of `value`, of any shape; infinities and NaN may be in it.
+
+    Raises:
+        InputError: not numbers.
+    """
+    try:
+        if np.asarray(value).dtype.kind in "USmM" or isinstance(value, np.ma.MaskedArray):
+            raise TypeError("text, a time or a masked value is no number, though numpy reads it as one")
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError, Warning) as error:
+        raise InputError(f"{name} is not an array of numbers: {shown(value)}") from error
+    return array
+
+
+def shape_of(value: Any) -> tuple[int, ...]:
+    """The shape of an array or a nest of lists; () of anything else."""
+    try:
+        return np.shape(value)
+    except ValueError:
+        return ()
+
+
 def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     """A new float64 array of `value`, checked for shape and finiteness.
 
@@ -71,12 +85,7 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     Raises:
         InputError: not numbers, wrong shape, NaN or infinite.
     """
-    try:
-        if np.asarray(value).dtype.kind in "US":
-            raise TypeError("text is no number, though numpy reads it as one")
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name} is not an array of numbers: {shown(value)}") from error
+    array = number_array(name, value)
     if array.ndim != len(shape) or any(
         want is not None and got != want for got, want in zip(array.shape, shape, strict=True)
     ):
@@ -144,6 +153,64 @@ def of_kind(name: str, value: Any, kind: type, *, optional: bool = False) -> Non
     """
     if not isinstance(value, kind) and not (optional and value is None):
         raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}")
+
+
+def whole_number(name: str, value: Any, least: int, most: int) -> int:
+    """`value` as an int within bounds.
+
+    Raises:
+        InputError: not a whole number, or out of bounds.
+    """
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= most:
+        raise InputError(f"{name} is {shown(value)}, expected a whole number from {least} to {most}")
+    return int(value)
+
+
+def true_or_false(name: str, value: Any) -> bool:
+    """`value` as a bool.
+
+    Raises:
+        InputError: something else, even 0 or 1.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{name} is {shown(value)}, expected True or False")
+    return bool(value)
+
+
+def check_text(name: str, value: Any) -> None:
+    """Refuse what is not text.
+
+    Raises:
+        InputError: something else, or text that cannot be encoded.
+    """
+    if not isinstance(value, str):
+        raise InputError(f"{name} is {shown(value)}, expected text")
+    if not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
+        raise InputError(f"{name} is {shown(value)}, which has half a character in it")
+
+
+def check_callback(name: str, value: Any) -> None:
+    """Refuse what is neither a function nor None.
+
+    Raises:
+        InputError: something else.
+    """
+    if value is not None and not callable(value):
+        raise InputError(f"{name} is {shown(value)}, expected a function")
+
+
+def items_of(name: str, value: Any, kind: str) -> tuple[Any, ...]:
+    """The items of a list, a tuple or another iterable that is not text.
+
+    Raises:
+        InputError: text, or nothing that can be iterated.
+    """
+    try:
+        if not isinstance(value, str | bytes | Mapping):
+            return tuple(value)
+    except TypeError:
+        pass
+    raise InputError(f"{name} is {shown(value)}, expected a list of {kind}")
 
 
 def file_path(value: Any) -> Path:

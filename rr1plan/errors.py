@@ -19,6 +19,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+_LONGEST_SHOWN = 80  # [characters]
+
+
+def shown(value: object) -> str:
+    """A value as messages show it: its repr, cut where it is long, or its type where it has none."""
+    try:
+        text = repr(value)
+    except Exception:  # an int of 5,000 digits, a list 3,000 deep, an object of a caller's own class
+        return f"a {type(value).__name__}"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
+
 
 class Rr1PlanError(Exception):
     """Base of everything rr1plan raises on purpose."""
@@ -45,10 +56,11 @@ class UnknownNameError(InputError):
         # Loaded in every process otherwise, and few make mistakes.
         import difflib
 
-        near = difflib.get_close_matches(str(name), self.known, n=3, cutoff=0.5)
+        near = difflib.get_close_matches(name[:200], self.known, n=3, cutoff=0.5) if isinstance(name, str) else []
         hint = f" Did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
         listed = ", ".join(self.known[:30]) + (", ..." if len(self.known) > 30 else "")
-        super().__init__(f"unknown {kind} {name!r}.{hint} Known: {listed or 'none'}.{advice and ' ' + advice}")
+        advice = f" {advice}" if advice else ""
+        super().__init__(f"unknown {kind} {shown(name)}.{hint} Known: {listed or 'none'}.{advice}")
 
 
 class FormatError(InputError):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
-from rr1plan.checks import file_path, known_name, of_kind
+from rr1plan.checks import check_text, file_path, known_name, of_kind, shown
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.formats.convex_pieces import Convexity
 from rr1plan.formats.files import is_regular, write_text
@@ -115,7 +115,10 @@ def load_robot(
         MissingPackageError: a xacro file, and xacrodoc is not installed.
     """
     if group is not None and groups is not None:
-        raise InputError(f"got group={group!r} and groups={groups!r}, expected one of them")
+        raise InputError(f"got group={shown(group)} and groups={shown(groups)}, expected one of them")
+    for option, text in (("group", group), ("tool", tool), ("name", name)):
+        if text is not None:
+            check_text(option, text)
     folder, file, beside = _locate(name_or_file)
     tree = _read_tree(file, package_dirs, convex, xacro_arguments)
     if srdf is not None:
@@ -123,7 +126,7 @@ def load_robot(
     else:
         semantics = _semantics_beside(beside, tree)
     if folder is not None:
-        group, tool = group or folder.group, tool or folder.tool
+        group, tool = folder.group if group is None else group, folder.tool if tool is None else tool
     if groups is None and group is not None:
         groups = [group]
     robot = assemble(tree, semantics, Choice(groups, joints, tool, name))
@@ -248,8 +251,13 @@ def save_scene(
     """
     of_kind("scene", scene, Scene)
     path = file_path(file)
-    for name in robots or {}:
+    of_kind("problems", problems, Mapping, optional=True)
+    of_kind("robots", robots, Mapping, optional=True)
+    for problem in (problems or {}).values():
+        of_kind("one of the problems", problem, Problem)
+    for name, robot in (robots or {}).items():
         known_name("arm", name, scene.arms)
+        check_text(f"robot of arm {name!r}", robot)
     names = {name: (robots or {}).get(name) or _robot_entry(name, arm.robot) for name, arm in scene.arms.items()}
     text = scene_text(scene, problems, names)
     again = parse_scene(text, path, load_robot).scene

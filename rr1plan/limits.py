@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, read_only
+from rr1plan.checks import Array, Value, items_of, number_array, of_kind, positive_number, read_only, shown
 from rr1plan.errors import InputError
 
 _POSITIVE = ("velocity", "acceleration", "jerk", "effort")
@@ -38,13 +38,10 @@ class Limits(Value):
     def __post_init__(self) -> None:
         n = None
         for name in ("lower", "upper", *_POSITIVE):
-            try:
-                array = np.array(getattr(self, name), dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise InputError(f"limits: {name} is {getattr(self, name)!r}, expected numbers") from error
+            array = number_array(f"limits: {name}", getattr(self, name))
             n = array.shape if n is None else n
             if array.ndim != 1 or array.shape != n or np.isnan(array).any():
-                raise InputError(f"limits: {name} is {array}, expected {n} numbers without NaN")
+                raise InputError(f"limits: {name} is {shown(array)}, expected {n} numbers without NaN")
             object.__setattr__(self, name, read_only(array))
         if (self.lower > self.upper).any():
             j = int(np.argmax(self.lower > self.upper))
@@ -59,7 +56,13 @@ class Limits(Value):
         return len(self.lower)
 
     def scaled(self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
-        """The same limits with the rates multiplied by factors above zero."""
+        """The same limits with the rates multiplied by factors above zero.
+
+        Raises:
+            InputError: a factor that is not a number above zero.
+        """
+        velocity, acceleration = positive_number("velocity", velocity), positive_number("acceleration", acceleration)
+        jerk = positive_number("jerk", jerk)
         if velocity == acceleration == jerk == 1.0:
             return self
         return replace(
@@ -71,8 +74,15 @@ class Limits(Value):
 
     @staticmethod
     def stack(parts: list[Limits]) -> Limits:
-        """The limits of several arms, one after the other."""
+        """The limits of several arms, one after the other.
+
+        Raises:
+            InputError: none, or something else than limits.
+        """
+        parts = list(items_of("parts", parts, "Limits"))
+        for part in parts:
+            of_kind("one of the parts", part, Limits)
         if len(parts) == 1:
             return parts[0]
         names = ("lower", "upper", *_POSITIVE)
-        return Limits(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+        return Limits(**{name: np.concatenate([np.empty(0), *(getattr(p, name) for p in parts)]) for name in names})

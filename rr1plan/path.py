@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, counted, near_array, read_only
+from rr1plan.checks import (
+    Array,
+    Value,
+    counted,
+    finite_number,
+    items_of,
+    near_array,
+    of_kind,
+    positive_number,
+    read_only,
+    shown,
+)
 from rr1plan.errors import InputError
 
 # More samples than this do not fit into memory.
@@ -23,14 +34,12 @@ def check_joint_names(joint_names: Any) -> tuple[str, ...]:
     Raises:
         InputError: not strings, or one of them twice.
     """
-    if isinstance(joint_names, str | bytes) or not isinstance(joint_names, Iterable):
-        raise InputError(f"joint_names is {joint_names!r}, expected a sequence of names")
-    names = tuple(joint_names)
+    names = items_of("joint_names", joint_names, "names")
     if not all(isinstance(name, str) and name for name in names):
-        raise InputError(f"joint_names is {names!r}, expected names")
+        raise InputError(f"joint_names is {shown(names)}, expected names")
     if len(set(names)) != len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"joint_names has {twice!r} twice")
+        (twice, _), *_ = Counter(names).most_common(1)
+        raise InputError(f"joint_names has {shown(twice)} twice")
     return names
 
 
@@ -83,6 +92,8 @@ class Path(Value):
 
     def allclose(self, other: Path, atol: float = 1e-12) -> bool:
         """The same joints and the same waypoints within `atol` [rad]."""
+        of_kind("other", other, Path)
+        atol = finite_number("atol", atol)
         return (
             self.joint_names == other.joint_names
             and self.waypoints.shape == other.waypoints.shape
@@ -91,8 +102,7 @@ class Path(Value):
 
     def sample(self, step: float) -> Array:
         """Configurations along the path, at most `step` [rad] apart in any joint, shape (m, nq)."""
-        if not step > 0.0:
-            raise InputError(f"step is {step}, expected a number above zero")
+        step = positive_number("step", step)
         if np.abs(np.diff(self.waypoints, axis=0)).sum() > MOST_SAMPLES * step:
             raise InputError(f"a step of {step} makes more than {MOST_SAMPLES} configurations, take a longer one")
         pieces = [self.waypoints[:1]]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
-from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name
+from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, true_or_false
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.collision.solids import cut_meshes
 from rr1plan.errors import CancelledError, InputError, NoPlanError
@@ -221,6 +221,7 @@ def plan_motion(
     generator = as_generator(rng)
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
+    shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     try:
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
@@ -298,7 +299,8 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     Raises:
         InputError: below zero or not finite.
     """
-    if finite_number("margin", margin) < 0.0:
+    margin = finite_number("margin", margin)
+    if margin < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
     with borrowed_checker(problem.scene, problem.arms) as motions:
         clearance = motions.checker.clearance(problem.start, 2.0 * margin)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
@@ -12,10 +13,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Seed, Value, counted, of_kind
+from rr1plan.checks import Array, Seed, Value, check_callback, counted, of_kind, shown
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.problem import Problem
+
+_MOST_ITERATIONS = 2**62  # kernels count in 64 bits
 
 
 class PlanStatus(Enum):
@@ -47,9 +50,13 @@ class Budget:
 
     def __post_init__(self) -> None:
         if not _is_above_zero(self.seconds, numbers.Real):
-            raise InputError(f"budget of {self.seconds!r} seconds, expected more than zero")
-        if self.iterations is not None and not _is_above_zero(self.iterations, numbers.Integral):
-            raise InputError(f"budget of {self.iterations!r} iterations, expected at least one")
+            raise InputError(f"budget of {shown(self.seconds)} seconds, expected more than zero")
+        if self.iterations is not None and not (
+            _is_above_zero(self.iterations, numbers.Integral) and self.iterations <= _MOST_ITERATIONS
+        ):
+            raise InputError(f"budget of {shown(self.iterations)} iterations, expected 1 to {_MOST_ITERATIONS}")
+        if isinstance(self.seconds, int) and self.seconds > sys.float_info.max:
+            raise InputError(f"budget of {shown(self.seconds)} seconds, expected a float")
         if math.isinf(self.seconds) and self.iterations is None:
             raise InputError("a budget needs seconds or iterations, got neither")
 
@@ -157,9 +164,8 @@ def check_question(problem: Any, budget: Any, progress: Any) -> None:
     if not isinstance(problem, Problem):
         of_kind("problem", problem, Problem)
     if budget is not None and not isinstance(budget, Budget):
-        raise InputError(f"budget is {budget!r}, expected a Budget, e.g. Budget(seconds=5)")
-    if progress is not None and not callable(progress):
-        raise InputError(f"progress is {progress!r}, expected a function that takes a Progress")
+        raise InputError(f"budget is {shown(budget)}, expected a Budget, e.g. Budget(seconds=5)")
+    check_callback("progress", progress)
 
 
 class Planner(Protocol):

@@ -9,7 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, finite_array, known_name, near_array, positive_number, read_only
+from rr1plan.checks import (
+    Array,
+    Value,
+    check_text,
+    finite_array,
+    known_name,
+    near_array,
+    of_kind,
+    positive_number,
+    read_only,
+    shape_of,
+    shown,
+)
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
@@ -51,7 +63,8 @@ class PoseGoal(Value):
     orientation_tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
-        if np.shape(self.position) == (4, 4):
+        check_text("frame", self.frame)
+        if shape_of(self.position) == (4, 4):
             if self.quaternion is not None:
                 raise InputError("PoseGoal got a full pose and a quaternion, expected one of them")
             T = as_pose(self.position, "goal pose")
@@ -135,7 +148,7 @@ class Problem(Value):
 
     def __post_init__(self) -> None:
         if not isinstance(self.scene, Scene):
-            raise InputError(f"scene is {self.scene!r}, expected a Scene; load one with load_scene")
+            raise InputError(f"scene is {shown(self.scene)}, expected a Scene; load one with load_scene")
         arms = self._moving_arms()
         object.__setattr__(self, "arms", arms)
         object.__setattr__(self, "start", read_only(self._start(arms)))
@@ -162,6 +175,7 @@ class Problem(Value):
             UnknownNameError: the scene has no arm or frame of that name.
             InputError: an arm that has other joints there.
         """
+        of_kind("scene", scene, Scene)
         start: dict[str, Array] = {}
         goal: dict[str, list[Goal]] = {}
         postures = self.scene.split(self.start, self.arms)
@@ -179,7 +193,7 @@ class Problem(Value):
     def _moving_arms(self) -> tuple[str, ...]:
         if self.arms is not None:
             if not isinstance(self.arms, str | Sequence):
-                raise InputError(f"arms is {self.arms!r}, expected a sequence of names")
+                raise InputError(f"arms is {shown(self.arms)}, expected a sequence of names")
             return self.scene.arm_names([self.arms] if isinstance(self.arms, str) else list(self.arms))
         if isinstance(self.goal, Mapping):
             return self.scene.arm_names(list(self.goal))

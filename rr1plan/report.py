@@ -85,7 +85,8 @@ class Report(Value):
             "clearance_end" to obstacles and other arms, "self_clearance" between the links of one arm
             and what it holds [m], both with the bound that is proven ("clearance_proven",
             "self_clearance_proven"); "position", "velocity", "acceleration", "jerk" and "torque" as
-            the ratio used (1 is the limit).
+            the ratio used (1 is the limit). Where one of the two clearances is a contact, the other
+            is left out.
         checked: The rules that were checked.
         not_checked: The rules that were not, each with the reason.
         duration: Length of the motion [s].

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, finite_array, near_array, positive_length, read_only
+from rr1plan.checks import Array, Value, finite_array, near_array, number_array, positive_length, read_only
 from rr1plan.errors import InputError
 
 
@@ -156,10 +156,7 @@ class Mesh(Value):
 
 def _whole_numbers(faces: Any) -> NDArray[np.int32]:
     """Face indices as they were meant: numpy would cut 1.5 to 1 and wrap what is too large."""
-    try:
-        array = np.array(faces, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"mesh faces is not an array of numbers: {faces!r}") from error
+    array = number_array("mesh faces", faces)
     if not (np.abs(array) < 2**31).all() or (array != np.round(array)).any():
         raise InputError("mesh faces holds an index that is not a whole number, or too large")
     return array.astype(np.int32)

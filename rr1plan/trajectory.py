@@ -13,9 +13,22 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, finite_array, finite_number, known_name, of_kind, positive_number, read_only
+from rr1plan.checks import (
+    Array,
+    Value,
+    finite_array,
+    finite_number,
+    known_name,
+    number_array,
+    of_kind,
+    positive_number,
+    read_only,
+    whole_number,
+)
 from rr1plan.errors import InputError
 from rr1plan.path import MOST_SAMPLES, check_joint_names
+
+_MOST_DERIVATIVE = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +127,8 @@ class Trajectory(Value):
         if qdd is not None and qd is None:
             raise InputError("got accelerations without velocities, expected qd too")
         shape = (len(times), len(names))
-        rows = [finite_array(n, v, shape) for n, v in (("q", q), ("qd", qd), ("qdd", qdd)) if v is not None]
+        rates = ((n, v) for n, v in (("qd", qd), ("qdd", qdd)) if v is not None)
+        rows = [finite_array(n, v, shape) for n, v in (("q", q), *rates)]
         if not (np.diff(times) > 0.0).all():
             i = int(np.argmax(np.diff(times) <= 0.0))
             raise InputError(f"times do not strictly increase: times[{i + 1}] = {times[i + 1]} after {times[i]}")
@@ -206,12 +220,8 @@ class Trajectory(Value):
         Returns:
             Shape (*t.shape, nq) [rad/s^derivative].
         """
-        if not isinstance(derivative, int | np.integer) or derivative not in (0, 1, 2, 3):
-            raise InputError(f"derivative is {derivative!r}, expected 0, 1, 2 or 3")
-        try:
-            times = np.asarray(t, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"t is {t!r}, expected a time or an array of times") from error
+        whole_number("derivative", derivative, 0, 3)
+        times = number_array("t", t)
         flat = times.ravel()
         if not np.isfinite(flat).all():
             raise InputError("t is not finite")
@@ -226,7 +236,12 @@ class Trajectory(Value):
         return value.reshape(*times.shape, len(self.joint_names))
 
     def derivative_coefficients(self, derivative: int) -> Array:
-        """Local coefficients of a derivative, lowest power first, shape (m, degree + 1 - derivative or 1, nq)."""
+        """Local coefficients of a derivative, lowest power first, shape (m, degree + 1 - derivative or 1, nq).
+
+        Raises:
+            InputError: a derivative that is negative or above 100.
+        """
+        whole_number("derivative", derivative, 0, _MOST_DERIVATIVE)
         c = self.coefficients
         for _ in range(derivative):
             c = np.asarray(c[:, 1:] * np.arange(1, c.shape[1])[None, :, None] if c.shape[1] > 1 else np.zeros_like(c))
@@ -248,6 +263,8 @@ class Trajectory(Value):
 
     def allclose(self, other: Trajectory, atol: float = 1e-12) -> bool:
         """The same joints, clock and polynomials within `atol`."""
+        of_kind("other", other, Trajectory)
+        atol = finite_number("atol", atol)
         return (
             self.joint_names == other.joint_names
             and self.breaks.shape == other.breaks.shape

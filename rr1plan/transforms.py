@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_array, near_array, read_only
+from rr1plan.checks import Array, finite_array, finite_number, near_array, read_only, shape_of
 from rr1plan.errors import InputError
 
 
@@ -20,8 +20,13 @@ def identity() -> Array:
 
 
 def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
-    """Rotation matrix of URDF's fixed-axis roll, pitch, yaw [rad], shape (3, 3)."""
-    cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (np.cos, np.sin))
+    """Rotation matrix of URDF's fixed-axis roll, pitch, yaw [rad], shape (3, 3).
+
+    Raises:
+        InputError: an angle that is not a finite number.
+    """
+    angles = (finite_number(name, a) for name, a in (("roll", roll), ("pitch", pitch), ("yaw", yaw)))
+    cr, sr, cp, sp, cy, sy = (f(a) for a in angles for f in (np.cos, np.sin))
     return np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
@@ -32,8 +37,13 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
 
 
 def rotation_about(axis: Array, angle: float) -> Array:
-    """Rotation matrix about a unit axis (3,) by an angle [rad] (Rodrigues), shape (3, 3)."""
-    x, y, z = axis
+    """Rotation matrix about a unit axis (3,) by an angle [rad] (Rodrigues), shape (3, 3).
+
+    Raises:
+        InputError: an axis of another shape, or numbers that are not finite.
+    """
+    x, y, z = finite_array("axis", axis, (3,))
+    angle = finite_number("angle", angle)
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K))
 
@@ -68,7 +78,12 @@ def rotation_from_quaternion(wxyz: Any) -> Array:
 
 
 def quaternion_from_rotation(R: Array) -> Array:
-    """Unit quaternion wxyz with w >= 0 of a rotation matrix (3, 3) (Shepperd 1978), shape (4,)."""
+    """Unit quaternion wxyz with w >= 0 of a rotation matrix (3, 3) (Shepperd 1978), shape (4,).
+
+    Raises:
+        InputError: another shape, or not finite.
+    """
+    R = finite_array("rotation", R, (3, 3))
     trace = float(np.trace(R))
     squares = np.array([trace, R[0, 0], R[1, 1], R[2, 2]])
     largest = int(np.argmax(squares))
@@ -121,7 +136,7 @@ def as_pose(value: Any, name: str = "pose") -> Array:
     """
     if value is None:
         return identity()
-    if np.shape(value) == (3,):
+    if shape_of(value) == (3,):
         return pose(near_array(name, value, (3,)))
     T = finite_array(name, value, (4, 4))
     R = T[:3, :3]
@@ -137,7 +152,12 @@ def _is_rotation(R: Array) -> bool:
 
 
 def inverse(T: Array) -> Array:
-    """The inverse of a rigid transform, shape (4, 4)."""
+    """The inverse of a rigid transform, shape (4, 4).
+
+    Raises:
+        InputError: another shape, or not finite.
+    """
+    T = finite_array("transform", T, (4, 4))
     out = np.eye(4)
     out[:3, :3] = T[:3, :3].T
     out[:3, 3] = -T[:3, :3].T @ T[:3, 3]
@@ -145,6 +165,11 @@ def inverse(T: Array) -> Array:
 
 
 def rotation_angle(R: Array) -> float:
-    """The angle [rad], 0..pi, of a rotation matrix (3, 3)."""
+    """The angle [rad], 0..pi, of a rotation matrix (3, 3).
+
+    Raises:
+        InputError: another shape, or not finite.
+    """
+    R = finite_array("rotation", R, (3, 3))
     sine = 0.5 * np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     return float(np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)))

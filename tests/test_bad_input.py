@@ -42,7 +42,7 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
         rp.InputError,
         "shape of 'sheet'.*flat",
     ),
-    "no_problem": (lambda s: rp.plan_motion(None), rp.InputError, "expected a Problem"),
+    "no_problem": (lambda s: rp.plan_motion(None), rp.InputError, "expected Problem"),
     "budget_text": (lambda s: rp.Budget("5"), rp.InputError, "'5' seconds"),
     "budget_fraction": (lambda s: rp.Budget(1, 1.5), rp.InputError, "1.5 iterations"),
     "budget_true": (lambda s: rp.Budget(1, True), rp.InputError, "True iterations"),

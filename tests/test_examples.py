@@ -48,7 +48,7 @@ def robots_have_presets_and_grippers_and_bad_files_are_refused(said: str, _: Pat
     assert (hardware < 0.1 * sim).all()
     assert "fingers open at {'finger_joint': 0.9}" in said
     assert re.search(r"two_links: 2 joints, tool at \[0.6 +0. +0. \] m when straight", said)
-    assert "refused: broken.urdf:5: <box> size='nan'" in said
+    assert "refused: broken.urdf:7: <box> size='nan'" in said
 
 
 def scenes_are_values(said: str, folder: Path) -> None:
@@ -172,6 +172,11 @@ def files_read_back_exactly_and_altered_ones_are_refused(said: str, folder: Path
     header = "t,q:rr1/shoulder_joint,"
     assert header in said
     assert (folder / "14_trajectory.csv").read_text().startswith(header)
+    assert "proven again: True" in said
+    assert "there: Report(not valid: collision" in said
+    assert "what differs: obstacle 'late_ball' is new" in said
+    assert "from samples: 1.18" in said
+    assert FREE in said
     assert "refused: 14_altered.json: was altered" in said
 
 
@@ -218,7 +223,8 @@ def test_an_example_runs_and_shows_what_it_claims(example: Path, tmp_path: Path)
     command = [sys.executable, "-W", "error", str(example)]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    # What is said of the first compilation depends on what ran before.
+    assert [line for line in done.stderr.splitlines() if not line.startswith("compiling for this machine")] == []
     CLAIMS[example.stem](done.stdout, tmp_path)
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
 from typing import Any, NoReturn
 
 from rr1plan.errors import InputError, UnknownNameError
@@ -99,14 +99,15 @@ class Parser(argparse.ArgumentParser):
         """Declare options that name files to write: each another one, and none of them the file that is read."""
 
         def rule(options: argparse.Namespace) -> str | None:
-            written = {o: Path(getattr(options, _dest(o))) for o in outputs if o in options.given}
-            read = Path(getattr(options, source))
-            files = {source.upper(): read} if read.is_file() else {}
-            for option, file in written.items():
-                for other, taken in files.items():
-                    if file.resolve() == taken.resolve():
-                        return f"{other} and {option} are the same file {str(file)!r}"
-                files[option] = file
+            read = getattr(options, source)
+            # Unlike a Path, for names of any length.
+            files = {os.path.realpath(read): source.upper()} if os.path.isfile(read) else {}  # noqa: PTH113
+            for option in outputs:
+                if option in options.given:
+                    name = getattr(options, _dest(option))
+                    other = files.setdefault(os.path.realpath(name), option)
+                    if other != option:
+                        return f"{other} and {option} are the same file {name!r}"
             return None
 
         self._rules.append(rule)

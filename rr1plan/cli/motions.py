@@ -54,9 +54,9 @@ def saved_motion(file: str, scene: str | None, console: Console, checks: dict[st
 
 def say_changes(motion: MotionPlan, console: Console) -> None:
     """Where a motion is looked at, what it is made of, and what differs from where it was made."""
-    console.say(f"{motion.size()} in the scene {motion.scene.name}")
+    console.say(f"in the scene {motion.scene.name}: {motion.size()}")
     if motion.changes:
-        console.say("which differs from the scene that the motion was made in:")
+        console.say("the scene differs from the one that the motion was made in:")
     for change in motion.changes:
         console.say(f"  {change}")
 

@@ -273,8 +273,8 @@ def _listed(title: str, rows: Mapping[str, str]) -> str:
 
 
 def _file(text: str) -> str:
-    if not text:
-        raise argparse.ArgumentTypeError("'' is not a file name")
+    if not text or "\0" in text:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a file name")
     return text
 
 

@@ -11,6 +11,7 @@ import rr1plan as rp
 from rr1plan.cli.console import Advance, Console
 from rr1plan.errors import InputError
 from rr1plan.formats.csv_files import csv_text, save_csv
+from rr1plan.formats.files import check_writable
 from rr1plan.formats.scene_toml import SceneFile
 from rr1plan.library import load_problems, load_scene_file
 from rr1plan.pipeline import MotionPlan, plan_motion
@@ -172,12 +173,15 @@ def _no_plan(motion: MotionPlan, console: Console) -> int:
 
 
 def _check_outputs(options: Namespace) -> None:
-    """Standard output takes one thing only."""
+    """Refuse outputs that cannot be written before any work; standard output takes one thing only."""
     taken = [name for name in ("--output", "--csv", "--html") if getattr(options, name[2:]) == "-"]
     if "--html" in taken:
         raise InputError("--html - : a page is not written to standard output; name a file")
     if options.json and taken:
         raise InputError(f"--json and {taken[0]} - both write to standard output; name a file for one of them")
+    for file in (options.output, options.csv, options.html):
+        if file not in (None, "-"):
+            check_writable(file)
 
 
 def _save(motion: MotionPlan, options: Namespace, view: Any, console: Console) -> Mapping[str, str]:

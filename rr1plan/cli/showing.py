@@ -13,6 +13,7 @@ from rr1plan.cli.motions import saved_motion, say_changes
 from rr1plan.cli.planning import first_view, named_query, summary, told_to
 from rr1plan.errors import InputError
 from rr1plan.formats.csv_files import save_csv
+from rr1plan.formats.files import check_writable
 from rr1plan.formats.motion_files import is_motion_file
 from rr1plan.formats.plan_files import save_trajectory
 from rr1plan.library import load_problems, load_scene, scene_names
@@ -24,10 +25,10 @@ _TREE: dict[str, Any] = {"tree": True, "range": 0.15}
 
 def demo(options: Namespace, console: Console) -> int:
     """From a question to a certified, replayed, visible motion, saying what was done and how long it took."""
-    folder, view = Path(options.output), first_view(options.view)
-    watch = console.watch
+    view, watch = first_view(options.view), console.watch
     with watch.stage("load the scene"), console.progress("loading the scene"):
         problem = named_query(options.scene, options.query)
+    folder = _made(Path(options.output))
     scene = problem.scene
     console.say("rr1plan demo")
     console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {counted(len(scene.obstacles), 'obstacle')}")
@@ -56,11 +57,17 @@ def demo(options: Namespace, console: Console) -> int:
     return 0 if motion.solved and replay.free else 4
 
 
-def _write_demo(folder: Path, motion: MotionPlan, view: Any) -> dict[str, Path]:
+def _made(folder: Path) -> Path:
+    """A folder that is there and can be written to."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot make the folder {folder}: {error.strerror}") from error
+    check_writable(folder / "motion.json")
+    return folder
+
+
+def _write_demo(folder: Path, motion: MotionPlan, view: Any) -> dict[str, Path]:
     return {
         "the page that plays it, offline": motion.save_html(folder / "motion.html", view=view),
         "the motion": motion.save(folder / "motion.json"),

@@ -187,7 +187,7 @@ class _Body:
 
     def holds(self, points: Array) -> Mask:
         """Whether points (n, 3) are proven to stay inside all over their cells, shape (n,)."""
-        depths = self.side.interior.depths(self._local(points))
+        depths = self.side.interior.depths(self._local(points), self.margin)
         return np.asarray(depths + self.margin > self.travel(points) + _SLACK)
 
     def nearest(self, points: Array) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, read_only
+from rr1plan.checks import Array, Value, read_only, whole_number
 from rr1plan.collision.solids import solid_pieces
 from rr1plan.collision.spheres import SphereCover, cover
 from rr1plan.errors import InputError
@@ -48,8 +48,7 @@ class ElementCover(Value):
         Raises:
             InputError: a level other than 0, 1 and 2.
         """
-        if level not in (WHOLE, BODIES, PARTS):
-            raise InputError(f"level is {level!r}, expected 0 (around the whole), 1 (around its bodies) or 2 (parts)")
+        whole_number("level (0: around the whole, 1: around its bodies, 2: parts)", level, WHOLE, PARTS)
         chosen = self.levels == level
         return self.centres[chosen], self.radii[chosen]
 

@@ -14,7 +14,7 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, finite_array, read_only
+from rr1plan.checks import Array, finite_array, finite_number, items_of, read_only, whole_number
 from rr1plan.collision.answers import Contact, Nearest
 from rr1plan.collision.carried import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
@@ -207,6 +207,7 @@ class CollisionChecker:
             InputError: wrong shape or not finite, or elements that cannot be measured against each other.
         """
         q = self.checked(q)
+        most = most if type(most) is float and most > 0.0 else finite_number("most", most)
         return self.exact_kernel.least_clearance(q, self._resting_clearance(most))
 
     # ---- for the motion checker -----------------------------------------------------------
@@ -222,12 +223,26 @@ class CollisionChecker:
         return ExactKernel(self.tables, self.nq)
 
     def solid_distances(self, q: Any, pairs: NDArray[np.intp] | None = None) -> Array:
-        """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,)."""
+        """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,).
+
+        Raises:
+            InputError: wrong shape or not finite, or no pairs of these numbers.
+        """
         placed = self._placed(q)
-        return placed.distances() if pairs is None else np.array([placed.distance(int(i))[0] for i in pairs])
+        if pairs is None:
+            return placed.distances()
+        numbers = items_of("pairs", pairs, "numbers of pairs")
+        for pair in numbers:
+            whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
+        return np.array([placed.distance(int(i))[0] for i in numbers])
 
     def solid_distance(self, q: Any, pair: int) -> float:
-        """Distance of one pair in `solid_pairs` [m], negative where they overlap."""
+        """Distance of one pair in `solid_pairs` [m], negative where they overlap.
+
+        Raises:
+            InputError: wrong shape or not finite, or no pair of that number.
+        """
+        whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return self._placed(q).distance(pair)[0]
 
     def checked(self, q: Any) -> Array:

@@ -37,8 +37,11 @@ class Interior(Protocol):
         """Every point of the solid is this near to `center` [m]; inf for a half-space."""
         ...
 
-    def depths(self, points: Array) -> Array:
-        """Lower bound of the signed depth of points (n, 3) [m], positive inside, shape (n,)."""
+    def depths(self, points: Array, margin: float) -> Array:
+        """Lower bound of the signed depth of points (n, 3) [m], positive inside, shape (n,).
+
+        It may be coarse where a point is farther outside than `margin` [m].
+        """
         ...
 
     def nearest(self, points: Array, depth: Array) -> Array:
@@ -86,7 +89,7 @@ class _Round:
         away[:, 2] -= np.clip(points[:, 2], -self.half, self.half)
         return away
 
-    def depths(self, points: Array) -> Array:
+    def depths(self, points: Array, margin: float) -> Array:
         return np.asarray(self.radius_of_ball - np.linalg.norm(self._from_core(points), axis=1))
 
     def nearest(self, points: Array, depth: Array) -> Array:
@@ -114,7 +117,7 @@ class _BoxInterior:
     def radius(self) -> float:
         return float(np.linalg.norm(self.half))
 
-    def depths(self, points: Array) -> Array:
+    def depths(self, points: Array, margin: float) -> Array:
         return _box_depths(np.abs(points) - self.half)
 
     def nearest(self, points: Array, depth: Array) -> Array:
@@ -135,7 +138,7 @@ class _CylinderInterior:
     def radius(self) -> float:
         return float(np.hypot(self.radius_of_disc, self.half))
 
-    def depths(self, points: Array) -> Array:
+    def depths(self, points: Array, margin: float) -> Array:
         off = np.hypot(points[:, 0], points[:, 1])
         return _box_depths(np.column_stack([off - self.radius_of_disc, np.abs(points[:, 2]) - self.half]))
 
@@ -159,11 +162,11 @@ class _HalfSpaceInterior:
     def radius(self) -> float:
         return np.inf
 
-    def depths(self, points: Array) -> Array:
+    def depths(self, points: Array, margin: float) -> Array:
         return self.offset - points @ self.normal
 
     def nearest(self, points: Array, depth: Array) -> Array:
-        return points - np.maximum(depth - self.depths(points), 0.0)[:, None] * self.normal
+        return points - np.maximum(depth - self.depths(points, 0.0), 0.0)[:, None] * self.normal
 
 
 class _PolytopeInterior:
@@ -175,9 +178,10 @@ class _PolytopeInterior:
         self.center: Array = mesh.vertices.mean(axis=0)
         self.radius = float(np.linalg.norm(mesh.vertices - self.center, axis=1).max())
 
-    def depths(self, points: Array) -> Array:
+    def depths(self, points: Array, margin: float) -> Array:
         depth = (self._offsets - points @ self._normals.T).min(axis=1)
-        outside = np.flatnonzero(depth < 0.0)
+        outside = np.flatnonzero((depth < 0.0) & (depth >= -margin))
+        depth[depth < -margin] = -np.inf
         if len(outside):
             far = points[outside]
             depth[outside] = -np.linalg.norm(far - self._inside(self.nearest(far, np.zeros(len(far)))), axis=1)
@@ -211,7 +215,7 @@ class _CloudInterior:
     def _cell(self, points: Array) -> Array:
         return np.asarray(self._centers[self._tree.query(points)[1]])
 
-    def depths(self, points: Array) -> Array:
+    def depths(self, points: Array, margin: float) -> Array:
         return _box_depths(np.abs(points - self._cell(points)) - self._half)
 
     def nearest(self, points: Array, depth: Array) -> Array:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, finite_array, finite_number, of_kind, positive_number, read_only
+from rr1plan.checks import FARTHEST, Array, Value, finite_array, finite_number, of_kind, positive_number, read_only
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.sphere_tables import build_edge_tables
@@ -124,6 +124,7 @@ class MotionChecker:
             InputError: wrong shape or not finite, or elements that cannot be measured against each other.
         """
         q = self.checker.checked(q)
+        of_kind("arms", arms, frozenset)
         if self.is_free(q):
             return True
         return (
@@ -253,6 +254,12 @@ class MotionChecker:
         duration = finite_number("duration", duration)
         if len(curve) == 0 or duration < 0.0:
             raise InputError(f"a curve of {len(curve)} coefficients and duration {duration}, expected >= 1 and >= 0")
+        with np.errstate(over="ignore", invalid="ignore"):
+            reach = np.abs(curve[0])
+            for k in range(1, len(curve)):
+                reach = reach + np.abs(curve[k]) * np.float64(duration) ** k
+        if not (reach <= FARTHEST).all():
+            raise InputError(f"a curve that may reach {reach.max():.6g} at {duration} s, expected at most {FARTHEST:g}")
         return curve, duration
 
     def _certify(self, q0: Array, q1: Array) -> Answer:

@@ -65,6 +65,7 @@ def decompose(
         finally:
             if child.poll() is None:
                 child.kill()
+                child.wait()
     if child.returncode != 0:
         said = errors.decode(errors="replace").strip().splitlines()
         why = said[-1] if said else f"its process ended with exit code {child.returncode}"

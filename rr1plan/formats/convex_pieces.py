@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, known_name, of_kind, positive_number
+from rr1plan.checks import Array, check_callback, known_name, of_kind, positive_number
 from rr1plan.errors import CancelledError, InputError
 from rr1plan.formats.cache import Arrays, cache_key, load_cached, store_cached
 from rr1plan.formats.coacd_process import DecompositionTimeout, decompose
@@ -105,6 +105,7 @@ def convex_pieces(mesh: Mesh, *, seconds: float = SECONDS, progress: Progress | 
     """
     of_kind("mesh", mesh, Mesh)
     seconds = positive_number("seconds", seconds)
+    check_callback("progress", progress)
     if not mesh.convex and len(mesh.faces) > MAX_TRIANGLES:
         raise InputError(
             f"a mesh of {len(mesh.faces)} triangles is not cut into convex pieces, expected at most {MAX_TRIANGLES}; "
@@ -321,7 +322,7 @@ def _size(points: Array) -> float:
 
 
 def _is_own_hull(mesh: Mesh) -> bool:
-    """Whether a mesh is the surface of its hull, small gaps apart; an open box is not."""
+    """Whether a mesh is the surface of its hull up to small gaps; an open box is not."""
     if not is_convex(mesh):
         return False
     return _is_closed(mesh) or _swelling(mesh, [convex_hull(mesh.vertices)], False) <= _OWN_HULL * _size(mesh.vertices)

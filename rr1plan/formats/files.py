@@ -87,6 +87,21 @@ def write_text(file: str | Path, text: str) -> Path:
     return write_bytes(file, text.encode("utf-8"))
 
 
+def check_writable(file: str | Path) -> None:
+    """Refuse a name under which no file can be written, before the work whose result it is for.
+
+    Raises:
+        InputError: no file name at all, a folder's, or one in a folder that is not there or not writeable.
+    """
+    path = file_path(file)
+    if path.is_dir():
+        raise InputError(f"cannot write {path}: it is a folder")
+    try:
+        tempfile.TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
 def write_bytes(file: str | Path, data: bytes) -> Path:
     """Write a file in one step and return its path.
 

@@ -15,7 +15,7 @@ from rr1plan.robot import Robot
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 Pair = frozenset[str]
-# Bounding balls that are farther apart than this are apart whatever the rounding [m].
+# Bounding balls with a larger gap do not touch; rounding errors are below this [m].
 _SLACK = 1e-9
 
 

@@ -9,11 +9,11 @@ of these folders is refused, symbolic links included.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
-from rr1plan.checks import file_path, resolved_path
+from rr1plan.checks import file_path, items_of, resolved_path
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.files import is_regular
 from rr1plan.formats.meshes import SUFFIXES
@@ -33,9 +33,7 @@ class MeshLookup:
     """
 
     def __init__(self, package_dirs: Sequence[str | Path], file: str | Path | None) -> None:
-        if isinstance(package_dirs, str | bytes | os.PathLike) or not isinstance(package_dirs, Iterable):
-            raise InputError(f"package_dirs is {package_dirs!r}, expected a list of folders")
-        given = [file_path(folder) for folder in package_dirs]
+        given = [file_path(folder) for folder in items_of("package_dirs", package_dirs, "folders")]
         path = os.environ.get("ROS_PACKAGE_PATH", "")
         self._packages = given + [Path(folder) for folder in path.split(os.pathsep) if folder]
         self._beside = None if file is None else resolved_path(file).parent

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rr1plan.checks import file_path, finite_array
+from rr1plan.checks import file_path, finite_array, shown, true_or_false
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.formats.files import read_bytes
@@ -98,9 +98,11 @@ def load_mesh(file: str | Path, scale: float | tuple[float, float, float] = 1.0,
         FormatError: as `read_mesh`.
         InputError: a scale that is not finite or is zero, or a hull without volume.
     """
-    factors = np.broadcast_to(finite_array("scale", scale, np.shape(scale) and (3,)), (3,))
-    if (factors == 0.0).any():
-        raise InputError(f"scale is {scale!r}, expected factors other than zero")
+    of_three = isinstance(scale, list | tuple | np.ndarray)
+    factors = np.broadcast_to(finite_array("scale", scale, (3,) if of_three else ()), (3,))
+    if (factors == 0.0).any() or np.abs(factors).max() > MAX_COORDINATE:
+        raise InputError(f"scale is {shown(scale)}, expected factors other than zero, none beyond {MAX_COORDINATE:g}")
+    true_or_false("hull", hull)
     x, y, z = factors.tolist()
     parts = [part.mesh for part in read_mesh(file, (x, y, z))]
     if hull:

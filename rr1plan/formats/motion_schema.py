@@ -98,6 +98,7 @@ class Inertial(Entry):
     mass: Positive
     com: Vector
     inertia: tuple[Vector, Vector, Vector]
+    assumed: bool = False
 
 
 class Link(Entry):

@@ -240,7 +240,7 @@ def _robot(entry: schema.Robot, read_shape: ReadShape) -> Robot:
 
 def _link(entry: schema.Link, read_shape: ReadShape) -> Link:
     own = entry.inertial
-    inertial = None if own is None else Inertial(own.mass, np.array(own.com), np.array(own.inertia))
+    inertial = None if own is None else Inertial(own.mass, np.array(own.com), np.array(own.inertia), own.assumed)
     return Link(entry.name, inertial, _geometries(entry.visuals, read_shape), _geometries(entry.collisions, read_shape))
 
 

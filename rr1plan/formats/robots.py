@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rr1plan.checks import Array, known_name
+from rr1plan.checks import Array, check_text, items_of, known_name, shown
 from rr1plan.errors import InputError
 from rr1plan.formats.masses import with_assumed_masses
 from rr1plan.formats.self_contacts import self_contacts
@@ -160,11 +160,11 @@ def _is_driven(joint: Joint) -> bool:
 
 def _chosen(what: str, names: Sequence[str]) -> tuple[str, ...]:
     """Names that a caller chose, in that order."""
-    if isinstance(names, str) or not isinstance(names, Iterable):
-        raise InputError(f"{what} is {names!r}, expected a list of names")
-    chosen = tuple(names)
+    chosen = items_of(what, names, "names")
+    for name in chosen:
+        check_text(f"one of {what}", name)
     if not chosen or len(set(chosen)) != len(chosen):
-        raise InputError(f"{what} is {list(chosen)}, expected at least one name and none twice")
+        raise InputError(f"{what} is {shown(list(chosen))}, expected at least one name and none twice")
     return chosen
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from rr1plan.checks import file_path, known_name
+from rr1plan.checks import file_path, known_name, shown
 from rr1plan.errors import FormatError, InputError, MissingPackageError
 from rr1plan.formats.documents import read_yaml_documents
 from rr1plan.trajectory import Trajectory
@@ -75,7 +75,7 @@ def load_joint_trajectory(file: _File, topic: str | None = None) -> Trajectory:
     path = file_path(file)
     if path.suffix in YAML_SUFFIXES:
         if topic is not None:
-            raise InputError(f"topic is {topic!r}, but {path} is no bag and has no topics")
+            raise InputError(f"topic is {shown(topic)}, but {path} is no bag and has no topics")
         message = _from_yaml(path)
     else:
         message = _from_bag(path, topic)

@@ -5,6 +5,7 @@ That takes seconds for a robot of sixty links, so what took long is kept on disk
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -18,6 +19,8 @@ from rr1plan.formats.cache import Arrays, cache_key, load_cached, store_cached
 from rr1plan.formats.link_contacts import Pair
 from rr1plan.formats.srdf_proposal import free_configuration, jammed_pairs, sampled_reasons, touching_links
 from rr1plan.robot import Robot
+
+log = logging.getLogger(__name__)
 
 SAMPLES = 200
 _VERSION = "self-contacts-1"
@@ -54,6 +57,7 @@ def self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContac
     kept = load_cached(key)
     found = None if kept is None else _unpacked(robot, kept)
     if found is None:
+        log.info("%s: sampling which of its links touch each other", robot.name)
         began = time.perf_counter()
         found = _sampled(robot, has_rules, keeps_home)
         if time.perf_counter() - began > _WORTH_KEEPING:

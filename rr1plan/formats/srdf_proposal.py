@@ -16,13 +16,14 @@ from typing import Literal
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator
-from rr1plan.errors import InputError
+from rr1plan.checks import Array, Seed, as_generator, of_kind, whole_number
 from rr1plan.formats.contact_bands import ContactBand, contact_bands, sampling_bounds
 from rr1plan.formats.link_contacts import LinkBodies, Pair
 from rr1plan.robot import Joint, Robot
 
 Reason = Literal["Adjacent", "Always", "Never"]
+
+_MOST_SAMPLES = 1_000_000
 
 
 def rigid_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
@@ -97,6 +98,7 @@ def propose_never_collide(robot: Robot, samples: int = 1000, rng: Seed = None) -
     Raises:
         InputError: `samples` below 1.
     """
+    of_kind("robot", robot, Robot)
     generator = as_generator(rng)
     bodies = LinkBodies(robot)
     reasons, mixed = sampled_reasons(robot, samples, generator, bodies)
@@ -109,10 +111,10 @@ def sampled_reasons(
     """Pairs that need no check with the reason, and pairs that touch in some samples only.
 
     Raises:
-        InputError: `samples` below 1.
+        InputError: no robot, or `samples` below 1 or above a million.
     """
-    if samples < 1:
-        raise InputError(f"samples is {samples}, expected at least 1")
+    of_kind("robot", robot, Robot)
+    whole_number("samples", samples, 1, _MOST_SAMPLES)
     found: dict[Pair, Reason] = dict.fromkeys(adjacent_pairs(robot.joints) | rigid_pairs(robot.joints), "Adjacent")
     bodies = bodies or LinkBodies(robot)
     seen: dict[Pair, set[bool]] = {pair: set() for pair in bodies.pairs if pair not in found}

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rr1plan.checks import file_path, positive_number, resolved_path
+from rr1plan.checks import file_path, positive_number, resolved_path, shown
 from rr1plan.errors import BackendError, FormatError, InputError, MissingPackageError
 from rr1plan.formats.files import read_bytes
 from rr1plan.formats.xml import MAX_BYTES
@@ -88,7 +88,7 @@ def _packages(package_dirs: Sequence[str | Path]) -> dict[str, str]:
 
 def _texts(arguments: Mapping[str, str] | None) -> dict[str, str]:
     if arguments is not None and not isinstance(arguments, Mapping):
-        raise InputError(f"xacro_arguments is {arguments!r}, expected a mapping of names to values")
+        raise InputError(f"xacro_arguments is {shown(arguments)}, expected a mapping of names to values")
     return {str(name): str(value) for name, value in (arguments or {}).items()}
 
 

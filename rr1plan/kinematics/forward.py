@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rr1plan.checks import Array, finite_array
+from rr1plan.checks import Array, finite_array, items_of, shape_of, shown, whole_number
 from rr1plan.errors import InputError
 from rr1plan.model import SceneModel
 from rr1plan.problem import frame_link
@@ -79,7 +79,7 @@ class Kinematics:
             InputError: no arm given where several move.
         """
         if not isinstance(frame, str):
-            raise InputError(f"frame is {frame!r}, expected a name")
+            raise InputError(f"frame is {shown(frame)}, expected a name")
         arm, _, link = frame.rpartition("/")
         if not arm and len(self.arms) != 1:
             raise InputError(
@@ -97,7 +97,7 @@ class Kinematics:
         """
         if arm is None and len(self.arms) != 1:
             raise InputError(f"{len(self.arms)} arms move ({', '.join(self.arms)}); say which one with option arm")
-        arm = self.scene.only_arm(arm or self.arms[0])
+        arm = self.scene.only_arm(self.arms[0] if arm is None else arm)
         if tuple(self.scene.arms) == self.arms == (arm,):
             return self
         if arm not in self._own:
@@ -124,7 +124,7 @@ class Kinematics:
             UnknownNameError: no such frame.
             InputError: wrong shape or not finite.
         """
-        indices = {frame: self._index(frame) for frame in frames}
+        indices = {frame: self._index(frame) for frame in items_of("frames", frames, "frames")}
         pin.forwardKinematics(self._model, self._data, self._full(q))
         return {frame: self._placement(index) for frame, index in indices.items()}
 
@@ -153,10 +153,16 @@ class Kinematics:
             InputError: wrong shape or not finite.
         """
         index = self._index(frame)
-        return self.pose_and_jacobian(finite_array("q", q, (self.nq,)), index)[2]
+        return self.pose_and_jacobian(q, index)[2]
 
     def pose_and_jacobian(self, q: Array, index: int) -> tuple[Array, Array, Array]:
-        """Position (3,), rotation (3, 3) and Jacobian (6, nq) of a frame by Pinocchio's index; unchecked."""
+        """Position (3,), rotation (3, 3) and Jacobian (6, nq) of a frame by Pinocchio's index.
+
+        Raises:
+            InputError: wrong shape or not finite, or no frame of that index.
+        """
+        q = finite_array("q", q, (self.nq,))
+        whole_number("index", index, 0, self._model.nframes - 1)
         pin.computeJointJacobians(self._model, self._data, self.scene_model.full(q))
         T = pin.updateFramePlacement(self._model, self._data, index)
         # Of a model with one joint Pinocchio gives a vector, not a matrix of one column.
@@ -191,7 +197,7 @@ class Kinematics:
         Raises:
             InputError: wrong shape or not finite.
         """
-        shape = (self.nq,) if np.ndim(q) == 1 else (None, self.nq)
+        shape = (self.nq,) if len(shape_of(q)) == 1 else (None, self.nq)
         q, qd, qdd = (finite_array(name, a, shape) for name, a in (("q", q), ("qd", qd), ("qdd", qdd)))
         if not q.shape == qd.shape == qdd.shape:
             raise InputError(f"q, qd and qdd have shapes {q.shape}, {qd.shape}, {qdd.shape}, expected the same")
@@ -208,7 +214,8 @@ class Kinematics:
         Raises:
             InputError: wrong shape or not finite.
         """
-        zero = np.zeros(np.shape(q))
+        q = finite_array("q", q, (self.nq,) if len(shape_of(q)) == 1 else (None, self.nq))
+        zero = np.zeros_like(q)
         return self.inverse_dynamics(q, zero, zero)
 
     def mass_matrix(self, q: Any) -> Array:

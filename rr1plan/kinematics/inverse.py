@@ -16,7 +16,19 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, Value, as_seed, counted, finite_array, of_kind, read_only
+from rr1plan.checks import (
+    Array,
+    Seed,
+    Value,
+    as_seed,
+    check_callback,
+    counted,
+    finite_array,
+    of_kind,
+    read_only,
+    shape_of,
+    whole_number,
+)
 from rr1plan.errors import InputError
 from rr1plan.kernels.random_state import random_state
 from rr1plan.kinematics.chain import chain_of
@@ -28,6 +40,7 @@ from rr1plan.problem import PoseGoal, RegionGoal
 from rr1plan.robot import Robot
 
 _UNLIMITED_STARTS, _POSITION_STARTS = 20, 10
+_MOST_STARTS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,8 +117,9 @@ def solve_ik(
         raise InputError(f"goal is a {type(goal).__name__}, expected a PoseGoal or a RegionGoal")
     link = own.frame(goal.frame)
     for name, number in (("attempts", attempts), ("max_solutions", max_solutions), ("patience", patience)):
-        if number is not None and (not isinstance(number, int | np.integer) or number < 1):
-            raise InputError(f"{name} is {number!r}, expected at least one")
+        if number is not None or name == "attempts":
+            whole_number(name, number, 1, _MOST_STARTS)
+    check_callback("accept", accept)
     robot = own.scene.arms[own.arms[0]].robot
     starts = _seeds(own, robot, seeds)
     chain = chain_of(own.scene_model.skeleton, link)
@@ -196,7 +210,8 @@ def describe_excess(robot: Robot, q: Array) -> str:
 
 def _seeds(kinematics: Kinematics, robot: Robot, seeds: Any) -> Array:
     """Starts (k, nq) within the limits, k >= 1."""
-    if seeds is None or np.size(seeds) == 0:
+    shape = shape_of(seeds)
+    if seeds is None or (len(shape) > 0 and shape[0] == 0):
         seeds = kinematics.scene.arms[kinematics.arms[0]].q
-    rows = finite_array("seeds", np.atleast_2d(np.asarray(seeds, dtype=np.float64)), (None, robot.nq))
+    rows = np.atleast_2d(finite_array("seeds", seeds, (None, robot.nq) if len(shape) == 2 else (robot.nq,)))
     return np.clip(rows, robot.limits.lower, robot.limits.upper)

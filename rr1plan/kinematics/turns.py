@@ -12,11 +12,13 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, finite_array, finite_number, of_kind
+from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 
 TURN = 2.0 * np.pi
 _SLACK = 1e-12
+_MOST_TURNS = 100
 
 
 @lru_cache(maxsize=64)
@@ -59,8 +61,16 @@ def copies_within_limits(robot: Robot, q: Array, near: Array, reach: float = TUR
         robot: The robot.
         q: A configuration [rad or m], shape (nq,).
         near: Configuration to be near to [rad or m], shape (nq,).
-        reach: How far a copy of a rotary joint may be from `near` [rad]; the nearest one always counts.
+        reach: How far a copy of a rotary joint may be from `near` [rad], at most 100 turns; the nearest one
+            always counts.
+
+    Raises:
+        InputError: no robot, wrong shapes, not finite, or a reach that is negative or too far.
     """
+    of_kind("robot", robot, Robot)
+    q, near = finite_array("q", q, (robot.nq,)), finite_array("near", near, (robot.nq,))
+    if not 0.0 <= finite_number("reach", reach) <= _MOST_TURNS * TURN:
+        raise InputError(f"reach is {reach}, expected 0 to {_MOST_TURNS} turns of 2 pi")
     first = nearest_copy(robot, q, near)
     lower, upper = robot.limits.lower - _SLACK, robot.limits.upper + _SLACK
     choices = []

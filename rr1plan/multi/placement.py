@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 import numpy as np
 
-from rr1plan.checks import finite_array, finite_number, known_name, positive_number
+from rr1plan.checks import (
+    check_text,
+    finite_array,
+    finite_number,
+    known_name,
+    near_array,
+    of_kind,
+    positive_number,
+    whole_number,
+)
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.transforms import pose
 
 Facing = Literal["centre", "outward", "along"]
+_MOST_ARMS = 10_000
 _FACING = ("centre", "outward", "along")
 
 
@@ -44,9 +55,11 @@ def place_grid(
     Raises:
         InputError: no rows or columns, a spacing that is not above zero, a name the scene has already.
     """
+    of_kind("robot", robot, Robot)
     _check_counts(rows=rows, columns=columns)
-    both = [spacing, spacing] if np.ndim(spacing) == 0 else spacing
-    along_x, along_y = (positive_number("spacing", s) for s in finite_array("spacing", both, (2,)))
+    of_two = isinstance(spacing, list | tuple | np.ndarray)
+    both = np.broadcast_to(near_array("spacing", spacing, (2,) if of_two else ()), (2,))
+    along_x, along_y = (positive_number("spacing", s) for s in both)
     middle = finite_array("centre", centre, (3,))
     turn = finite_number("yaw", yaw)
     xs = along_x * (np.arange(rows) - (rows - 1) / 2)
@@ -87,6 +100,7 @@ def place_ring(
             the scene has already.
         UnknownNameError: an unknown facing.
     """
+    of_kind("robot", robot, Robot)
     _check_counts(count=count)
     distance = positive_number("radius", radius)
     known_name("facing", facing, _FACING)
@@ -104,11 +118,14 @@ def place_ring(
 
 def _check_counts(**counts: int) -> None:
     for name, count in counts.items():
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-            raise InputError(f"{name} is {count!r}, expected a whole number of at least 1")
+        whole_number(name, count, 1, _MOST_ARMS)
+    if math.prod(map(int, counts.values())) > _MOST_ARMS:
+        raise InputError(f"{' x '.join(map(str, counts.values()))} arms are too many, expected at most {_MOST_ARMS}")
 
 
 def _place(robot: Robot, bases: list[Any], q: Any, scene: Scene | None, prefix: str) -> Scene:
+    of_kind("scene", scene, Scene, optional=True)
+    check_text("prefix", prefix)
     scene = Scene() if scene is None else scene
     digits = max(2, len(str(len(bases))))
     for number, base in enumerate(bases, start=1):

@@ -52,7 +52,7 @@ class AnytimePlanner:
     def __init__(self, *, range: float = 0.0) -> None:
         self.range = finite_number("range", range)
         if self.range < 0.0:
-            raise InputError(f"range is {range}, expected a length >= 0")
+            raise InputError(f"range is {self.range}, expected a length >= 0")
 
     def __repr__(self) -> str:
         return f"AnytimePlanner(range={self.range})"

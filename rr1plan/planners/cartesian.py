@@ -205,7 +205,7 @@ class _Walk:
     def why(self, line: Line, part: float, q: Array, blocked: Array | None, fits: bool) -> str:
         """What stopped the line right after q, in words; `blocked` is the next configuration, if there is one."""
         if blocked is not None and fits:
-            return f"collision of {self.collision(q, blocked)}"
+            return f"collision: {self.collision(q, blocked)}"
         if blocked is not None:
             return f"going on needs a jump of the joints; {self.singularity(line, q)}"
         target, free = line.at(part), np.full(len(q), np.inf)

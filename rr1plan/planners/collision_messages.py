@@ -8,13 +8,10 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker, Contact
+from rr1plan.scene.held_contacts import resting_advice
 
 # Two elements this near [m] touch: neither the kernel nor Coal tells less.
 _TOUCH = 1e-6
-# A held object that overlaps an obstacle by no more than this [m] rests on it.
-_RESTS = 1e-3
-# How much higher than its support an object has to be held [m].
-_LIFT = 5e-4
 
 
 def describe_collision(checker: CollisionChecker, q: Array, without: Collection[str] = ()) -> str:
@@ -63,18 +60,13 @@ def _describe(checker: CollisionChecker, contact: Contact) -> str:
 def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
     """What to do about a held object that rests on an obstacle or touches the hand that holds it."""
     scene = checker.scene
+    resting = resting_advice(scene, contact.a, contact.b, _gap(checker, contact))
+    if resting:
+        yield resting
     for held, other in ((contact.a, contact.b), (contact.b, contact.a)):
-        if held not in scene.attachments:
+        if held not in scene.attachments or scene.owner(other) != scene.attachments[held].arm:
             continue
-        if other in scene.obstacles and abs(_gap(checker, contact)) <= _RESTS:
-            lift = 1000.0 * (contact.depth + _LIFT)
-            yield (
-                f"the held {held!r} rests on {other!r}: allow the pair, which is then not checked "
-                f'(scene.allow({held!r}, {other!r}), in a scene file allowed = [["{held}", "{other}"]]), or hold '
-                f"{held!r} {lift:.3g} mm higher (its pose before scene.attach, in a scene file that of "
-                f"[attachments.{held}])"
-            )
-        elif scene.owner(other) == scene.attachments[held].arm and _is_rigid(checker, contact):
+        if _is_rigid(checker, contact):
             link = other.split("/", 1)[-1]
             yield (
                 f"{held!r} touches the hand that holds it: name the link with scene.attach({held!r}, "

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name
+from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, true_or_false
 from rr1plan.planners._ompl_question import Answer, Question, Watch
 from rr1plan.planners.query import STRAIGHT_LINES, Query
 from rr1plan.planners.space import Space, with_copies
@@ -64,7 +64,7 @@ class OmplPlanner:
 
     def __init__(self, name: str = "ompl_rrt_connect", *, tree: bool = False, **settings: float) -> None:
         self.name = known_name("planner", name, KINDS)
-        self.tree = bool(tree)
+        self.tree = true_or_false("tree", tree)
         if settings:
             from rr1plan.planners._ompl import setting_names
 

@@ -9,9 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 
-import numpy as np
-
-from rr1plan.checks import Seed, of_kind
+from rr1plan.checks import Seed, of_kind, whole_number
 from rr1plan.collision.shelf import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
@@ -24,6 +22,7 @@ from rr1plan.problem import Problem
 from rr1plan.scene import Scene
 
 _SAMPLES = 600
+_MOST_SAMPLES = 1_000_000
 _SHORTCUTS = 100  # tried on a path that is learned
 _NAME = "roadmap"
 
@@ -179,11 +178,9 @@ def checked_samples(samples: int) -> int:
     """A number of samples.
 
     Raises:
-        InputError: less than one, or no whole number.
+        InputError: less than one, more than a million, or no whole number.
     """
-    if not isinstance(samples, int | np.integer) or isinstance(samples, bool) or samples < 1:
-        raise InputError(f"samples is {samples!r}, expected a whole number >= 1")
-    return int(samples)
+    return whole_number("samples", samples, 1, _MOST_SAMPLES)
 
 
 def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:

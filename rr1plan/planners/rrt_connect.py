@@ -6,7 +6,7 @@ here every few milliseconds, for the clock, Ctrl-C and progress.
 
 from __future__ import annotations
 
-from rr1plan.checks import Seed, finite_number
+from rr1plan.checks import Seed, finite_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.planners.query import STRAIGHT_LINES, Query
 from rr1plan.planners.tree_search import TreeSearch
@@ -33,8 +33,8 @@ class RrtConnect:
     def __init__(self, *, range: float = 0.0, tree: bool = False) -> None:
         self.range = finite_number("range", range)
         if self.range < 0.0:
-            raise InputError(f"range is {range}, expected a length >= 0")
-        self.tree = bool(tree)
+            raise InputError(f"range is {self.range}, expected a length >= 0")
+        self.tree = true_or_false("tree", tree)
 
     def __repr__(self) -> str:
         return f"RrtConnect(range={self.range}, tree={self.tree})"

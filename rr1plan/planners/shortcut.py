@@ -17,13 +17,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_seed, of_kind, positive_number
+from rr1plan.checks import Array, Seed, as_seed, of_kind, positive_number, whole_number
 from rr1plan.collision import MotionChecker
 from rr1plan.errors import InputError
 from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.path import Path
 
+_MOST_ITERATIONS = 1_000_000
+_MOST_SMOOTH = 10
 # After so many shortcuts in a row that gained nothing, more are unlikely to.
 _PATIENCE = 30
 # Steps of a compiled loop between two looks at the clock.
@@ -52,10 +54,10 @@ def shorten(
         iterations: Random shortcuts to try at most, >= 0; four times as many take three times as long, and make
             paths around many obstacles shorter by a twentieth or more.
         seconds: Wall time to stop after [s].
-        smooth: How often to cut the corners (each time nearly doubles the waypoints), >= 0.
+        smooth: How often to cut the corners (each time nearly doubles the waypoints), 0 to 10.
 
     Raises:
-        InputError: another set of joints, a negative count, or no time at all.
+        InputError: another set of joints, a count that is negative or too large, or no time at all.
     """
     of_kind("path", path, Path)
     of_kind("checker", checker, MotionChecker)
@@ -64,10 +66,10 @@ def shorten(
             f"the path has joints {', '.join(path.joint_names)}, "
             f"the checker has {', '.join(checker.checker.joint_names)}; expected the same"
         )
-    if iterations < 0 or smooth < 0:
-        raise InputError(f"iterations is {iterations} and smooth is {smooth}, expected numbers >= 0")
-    if not math.isinf(seconds):
-        positive_number("seconds", seconds)
+    iterations = whole_number("iterations", iterations, 0, _MOST_ITERATIONS)
+    smooth = whole_number("smooth", smooth, 0, _MOST_SMOOTH)
+    if type(seconds) is not float or seconds != math.inf:
+        seconds = positive_number("seconds", seconds)
     shortener = _Shortener(path, checker, as_seed(rng), iterations, time.perf_counter() + seconds)
     shortener.run(iterations)
     points = shortener.waypoints()

@@ -24,6 +24,7 @@ from rr1plan.formats.contact_bands import ContactBand, contact_bands
 from rr1plan.formats.link_contacts import LinkBodies, Pair
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goals import GoalSearch
+from rr1plan.planners.query import NO_LIMIT
 from rr1plan.planners.rrt_connect import RrtConnect
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback
 from rr1plan.problem import Problem
@@ -76,6 +77,7 @@ class _HintSearch:
         self._problem, self._budget, self._progress = problem, budget, progress
         self._seed, self._planner, self._before = result.seed, result.planner, result.seconds
         self._began, self._reported = time.perf_counter(), -math.inf
+        self._iterations_left = NO_LIMIT if budget.iterations is None else budget.iterations
         self._bodies: dict[str, LinkBodies] = {}
         self.cancelled = False
 
@@ -150,12 +152,10 @@ class _HintSearch:
             self._problem.goal,
             self._problem.arms,
         )
-        iterations = self._budget.iterations
-        budget = Budget(
-            max(1e-3, self._seconds_left / shares),
-            None if iterations is None else max(1, iterations // shares),
-        )
-        return RrtConnect().plan(relaxed, budget, self._seed, self._report).solved
+        budget = Budget(max(1e-3, self._seconds_left / shares), max(1, self._iterations_left // shares))
+        result = RrtConnect().plan(relaxed, budget, self._seed, self._report)
+        self._iterations_left -= result.iterations
+        return result.solved
 
     def _describe(self, arm: str, links: Pair) -> str:
         robot, (a, b) = self._problem.scene.arms[arm].robot, sorted(links)
@@ -182,7 +182,7 @@ class _HintSearch:
         if self._progress is not None and not self.cancelled and now - self._reported >= 0.1:
             self._reported = now
             self._report()
-        return not self.cancelled and self._seconds_left > 0.0
+        return not self.cancelled and self._seconds_left > 0.0 and self._iterations_left > 0
 
     def _report(self, _: Progress | None = None) -> bool:
         """Report that the budget is nearly used up, whatever is searched; whether to go on."""

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, counted, file_path, of_kind, read_only
+from rr1plan.checks import Array, Value, check_callback, counted, file_path, items_of, of_kind, read_only, shown
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
@@ -86,7 +86,7 @@ class CSpace(Value):
         scene, arm = self.grid.scene, self.grid.arm
         checker, full = CollisionChecker(scene, (arm,)), np.array(scene.arms[arm].q)
         full[[scene.arms[arm].robot.joint_names.index(name) for name in self.grid.joint_names]] = q
-        names = [layer_of(scene, (contact.a, contact.b)) for contact in checker.contacts(full)]
+        names = [layer_of(scene, (contact.a, contact.b), arm) for contact in checker.contacts(full)]
         return tuple(dict.fromkeys(names + [LIMITS] * (not checker.within_limits(full))))
 
     @property
@@ -264,6 +264,7 @@ def cspace(
     of_kind("scene", scene, Scene)
     of_kind("problem", problem, Problem, optional=True)
     of_kind("result", result, PlanResult, optional=True)
+    check_callback("progress", progress)
     if problem is not None:
         _check_problem(problem, arm, joints)
         arm = problem.arms[0]
@@ -286,10 +287,10 @@ def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | 
     if len(problem.arms) != 1 or problem.nq != 2:
         raise InputError(f"the problem has {problem.nq} columns, only one with two can be drawn in the plane")
     if arm is not None and arm != problem.arms[0]:
-        raise InputError(f"arm is {arm!r}, but the problem moves {problem.arms[0]!r}")
+        raise InputError(f"arm is {shown(arm)}, but the problem moves {problem.arms[0]!r}")
     known = problem.scene.arms[problem.arms[0]].robot.joint_names
-    if joints is not None and tuple(joints) != known:
-        raise InputError(f"joints is {joints!r}, but the problem's columns are {known!r}")
+    if joints is not None and items_of("joints", joints, "two names") != known:
+        raise InputError(f"joints is {shown(joints)}, but the problem's columns are {known!r}")
 
 
 def goal_configurations(problem: Problem) -> tuple[dict[str, Array], tuple[str, ...]]:

@@ -31,8 +31,8 @@ from rr1plan.problem import Goal
 from rr1plan.scene import Scene
 
 _COARSEST, _FINEST = 32, 2048  # cells along each axis
-_MOST_CELLS = 200_000  # classified in all
-_BATCH = 20_000  # classified at once
+_MOST_CELLS = 100_000  # classified in all
+_BATCH = 4_000  # classified at once
 _FULL, _EMPTY, _MIXED = 0, 1, 2
 _QUARTERS = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
 _AROUND = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])

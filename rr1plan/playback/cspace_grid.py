@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, finite_array, known_name, read_only
+from rr1plan.checks import Array, Value, finite_array, items_of, known_name, read_only, shown, whole_number
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.playback.cspace_cells import Mask, label_components, shortest_way, widest_spot
@@ -174,9 +174,7 @@ def compute_grid(
     """
     arm = scene.only_arm(arm)
     names = _two_joints(scene, arm, joints)
-    if not isinstance(resolution, int) or not FEWEST_CELLS <= resolution <= MOST_CELLS:
-        expected = f"expected a whole number of cells from {FEWEST_CELLS} to {MOST_CELLS}"
-        raise InputError(f"resolution is {resolution!r}, {expected}")
+    resolution = whole_number("resolution", resolution, FEWEST_CELLS, MOST_CELLS)
     columns = (scene.arms[arm].robot.joint_names.index(names[0]), scene.arms[arm].robot.joint_names.index(names[1]))
     robot, limits = scene.arms[arm].robot, scene.arms[arm].robot.limits
     spans = [(robot.joint(robot.joint_names[c]), float(limits.lower[c]), float(limits.upper[c])) for c in columns]
@@ -200,9 +198,10 @@ def _two_joints(scene: Scene, arm: str, joints: tuple[str, str] | None) -> tuple
         if len(known) < 2:
             raise InputError(f"arm {arm!r} has {len(known)} joint, a picture of its configuration space needs two")
         return known[0], known[1]
-    if len(joints) != 2 or joints[0] == joints[1]:
-        raise InputError(f"joints is {joints!r}, expected two different joints")
-    return known_name("joint", joints[0], known), known_name("joint", joints[1], known)
+    names = [known_name("joint", name, known) for name in items_of("joints", joints, "two names")]
+    if len(names) != 2 or names[0] == names[1]:
+        raise InputError(f"joints is {shown(joints)}, expected two different joints")
+    return names[0], names[1]
 
 
 def _axis(joint: Joint, lower: float, upper: float, resolution: int) -> tuple[Array, bool, Mask]:

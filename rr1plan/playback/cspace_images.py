@@ -54,7 +54,7 @@ class Images:
         self.progress = progress
         self.shape = (len(axes[0]), len(axes[1]))
         self.cells = ContactCells(checker, self.q, columns)
-        owners = [layer_of(checker.scene, pair) for pair in checker.pairs]
+        owners = [layer_of(checker.scene, pair, checker.arms[0]) for pair in checker.pairs]
         self.names = tuple(dict.fromkeys(owners))
         self.hits = {name: np.zeros(self.shape, dtype=np.bool_) for name in self.names}
         self.owner = [owners[k] for k in checker.solid_owner]
@@ -65,7 +65,7 @@ class Images:
     def compute(self) -> dict[str, Mask]:
         """The cells that each obstacle (and "self-collision") makes impossible."""
         for pair in self.checker.resting_contacts:
-            self.hits[layer_of(self.checker.scene, pair)][:] = True
+            self.hits[layer_of(self.checker.scene, pair, self.checker.arms[0])][:] = True
         side = _BLOCKS[0]
         blocks = np.argwhere(np.ones([-(-n // side) for n in self.shape], dtype=np.bool_)) * side
         near = np.ones((len(blocks), len(self.owner)), dtype=np.bool_)
@@ -106,10 +106,10 @@ class Images:
             self.progress((2**rounds - 1 + 2**rounds * part) / (2 ** len(_BLOCKS) - 1))
 
 
-def layer_of(scene: Scene, pair: tuple[str, str]) -> str:
-    """The layer a pair's contact belongs to: the obstacle, the other arm, or self-collision."""
+def layer_of(scene: Scene, pair: tuple[str, str], arm: str) -> str:
+    """The layer that a contact of an arm belongs to: the obstacle, the other arm, or self-collision."""
     for name in pair:
         if name in scene.obstacles:
             return name
-    first, second = (scene.owner(name) for name in pair)
-    return SELF if first == second else f"{second}"
+    others = [owner for owner in map(scene.owner, pair) if owner != arm]
+    return f"{others[-1]}" if others else SELF

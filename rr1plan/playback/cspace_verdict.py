@@ -26,6 +26,8 @@ def describe(cspace: CSpace) -> str:
         where = f"{name} ({goal[0]:+.3f}, {goal[1]:+.3f})"
         if blocked:
             lines.append(f"  {where}: not free ({', '.join(blocked)})")
+        elif cspace.start_blocked_by:
+            lines.append(f"  {where}: free")
         elif cspace.proves_no_path:
             lines.append(f"  {where}: cut off from the start")
         else:

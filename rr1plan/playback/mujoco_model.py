@@ -47,6 +47,8 @@ class MujocoScene:
         model: The compiled model.
         joint_names: "arm/joint" of every movable joint, in the order of qpos, qvel and actuators.
         geom_elements: The scene element each geom belongs to, by geom id.
+        effort_limits: Largest effort of each of those joints [Nm or N], inf where there is none. Servos keep it, except
+            in arms whose masses are estimated.
         massless_joints: Those of `joint_names` that carry no mass; each has a motor of some inertia instead.
     """
 
@@ -54,6 +56,7 @@ class MujocoScene:
     model: Any
     joint_names: tuple[str, ...]
     geom_elements: tuple[str, ...]
+    effort_limits: Array
     massless_joints: tuple[str, ...] = ()
 
 
@@ -82,11 +85,13 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
     for name in massless:
         spec.joint(name).armature = _LEAST_CARRIED
     for joint, carried in zip(builder.joints, inertia, strict=True):
-        _add_servo(spec, joint, stiffness, max(float(carried), _LEAST_CARRIED))
+        limited = not scene.arms[joint.arm].robot.links_of_assumed_mass
+        _add_servo(spec, joint, stiffness, max(float(carried), _LEAST_CARRIED), limited)
     spec.add_key(name="posture", qpos=posture)
     model = _compile(spec)
     elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
-    return MujocoScene(spec, model, tuple(j.name for j in builder.joints), elements, massless)
+    efforts = np.array([joint.joint.effort for joint in builder.joints])
+    return MujocoScene(spec, model, tuple(j.name for j in builder.joints), elements, efforts, massless)
 
 
 def _compile(spec: Any) -> Any:
@@ -288,11 +293,11 @@ def mass_matrix(model: Any, data: Any) -> Array:
     return M
 
 
-def _add_servo(spec: Any, placed: _PlacedJoint, stiffness: float, inertia: float) -> None:
+def _add_servo(spec: Any, placed: _PlacedJoint, stiffness: float, inertia: float, limited: bool) -> None:
     actuator = spec.add_actuator(name=placed.name, target=placed.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     actuator.set_to_pid(
         kp=stiffness**2 * inertia, kv=2.0 * stiffness * inertia, ctrlspec=_POSITION_VELOCITY_FEEDFORWARD
     )
-    if np.isfinite(placed.joint.effort):
+    if limited and np.isfinite(placed.joint.effort):
         actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
         actuator.forcerange = [-placed.joint.effort, placed.joint.effort]

@@ -42,13 +42,14 @@ class Replay(Value):
         actual: Positions that were reached [rad], shape (n, nq).
         max_error: Largest tracking error of each joint over all steps [rad], shape (nq,).
         rms_error: Root mean square tracking error of each joint over all steps [rad], shape (nq,).
-        peak_effort: Largest share of the effort limit each joint used, shape (nq,).
+        peak_effort: Largest share of the effort limit each joint used, shape (nq,); above 1 only in an arm whose masses
+            are estimated, which is not held to its limits.
         contacts: Contacts that the scene forbids, in order of time.
         steps: Steps of the simulator.
         timestep: Length of a step [s].
         wall_seconds: Time the replay took [s].
         settings: Version and options that made it, for a record.
-        estimated: What a dynamic replay had to estimate, in words: masses that the robot's file does not give.
+        remarks: What a dynamic replay lacked, in words: masses that the robot's file does not give, a finer step.
     """
 
     mode: str
@@ -64,7 +65,7 @@ class Replay(Value):
     timestep: float
     wall_seconds: float
     settings: dict[str, Any] = field(default_factory=dict)
-    estimated: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("times", "desired", "actual", "max_error", "rms_error", "peak_effort"):
@@ -111,7 +112,7 @@ class Replay(Value):
                 f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
                 + ("; plan with option torque_limits, or with lower limits of acceleration" if self._is_spent else "")
             )
-            lines += [f"  {what}" for what in self.estimated]
+            lines += [f"  {what}" for what in self.remarks]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
             for c in self.contacts
@@ -135,5 +136,5 @@ class Replay(Value):
                 {"pair": list(c.pair), "first": c.first, "last": c.last, "depth": c.depth} for c in self.contacts
             ],
             "settings": dict(self.settings),
-            "estimated": list(self.estimated),
+            "remarks": list(self.remarks),
         }

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from rr1plan.checks import Array, finite_number, of_kind, positive_number
+from rr1plan.checks import Array, check_callback, finite_number, known_name, of_kind, positive_number
 from rr1plan.errors import BackendError, InputError, UnknownNameError
 from rr1plan.playback.mujoco_model import MujocoScene, build_mujoco
 from rr1plan.playback.replay import Replay, ReplayContact
@@ -26,6 +26,9 @@ from rr1plan.trajectory import Trajectory
 _UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
 # More steps than this take hours and more memory than there is.
 _MOST_STEPS = 5_000_000
+# A joint that moves more than this in one step is not tracked well [rad or m].
+_LONG_STRIDE = 0.05
+_MOST_STIFFNESS = 1e6  # [rad/s]
 Mode = Literal["dynamic", "kinematic"]
 Progress = Callable[[float], None]
 
@@ -63,18 +66,19 @@ def simulate(
         InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know.
         BackendError: MuJoCo does not take the scene, or its simulation became unstable.
     """
-    if mode not in ("dynamic", "kinematic"):
-        raise UnknownNameError("replay mode", mode, ("dynamic", "kinematic"))
+    known_name("replay mode", mode, ("dynamic", "kinematic"))
+    check_callback("progress", progress)
     timestep = positive_number("timestep", timestep)
     record_dt = positive_number("record_dt", record_dt)
-    if finite_number("hold", hold) < 0.0:
+    hold = finite_number("hold", hold)
+    if hold < 0.0:
         raise InputError(f"hold is {hold}, expected a time >= 0")
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
     targets = JointTargets(trajectory, scene)
     if trajectory.duration + hold > _MOST_STEPS * timestep:
         raise InputError(f"{trajectory.duration + hold:g} s in steps of {timestep:g} s are too many; take longer steps")
-    world = build_mujoco(scene, timestep=timestep, stiffness=positive_number("stiffness", stiffness))
+    world = build_mujoco(scene, timestep=timestep, stiffness=_bounded_stiffness(stiffness))
     steps = max(1, int(np.ceil((trajectory.duration + hold) / timestep - 1e-9)))
     run = _Run(world, targets, _clock(trajectory.start_time, timestep, steps), progress)
     started = time.perf_counter()
@@ -161,7 +165,7 @@ class _Run:
         velocity = self.targets(self.times, 1)
         feedforward = self._feedforward(velocity)
         control = np.stack([self.desired, velocity, feedforward], axis=2).reshape(len(self.times), -1)
-        limit = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)
+        limit = self.world.effort_limits
         data.qpos[:] = self.desired[0]
         data.qvel[:] = velocity[0]
         for k in range(len(self.times) - 1):
@@ -229,12 +233,19 @@ class _Run:
                 self.progress(k / len(self.times))
 
 
+def _bounded_stiffness(value: float) -> float:
+    if positive_number("stiffness", value) > _MOST_STIFFNESS:
+        raise InputError(f"stiffness is {value}, expected at most {_MOST_STIFFNESS:g} rad/s")
+    return float(value)
+
+
 def _report(mode: Mode, run: _Run, record_dt: float, wall: float, stiffness: float) -> Replay:
     names = run.targets.trajectory.joint_names
     columns = [run.targets.names.index(name) for name in names]
     error = run.actual[:, columns] - run.desired[:, columns]
     timestep = float(run.times[1] - run.times[0])
-    record = np.unique(np.append(np.arange(0, len(run.times), max(1, round(record_dt / timestep))), len(run.times) - 1))
+    stride = max(1, round(min(record_dt / timestep, len(run.times))))
+    record = np.unique(np.append(np.arange(0, len(run.times), stride), len(run.times) - 1))
     contacts = sorted((c for intervals in run.contacts.values() for c in intervals), key=lambda c: c.first)
     return Replay(
         mode=mode,
@@ -250,14 +261,20 @@ def _report(mode: Mode, run: _Run, record_dt: float, wall: float, stiffness: flo
         timestep=timestep,
         wall_seconds=wall,
         settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness},
-        estimated=_estimated(run) if mode == "dynamic" else (),
+        remarks=_remarks(run) if mode == "dynamic" else (),
     )
 
 
-def _estimated(run: _Run) -> tuple[str, ...]:
-    """What the description lacks and the physics needs, in words."""
+def _remarks(run: _Run) -> tuple[str, ...]:
+    """What the description or the step lacks for the physics, in words."""
     arms = run.targets.scene.arms.items()
     links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]
-    bare = run.world.massless_joints
-    found = [f"masses estimated from shapes: {', '.join(links)}"] if links else []
-    return (*found, f"joints that carry no mass: {', '.join(bare)}") if bare else tuple(found)
+    found = []
+    if links:
+        found.append(f"masses estimated from shapes: {', '.join(links)}")
+    if run.world.massless_joints:
+        found.append(f"joints that carry no mass: {', '.join(run.world.massless_joints)}")
+    stride = float(np.abs(np.diff(run.desired, axis=0)).max(initial=0.0))
+    if stride > _LONG_STRIDE:
+        found.append(f"joints move up to {stride:.2g} rad in a step, which costs accuracy: take a smaller timestep")
+    return tuple(found)

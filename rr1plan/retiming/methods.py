@@ -8,12 +8,13 @@ row of `_METHODS`.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_number, known_name, of_kind, positive_number
+from rr1plan.checks import Array, finite_number, known_name, of_kind, positive_number, true_or_false
 from rr1plan.errors import InputError, RetimingError
 from rr1plan.kinematics import Kinematics
 from rr1plan.limits import Limits
@@ -83,7 +84,9 @@ def retime(
         raise InputError(f"checker is of type {type(checker).__name__}, expected a MotionChecker")
     arms = _arms(path, scene)
     scales = [_share("velocity_scale", velocity_scale), _share("acceleration_scale", acceleration_scale)]
-    if not finite_number("max_blend", max_blend) >= 0.0:
+    torque_limits = true_or_false("torque_limits", torque_limits)
+    max_blend = finite_number("max_blend", max_blend)
+    if max_blend < 0.0:
         raise InputError(f"max_blend is {max_blend}, expected a size >= 0")
     limits = scene.limits(arms).scaled(*scales)
     points = clean(path.waypoints)
@@ -91,13 +94,13 @@ def retime(
         return Trajectory.rest(path.joint_names, points[0])
     check_limits(path.joint_names, points, limits, jerk=method in _JERK_LIMITED)
     dynamics = Kinematics(scene, arms).inverse_dynamics if torque_limits else None
-    if dynamics is not None:
-        check_gravity(points, path.joint_names, limits.effort, dynamics)
     work = Work(points, limits, max_blend, lambda: checker or _certifier(scene, arms), dynamics)
     _, time_pieces = _METHODS[method]
-    parts = time_pieces(work)
-    if dynamics is not None:
-        parts = [within_torque(part, path.joint_names, limits.effort, dynamics) for part in parts]
+    if dynamics is None:
+        return as_trajectory(path.joint_names, concatenate(time_pieces(work)))
+    with _naming_estimates(scene, arms):
+        check_gravity(points, path.joint_names, limits.effort, dynamics)
+        parts = [within_torque(part, path.joint_names, limits.effort, dynamics) for part in time_pieces(work)]
     return as_trajectory(path.joint_names, concatenate(parts))
 
 
@@ -117,6 +120,18 @@ def _arms(path: Path, scene: Scene) -> tuple[str, ...]:
     if path.joint_names != expected:
         raise InputError(f"the path's joints are {path.joint_names}, expected those of the arms in order: {expected}")
     return arms
+
+
+@contextmanager
+def _naming_estimates(scene: Scene, arms: tuple[str, ...]) -> Iterator[None]:
+    """Add to what is wrong with torques which masses are estimates."""
+    try:
+        yield
+    except RetimingError as error:
+        links = [f"{arm}/{link}" for arm in arms for link in scene.arms[arm].robot.links_of_assumed_mass]
+        if not links:
+            raise
+        raise RetimingError(f"{error}; the masses of {', '.join(links)} are estimates") from error
 
 
 def _certifier(scene: Scene, arms: tuple[str, ...]) -> CurveChecker:

@@ -12,7 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import FARTHEST, Array, Value, counted, finite_array, finite_number, known_name, read_only
+from rr1plan.checks import (
+    FARTHEST,
+    Array,
+    Value,
+    counted,
+    finite_array,
+    finite_number,
+    known_name,
+    of_kind,
+    read_only,
+    shape_of,
+    shown,
+)
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.robot.digest import feed_digest
@@ -146,13 +158,14 @@ class Robot(Value):
         """
         if isinstance(value, str):
             return self.configurations[known_name("configuration", value, self.configurations)]
-        if np.shape(value) != (self.nq,):
-            got = f"shape {np.shape(value)}" if np.ndim(value) != 1 else counted(len(value), "number")
+        shape = shape_of(value)
+        if shape != (self.nq,):
+            got = f"shape {shape}" if len(shape) != 1 else counted(shape[0], "number")
             joints = ", ".join(self.joint_names)
             raise InputError(f"{name} has {got}, expected {self.nq}: one for each of {joints}")
         joints = ", ".join(n for n, v in zip(self.joint_names, value, strict=True) if not _is_joint_value(v))
         if joints:
-            raise InputError(f"{name} is {value}, expected finite numbers within ±{FARTHEST:g} (joint {joints})")
+            raise InputError(f"{name} is {shown(value)}, expected finite numbers within ±{FARTHEST:g} (joint {joints})")
         return read_only(finite_array(name, value, (self.nq,)))
 
     @cached_property
@@ -184,7 +197,7 @@ class Robot(Value):
             InputError: neither, or limits of another number of joints.
         """
         if not isinstance(limits, Limits | str):
-            raise InputError(f"limits is {limits!r}, expected Limits or the name of a preset")
+            raise InputError(f"limits is {shown(limits)}, expected Limits or the name of a preset")
         if isinstance(limits, str):
             limits = self.presets[known_name("limit preset", limits, self.presets)]
         return replace(self, limits=limits)
@@ -198,6 +211,7 @@ class Robot(Value):
         """
         if isinstance(values, str):
             values = self.named_held[known_name("gripper state", values, self.named_held)]
+        of_kind("values", values, Mapping)
         held = dict(self.held)
         for name, value in values.items():
             joint = self.joint(known_name("held joint", name, self.held))
@@ -211,7 +225,7 @@ class Robot(Value):
 
     def joint_values(self, q: Array) -> dict[str, float]:
         """The value of every movable joint [rad or m]: planned, held and mimicking."""
-        values = dict(zip(self.joint_names, (float(v) for v in q), strict=True)) | dict(self.held)
+        values = dict(zip(self.joint_names, finite_array("q", q, (self.nq,)).tolist(), strict=True)) | dict(self.held)
         for joint in self.joints:
             if joint.kind != "fixed" and joint.name not in values:
                 values[joint.name] = self._resolve(joint, values)
@@ -250,4 +264,7 @@ class Robot(Value):
 
 
 def _is_joint_value(value: Any) -> bool:
-    return isinstance(value, numbers.Real) and abs(float(value)) <= FARTHEST
+    try:
+        return isinstance(value, numbers.Real) and abs(float(value)) <= FARTHEST
+    except OverflowError:
+        return False

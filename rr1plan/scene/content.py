@@ -12,7 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, finite_number, known_name, read_only
+from rr1plan.checks import (
+    Array,
+    Value,
+    check_text,
+    finite_array,
+    finite_number,
+    items_of,
+    known_name,
+    of_kind,
+    read_only,
+    shown,
+)
 from rr1plan.contact_rules import ContactRules, RuleContent, rules_of
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
@@ -34,9 +45,17 @@ class SceneContent(Value):
     description: str = ""
 
     def __post_init__(self) -> None:
+        for name, kind in (("arms", Arm), ("obstacles", Obstacle), ("attachments", Attachment)):
+            of_kind(name, getattr(self, name), Mapping)
+            for value in getattr(self, name).values():
+                of_kind(f"one of the {name}", value, kind)
+        of_kind("pair_padding", self.pair_padding, Mapping)
         for name in ("arms", "obstacles", "attachments", "pair_padding"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-        object.__setattr__(self, "allowed", frozenset(self.allowed))
+        for name in ("name", "description"):
+            check_text(f"{name} of the scene", getattr(self, name))
+        pairs = items_of("allowed", self.allowed, "pairs of names")
+        object.__setattr__(self, "allowed", frozenset(map(_checked_pair, pairs)))
         self._check_names()
         for value in (self.padding, *self.pair_padding.values()):
             if finite_number("padding", value) < 0.0:
@@ -46,7 +65,9 @@ class SceneContent(Value):
         names = [*self.arms, *self.obstacles, *self.attachments]
         for name in names:
             if not isinstance(name, str) or not name.isprintable() or not name or "/" in name:
-                raise InputError(f"{name!r} cannot name an element of a scene: expected printable text without '/'")
+                raise InputError(
+                    f"{shown(name)} cannot name an element of a scene: expected printable text without '/'"
+                )
         if len(set(names)) != len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise InputError(f"the scene has two elements named {twice!r}")
@@ -113,11 +134,11 @@ class SceneContent(Value):
         if arms is None:
             return tuple(self.arms)
         if isinstance(arms, str) or not isinstance(arms, Sequence):
-            raise InputError(f"arms is {arms!r}, expected a sequence of names")
+            raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
         for name in arms:
             self.arm(name)
         if not arms or len(set(arms)) != len(arms):
-            raise InputError(f"arms is {tuple(arms)}, expected distinct names, at least one")
+            raise InputError(f"arms is {shown(tuple(arms))}, expected distinct names, at least one")
         return tuple(name for name in self.arms if name in arms)
 
     def joint_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:
@@ -133,17 +154,24 @@ class SceneContent(Value):
         return np.concatenate([self.arms[a].q for a in self.arm_names(arms)])
 
     def split(self, q: Array, arms: Sequence[str] | None = None) -> dict[str, Array]:
-        """Posture of every arm of the scene, with q (nq,) for the named ones and the scene's for the rest."""
+        """Posture of every arm of the scene, with q (nq,) for the named ones and the scene's for the rest.
+
+        Raises:
+            UnknownNameError: no such arm.
+            InputError: q of another shape, or not finite.
+        """
         postures = {name: arm.q for name, arm in self.arms.items()}
-        start = 0
-        for name in self.arm_names(arms):
+        start, names = 0, self.arm_names(arms)
+        q = finite_array("q", q, (sum(self.arms[name].robot.nq for name in names),))
+        for name in names:
             nq = self.arms[name].robot.nq
-            postures[name] = np.asarray(q[start : start + nq], dtype=np.float64)
+            postures[name] = q[start : start + nq]
             start += nq
         return postures
 
     def link_poses(self, postures: Mapping[str, Array] | None = None) -> dict[str, Array]:
         """T_world_link of every link as "arm/link", by plain numpy; `postures` by arm (default: the scene's)."""
+        of_kind("postures", postures, Mapping, optional=True)
         poses = {}
         for name, arm in self.arms.items():
             q = arm.q if postures is None else postures.get(name, arm.q)
@@ -179,6 +207,8 @@ class SceneContent(Value):
 
     def owner(self, element: str) -> str | None:
         """The arm an element moves with, or None for an obstacle."""
+        if not isinstance(element, str):
+            raise InputError(f"element is {shown(element)}, expected a name")
         if element in self.attachments:
             return self.attachments[element].arm
         return element.split("/", 1)[0] if "/" in element else None
@@ -234,3 +264,11 @@ class SceneContent(Value):
         feed_digest(digest, sorted(sorted(p) for p in self.allowed))
         feed_digest(digest, (float(self.padding), sorted((sorted(p), float(d)) for p, d in self.pair_padding.items())))
         return digest.hexdigest()
+
+
+def _checked_pair(both: Any) -> Pair:
+    """A pair of names, from a set, a list or a tuple of them."""
+    names = items_of("one of allowed", both, "names")
+    for name in names:
+        check_text("an allowed element", name)
+    return frozenset(names)

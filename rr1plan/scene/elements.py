@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from rr1plan.checks import Array, Value
+from rr1plan.checks import Array, Value, shown
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.transforms import as_pose, identity
@@ -30,7 +29,7 @@ class Arm(Value):
 
     def __post_init__(self) -> None:
         if not isinstance(self.robot, Robot):
-            raise InputError(f"robot is {self.robot!r}, expected a Robot; load one with load_robot")
+            raise InputError(f"robot is {shown(self.robot)}, expected a Robot; load one with load_robot")
         object.__setattr__(self, "base", as_pose(self.base, "arm base"))
         object.__setattr__(self, "q", self.robot.configuration(self.q, "arm posture"))
 
@@ -60,10 +59,13 @@ def posed_shapes(values: Any) -> tuple[Geometry, ...]:
     Raises:
         InputError: something else.
     """
-    geometries = tuple(values) if isinstance(values, Iterable) else (values,)
+    try:
+        geometries = tuple(values)
+    except TypeError:
+        geometries = (values,)
     for one in geometries:
         if not isinstance(one, Geometry):
-            raise InputError(f"got {one!r} as an object's shape, expected a shape, or Geometry values")
+            raise InputError(f"got {shown(one)} as an object's shape, expected a shape, or Geometry values")
     return geometries
 
 

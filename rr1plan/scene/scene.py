@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rr1plan.checks import finite_number, known_name
+from rr1plan.checks import check_text, finite_number, items_of, known_name
 from rr1plan.errors import InputError
 from rr1plan.robot import Color, Geometry, Robot
 from rr1plan.scene.content import SceneContent
@@ -32,6 +32,7 @@ class Scene(SceneContent):
 
     def with_arm(self, name: str, robot: Robot, base: Any = None, q: Any = "home") -> Scene:
         """A scene with one more arm (or another one of that name)."""
+        check_text("name", name)
         return replace(self, arms={**self.arms, name: Arm(robot, as_pose(base, "base"), q)})
 
     def without_arm(self, name: str) -> Scene:
@@ -62,6 +63,7 @@ class Scene(SceneContent):
             pose: T_world_object: (4, 4), or a position (3,) [m].
             color: Its colour (rgba, 0..1).
         """
+        check_text("name", name)
         if isinstance(shape, Shape):
             shape = (Geometry(name, shape, identity(), color),)
         return replace(self, obstacles={**self.obstacles, name: Obstacle(posed_shapes(shape), as_pose(pose))})
@@ -73,6 +75,8 @@ class Scene(SceneContent):
 
     def allow(self, a: str, b: str) -> Scene:
         """A scene in which two elements (or all links of an arm, by the arm's name) may touch."""
+        check_text("a", a)
+        check_text("b", b)
         if a == b:
             raise InputError(f"allow got {a!r} twice, expected two elements; an arm's own pairs are its robot's")
         return replace(self, allowed=self.allowed | {pair(a, b)})
@@ -81,6 +85,9 @@ class Scene(SceneContent):
         """A scene that keeps `distance` [m] between every pair, or between a and b only."""
         if (a is None) != (b is None):
             raise InputError("with_padding takes a distance, or a distance and two names")
+        for one in (a, b):
+            if one is not None:
+                check_text("element", one)
         if a is None or b is None:
             return self._padded(distance, self.pair_padding)
         return self._padded(self.padding, {**self.pair_padding, pair(a, b): distance})
@@ -123,7 +130,7 @@ class Scene(SceneContent):
         arm = self.only_arm(arm)
         robot = self.arm(arm).robot
         link = robot.link(robot.tool if link is None else link).name
-        touch = frozenset(robot.link(name).name for name in touch)
+        touch = frozenset(robot.link(name).name for name in items_of("touch", touch, "links"))
         where = inverse(self.link_poses()[f"{arm}/{link}"]) @ thing.pose if pose is None else pose
         T = as_pose(where, "pose of the held object")
         held = Attachment(thing.geometries, arm, link, T, touch)

@@ -11,13 +11,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rr1plan.checks import of_kind, positive_number
+from rr1plan.checks import check_callback, of_kind, positive_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import Progress, ProgressCallback
 from rr1plan.problem import Problem
 from rr1plan.report import Margin, Report, Violation
 from rr1plan.scene import Scene
+from rr1plan.scene.held_contacts import resting_advice
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation.bodies import Bodies
 from rr1plan.validation.certificate import TOUCH, Findings
@@ -73,7 +74,12 @@ def validate(
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
     of_kind("problem", problem, Problem, optional=True)
-    positive_number("clearance_tolerance", clearance_tolerance)
+    clearance_tolerance = positive_number("clearance_tolerance", clearance_tolerance)
+    check_callback("progress", progress)
+    torque_limits, jerk_limits = (
+        true_or_false("torque_limits", torque_limits),
+        true_or_false("jerk_limits", jerk_limits),
+    )
     _check_columns(trajectory, scene)
     ledger = Ledger()
     if not _check_values(ledger, trajectory):
@@ -81,7 +87,7 @@ def validate(
     setting = setting_of(scene, trajectory.joint_names)
     motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
     columns, found = setting.columns, extremes(motion.breaks, motion.coefficients)
-    _check_collisions(ledger, motion, setting, clearance_tolerance, _most_distances(columns, found), progress)
+    _check_collisions(ledger, scene, motion, setting, clearance_tolerance, _most_distances(columns, found), progress)
     _name_unchecked_links(ledger, scene)
     check_positions(ledger, columns, found)
     check_continuity(ledger, columns, found, motion.coefficients)
@@ -119,7 +125,8 @@ def certify_path(
     """
     of_kind("path", path, Path)
     of_kind("scene", scene, Scene)
-    positive_number("clearance_tolerance", clearance_tolerance)
+    clearance_tolerance = positive_number("clearance_tolerance", clearance_tolerance)
+    check_callback("progress", progress)
     trajectory = _unit_speed(path)
     _check_columns(trajectory, scene)
     ledger = Ledger()
@@ -127,7 +134,7 @@ def certify_path(
         return _no_motion(ledger)
     setting = setting_of(scene, trajectory.joint_names)
     motion = setting.motion.along(trajectory.breaks, trajectory.coefficients)
-    _check_collisions(ledger, motion, setting, clearance_tolerance, _MOST_DISTANCES, progress)
+    _check_collisions(ledger, scene, motion, setting, clearance_tolerance, _MOST_DISTANCES, progress)
     _name_unchecked_links(ledger, scene)
     check_positions(ledger, setting.columns, extremes(motion.breaks, motion.coefficients))
     for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
@@ -220,6 +227,7 @@ def _most_distances(columns: Columns, found: Extremes) -> int:
 
 def _check_collisions(
     ledger: Ledger,
+    scene: Scene,
     motion: SceneMotion,
     setting: Setting,
     tolerance: float,
@@ -234,7 +242,7 @@ def _check_collisions(
     else:
         ledger.checked.append("collision")
     for k in np.flatnonzero(np.isfinite(found.first_contact) | found.undecided).tolist():
-        ledger.violations.append(_contact(bodies.names(k), float(bodies.padding[k]), found, k))
+        ledger.violations.append(_contact(scene, bodies.names(k), found, k))
     _clearance_margins(ledger, bodies, found)
     ledger.statistics |= found.statistics | {"collision_seconds": clock.perf_counter() - began}
     if not len(bodies.padding):
@@ -247,17 +255,22 @@ def _name_unchecked_links(ledger: Ledger, scene: Scene) -> None:
             ledger.not_checked[f"{name}/{link}"] = "has no collision shape"
 
 
-def _contact(pair: tuple[str, str], padding: float, found: Findings, k: int) -> Violation:
+def _contact(scene: Scene, pair: tuple[str, str], found: Findings, k: int) -> Violation:
     """A contact, or what could not be told from one."""
     value, time, first = float(found.clearance[k]), float(found.time[k]), float(found.first_contact[k])
-    a, b = pair
+    (a, b), padding = pair, scene.padding_of(*pair)
     kept = f", of which {1000.0 * padding:.3g} mm is padding" if padding > 0.0 else ""
+    advice = resting_advice(scene, a, b, value + padding)
+    advice = f"; {advice}" if advice else ""
     if value <= 0.0:
         since = "" if time - first < 1e-5 else f"; first contact at {first:.5f} s"
-        message = f"{a} and {b} overlap by {-1000.0 * value:.3f} mm at {time:.5f} s{kept}{since}"
+        touch = padding == 0.0 and value > -TOUCH
+        depth = "touch" if touch else f"overlap by {max(0.0, -1000.0 * value):.3f} mm"
+        message = f"{a} and {b} {depth} at {time:.5f} s{kept}{since}{advice}"
         return Violation("collision", pair, time, value, 0.0, message)
     if np.isfinite(first):
-        message = f"{a} and {b} come within {1e6 * value:.3g} µm at {time:.5f} s, too near to tell from contact{kept}"
+        nearest = f"come within {1e6 * value:.3g} µm at {time:.5f} s, too near to tell from contact"
+        message = f"{a} and {b} {nearest}{kept}{advice}"
     else:
         message = f"{a} and {b} could not be decided; the smallest clearance seen is {value:.3g} m"
     return Violation("undecided", pair, time, value if np.isfinite(value) else 0.0, TOUCH, message)
@@ -270,8 +283,10 @@ def _clearance_margins(ledger: Ledger, bodies: Bodies, found: Findings) -> None:
         seen = np.where(members, found.clearance, np.inf)
         if not np.isfinite(seen).any():
             continue
-        k = int(np.argmin(seen))
-        ledger.margins[name] = Margin(float(seen[k]), "m", bodies.names(k), float(found.time[k]))
+        # With a contact to report, only contacts are looked for: the rest is not found to its tolerance.
+        if not hit.any() or hit[members].any():
+            k = int(np.argmin(seen))
+            ledger.margins[name] = Margin(float(seen[k]), "m", bodies.names(k), float(found.time[k]))
         for end, nearest in zip(("start", "end"), found.ends[group], strict=True):
             if name == "clearance" and np.isfinite(nearest.clearance):
                 ledger.margins[f"{name}_{end}"] = Margin(

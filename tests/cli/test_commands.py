@@ -129,7 +129,7 @@ def test_validate_accepts_a_good_motion_and_refuses_it_elsewhere(
     assert run(["validate", str(motion), "--scene", "rr1_cage"]) == INVALID_PLAN
     said = capsys.readouterr().out
     assert "in the scene rr1_cage" in said
-    assert "which differs from the scene that the motion was made in:" in said
+    assert "the scene differs from the one that the motion was made in:" in said
     assert "obstacle 'crate' is gone" in said
     assert "INVALID" in said
     assert run(["validate", str(motion), "--scene", "planar2r_path"]) == BAD_INPUT
@@ -316,7 +316,7 @@ def test_cspace_draws_a_slice_of_a_bigger_arm(capsys: pytest.CaptureFixture[str]
     [
         (
             ["planar2r_path", "--resolution", "100000"],
-            "resolution is 100000, expected a whole number of cells from 8 to 2000",
+            "resolution is 100000, expected a whole number from 8 to 2000",
         ),
         (["planar2r_path", "--seconds", "0"], "'0' is not a number above zero"),
         (["rr1_table", "--query", "above_parcel"], "the problem has 6 columns"),

@@ -64,7 +64,8 @@ def test_errors_that_cannot_be_written_still_have_their_exit_code(command: str, 
 def test_a_reader_that_leaves_changes_nothing(command: str, code: int) -> None:
     done = shell(f"{RR1PLAN} {command}")
     assert done.returncode == code
-    assert done.stderr == ""
+    # The first compilation says so, whatever is planned first.
+    assert [line for line in done.stderr.splitlines() if "compiling for this machine" not in line] == []
 
 
 def test_a_command_whose_reader_left_does_its_work(tmp_path: Path) -> None:

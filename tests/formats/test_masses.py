@@ -82,10 +82,12 @@ def test_gravity_and_the_report_on_torque_know_of_it(tmp_path: Path) -> None:
 def test_a_replay_says_that_masses_are_estimated(tmp_path: Path) -> None:
     robot = arm(tmp_path, SOLID, SOLID)
     scene = rp.Scene().with_arm("arm", robot)
-    trajectory = rp.plan_motion(rp.Problem(scene, "home", [0.5, -0.3]), rng=0).trajectory
+    motion = rp.plan_motion(rp.Problem(scene, "home", [0.5, -0.3]), rng=0)
+    trajectory = motion.trajectory
+    scene = rp.load_motion(motion.save(tmp_path / "motion.json")).scene
     replay = rp.simulate(trajectory, scene)
     assert "masses estimated from shapes: arm/l0, arm/l1" in str(replay)
-    assert replay.to_dict()["estimated"] == ["masses estimated from shapes: arm/l0, arm/l1"]
+    assert replay.to_dict()["remarks"] == ["masses estimated from shapes: arm/l0, arm/l1"]
     assert replay.worst_error < 2e-3
     assert "estimated" not in str(rp.simulate(trajectory, scene, "kinematic"))
 
@@ -97,3 +99,30 @@ def test_joints_that_carry_nothing_are_tracked_and_named(tmp_path: Path) -> None
     replay = rp.simulate(trajectory, scene)
     assert "joints that carry no mass: arm/j1, arm/j2" in str(replay)
     assert replay.worst_error < 2e-3
+
+
+def test_placeholder_efforts_do_not_hold_an_arm_of_estimated_masses_back(tmp_path: Path) -> None:
+    """A file without masses often has an effort of 1 as well: the share is reported, the motion is followed."""
+    arm(tmp_path, SOLID, SOLID)
+    file = tmp_path / "arm.urdf"
+    file.write_text(file.read_text().replace('effort="20"', 'effort="1"'))
+    scene = rp.Scene().with_arm("arm", rp.load_robot(file))
+    trajectory = rp.plan_motion(rp.Problem(scene, "home", [0.5, -0.3]), rng=0).trajectory
+    replay = rp.simulate(trajectory, scene)
+    assert replay.worst_error < 2e-3
+    assert replay.peak_effort.max() > 2.0
+    with pytest.raises(rp.RetimingError, match=r"no timing can help.*masses of arm/l0, arm/l1 are estimates"):
+        rp.retime(rp.Path(scene.joint_names(), [[0.0, 0.0], [0.5, -0.3]]), scene, torque_limits=True)
+
+
+def test_a_replay_whose_steps_are_too_long_says_so(tmp_path: Path) -> None:
+    arm(tmp_path, SOLID + INERTIAL.format(2, 1))
+    file = tmp_path / "arm.urdf"
+    file.write_text(file.read_text().replace('velocity="2" effort="20"', 'velocity="1000"'))
+    scene = rp.Scene().with_arm("arm", rp.load_robot(file))
+    trajectory = rp.plan_motion(rp.Problem(scene, "home", [0.9]), rng=0).trajectory
+    replay = rp.simulate(trajectory, scene)
+    assert "take a smaller timestep" in str(replay)
+    finer = rp.simulate(trajectory, scene, timestep=1e-4)
+    assert "timestep" not in str(finer)
+    assert finer.worst_error < 0.2 * replay.worst_error

@@ -87,7 +87,7 @@ def test_a_straight_push_into_an_obstacle_ends_before_it_and_names_it(rr1):
     assert result.path is None
     assert result.status in (PlanStatus.INFEASIBLE, PlanStatus.INVALID_GOAL)
     assert "% (0." in result.reason
-    assert "collision of" in result.reason
+    assert "collision: 'arm/finger_link' and 'wall' overlap by" in result.reason
     assert "'wall'" in result.reason
 
 

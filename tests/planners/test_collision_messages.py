@@ -103,3 +103,12 @@ def test_a_goal_on_the_table_is_answered_in_the_same_words(held: rp.Scene) -> No
     result = rp.plan(rp.Problem(free, None, rp.PoseGoal("tool", T, position_tolerance=1e-7)), rng=0)
     assert result.status is rp.PlanStatus.INVALID_GOAL
     assert "the held 'can' rests on 'table'" in result.reason
+
+
+def test_the_referee_says_the_same_of_a_motion_that_starts_on_the_table(held: rp.Scene) -> None:
+    report = rp.validate(rp.Trajectory.rest(held.joint_names(), held.configuration()), held)
+    (violation,) = report.violations
+    assert "touch at 0.00000 s" in violation.message
+    assert "0.000 mm" not in violation.message
+    assert "scene.allow('can', 'table')" in violation.message
+    assert "hold 'can' 0.5 mm higher" in violation.message

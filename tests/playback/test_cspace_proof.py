@@ -341,6 +341,24 @@ def test_a_blocked_goal_and_a_blocked_start_are_judged_by_themselves_not_by_thei
     assert verdict(CSpace(blocked.grid, np.array(in_wall), (np.array(in_slit),))) == "The start is not free: below."
 
 
+def test_two_arms_are_told_apart_and_what_one_holds_is_part_of_it() -> None:
+    scene = load_problems("planar2r_path")["over_the_seam"].scene.without_obstacle("violet")
+    scene = scene.with_arm("other", rp.load_robot("planar2r"), pose([1.2, -1.6, 0.0], rpy=[0, 0, np.pi / 2]))
+    scene = scene.with_obstacle("ball", rp.Sphere(0.05), [3.0, 3.0, 0.0]).attach("ball", "other", pose=[0.1, 0, 0])
+    grid, checker = compute_grid(scene, "arm", resolution=40), CollisionChecker(scene, ("arm",))
+    assert list(grid.layers) == ["other", *(n for n in grid.layers if n in scene.obstacles)]
+    assert grid.layers["other"].any()
+    for i, j in np.ndindex(grid.free.shape):
+        assert grid.free[i, j] == checker.is_free([grid.axes[0][i], grid.axes[1][j]])
+    cells = ContactCells(checker, np.zeros(2), (0, 1))
+    rng = np.random.default_rng(0)
+    centers, half = rng.uniform(-np.pi, np.pi, (800, 2)), np.array([0.01, 0.02])
+    blocked, _ = cells.classify(centers, half, np.ones((800, cells.pairs), dtype=bool))
+    inside = (centers + rng.uniform(-1.0, 1.0, centers.shape) * half)[blocked]
+    assert len(inside) > 100
+    assert not any(checker.is_free(q) for q in inside)
+
+
 def test_a_picture_is_one_line_in_a_list(hopeless: rp.Problem) -> None:
     picture = rp.cspace(hopeless.scene, hopeless, resolution=24)
     assert repr(picture) == "CSpace('planar2r_no_path', joint1 x joint2, 24 x 24 cells, 1 goal)"

@@ -258,6 +258,17 @@ def test_clearance_to_the_surroundings_is_told_apart_from_an_arms_own(rr1: rp.Ro
     assert "margin       self_clearance" in str(both)
 
 
+def test_beside_a_contact_no_clearance_is_told_that_was_not_looked_for(rr1: rp.Robot, quintic: Make) -> None:
+    scene = rp.Scene().with_arm("rr1", rr1)
+    q = scene.configuration()
+    tool = scene.link_poses({"rr1": q + 0.05})["rr1/tool"][:3, 3]
+    report = validate(quintic(scene.joint_names(), q, q + 0.1), scene.with_obstacle("ball", rp.Sphere(0.05), tool))
+    assert not report.valid
+    assert report.margins["clearance"].value < 0.0
+    assert "ball" in report.margins["clearance_start"].subject
+    assert not [name for name in report.margins if name.startswith("self_clearance")]
+
+
 def test_another_arm_is_of_the_surroundings_and_a_held_object_of_the_arm(slider: Make, quintic: Make) -> None:
     scene = rp.Scene().with_arm("a", slider(BALL)).with_arm("b", slider(BALL), [0.0, 0.3, 0.0])
     move = quintic(["a/slide"], [0.0], [0.4])

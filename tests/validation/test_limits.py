@@ -192,3 +192,11 @@ def test_scenes_with_other_limits_postures_or_places_are_not_taken_for_each_othe
         for rest, meets in ((0.5, True), (3.0, False)):
             scene = scene_of(fast).with_arm("other", fast, [0.0, 0.05, 0.0], [rest])
             assert validate(ramp, scene).valid is not meets
+
+
+def test_a_motion_that_is_absurdly_fast_is_refused_without_much_work() -> None:
+    scene = rp.load_scene("planar2r_path")
+    spin = rp.Trajectory(scene.joint_names(), [0.0, 0.5], [[[0.0, 0.0], [1e5, 0.0]]])
+    report = validate(spin, scene)
+    assert {"velocity", "rest"} <= {violation.kind for violation in report.violations}
+    assert report.statistics["distances"] + report.statistics["searches"] < 40_000

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, finite_array, known_name
+from rr1plan.checks import Array, finite_array, known_name, shape_of
 from rr1plan.errors import InputError
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.transforms import inverse as inverse_pose
@@ -68,12 +68,12 @@ def check_view(view: Any) -> Point | None:
         return None
     if isinstance(view, str):
         return VIEWS[known_name("view", view, VIEWS)]
-    if np.shape(view) == (2,):
+    if shape_of(view) == (2,):
         azimuth, elevation = finite_array("view", view, (2,)).tolist()
         if abs(azimuth) > 2.0 * math.pi or abs(elevation) > 0.5 * math.pi + 1e-3:
             raise InputError(
                 f"view is azimuth {azimuth:g} and elevation {elevation:g}, expected angles [rad] of at most 2 pi and "
-                f"pi / 2; for degrees try ({math.radians(azimuth):.3g}, {math.radians(elevation):.3g})"
+                f"pi / 2; for degrees try {math.radians(azimuth):.3g} and {math.radians(elevation):.3g}"
             )
         flat = math.cos(elevation)
         return (flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, known_name, of_kind
+from rr1plan.checks import Array, check_text, known_name, number_array, of_kind
 from rr1plan.path import Path
 from rr1plan.playback.replay import Replay
 from rr1plan.playback.viewer.camera import choose_camera
@@ -37,7 +37,10 @@ _MOST_GHOSTS = 4
 
 def pack(array: Any, dtype: str = "f4") -> dict[str, Any]:
     """An array as JSON can hold it: dtype ("f4", "f8", "u4"), shape and base64 data."""
-    values: NDArray[Any] = np.ascontiguousarray(array, dtype="<" + dtype)
+    known_name("dtype", dtype, ("f4", "f8", "u4"))
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond its range a number is infinite
+        plain = array if isinstance(array, np.ndarray) and array.dtype.kind in "iuf" else number_array("array", array)
+        values: NDArray[Any] = np.ascontiguousarray(plain, dtype="<" + dtype)
     return {"dtype": dtype, "shape": list(values.shape), "data": base64.b64encode(values.tobytes()).decode("ascii")}
 
 
@@ -75,13 +78,15 @@ def view_document(
     of_kind("report", report, Report, optional=True)
     of_kind("replay", replay, Replay, optional=True)
     of_kind("spheres", spheres, bool)
+    if title is not None:
+        check_text("title", title)
     shapes = ShapeTable(pack)
     robots: dict[int, int] = {}
     rows = [_arm_row(name, scene, robots) for name in scene.arms]
     unique = {index: scene.arms[row["name"]].robot for row in rows for index in [row["robot"]]}
     motion = trajectory if trajectory is not None or path is None else _steady(path)
     return {
-        "title": scene.name if title is None else str(title),
+        "title": scene.name if title is None else title,
         "description": scene.description,
         "robots": [_robot(unique[i], shapes, spheres) for i in sorted(unique)],
         "arms": rows,

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import finite_array, finite_number, positive_number
+from rr1plan.checks import finite_array, finite_number, items_of, positive_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.playback.replay import Replay
@@ -54,7 +54,7 @@ class Viewer:
     ) -> None:
         self._scene = scene
         self._document = document
-        self._panels = tuple(panels)
+        self._panels = items_of("panels", panels, "Panel")
         self._view = view
         self._ended = threading.Event()
         page_html(document, self._panels, view=view)
@@ -239,6 +239,7 @@ def show(
         BackendError: no free port.
         MissingPackageError: Meshcat is not installed.
     """
+    open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
     document = view_document(
         scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
     )

@@ -14,7 +14,7 @@ import json
 import os
 import re
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -22,7 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any
 
-from rr1plan.checks import file_path, finite_array, of_kind
+from rr1plan.checks import check_text, file_path, finite_array, items_of, of_kind, shown, true_or_false, whole_number
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.playback.viewer.camera import check_view
 from rr1plan.playback.viewer.document import Document
@@ -60,8 +60,11 @@ class Panel:
     width: int = 420
 
     def __post_init__(self) -> None:
+        for name in ("name", "title", "html", "css", "script"):
+            check_text(f"panel {name}", getattr(self, name))
+        whole_number("panel width", self.width, 1, 10_000)
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9-]*", self.name):
-            raise InputError(f"panel name is {self.name!r}, expected letters, digits and '-'")
+            raise InputError(f"panel name is {shown(self.name)}, expected letters, digits and '-'")
 
 
 def page_html(
@@ -88,7 +91,8 @@ def page_html(
         MissingPackageError: Meshcat is not installed.
         BackendError: Meshcat is there without its viewer.
     """
-    for panel in panels if isinstance(panels, Iterable) else (panels,):
+    panels = items_of("panels", panels, "Panel")
+    for panel in panels:
         of_kind("one of the panels", panel, Panel)
     names = [panel.name for panel in panels]
     if len(set(names)) != len(names):
@@ -98,7 +102,7 @@ def page_html(
         "live": live,
         "version": version,
         "view": check_view(view),
-        "play": play,
+        "play": true_or_false("play", play),
         "panels": [{"name": p.name, "data": p.data} for p in panels],
     }
     slots = {

@@ -21,6 +21,7 @@ from tornado.httpserver import HTTPServer
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
+from rr1plan.checks import whole_number
 from rr1plan.errors import BackendError, InputError
 
 logger = logging.getLogger(__name__)
@@ -245,8 +246,7 @@ class _Updates(WebSocketHandler):
 
 
 def _bind(port: int) -> tuple[socket.socket, int]:
-    if not isinstance(port, int) or isinstance(port, bool) or not 0 <= port <= 65535:
-        raise InputError(f"port is {port!r}, expected a whole number from 0 to 65535")
+    whole_number("port", port, 0, 65535)
     for candidate in [0] if port == 0 else [*range(port, min(port + _PORTS_TRIED, 65536)), 0]:
         listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:

@@ -1,0 +1,469 @@
+"""Every argument of every public function is given a list of wrong values: each is taken, or refused by our own error.
+
+The calls below name each public function with arguments that it takes; a new public function has to be added. Then each
+argument in turn is replaced by each wrong value. What no function may do: raise an error of a library, write a message
+longer than a page, or go on for seconds.
+"""
+
+from __future__ import annotations
+
+import enum
+import inspect
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+import rr1plan as rp
+from rr1plan import multi, playback, retiming, transforms
+
+Call = tuple[Callable[..., Any], dict[str, Any]]
+
+
+class InThisThread(Executor):
+    """Runs a task at once."""
+
+    def submit(self, function: Any, /, *args: Any, **options: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(function(*args, **options))
+        return future
+
+
+def deep_list(depth: int) -> list[Any]:
+    nest: list[Any] = []
+    for _ in range(depth):
+        nest = [nest]
+    return nest
+
+
+ITSELF: list[Any] = []
+ITSELF.append(ITSELF)
+
+WRONG: dict[str, Callable[[], Any]] = {
+    "None": lambda: None,
+    "True": lambda: True,
+    "-1": lambda: -1,
+    "0": lambda: 0,
+    "1": lambda: 1,
+    "2**31": lambda: 2**31,
+    "2**63": lambda: 2**63,
+    "10**5000": lambda: 10**5000,
+    "0.5": lambda: 0.5,
+    "nan": lambda: float("nan"),
+    "inf": lambda: float("inf"),
+    "1e300": lambda: 1e300,
+    "1j": lambda: 1j,
+    "empty text": lambda: "",
+    "text": lambda: "nobody.txt",
+    "long text": lambda: "x" * 100_000,
+    "NUL": lambda: "a\0b",
+    "half a character": lambda: "\ud800",
+    "bytes": lambda: b"x",
+    "object": object,
+    "class": lambda: int,
+    "empty list": list,
+    "empty mapping": dict,
+    "mapping": lambda: {"a": 1},
+    "set": lambda: {1},
+    "ragged list": lambda: [1, [2, 3]],
+    "texts": lambda: ["a", "b"],
+    "mixed": lambda: [1, "a", None],
+    "itself": lambda: ITSELF,
+    "deep list": lambda: deep_list(3000),
+    "iterator": lambda: iter([1, 2]),
+    "array of objects": lambda: np.array([None, {}], dtype=object),
+    "array of NaN": lambda: np.full(2, np.nan),
+    "empty array": lambda: np.zeros(0),
+    "array of three axes": lambda: np.zeros((2, 3, 4)),
+    "long array": lambda: np.zeros(100_000),
+    "masked": lambda: np.ma.masked,
+    "date": lambda: np.datetime64("2020-01-01"),
+}
+# Labels that only messages use.
+_LABELS = {("transforms.as_pose", "name"), ("Robot.configuration", "name")}
+
+
+def calls(folder: Path) -> dict[str, Call]:
+    """Public functions by name, each with arguments that it takes."""
+    robot = rp.load_robot("planar2r")
+    scene = rp.Scene().with_arm("arm", robot).with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), [0, 0, 3])
+    problem = rp.Problem(scene, "home", [0.5, 0.5])
+    motion = rp.plan_motion(problem, rng=0)
+    path, trajectory = motion.path, motion.trajectory
+    checker = rp.CollisionChecker(scene)
+    edges, kinematics = rp.MotionChecker(checker), rp.Kinematics(scene)
+    q, T, names, budget = np.zeros(2), transforms.identity(), scene.joint_names(), rp.Budget(0.2)
+    cover = next(iter(rp.cover_with_spheres(robot).values()))
+    base, link = (f"arm/{robot.links[k].name}" for k in (0, 1))
+    rp.save_motion(folder / "m.json", scene, path, trajectory)
+    rp.save_csv(folder / "t.csv", trajectory)
+    rp.save_scene(folder / "s.toml", scene)
+    (folder / "j.yaml").write_text(
+        "joint_names: [a]\npoints:\n- {positions: [0.0], time_from_start: {sec: 0, nanosec: 0}}\n"
+        "- {positions: [1.0], time_from_start: {sec: 1, nanosec: 0}}\n"
+    )
+    np.save(folder / "p.npy", np.eye(3))
+    trimesh.creation.box((1, 1, 1)).export(folder / "a.stl")
+    mesh = rp.load_mesh(folder / "a.stl")
+    page = {"title": None, "spheres": False, "panels": (), "view": None}
+    shown = {"trajectory": None, "path": None, "problem": None, "report": None, "replay": None} | page
+    pose_goal = rp.PoseGoal("tool", [0.3, 0.2, 0.0])
+
+    def shown_page(**options: Any) -> None:
+        rp.show(**options).close()
+
+    return {
+        "plan_many": (
+            rp.plan_many,
+            {"problems": [problem], "executor": InThisThread(), "workers": None, "rng": 0, "full": False}
+            | {"planner": "rrt_connect", "retiming": "blend", "budget": budget, "progress": None},
+        ),
+        "CollisionChecker": (rp.CollisionChecker, {"scene": scene, "arms": None}),
+        **{
+            f"CollisionChecker.{verb}": (getattr(checker, verb), {"q": q})
+            for verb in (
+                *("checked", "contacts", "distances", "is_free", "limit_violations", "nearest"),
+                "within_limits",
+            )
+        },
+        "CollisionChecker.clearance": (checker.clearance, {"q": q, "most": 1.0}),
+        "CollisionChecker.solid_distances": (checker.solid_distances, {"q": q, "pairs": None}),
+        "CollisionChecker.solid_distance": (checker.solid_distance, {"q": q, "pair": 0}),
+        "ElementCover.at": (cover.at, {"level": 0}),
+        "MotionChecker": (rp.MotionChecker, {"checker": scene, "arms": None, "tolerance": 1e-6}),
+        **{
+            f"MotionChecker.{verb}": (getattr(edges, verb), {"q0": q, "q1": q + 0.1})
+            for verb in ("edge_is_free", "edge_is_free_slowly", "first_contact")
+        },
+        "MotionChecker.is_free": (edges.is_free, {"q": q}),
+        "MotionChecker.is_free_but_for": (edges.is_free_but_for, {"q": q, "arms": frozenset({"arm"})}),
+        "MotionChecker.path_is_free": (edges.path_is_free, {"waypoints": [q, q + 0.1]}),
+        **{
+            f"MotionChecker.{verb}": (getattr(edges, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
+            for verb in ("polynomial_is_free", "polynomial_is_free_slowly")
+        },
+        "cover_with_spheres": (rp.cover_with_spheres, {"thing": robot}),
+        "load_csv": (rp.load_csv, {"file": folder / "t.csv"}),
+        "save_csv": (rp.save_csv, {"file": folder / "o.csv", "trajectory": trajectory, "dt": 0.01}),
+        "load_mesh": (rp.load_mesh, {"file": folder / "a.stl", "scale": 1.0, "hull": False}),
+        "load_point_cloud": (rp.load_point_cloud, {"file": folder / "p.npy", "resolution": 0.02}),
+        "convex_pieces": (rp.convex_pieces, {"mesh": mesh, "seconds": 5.0, "progress": None}),
+        "load_motion": (
+            rp.load_motion,
+            {"file": folder / "m.json", "scene": None, "torque_limits": False, "jerk_limits": False, "progress": None},
+        ),
+        "load_joint_trajectory": (rp.load_joint_trajectory, {"file": folder / "j.yaml", "topic": None}),
+        "save_motion": (
+            rp.save_motion,
+            {"file": folder / "o.json", "scene": scene, "embed": False}
+            | dict.fromkeys(("path", "trajectory", "report", "problem")),
+        ),
+        "propose_never_collide": (rp.propose_never_collide, {"robot": robot, "samples": 3, "rng": 0}),
+        "Kinematics": (rp.Kinematics, {"scene_or_robot": scene, "arms": None}),
+        "Kinematics.for_arm": (kinematics.for_arm, {"arm": None}),
+        "Kinematics.frame": (kinematics.frame, {"frame": "tool"}),
+        "Kinematics.gravity": (kinematics.gravity, {"q": q}),
+        "Kinematics.inverse_dynamics": (kinematics.inverse_dynamics, {"q": q, "qd": q, "qdd": q}),
+        **{
+            f"Kinematics.{verb}": (getattr(kinematics, verb), {"q": q, "frame": "tool"})
+            for verb in ("jacobian", "manipulability", "pose")
+        },
+        "Kinematics.mass_matrix": (kinematics.mass_matrix, {"q": q}),
+        "Kinematics.pose_and_jacobian": (kinematics.pose_and_jacobian, {"q": q, "index": 1}),
+        "Kinematics.poses": (kinematics.poses, {"q": q, "frames": ["tool"]}),
+        "Kinematics.poses_batch": (kinematics.poses_batch, {"qs": [q, q], "frame": "tool"}),
+        "copies_within_limits": (rp.copies_within_limits, {"robot": robot, "q": q, "near": q, "reach": 6.3}),
+        "solve_ik": (
+            rp.solve_ik,
+            {"kinematics": kinematics, "goal": pose_goal, "arm": None, "seeds": None, "rng": 0, "attempts": 5}
+            | dict.fromkeys(("accept", "max_solutions", "patience", "separation")),
+        ),
+        "load_problems": (rp.load_problems, {"name_or_file": folder / "s.toml"}),
+        "load_robot": (
+            rp.load_robot,
+            {"name_or_file": "planar2r", "package_dirs": (), "convex": "hull"}
+            | dict.fromkeys(("srdf", "group", "groups", "joints", "limits", "tool", "name", "xacro_arguments")),
+        ),
+        "load_scene": (rp.load_scene, {"name_or_file": folder / "s.toml"}),
+        "save_scene": (
+            rp.save_scene,
+            {"file": folder / "o.toml", "scene": scene, "problems": None, "robots": None},
+        ),
+        "Limits": (rp.Limits, dict.fromkeys(("lower", "upper", "velocity", "acceleration", "jerk", "effort"), q + 1)),
+        "Limits.scaled": (robot.limits.scaled, {"velocity": 1.0, "acceleration": 1.0, "jerk": 1.0}),
+        "Limits.stack": (rp.Limits.stack, {"parts": [robot.limits, robot.limits]}),
+        "place_grid": (
+            rp.place_grid,
+            {"robot": robot, "rows": 1, "columns": 2, "spacing": 3.0, "centre": [0, 0, 0], "yaw": 0.0, "q": "home"}
+            | {"scene": None, "prefix": "arm"},
+        ),
+        "place_ring": (
+            rp.place_ring,
+            {"robot": robot, "count": 2, "radius": 3.0, "facing": "centre", "front": [1, 0, 0], "centre": [0, 0, 0]}
+            | {"start_angle": 0.0, "q": "home", "scene": None, "prefix": "arm"},
+        ),
+        "Path": (rp.Path, {"joint_names": names, "waypoints": [q, q + 0.1]}),
+        "Path.allclose": (path.allclose, {"other": path, "atol": 1e-9}),
+        "Path.sample": (path.sample, {"step": 0.1}),
+        "MotionPlan.save": (motion.save, {"file": folder / "o.json", "embed": False}),
+        "MotionPlan.save_html": (motion.save_html, {"file": folder / "o.html", "play": True} | page),
+        "MotionPlan.show": (lambda **o: motion.show(**o).close(), {"open_browser": False, "quiet": True}),
+        "plan_motion": (
+            rp.plan_motion,
+            {"problem": problem, "planner": "rrt_connect", "retiming": "blend", "shorten": True, "margin": 0.002}
+            | {"torque_limits": False, "budget": budget, "rng": 0, "progress": None},
+        ),
+        "set_up": (rp.set_up, {"problem": problem, "progress": None}),
+        "Roadmap": (rp.Roadmap, {"scene": scene, "arms": None, "samples": 5}),
+        "Roadmap.grow": (rp.Roadmap(scene, samples=5).grow, {"samples": 1}),
+        "Roadmap.plan": (
+            rp.Roadmap(scene, samples=5).plan,
+            {"problem": problem, "budget": budget, "rng": 0, "progress": None},
+        ),
+        "make_planner": (rp.make_planner, {"name": "rrt_connect", "range": 0.1, "tree": False}),
+        "make_planner of a roadmap": (rp.make_planner, {"name": "roadmap", "samples": 10}),
+        "make_planner of OMPL": (rp.make_planner, {"name": "rrt", "tree": False, "range": 0.1}),
+        "plan": (
+            rp.plan,
+            {"problem": problem, "planner": "rrt_connect", "budget": budget, "rng": 0, "progress": None},
+        ),
+        "shorten": (
+            rp.shorten,
+            {"path": path, "checker": edges, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
+        ),
+        "Budget": (rp.Budget, {"seconds": 1.0, "iterations": None}),
+        "cspace": (
+            rp.cspace,
+            {"scene": scene, "resolution": 8} | dict.fromkeys(("problem", "result", "arm", "joints", "progress")),
+        ),
+        "save_html": (rp.save_html, {"file": folder / "o.html", "scene": scene, "play": True} | shown),
+        "show": (shown_page, {"scene": scene, "port": None, "open_browser": False, "quiet": True} | shown),
+        "screenshot": (
+            rp.screenshot,
+            {"source": folder / "none.html", "file": folder / "o.png", "size": (9, 9), "time": None, "bare": False},
+        ),
+        "simulate": (
+            rp.simulate,
+            {"trajectory": trajectory, "scene": scene, "mode": "kinematic", "timestep": 0.002, "record_dt": 0.01}
+            | {"stiffness": 80.0, "hold": 0.0, "progress": None},
+        ),
+        "JointGoal": (rp.JointGoal, {"q": q}),
+        "PoseGoal": (
+            rp.PoseGoal,
+            {"frame": "tool", "position": [0, 0, 0], "quaternion": None, "position_tolerance": 1e-4}
+            | {"orientation_tolerance": 1e-3},
+        ),
+        "RegionGoal": (
+            rp.RegionGoal,
+            {"frame": "tool", "lower": [0, 0, 0], "upper": [1, 1, 1], "quaternion": None}
+            | {"orientation_tolerance": 1e-3},
+        ),
+        "Problem": (rp.Problem, {"scene": scene, "start": "home", "goal": "zero", "arms": None}),
+        "point_to_point": (
+            rp.point_to_point,
+            {"joint_names": names, "start": q, "end": q + 0.1, "limits": robot.limits},
+        ),
+        "retime": (
+            rp.retime,
+            {"path": path, "scene": scene, "method": "blend", "checker": edges, "torque_limits": False}
+            | {"velocity_scale": 1.0, "acceleration_scale": 1.0, "max_blend": 1.0},
+        ),
+        "Problem.in_scene": (problem.in_scene, {"scene": scene}),
+        "scene_differences": (rp.scene_differences, {"before": scene, "after": scene}),
+        "Robot.configuration": (robot.configuration, {"value": "home", "name": "x"}),
+        "Robot.joint": (robot.joint, {"name": "joint1"}),
+        "Robot.joint_values": (robot.joint_values, {"q": q}),
+        "Robot.link": (robot.link, {"name": robot.links[0].name}),
+        "Robot.link_poses": (robot.link_poses, {"q": q}),
+        "Robot.with_held": (robot.with_held, {"values": {}}),
+        "Robot.with_limits": (robot.with_limits, {"limits": robot.limits}),
+        "Arm": (rp.Arm, {"robot": robot, "base": T, "q": "home"}),
+        "Scene": (
+            rp.Scene,
+            {"arms": scene.arms, "obstacles": scene.obstacles, "attachments": {}, "allowed": (), "padding": 0.0}
+            | {"pair_padding": {}, "name": "s", "description": ""},
+        ),
+        "Scene.allow": (scene.allow, {"a": "box", "b": base}),
+        "Scene.arm": (scene.arm, {"name": "arm"}),
+        **{
+            f"Scene.{verb}": (getattr(scene, verb), {"arms": None})
+            for verb in ("arm_names", "configuration", "joint_names", "limits")
+        },
+        "Scene.attach": (scene.attach, {"obstacle": "box", "arm": None, "link": None, "touch": (), "pose": None}),
+        "Scene.detach": (scene.attach("box").detach, {"name": "box"}),
+        "Scene.link_poses": (scene.link_poses, {"postures": {"arm": q}}),
+        "Scene.may_touch": (scene.may_touch, {"a": "box", "b": link}),
+        "Scene.only_arm": (scene.only_arm, {"name": None}),
+        "Scene.owner": (scene.owner, {"element": "box"}),
+        "Scene.padding_of": (scene.padding_of, {"a": "box", "b": link}),
+        "Scene.split": (scene.split, {"q": q, "arms": None}),
+        "Scene.with_arm": (scene.with_arm, {"name": "b", "robot": robot, "base": None, "q": "home"}),
+        "Scene.with_margin": (scene.with_margin, {"distance": 0.01}),
+        "Scene.with_obstacle": (
+            scene.with_obstacle,
+            {"name": "o", "shape": rp.Sphere(0.1), "pose": None, "color": None},
+        ),
+        "Scene.with_padding": (scene.with_padding, {"distance": 0.01, "a": None, "b": None}),
+        "Scene.with_posture": (scene.with_posture, {"name": "arm", "q": q}),
+        "Scene.with_robot": (scene.with_robot, {"name": "arm", "robot": robot}),
+        "Scene.without_arm": (scene.without_arm, {"name": "arm"}),
+        "Scene.without_obstacle": (scene.without_obstacle, {"name": "box"}),
+        "Box": (rp.Box, {"size": (1, 1, 1)}),
+        "Capsule": (rp.Capsule, {"radius": 1, "length": 1}),
+        "Cylinder": (rp.Cylinder, {"radius": 1, "length": 1}),
+        "HalfSpace": (rp.HalfSpace, {"normal": (0, 0, 1), "offset": 0}),
+        "Mesh": (rp.Mesh, {"vertices": mesh.vertices, "faces": mesh.faces, "convex": False}),
+        "PointCloud": (rp.PointCloud, {"points": [[0, 0, 0]], "resolution": 0.1}),
+        "Sphere": (rp.Sphere, {"radius": 1}),
+        "Trajectory": (
+            rp.Trajectory,
+            {"joint_names": names, "breaks": trajectory.breaks, "coefficients": trajectory.coefficients},
+        ),
+        "Trajectory.__call__": (trajectory, {"t": 0.0, "derivative": 0}),
+        "Trajectory.allclose": (trajectory.allclose, {"other": trajectory, "atol": 1e-9}),
+        "Trajectory.derivative_coefficients": (trajectory.derivative_coefficients, {"derivative": 1}),
+        "Trajectory.from_samples": (
+            rp.Trajectory.from_samples,
+            {"times": [0, 1], "q": [q, q + 0.1], "qd": None, "qdd": None, "joint_names": names},
+        ),
+        "Trajectory.merge": (lambda part: rp.Trajectory.merge(part), {"part": trajectory}),
+        "Trajectory.rest": (rp.Trajectory.rest, {"joint_names": names, "q": q, "start": 0.0, "duration": 1.0}),
+        "Trajectory.sample": (trajectory.sample, {"dt": 0.1}),
+        "Trajectory.sample_times": (trajectory.sample_times, {"dt": 0.1}),
+        "Trajectory.select": (trajectory.select, {"arm": "arm"}),
+        "Trajectory.shifted": (trajectory.shifted, {"seconds": 1.0}),
+        "Trajectory.stretched": (trajectory.stretched, {"factor": 2.0}),
+        "certify_path": (
+            rp.certify_path,
+            {"path": path, "scene": scene, "clearance_tolerance": 2e-4, "progress": None},
+        ),
+        "validate": (
+            rp.validate,
+            {"trajectory": trajectory, "scene": scene, "problem": None, "torque_limits": False}
+            | {"jerk_limits": False, "clearance_tolerance": 2e-4, "progress": None},
+        ),
+        "playback.save_mjcf": (playback.save_mjcf, {"file": folder / "o.xml", "scene": scene}),
+        "playback.save_rosbag": (
+            playback.save_rosbag,
+            {"folder": folder / "bag", "trajectory": trajectory, "dt": 0.1, "lead": 0.0, "rename": None},
+        ),
+        "playback.Panel": (
+            playback.Panel,
+            {"name": "x", "title": "x", "html": "", "css": "", "script": "", "width": 420},
+        ),
+        "playback.pack": (playback.pack, {"array": [1.0], "dtype": "f4"}),
+        "transforms.as_pose": (transforms.as_pose, {"value": T, "name": "x"}),
+        "transforms.inverse": (transforms.inverse, {"T": T}),
+        "transforms.pose": (transforms.pose, {"xyz": [0, 0, 0], "rpy": None, "quaternion": None}),
+        "transforms.quaternion_from_rotation": (transforms.quaternion_from_rotation, {"R": np.eye(3)}),
+        "transforms.rotation_about": (transforms.rotation_about, {"axis": [0, 0, 1], "angle": 1.0}),
+        "transforms.rotation_angle": (transforms.rotation_angle, {"R": np.eye(3)}),
+        "transforms.rotation_from_quaternion": (transforms.rotation_from_quaternion, {"wxyz": [1, 0, 0, 0]}),
+        "transforms.rotation_from_rpy": (transforms.rotation_from_rpy, {"roll": 0.0, "pitch": 0.0, "yaw": 0.0}),
+        "transforms.unit_quaternion": (transforms.unit_quaternion, {"wxyz": [1, 0, 0, 0]}),
+    }
+
+
+# Arguments that take anything: what does not fit is JSON's to refuse, when the page is made.
+_ANYTHING = {"playback.Panel": {"data"}}
+# Answers, which nobody makes by hand; ways past the checks, which say so; what takes no argument.
+_NOT_CALLED = {
+    *("PlanFailure", "Contact", "ElementCover", "FirstContact", "Nearest", "IkResult", "MotionPlan", "PlanResult"),
+    *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
+    *("playback.CSpace", "playback.Replay", "playback.Viewer"),
+}
+
+
+def public_functions() -> Iterator[tuple[str, Any]]:
+    """Every public function, constructor and method, by the name that users write."""
+    for name in rp.__all__:
+        value = getattr(rp, name)
+        if inspect.isfunction(value):
+            yield name, value
+        elif inspect.isclass(value) and not issubclass(value, Exception | enum.Enum):
+            yield name, value
+            for verb, raw in inspect.getmembers_static(value):
+                if not verb.startswith("_") and (
+                    inspect.isfunction(raw) or isinstance(raw, staticmethod | classmethod)
+                ):
+                    yield f"{name}.{verb}", getattr(value, verb)
+    for module in (multi, playback, retiming, transforms):
+        own = module.__name__.removeprefix("rr1plan.")
+        for name in getattr(module, "__all__", vars(module)):
+            value = getattr(module, name)
+            of_ours = getattr(value, "__module__", "").startswith(module.__name__) and not name.startswith("_")
+            if of_ours and name not in rp.__all__ and (inspect.isfunction(value) or inspect.isclass(value)):
+                yield f"{own}.{name}", value
+
+
+def takes_arguments(function: Any) -> bool:
+    return any(name != "self" for name in inspect.signature(function).parameters)
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
+    return calls(tmp_path_factory.mktemp("arguments"))
+
+
+NAMES = sorted(
+    {name for name, function in public_functions() if takes_arguments(function)} - _NOT_CALLED
+    | {"Trajectory.__call__", "make_planner of a roadmap", "make_planner of OMPL"}
+)
+
+
+def test_no_argument_is_forgotten(table: dict[str, Call]) -> None:
+    missing = []
+    for name, function in public_functions():
+        if name in table:
+            parameters = inspect.signature(function).parameters.values()
+            named = {p.name for p in parameters if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)} - {"self"}
+            missing += [f"{name}({a}=)" for a in named - set(table[name][1]) - _ANYTHING.get(name, set())]
+    assert not missing
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_argument_is_checked(
+    name: str, table: dict[str, Call], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # some wrong values are names of files that may be written
+    function, right = table[name]
+    if name != "screenshot":
+        function(**right)
+    for argument in right:
+        for wrong, make in WRONG.items():
+            if (name, argument) in _LABELS or (argument in _CALLBACKS and wrong == "class"):
+                continue
+            problem = refusal_of(function, {**right, argument: make()})
+            assert problem is None, f"{name}({argument}={wrong}): {problem}"
+
+
+# A class is a function too, and what a function of the caller's raises is raised.
+_CALLBACKS = ("progress", "accept")
+
+
+def refusal_of(function: Callable[..., Any], arguments: dict[str, Any]) -> str | None:
+    """What is wrong with how a call is refused, None where nothing is or where it is taken."""
+    try:
+        function(**arguments)
+    except rp.Rr1PlanError as error:
+        return None if 10 < len(str(error)) < 3000 else f"a message of {len(str(error))} characters"
+    except Exception as error:
+        return f"{type(error).__name__}: {str(error)[:200]}"
+    return None
+
+
+KINDS = {"scene": rp.Scene, "robot": rp.Robot, "trajectory": rp.Trajectory, "problem": rp.Problem, "limits": rp.Limits}
+KINDS |= {"budget": rp.Budget, "path": rp.Path, "report": rp.Report}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_value_of_another_kind_is_never_taken(name: str, table: dict[str, Call]) -> None:
+    function, right = table[name]
+    for argument in set(right) & {*KINDS, "progress", "accept"}:
+        for wrong in (3, "nobody", [], object(), np.zeros(2)):
+            with pytest.raises(rp.Rr1PlanError):
+                function(**{**right, argument: wrong})
