@@ -59,12 +59,17 @@ def load_motion(
         path, trajectory, problem = _fitted(saved, where)
     except InputError as error:
         raise FormatError(f"cannot be a motion of the scene {where.name!r}: {error}", file) from error
-    if trajectory is not None:
-        report = validate(
-            trajectory, where, problem, torque_limits=torque_limits, jerk_limits=jerk_limits, progress=progress
-        )
-    else:
-        report = _certified(path, where, progress)
+    try:
+        if trajectory is None:
+            report = _certified(path, where, progress)
+        else:
+            report = validate(
+                trajectory, where, problem, torque_limits=torque_limits, jerk_limits=jerk_limits, progress=progress
+            )
+    except InputError as error:
+        if scene is not None:
+            raise
+        raise FormatError(f"cannot be judged in its own scene: {error}", file) from error
     lacks = f"{file} holds no path" if path is None else f"{file} holds no trajectory" if trajectory is None else ""
     result = PlanResult(PlanStatus.SOLVED, path, lacks)
     different = changes(saved, where)

@@ -27,7 +27,8 @@ def test_the_guide_s_code_runs_on_the_guide_s_files(tmp_path: Path) -> None:
     command = [sys.executable, "-W", "error", "guide.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    # What is said of the first compilation depends on what ran before.
+    assert [line for line in done.stderr.splitlines() if not line.startswith("compiling for this machine")] == []
     assert (tmp_path / "cell.html").stat().st_size > 0
     assert "certified free of collision in continuous time" in done.stdout
 

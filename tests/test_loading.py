@@ -13,6 +13,8 @@ import yaml
 
 import rr1plan as rp
 from rr1plan.formats.plan_files import save_path, save_trajectory
+from rr1plan.robot import Geometry
+from rr1plan.scene import Attachment
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +93,19 @@ def test_a_motion_that_cannot_be_meant_for_a_scene_is_refused_by_joint(file: Pat
         rp.load_motion(file, rp.load_scene("rr1_table"))
     with pytest.raises(rp.InputError, match="scene is of type str"):
         rp.load_motion(file, "rr1_table")
+
+
+def test_a_scene_that_cannot_be_checked_is_the_fault_of_the_file_that_holds_it(
+    motion: rp.MotionPlan, tmp_path: Path
+) -> None:
+    plate = Attachment((Geometry("plate", rp.HalfSpace()),), "arm", "link1", np.eye(4))
+    scene = replace(motion.scene, attachments={"plate": plate})
+    file = rp.save_motion(tmp_path / "m.json", scene, motion.path, motion.trajectory)
+    with pytest.raises(rp.FormatError, match=r"m.json: cannot be judged in its own scene: 'plate' moves"):
+        rp.load_motion(file)
+    assert rp.load_motion(file, motion.scene).changes == ("held object 'plate' is gone",)
+    with pytest.raises(rp.InputError, match=r"^'plate' moves"):
+        rp.load_motion(file, scene)
 
 
 # ---- other kinds of files ----------------------------------------------------------------------

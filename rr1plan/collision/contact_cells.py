@@ -36,6 +36,7 @@ _SLACK = 1e-6  # [m]; the motion checker takes gaps below as much for contacts
 _ROUNDS = 12
 _AIM = 1.5  # times the depth that is needed
 _RELAXATION = 1.6
+_FACES = 20  # take as long as everything else about a pair
 Mask = NDArray[np.bool_]
 
 
@@ -232,6 +233,12 @@ class ContactCells:
     def pairs(self) -> int:
         """Number of pairs of solids: the `solid_pairs` of the checker."""
         return len(self._pairs)
+
+    @property
+    def effort(self) -> Array:
+        """About how long each pair takes: 1 for round solids and boxes, more for meshes, shape (pairs,)."""
+        faces = [max(a.interior.faces, b.interior.faces) for a, b, _ in self._pairs]
+        return np.asarray((_FACES + np.array(faces, dtype=np.float64)) / (_FACES + 1.0))
 
     def classify(self, centers: Array, half: Array, near: Mask) -> tuple[Mask, Mask]:
         """Certify cells.

@@ -37,6 +37,11 @@ class Interior(Protocol):
         """Every point of the solid is this near to `center` [m]; inf for a half-space."""
         ...
 
+    @property
+    def faces(self) -> int:
+        """Number of planes that are looked at for each point; 1 for round solids and boxes."""
+        ...
+
     def depths(self, points: Array, margin: float) -> Array:
         """Lower bound of the signed depth of points (n, 3) [m], positive inside, shape (n,).
 
@@ -76,6 +81,8 @@ class _Round:
     radius_of_ball: float
     half: float
 
+    faces = 1
+
     @property
     def center(self) -> Array:
         return np.zeros(3)
@@ -109,6 +116,8 @@ def _box_depths(beyond: Array) -> Array:
 class _BoxInterior:
     half: Array
 
+    faces = 1
+
     @property
     def center(self) -> Array:
         return np.zeros(3)
@@ -129,6 +138,8 @@ class _BoxInterior:
 class _CylinderInterior:
     radius_of_disc: float
     half: float
+
+    faces = 1
 
     @property
     def center(self) -> Array:
@@ -154,6 +165,8 @@ class _HalfSpaceInterior:
     normal: Array
     offset: float
 
+    faces = 1
+
     @property
     def center(self) -> Array:
         return self.offset * self.normal
@@ -175,6 +188,7 @@ class _PolytopeInterior:
     def __init__(self, mesh: Mesh) -> None:
         planes = np.unique(ConvexHull(mesh.vertices).equations.round(15), axis=0)
         self._normals, self._offsets = planes[:, :3].copy(), -planes[:, 3]
+        self.faces = len(planes)
         self.center: Array = mesh.vertices.mean(axis=0)
         self.radius = float(np.linalg.norm(mesh.vertices - self.center, axis=1).max())
 
@@ -208,6 +222,7 @@ class _CloudInterior:
     def __init__(self, cloud: PointCloud) -> None:
         self._centers, self._half = occupied_cells(cloud), 0.5 * cloud.resolution
         self._tree = cKDTree(self._centers)
+        self.faces = 6
         self.center: Array = 0.5 * (self._centers.min(axis=0) + self._centers.max(axis=0))
         away = np.linalg.norm(self._centers - self.center, axis=1).max()
         self.radius = float(away + self._half * 3**0.5)

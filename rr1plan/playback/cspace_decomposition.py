@@ -31,7 +31,7 @@ from rr1plan.problem import Goal
 from rr1plan.scene import Scene
 
 _COARSEST, _FINEST = 32, 2048  # cells along each axis
-_MOST_CELLS = 100_000  # classified in all
+_MOST_EFFORT = 250_000  # of looking at pairs in cells, see `ContactCells.effort`: a second or two
 _BATCH = 4_000  # classified at once
 _FULL, _EMPTY, _MIXED = 0, 1, 2
 _QUARTERS = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
@@ -133,7 +133,7 @@ class _Search:
     ) -> None:
         self.domain, self.contacts, self.targets = domain, contacts, targets
         self.start, self.known = start, known
-        self.size, self.classified = _COARSEST, 0
+        self.size, self.spent = _COARSEST, 0.0
         self.state = np.full((self.size, self.size), _MIXED, dtype=np.int8)
         self.goal = np.ones(self.state.shape, dtype=np.bool_)
         # Cells that may be quartered, and the pairs of solids that may touch in each.
@@ -152,7 +152,12 @@ class _Search:
         if self.proven or any(len(parts) for parts in joined):
             return False
         self._choose(empty)
-        return self.size < _FINEST and 0 < 4 * len(self.cells) <= _MOST_CELLS - self.classified
+        may = self.size < _FINEST and self.spent + 4.0 * self._effort() <= _MOST_EFFORT
+        return may and len(self.cells) > 0
+
+    def _effort(self) -> float:
+        """Of looking at the pairs of solids in the cells."""
+        return float((self.near @ self.contacts.effort).sum())
 
     def _parts(self, labels: NDArray[np.int32], q: Array) -> NDArray[np.int32]:
         """The components that hold a configuration."""
@@ -196,6 +201,7 @@ class _Search:
         self._classify()
 
     def _classify(self) -> None:
+        self.spent += self._effort()
         half = self.domain.half(self.size)
         for first in range(0, len(self.cells), _BATCH):
             own = slice(first, first + _BATCH)
@@ -204,7 +210,6 @@ class _Search:
             full, self.near[own] = self.contacts.classify(centers, half, self.near[own])
             self.goal[i, j] = self.targets.may_hold(centers, half)
             self.state[i, j] = np.where(full, _FULL, np.where(self.near[own].any(axis=1), _MIXED, _EMPTY))
-        self.classified += len(self.cells)
         i, j = self.cells.T
         state = self.state[i, j]
         open_ = (state == _MIXED) | ((state == _EMPTY) & self.goal[i, j])

@@ -85,10 +85,11 @@ def _answer(cspace: CSpace) -> str:
         return f"On this grid of {_cells(cspace)} start and goal lie in the same component of free space."
     if not cspace.goals:
         return "Open: no configuration was found that reaches the goal, but that is no proof."
-    return (
-        f"Open: this grid of {_cells(cspace)} does not join start and goal, but that is no proof, as a path may lead "
-        "through a gap narrower than a cell."
-    )
+    start = f"Open: this grid of {_cells(cspace)} does not join start and goal, but that is no proof"
+    if cspace.decomposition is None:
+        return f"{start}."
+    size = cspace.decomposition.resolution
+    return f"{start}: certified cells, refined to a grid of {size} × {size}, do not separate them."
 
 
 def _why_none(cspace: CSpace) -> str:

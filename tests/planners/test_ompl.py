@@ -66,7 +66,9 @@ def in_a_process(code: str, timeout: float = 60.0) -> subprocess.CompletedProces
 
 def assert_clean(done: subprocess.CompletedProcess[str]) -> None:
     assert done.returncode == 0, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
-    assert done.stderr == "", "nothing may be said on stderr, not at exit either"
+    # What is said of the first compilation depends on what ran before.
+    said = [line for line in done.stderr.splitlines() if not line.startswith("compiling for this machine")]
+    assert said == [], "nothing else may be said on stderr, not at exit either"
 
 
 @pytest.mark.parametrize("planner", OMPL_NAMES)

@@ -234,7 +234,10 @@ def test_a_slit_narrower_than_a_cell_is_no_proof(play: float) -> None:
     picture = rp.cspace(problem.scene, problem, resolution=60)
     assert not any(picture.reachable_goals)
     assert not picture.proves_no_path
-    assert verdict(picture).startswith("Open: this grid of 60 × 60 cells does not join start and goal")
+    said = verdict(picture)
+    assert said.startswith("Open: this grid of 60 × 60 cells does not join start and goal, but that is no proof")
+    assert picture.decomposition is not None
+    assert f"refined to a grid of {picture.decomposition.resolution} × " in said
     assert "No path exists" not in str(picture)
 
 
