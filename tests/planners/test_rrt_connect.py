@@ -147,9 +147,9 @@ def test_no_end_of_more_goals_has_room(monkeypatch):
 
 
 def roots_of_goals(trees):
-    size = trees.counts[1]
-    vertices = np.ascontiguousarray(trees.vertices[1, :, :size].T)
-    return {q.tobytes() for q in vertices[trees.parents[1, :size] < 0]}
+    size = trees.sizes[1]
+    vertices = np.ascontiguousarray(trees.memory.vertices[1, :, :size].T)
+    return {q.tobytes() for q in vertices[trees.memory.parents[1, :size] < 0]}
 
 
 def test_a_question_within_a_question_spoils_neither(cage):
@@ -170,7 +170,7 @@ def test_a_question_within_a_question_spoils_neither(cage):
 def test_trees_take_the_memory_of_those_that_are_no_more(cage):
     goals = np.array([cage.goal[cage.arms[0]][0].q])
     one, other = (tree_search.Trees(cage.start, goals) for _ in range(2))
-    assert not np.shares_memory(one.vertices, other.vertices)
-    before = one.vertices
+    assert not np.shares_memory(one.memory.vertices, other.memory.vertices)
+    before = one.memory.vertices
     del one
-    assert np.shares_memory(tree_search.Trees(cage.start, goals).vertices, before)
+    assert np.shares_memory(tree_search.Trees(cage.start, goals).memory.vertices, before)
