@@ -42,9 +42,9 @@ class MotionPlan:
     Args:
         problem: The question; None for a motion from a file that does not hold it.
         result: The planner's answer.
-        seconds: Wall time of each stage [s], in order: "imports" (of what `rr1plan` loaded before the first question
-            of the process), "set up" (of compiled code and of the scene, done once), "plan", "shorten", "retime",
-            "validate".
+        seconds: Wall time of each stage [s], in order: "imports" (by the names of `rr1plan`, before the first
+            question of the process), "set up" (of compiled code and of the scene, done once), "plan", "shorten",
+            "retime", "validate".
         margin: Distance that was kept beyond the scene's padding while planning [m].
         changes: For a motion from a file: what differs between the scene that it was made in and `scene`.
     """

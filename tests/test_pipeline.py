@@ -23,7 +23,8 @@ def test_a_motion_is_certified_and_every_stage_has_its_time(problem: rp.Problem)
     found = rp.plan_motion(problem, rng=0)
     assert found.solved
     assert found.report.certified
-    assert list(found.seconds) == ["set up", "plan", "shorten", "retime", "validate"]
+    # The first question of a process has imports before.
+    assert [name for name in found.seconds if name != "imports"] == ["set up", "plan", "shorten", "retime", "validate"]
     assert all(seconds > 0.0 for seconds in found.seconds.values())
     np.testing.assert_array_equal(found.trajectory(0.0), problem.start)
 

@@ -33,7 +33,7 @@ Convexity = Literal["hull", "pieces"]
 CONVEXITIES: tuple[Convexity, ...] = ("hull", "pieces")
 Progress = Callable[[float], bool | None]
 
-SECONDS = 60.0
+SECONDS = 120.0
 CONCAVITY = 0.05
 CUTS_PER_SIZE = 16
 # More iterations take several times as long and make pieces that stick out as far.

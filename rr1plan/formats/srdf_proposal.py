@@ -36,7 +36,8 @@ def rigid_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
             body[joint.child] = members
         else:
             body[joint.child] = [joint.child]
-    return frozenset(frozenset(pair) for members in body.values() for pair in combinations(members, 2))
+    bodies = {id(members): members for members in body.values()}  # each list is there once for each member
+    return frozenset(frozenset(pair) for members in bodies.values() for pair in combinations(members, 2))
 
 
 def adjacent_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:

@@ -24,6 +24,9 @@ from rr1plan.formats.urdf_links import LinkReader
 from rr1plan.formats.xml import Element, parse_xml, parse_xml_file
 from rr1plan.robot import Joint, Link
 
+# All pairs of them are compared.
+MAX_LINKS = 1000
+
 
 @dataclass(frozen=True, eq=False)
 class Tree:
@@ -73,6 +76,8 @@ def read_urdf(
     joint_elements = _by_name(root, "joint")
     if not link_elements:
         raise root.error(f"robot {name!r} has no link")
+    if len(link_elements) > MAX_LINKS:
+        raise root.error(f"robot {name!r} has {len(link_elements)} links, expected at most {MAX_LINKS}")
     joints = {n: read_joint(e) for n, e in joint_elements.items()}
     order = _order(root, link_elements, joint_elements, joints)
     _check_mimics(joint_elements, joints)

@@ -106,9 +106,17 @@ class CSpaceGrid(Value):
                 pair[axis] = low + (pair[axis] - low) % (2.0 * np.pi)
         return pair
 
+    def holds(self, q: Any) -> bool:
+        """Whether a configuration (2,) is inside the picture."""
+        try:
+            self.cell(q)
+        except InputError:
+            return False
+        return True
+
     def component_of(self, q: Any) -> int:
-        """Number of the component of free space that holds a configuration (2,), 0 if it is not free."""
-        return int(self.labels[self.cell(q)])
+        """Number of the component of free space that holds a configuration (2,), 0 if it is not free or not inside."""
+        return int(self.labels[self.cell(q)]) if self.holds(q) else 0
 
     def connected(self, a: Any, b: Any) -> bool:
         """Whether two configurations (2,) are free and in the same component of free space on the grid."""

@@ -128,9 +128,10 @@ def _draw_ends(axes: Any, cspace: CSpace) -> None:
         text.set(color=color, fontsize=13, fontweight="bold", zorder=8)
         text.set_path_effects([withStroke(linewidth=4, foreground="white")])
 
-    for name, goal in zip(cspace.goal_names, cspace.goals, strict=True):
+    inside = [(n, q) for n, q in zip(cspace.goal_names, cspace.goals, strict=True) if grid.holds(q)]
+    for name, goal in inside:
         mark(goal, name, GOAL, marker="*", markersize=20)
-    if cspace.start is not None:
+    if cspace.start is not None and grid.holds(cspace.start):
         mark(cspace.start, "start", START, marker="o", markersize=12)
 
 

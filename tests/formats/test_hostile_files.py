@@ -163,6 +163,12 @@ def test_groups_that_nest_three_thousand_deep_are_read(tmp_path: Path) -> None:
         read_srdf(f'<robot name="r">{chain}<group name="g3000"><group name="g17"/></group></robot>', tree)
 
 
+def test_a_robot_of_very_many_links_is_refused() -> None:
+    links = "".join(f'<link name="l{i}"/>' for i in range(1001))
+    with pytest.raises(rp.FormatError, match="has 1001 links, expected at most 1000"):
+        read_urdf(f'<robot name="r">{links}</robot>')
+
+
 DEEP = {
     "dots": ("a.toml", "a" + ".a" * 10_000 + " = 1\n"),
     "very many dots": ("a.toml", "x = 1\n" + "a" + ".a" * 1_000_000 + " = 1\n"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import coal
@@ -342,6 +343,16 @@ def test_a_blocked_goal_and_a_blocked_start_are_judged_by_themselves_not_by_thei
     assert blocked.goals_blocked_by == (("below",),)
     assert verdict(blocked) == "No path exists: no configuration that reaches the goal is free."
     assert verdict(CSpace(blocked.grid, np.array(in_wall), (np.array(in_slit),))) == "The start is not free: below."
+
+
+def test_a_goal_outside_the_picture_is_not_free_and_the_picture_is_drawn(tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r_limited"))
+    picture = rp.cspace(scene, rp.Problem(scene, [0.0, 0.0], [7.0, 1.0]), resolution=24)
+    assert picture.goals_blocked_by == (("joint limits",),)
+    assert "goal (+7.000, +1.000): not free (joint limits)" in str(picture)
+    assert "No path exists: no configuration that reaches the goal is free" in picture.verdict
+    for name in ("a.png", "a.html"):
+        assert picture.save(tmp_path / name).stat().st_size > 5_000
 
 
 def test_two_arms_are_told_apart_and_what_one_holds_is_part_of_it() -> None:

@@ -44,7 +44,8 @@ _MOVED = 1e-3  # [m] from which a link counts as moving
 _REACH = 0.05  # [m] from which the arms count as reaching to one side
 _COSTS = {"links": 0.9, "tool": 0.5, "hand": 0.5}  # of not seeing any of them
 _HAND = 0.25  # share of the motion's radius: what is nearer to the hand belongs to it and does not hide it
-_TURNS = np.radians([48, -48, 28, -28, 72, -72, 96, -96, 120, -120, 144, -144, 168, -168])  # from the front
+# From the front; not from the very side, whence what is worked at is seen edge on.
+_TURNS = np.radians([48, -48, 28, -28, 70, -70, 115, -115, 132, -132, 150, -150, 168, -168])
 _HEIGHTS = np.radians([27.0, 40.0, 55.0, 72.0])  # above the horizon
 _BATCHES = 7  # in which views are looked at for links
 _DISTANCE = 5.5  # of the camera, in radii of the motion; the page sets it by its window

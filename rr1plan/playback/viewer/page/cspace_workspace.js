@@ -104,7 +104,7 @@ class Workspace {
 
   /** Looks at the whole ring from above. */
   look() {
-    const { base, height } = data.planar, r = 1.14 * this.outer, { THREE } = viewer;
+    const { base, height } = data.planar, r = 1.07 * this.outer, { THREE } = viewer;
     const box = new THREE.Box3(new THREE.Vector3(base[0] - r, base[1] - r, height), new THREE.Vector3(base[0] + r, base[1] + r, height));
     Object.assign(viewer.extent, { framed: cornersOf(box), whole: box, target: null });
     viewer.look([0, 0, 1]);

@@ -198,7 +198,7 @@ class Stage {
 
   /** Parts of the window that no card covers, from -1 to 1 each way: beside the headline, and below it. */
   rooms() {
-    const pane = this.pane.getBoundingClientRect(), edge = 0.03;
+    const pane = this.pane.getBoundingClientRect(), edge = 0.06;
     const covered = (id) => {
       const box = find(id).getBoundingClientRect(), card = getComputedStyle(find(id)).boxShadow !== "none";
       return box.width && card ? box : null;

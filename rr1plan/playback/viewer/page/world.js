@@ -247,7 +247,10 @@ class World {
       this.spheres.expand(around, samples);
       near.union(around);
     }
-    const framed = arms.isEmpty() ? cornersOf(near) : [...links.map((p) => [...p, 0.08 * size]), ...this.bodyCorners(samples[1]), ...cornersOf(around)];
+    // The start, the middle and the end; of very many arms the start alone.
+    const instants = [1, samples.length >> 1, samples.length - 1].slice(0, this.kinematics.arms.length > 12 ? 1 : 3);
+    const bodies = instants.flatMap((i) => this.bodyCorners(samples[i]));
+    const framed = arms.isEmpty() ? cornersOf(near) : [...links.map((p) => [...p, 0.08 * size]), ...bodies, ...cornersOf(around)];
     return { near, framed, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };
   }
 
