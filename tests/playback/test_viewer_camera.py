@@ -142,7 +142,7 @@ def test_views_are_names_angles_or_directions(view: Any, direction: Any) -> None
     ("view", "message"),
     [
         ("frnt", "front"),
-        ((45.0, 30.0), r"\[rad\].*\(0.785, 0.524\)"),
+        ((45.0, 30.0), r"\[rad\].*0.785 and 0.524"),
         ((0.0, 2.0), "elevation"),
         ((0.0, 0.0, 0.0), "not zero"),
         ((1.0, float("nan"), 0.0), "view"),

@@ -198,18 +198,20 @@ class Stage {
 
   /** Parts of the window that no card covers, from -1 to 1 each way: beside the headline, and below it. */
   rooms() {
-    const pane = this.pane.getBoundingClientRect(), edge = 0.06;
+    const pane = this.pane.getBoundingClientRect();
     const covered = (id) => {
       const box = find(id).getBoundingClientRect(), card = getComputedStyle(find(id)).boxShadow !== "none";
       return box.width && card ? box : null;
     };
     const [head, side, bar] = ["headline", "side", "bar"].map(covered);
     const x = (at) => (2 * (at - pane.left)) / (pane.width || 1) - 1, y = (at) => 1 - (2 * (at - pane.top)) / (pane.height || 1);
+    const gap = 14; // [px] to cards and to the edges of the window
     const room = {
-      left: -1 + edge, right: side ? x(side.left) - edge : 1 - edge, bottom: bar ? y(bar.top) + edge : -1 + edge, top: 1 - edge,
+      left: x(pane.left + gap), right: x((side || { left: pane.right }).left - gap),
+      bottom: y((bar || { top: pane.bottom }).top - gap), top: y(pane.top + gap),
     };
     if (!head) return [room];
-    const rooms = [{ ...room, left: x(head.right) + edge }, { ...room, top: y(head.bottom) - edge }];
+    const rooms = [{ ...room, left: x(head.right + gap) }, { ...room, top: y(head.bottom + gap) }];
     return rooms.filter((r) => r.right - r.left > 0.2 && r.top - r.bottom > 0.2).concat([room]).slice(0, 2);
   }
 
