@@ -25,4 +25,4 @@ print(f"first contact: {' and '.join(contact.pair)}, between samples {int(betwee
 above = scene.with_obstacle("needle", needle, [1.31, 0.99, 0.5])
 motions = rp.MotionChecker(above)
 print("with the needle lifted:                 ", motions.edge_is_free(start, goal))
-print(f"that proof looked at {motions.configurations_checked} configurations")
+print(f"that proof looked at {motions.done.configurations} configurations")
