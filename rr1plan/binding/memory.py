@@ -119,8 +119,22 @@ def argument_type(sources: KernelSources, kind: str) -> Any:
 
 def zeroed(sources: KernelSources, kind: str, count: int) -> NDArray[Any]:
     """Zeroed memory for structs or numbers of a kind, aligned for vectors: a row of bytes or a number for each."""
-    size = sources.item_size(kind)
-    room = np.zeros(count * size + _LINE, np.uint8)
+    return slab(sources, only=(kind, count))["only"]
+
+
+def slab(sources: KernelSources, **parts: tuple[str, int]) -> dict[str, NDArray[Any]]:
+    """The same for several kinds and counts, one behind the other: what is used together shares pages and lines.
+
+    Args:
+        sources: Where the kinds are declared.
+        **parts: Name of each part: its kind and count.
+    """
+    sizes = {name: count * sources.item_size(kind) for name, (kind, count) in parts.items()}
+    room = np.zeros(sum(-(-size // _LINE) * _LINE for size in sizes.values()) + _LINE, np.uint8)
     first = -room.__array_interface__["data"][0] % _LINE
-    made = room[first : first + count * size]
-    return made.view(_DTYPES[kind]) if kind in _DTYPES else made.reshape(count, size)
+    made: dict[str, NDArray[Any]] = {}
+    for name, (kind, count) in parts.items():
+        part = room[first : first + sizes[name]]
+        made[name] = part.view(_DTYPES[kind]) if kind in _DTYPES else part.reshape(count, sources.item_size(kind))
+        first += -(-sizes[name] // _LINE) * _LINE
+    return made

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.kernel_tables import EdgeTables, ExactTables
-from rr1plan.kernels.library import CStruct, address_of, constants, load_library, zeroed
+from rr1plan.kernels.library import CStruct, address_of, constants, load_library, slab, zeroed
 
 # Intervals of one edge, and those left open, that are kept before the whole edge goes to the exact kernel.
 _INTERVALS = 512
@@ -126,6 +126,7 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
     """
+    depths, reach = _chain_tables(tables)
     arm = CStruct(
         "ArmGeometry",
         joint_count=len(tables.joints),
@@ -138,7 +139,9 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         groups=tables.groups,
         spheres=tables.spheres,
         chain=tables.chain,
-        chain_reach=tables.chain_reach,
+        depths=depths,
+        reach=reach,
+        group_stride=reach.shape[1],
         cores=tables.cores,
         core_shapes=tables.core_values,
         points=tables.points,
@@ -178,6 +181,23 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
     )
 
 
+def _chain_tables(tables: EdgeTables) -> tuple[NDArray[np.int64], Array]:
+    """How many driven joints are above each joint, and how far groups reach from each, -1 where it carries none."""
+    depths = np.zeros(len(tables.joints), np.int64)
+    for j, parent in enumerate(tables.joints[1:, 0].tolist(), 1):
+        depths[j] = depths[parent] + (parent > 0)
+    reach = np.full((len(tables.joints), _whole_lanes(len(tables.groups))), -1.0)
+    lengths = tables.groups[:, 5] - tables.groups[:, 4]
+    reach[tables.chain, np.repeat(np.arange(len(tables.groups)), lengths)] = tables.chain_reach
+    return depths, reach
+
+
+def _whole_lanes(count: int) -> int:
+    """A count rounded up to whole vectors."""
+    lanes = constants()["LANES"]
+    return -(-count // lanes) * lanes
+
+
 def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
     """Memory that the kernel writes: one thread's.
 
@@ -186,32 +206,34 @@ def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
         exact: Memory of the exact kernel.
         columns: Number of columns of q.
     """
-    longest = int((tables.groups[:, 5] - tables.groups[:, 4]).max(initial=0))
-    frames = zeroed("FrameLanes", len(tables.joints))
-    # The world's frame; all others are placed for every batch.
-    frames.view(np.float64).reshape(len(frames), 18, 8)[0, [0, 4, 8]] = 1.0
-    return CStruct(
-        "Scratch",
-        frames=frames,
-        spheres=zeroed("SphereLanes", len(tables.spheres)),
-        placed_batch=np.zeros(len(tables.bodies), np.int64),
-        group_boxes=zeroed("Box", len(tables.groups)),
+    rows = int((tables.groups[:, 5] - tables.groups[:, 4]).max(initial=0)) + 1
+    stride = _whole_lanes(len(tables.groups))
+    largest = int((tables.groups[:, 3] - tables.groups[:, 2]).max(initial=0))
+    bodies, obstacles, groups = len(tables.bodies), len(tables.obstacles), len(tables.groups)
+    memory = slab(
+        joint_motions=("JointMotion", len(tables.joints)),
+        curve=("double", 3 * columns),
+        speeds=("double", rows * stride),
+        accelerations=("double", rows * stride),
+        group_boxes=("Box", groups),
+        group_ready=("int64_t", groups),
+        placed_batch=("int64_t", bodies),
+        group_lanes=("uint64_t", bodies),
+        frames=("FrameLanes", len(tables.joints)),
+        spheres=("SphereLanes", len(tables.spheres)),
         # One more than there are: what is not kept is written behind the last.
-        near_obstacles=zeroed("Near", len(tables.obstacles) + 1),
-        near_spheres=zeroed("Near", len(tables.spheres) + 1),
-        group_lanes=np.zeros(len(tables.bodies), np.uint64),
-        speeds=np.zeros((len(tables.groups), longest + 1)),
-        accelerations=np.zeros((len(tables.groups), longest + 1)),
-        chain_stride=longest + 1,
-        joint_motions=zeroed("JointMotion", len(tables.joints)),
-        candidates=zeroed("Candidate", len(tables.padding) + 1),
-        intervals=zeroed("Interval", _INTERVALS),
-        open=zeroed("OpenInterval", _INTERVALS),
-        interval_size=_INTERVALS,
-        seeds=zeroed("DirectionSeed", len(tables.padding)),
-        curve=np.zeros((3, columns)),
-        exact=exact,
+        near_obstacles=("Near", obstacles + 1),
+        near_spheres=("Near", len(tables.spheres) + 1),
+        near_groups=("int64_t", len(tables.group_pairs) + 1),
+        near_bodies=("NearBody", largest * max(largest, obstacles) + 1),
+        candidates=("Candidate", len(tables.padding) + 1),
+        seeds=("DirectionSeed", len(tables.padding)),
+        intervals=("Interval", _INTERVALS),
+        open=("OpenInterval", _INTERVALS),
     )
+    # The world's frame; all others are placed for every batch.
+    memory["frames"].view(np.float64).reshape(len(tables.joints), 18, 8)[0, [0, 4, 8]] = 1.0
+    return CStruct("Scratch", **memory, bound_rows=rows, interval_size=_INTERVALS, exact=exact)
 
 
 class EdgeKernel:

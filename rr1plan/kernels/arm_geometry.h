@@ -86,8 +86,11 @@ typedef struct {
     const Group *groups;
     const LinkSphere *spheres;
     const int64_t *chain;  // joints above each group, root first
-    // For each of those, how far any point of the group can be from the joint's axis, prismatic joints at zero [m].
-    const double *chain_reach;
+    const int64_t *depths;  // of each joint: how many driven joints are above it
+    // How far any point of a group can be from a joint's axis, prismatic joints at zero [m]; -1 where the joint does not
+    // carry the group. Shape (joints, `group_stride`), that stride being a multiple of LANES.
+    const double *reach;
+    int64_t group_stride;
     // Cores of the bodies, then those of obstacles without a closed form.
     const CoreRange *cores;
     const CoreShape *core_shapes;

@@ -6,16 +6,27 @@
 // Candidates from this one on share a bit.
 #define LAST_BIT 62
 
-// The box around a ball that is placed.
-INLINE void place_box(int64_t group, int64_t sphere, const SceneTables *scene, Scratch *scratch) {
-    const SphereLanes *placed = &scratch->spheres[sphere];
-    f64x8 travel = placed->travel + (scene->arm->spheres[sphere].radius + scene->margin + scene->max_padding);
-    f64x8 ends[6];
-    for (int c = 0; c < 3; c++) {
-        ends[c] = placed->center[c] - travel;
-        ends[3 + c] = -placed->center[c] - travel;
-    }
-    store_lanes(scratch->group_boxes[group].ends, min_of_each(ends));
+// Place the center of the ball around a group, and the box around it on the whole edge, for the first batch.
+//
+// The greatest speed of all of the group's points is bound enough here; how fast the ball is may never be asked.
+INLINE void place_box(int64_t group, double h, const SceneTables *scene, Scratch *scratch) {
+    int64_t ball = scene->arm->groups[group].ball;
+    place_centers(scene->arm->groups[group].joint, ball, ball + 1, scene, scratch);
+    const f64x8 *center = scratch->spheres[ball].center;
+    double reach = scene->arm->spheres[ball].radius + scene->margin + scene->max_padding;
+    f64x8 ends[6] = {center[0], center[1], center[2], -center[0], -center[1], -center[2]};
+    store_lanes(scratch->group_boxes[group].ends, min_of_each(ends) - (h * scratch->speeds[group] + reach));
+    scratch->group_ready[group] = 0;
+}
+
+// Make velocity and travel of the ball around a group known, in the first batch.
+INLINE void ready_group(int64_t group, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    if (scratch->group_ready[group]) return;
+    scratch->group_ready[group] = 1;
+    place_travel(ball_of_group(group, scene->arm), h, scene, scratch);
+    // A single body's ball is the group's.
+    const Group *of = &scene->arm->groups[group];
+    if (of->last_body - of->first_body == 1) scratch->placed_batch[of->first_body] = -1;
 }
 
 // Bits of the LANES obstacles from one on whose boxes meet a box; of those that are not proven apart.
@@ -64,27 +75,52 @@ NOINLINE int test_candidate(Candidate *candidate, int64_t batch, f64x8 h,
 }
 
 // Add a candidate if spheres do not clear it; their number, or -1 for a contact.
-INLINE int64_t add_candidate(int64_t count, int64_t body, int64_t other, int64_t body_pair, int64_t pair,
-                             uint64_t lanes, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+INLINE int64_t add_candidate(int64_t count, const NearBody *near, f64x8 h, const SceneTables *scene,
+                             Scratch *scratch) {
     Candidate *candidate = &scratch->candidates[count];
-    candidate->body = body;
-    candidate->other = other;
-    candidate->body_pair = body_pair;
-    candidate->pair = pair;
-    candidate->lanes = lanes;
+    candidate->body = near->body;
+    candidate->other = near->other;
+    candidate->body_pair = near->body_pair;
+    candidate->pair = near->pair;
+    candidate->lanes = near->lanes;
     if (test_candidate(candidate, 1, h, scene, scratch)) return -1;
     return candidate->lanes ? count + 1 : count;
 }
 
 // List the obstacles that the ball around a group may come too near, and in which lanes; how many.
 INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scratch *scratch) {
-    int64_t ball = scene->arm->groups[g].ball, count = 0;
+    SphereRef ball = ball_of_group(g, scene->arm);
+    int64_t count = 0;
     const Box *box = &scratch->group_boxes[g];
     for (int64_t block = 0; block < scene->obstacles->count; block += LANES) {
-        for (uint64_t near = boxes_near(box, block, scene->obstacles); near; near &= near - 1) {
+        uint64_t near = boxes_near(box, block, scene->obstacles);
+        if (near) ready_group(g, h, scene, scratch);
+        for (; near; near &= near - 1) {
             int64_t o = block + first_bit(near);
-            uint64_t lanes = lanes_near_obstacle(g, ball, o, scene->max_padding, ALL_LANES, h, scene, scratch);
+            uint64_t lanes = lanes_near_obstacle(ball, o, scene->max_padding, ALL_LANES, h, scene, scratch);
             scratch->near_obstacles[count] = (Near){o, lanes};
+            count += lanes != 0;
+        }
+    }
+    return count;
+}
+
+// List which bodies of a group may come too near which of the obstacles that its ball may; how many.
+INLINE int64_t list_body_obstacles(int64_t g, int64_t listed, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    const Group *group = &scene->arm->groups[g];
+    int alone = group->last_body - group->first_body == 1;
+    int64_t count = 0;
+    for (int64_t b = group->first_body; b < group->last_body; b++) ready_ball(b, 1, h, scene, scratch);
+    for (int64_t b = group->first_body; b < group->last_body; b++) {
+        const int64_t *pairs = scene->pairs->obstacle_pair + b * scene->obstacles->count;
+        SphereRef ball = ball_around(&scene->arm->bodies[b]);
+        for (int64_t n = 0; n < listed; n++) {
+            int64_t o = scratch->near_obstacles[n].index, pair = pairs[o];
+            uint64_t lanes = scratch->near_obstacles[n].lanes;
+            if (pair < 0) continue;
+            // A single body's ball is the group's.
+            if (!alone) lanes = lanes_near_obstacle(ball, o, scene->pairs->padding[pair], lanes, h, scene, scratch);
+            scratch->near_bodies[count] = (NearBody){b, o, pair, -1, lanes};
             count += lanes != 0;
         }
     }
@@ -97,68 +133,53 @@ INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scra
 NOINLINE int64_t meet_obstacles(f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     int64_t count = 0;
-    // All balls first: none waits for another, and no branch comes in between.
+    // All boxes first: none waits for another, and no branch comes in between.
     for (int64_t g = 0; g < arm->group_count; g++) {
-        place_ball(g, arm->groups[g].ball, h, scene, scratch);
-        place_box(g, arm->groups[g].ball, scene, scratch);
+        place_box(g, h[0], scene, scratch);
     }
     for (int64_t g = arm->group_count - 1; g >= 0; g--) {
-        const Group *group = &arm->groups[g];
         int64_t listed = list_obstacles(g, h, scene, scratch);
-        // A single body's ball is the group's, placed by now.
-        int alone = group->last_body - group->first_body == 1;
-        if (alone) scratch->placed_batch[group->first_body] = -1;
-        if (listed == 0) continue;
-        for (int64_t b = group->first_body; b < group->last_body; b++) {
-            const int64_t *pairs = scene->pairs->obstacle_pair + b * scene->obstacles->count;
-            ready_ball(b, 1, h, scene, scratch);
-            for (int64_t n = 0; n < listed; n++) {
-                int64_t o = scratch->near_obstacles[n].index, pair = pairs[o];
-                uint64_t lanes = scratch->near_obstacles[n].lanes;
-                if (pair < 0) continue;
-                if (!alone)
-                    lanes = lanes_near_obstacle(g, arm->bodies[b].first_sphere, o, scene->pairs->padding[pair], lanes,
-                                                h, scene, scratch);
-                if (lanes == 0) continue;
-                count = add_candidate(count, b, o, -1, pair, lanes, h, scene, scratch);
-                if (count < 0) return -1;
-            }
+        if (listed) listed = list_body_obstacles(g, listed, h, scene, scratch);
+        for (int64_t n = 0; n < listed; n++) {
+            count = add_candidate(count, &scratch->near_bodies[n], h, scene, scratch);
+            if (count < 0) return -1;
         }
     }
     return count;
 }
 
 // In which of the lanes given each body of a group may come too near the ball around another group.
-INLINE void list_bodies(Groups of, uint64_t lanes, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+INLINE void list_bodies(int64_t group, int64_t other, int64_t shared, uint64_t lanes, f64x8 h,
+                        const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
-    int64_t ball = arm->groups[of.other].ball;
-    for (int64_t b = arm->groups[of.group].first_body; b < arm->groups[of.group].last_body; b++) {
+    SphereRef ball = ball_of_group(other, arm);
+    for (int64_t b = arm->groups[group].first_body; b < arm->groups[group].last_body; b++) {
         ready_ball(b, 1, h, scene, scratch);
         scratch->group_lanes[b] =
-            lanes_near_sphere(of, arm->bodies[b].first_sphere, ball, lanes, scene->max_padding, h, scene, scratch);
+            lanes_near_sphere(ball_around(&arm->bodies[b]), ball, shared, lanes, scene->max_padding, h, scene, scratch);
     }
 }
 
-// Add the body pairs of two groups that neither maps nor spheres prove apart; -1 for a contact.
-INLINE int64_t meet_groups(int64_t count, const GroupPair *groups, f64x8 h, const SceneTables *scene,
-                           Scratch *scratch) {
+// List the body pairs of two groups that neither maps nor balls prove apart on the whole edge; how many.
+INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     const Group *group = &arm->groups[groups->group], *other = &arm->groups[groups->other];
-    Groups of = {groups->group, groups->other, groups->shared};
-    int64_t pairs = groups->last - groups->first;
-    if (groups->map >= 0 && map_is_free(groups->map, groups->first, 0.0, 1.0, scene, scratch)) return count;
-    if (boxes_apart(&scratch->group_boxes[of.group], &scratch->group_boxes[of.other])) return count;
+    int64_t shared = groups->shared, pairs = groups->last - groups->first, count = 0;
+    if (groups->map >= 0 && map_is_free(groups->map, groups->first, 0.0, 1.0, scene, scratch)) return 0;
     uint64_t near = ALL_LANES;
     if (pairs > 1) {
-        near = lanes_near_sphere(of, group->ball, other->ball, ALL_LANES, scene->max_padding, h, scene, scratch);
-        if (near == 0) return count;
+        ready_group(groups->group, h, scene, scratch);
+        ready_group(groups->other, h, scene, scratch);
+        near = lanes_near_sphere(ball_of_group(groups->group, arm), ball_of_group(groups->other, arm), shared,
+                                 ALL_LANES, scene->max_padding, h, scene, scratch);
+        if (near == 0) return 0;
     }
     // Where there are more pairs than bodies, each body against the other group first.
     int64_t bodies = group->last_body - group->first_body + other->last_body - other->first_body;
     int by_body = pairs > bodies;
     if (by_body) {
-        list_bodies(of, near, h, scene, scratch);
-        list_bodies((Groups){of.other, of.group, of.shared}, near, h, scene, scratch);
+        list_bodies(groups->group, groups->other, shared, near, h, scene, scratch);
+        list_bodies(groups->other, groups->group, shared, near, h, scene, scratch);
     }
     for (int64_t m = groups->first; m < groups->last; m++) {
         const BodyPair *pair = &scene->pairs->body_pairs[m];
@@ -167,19 +188,30 @@ INLINE int64_t meet_groups(int64_t count, const GroupPair *groups, f64x8 h, cons
         if (pair->map >= 0 && map_is_free(pair->map, m, 0.0, 1.0, scene, scratch)) continue;
         ready_ball(pair->body, 1, h, scene, scratch);
         ready_ball(pair->other, 1, h, scene, scratch);
-        lanes = lanes_near_sphere(of, arm->bodies[pair->body].first_sphere, arm->bodies[pair->other].first_sphere,
+        lanes = lanes_near_sphere(ball_around(&arm->bodies[pair->body]), ball_around(&arm->bodies[pair->other]), shared,
                                   lanes, scene->pairs->padding[pair->pair], h, scene, scratch);
-        if (lanes == 0) continue;
-        count = add_candidate(count, pair->body, pair->other, m, pair->pair, lanes, h, scene, scratch);
-        if (count < 0) return -1;
+        scratch->near_bodies[count] = (NearBody){pair->body, pair->other, pair->pair, m, lanes};
+        count += lanes != 0;
     }
     return count;
 }
 
 // Add the body pairs that neither maps nor spheres prove apart on the whole edge; -1 for a contact.
 NOINLINE int64_t meet_bodies(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {
-    for (int64_t f = 0; f < scene->pairs->group_pair_count && count >= 0; f++)
-        count = meet_groups(count, &scene->pairs->group_pairs[f], h, scene, scratch);
+    const PairTables *pairs = scene->pairs;
+    int64_t groups = 0;
+    for (int64_t f = 0; f < pairs->group_pair_count; f++) {
+        const GroupPair *pair = &pairs->group_pairs[f];
+        scratch->near_groups[groups] = f;
+        groups += !boxes_apart(&scratch->group_boxes[pair->group], &scratch->group_boxes[pair->other]);
+    }
+    for (int64_t g = 0; g < groups; g++) {
+        int64_t listed = list_body_pairs(&pairs->group_pairs[scratch->near_groups[g]], h, scene, scratch);
+        for (int64_t n = 0; n < listed; n++) {
+            count = add_candidate(count, &scratch->near_bodies[n], h, scene, scratch);
+            if (count < 0) return -1;
+        }
+    }
     return count;
 }
 
@@ -190,12 +222,11 @@ INLINE uint64_t lanes_near(const Candidate *candidate, uint64_t lanes, int64_t b
     double padding = scene->pairs->padding[candidate->pair];
     ready_ball(candidate->body, batch, h, scene, scratch);
     if (candidate->body_pair < 0)
-        return lanes_near_obstacle(body->group, body->first_sphere, candidate->other, padding, lanes, h, scene,
-                                   scratch);
-    const Body *other = &scene->arm->bodies[candidate->other];
+        return lanes_near_obstacle(ball_around(body), candidate->other, padding, lanes, h, scene, scratch);
+    int64_t shared = scene->pairs->body_pairs[candidate->body_pair].shared;
     ready_ball(candidate->other, batch, h, scene, scratch);
-    Groups of = {body->group, other->group, scene->pairs->body_pairs[candidate->body_pair].shared};
-    return lanes_near_sphere(of, body->first_sphere, other->first_sphere, lanes, padding, h, scene, scratch);
+    return lanes_near_sphere(ball_around(body), ball_around(&scene->arm->bodies[candidate->other]), shared, lanes,
+                             padding, h, scene, scratch);
 }
 
 // Test candidates again in the lanes of a later batch in which they are open; 1 if there is a contact.

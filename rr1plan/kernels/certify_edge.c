@@ -123,8 +123,8 @@ static int64_t decide(int64_t terms, const SceneTables *scene, Scratch *scratch)
     } else if (answer == SWEEP_OPEN) {
         done->exact_edges++;
         Curve curve = {scratch->curve, terms, 1.0};
-        scratch->result =
-            certify_open(&curve, scene->tolerance, scratch->open, scratch->open_count, scene->exact, scratch->exact, done);
+        scratch->result = certify_open(&curve, scene->tolerance, scratch->open, scratch->open_count, scene->exact,
+                                       scratch->exact, done);
     }
     return scratch->result.status;
 }

@@ -47,33 +47,42 @@ static void bound_joints(const SceneTables *scene, Scratch *scratch) {
     }
 }
 
-// Greatest speeds and accelerations over the edge, by group and by the joints that count.
+// Greatest speeds and accelerations over the edge, for eight groups side by side.
 NOINLINE void bound_motion(const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
+    int64_t stride = arm->group_stride;
+    f64x8 zero = splat(0.0);
     bound_joints(scene, scratch);
-    for (int64_t g = 0; g < arm->group_count; g++) {
-        int64_t first = arm->groups[g].first_link, last = arm->groups[g].last_link;
-        double *speeds = scratch->speeds + g * scratch->chain_stride;
-        double *accelerations = scratch->accelerations + g * scratch->chain_stride;
-        double speed = 0.0, acceleration = 0.0, beyond = 0.0;
-        speeds[last - first] = 0.0;
-        accelerations[last - first] = 0.0;
-        for (int64_t k = last - 1; k >= first; k--) {
-            int64_t j = arm->chain[k];
+    for (int64_t block = 0; block < stride; block += LANES) {
+        f64x8 speed = zero, acceleration = zero, beyond = zero;
+        // Where all joints move both of two groups, neither moves.
+        for (int64_t row = 0; row < scratch->bound_rows; row++) {
+            store_lanes(scratch->speeds + row * stride + block, zero);
+            store_lanes(scratch->accelerations + row * stride + block, zero);
+        }
+        for (int64_t j = arm->joint_count - 1; j > 0; j--) {
             const JointMotion *motion = &scratch->joint_motions[j];
+            f64x8 reach = load_lanes(arm->reach + j * stride + block);
+            i64x8 carried = reach >= zero;
             double rate = motion->max_rate, bend = 2.0 * SLACK * abs_number(motion->bend);
+            f64x8 next_speed, next_acceleration;
             if (arm->joints[j].prismatic) {
-                acceleration += bend;
-                speed += rate;
-                beyond += motion->max_value;
+                next_acceleration = acceleration + bend;
+                next_speed = speed + rate;
+                beyond = select_mask(carried, beyond + motion->max_value, beyond);
             } else {
-                double reach = arm->chain_reach[k] + beyond;
-                double swing = rate * reach;
-                acceleration += rate * (swing + 2.0 * speed) + bend * reach;
-                speed += swing;
+                reach = reach + beyond;
+                f64x8 swing = rate * reach;
+                next_acceleration = acceleration + (rate * (swing + 2.0 * speed) + bend * reach);
+                next_speed = speed + swing;
             }
-            speeds[k - first] = speed;
-            accelerations[k - first] = acceleration;
+            speed = select_mask(carried, next_speed, speed);
+            acceleration = select_mask(carried, next_acceleration, acceleration);
+            // Joints of several arms have rows in common, and groups of their own.
+            double *speeds = scratch->speeds + arm->depths[j] * stride + block;
+            double *accelerations = scratch->accelerations + arm->depths[j] * stride + block;
+            store_lanes(speeds, select_mask(carried, speed, load_lanes(speeds)));
+            store_lanes(accelerations, select_mask(carried, acceleration, load_lanes(accelerations)));
         }
     }
 }
@@ -123,36 +132,70 @@ INLINE Vec8 center_of(const SphereLanes *sphere) {
     return (Vec8){sphere->center[0], sphere->center[1], sphere->center[2]};
 }
 
-INLINE Vec8 velocity_of(const SphereLanes *sphere) {
-    return (Vec8){sphere->velocity[0], sphere->velocity[1], sphere->velocity[2]};
-}
-
-// Places and velocities of the centers of spheres that a joint carries.
+// Places of the centers of spheres that a joint carries.
 INLINE void place_centers(int64_t joint, int64_t first, int64_t last, const SceneTables *scene, Scratch *scratch) {
     const FrameLanes *frame = &scratch->frames[joint];
-    const f64x8 *R = frame->rotation, *w = frame->angular;
+    const f64x8 *R = frame->rotation;
     for (int64_t i = first; i < last; i++) {
         const double *c = scene->arm->spheres[i].center;
-        SphereLanes *sphere = &scratch->spheres[i];
-        f64x8 d[3];
-        for (int r = 0; r < 3; r++) {
-            d[r] = R[3 * r] * c[0] + R[3 * r + 1] * c[1] + R[3 * r + 2] * c[2];
-            sphere->center[r] = frame->origin[r] + d[r];
-        }
-        sphere->velocity[0] = frame->linear[0] + w[1] * d[2] - w[2] * d[1];
-        sphere->velocity[1] = frame->linear[1] + w[2] * d[0] - w[0] * d[2];
-        sphere->velocity[2] = frame->linear[2] + w[0] * d[1] - w[1] * d[0];
+        for (int r = 0; r < 3; r++)
+            scratch->spheres[i].center[r] =
+                frame->origin[r] + (R[3 * r] * c[0] + R[3 * r + 1] * c[1] + R[3 * r + 2] * c[2]);
     }
 }
 
-// Place and travel of the ball around a group or a body of it.
-INLINE void place_ball(int64_t group, int64_t sphere, f64x8 h, const SceneTables *scene, Scratch *scratch) {
-    int64_t joint = scene->arm->groups[group].joint;
-    place_centers(joint, sphere, sphere + 1, scene, scratch);
-    Vec8 v = velocity_of(&scratch->spheres[sphere]);
-    int64_t row = group * scratch->chain_stride;
-    f64x8 travel = sqrt_lanes(vec8_dot(v, v)) * h * SLACK + h * h * (0.5 * scratch->accelerations[row]);
-    scratch->spheres[sphere].travel = min_lanes(travel, h * scratch->speeds[row]);
+// Velocity of the center of a sphere that a joint carries.
+INLINE Vec8 velocity_at(int64_t joint, int64_t sphere, const Scratch *scratch) {
+    const FrameLanes *frame = &scratch->frames[joint];
+    const SphereLanes *lanes = &scratch->spheres[sphere];
+    const f64x8 *w = frame->angular;
+    f64x8 dx = lanes->center[0] - frame->origin[0];
+    f64x8 dy = lanes->center[1] - frame->origin[1];
+    f64x8 dz = lanes->center[2] - frame->origin[2];
+    return (Vec8){
+        frame->linear[0] + w[1] * dz - w[2] * dy,
+        frame->linear[1] + w[2] * dx - w[0] * dz,
+        frame->linear[2] + w[0] * dy - w[1] * dx,
+    };
+}
+
+// A sphere in a body, or a ball around a body or a group, whose velocity is kept. Compilers know which it is.
+typedef struct {
+    int64_t group;
+    int64_t index;
+    int is_ball;
+} SphereRef;
+
+INLINE SphereRef sphere_in(const Body *body, int64_t index) { return (SphereRef){body->group, index, 0}; }
+
+INLINE SphereRef ball_around(const Body *body) { return (SphereRef){body->group, body->first_sphere, 1}; }
+
+INLINE SphereRef ball_of_group(int64_t group, const ArmGeometry *arm) {
+    return (SphereRef){group, arm->groups[group].ball, 1};
+}
+
+INLINE Vec8 velocity_of(SphereRef sphere, const SceneTables *scene, const Scratch *scratch) {
+    const f64x8 *kept = scratch->spheres[sphere.index].velocity;
+    if (sphere.is_ball) return (Vec8){kept[0], kept[1], kept[2]};
+    return velocity_at(scene->arm->groups[sphere.group].joint, sphere.index, scratch);
+}
+
+// Velocity and travel of the ball around a group or a body, whose place is known.
+INLINE void place_travel(SphereRef ball, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    SphereLanes *sphere = &scratch->spheres[ball.index];
+    Vec8 v = velocity_at(scene->arm->groups[ball.group].joint, ball.index, scratch);
+    sphere->velocity[0] = v.x;
+    sphere->velocity[1] = v.y;
+    sphere->velocity[2] = v.z;
+    f64x8 travel = sqrt_lanes(vec8_dot(v, v)) * h * SLACK + h * h * (0.5 * scratch->accelerations[ball.group]);
+    sphere->travel = min_lanes(travel, h * scratch->speeds[ball.group]);
+}
+
+// Place, velocity and travel of the ball around a body.
+INLINE void place_ball(int64_t body, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+    const Body *of = &scene->arm->bodies[body];
+    place_centers(of->joint, of->first_sphere, of->first_sphere + 1, scene, scratch);
+    place_travel(ball_around(of), h, scene, scratch);
 }
 
 // Places and travels of the spheres of a body whose ball is placed.
@@ -164,7 +207,7 @@ INLINE void place_spheres(int64_t body, f64x8 h, const SceneTables *scene, Scrat
     // None moves faster than the ball's center and the turn about that.
     f64x8 turn = sqrt_lanes(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * h * SLACK;
     f64x8 travel = scratch->spheres[ball].travel;
-    f64x8 most = h * scratch->speeds[of->group * scratch->chain_stride];
+    f64x8 most = h * scratch->speeds[of->group];
     for (int64_t i = ball + 1; i < of->last_sphere; i++)
         scratch->spheres[i].travel = min_lanes(travel + turn * scene->arm->spheres[i].apart, most);
 }

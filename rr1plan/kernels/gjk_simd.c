@@ -186,7 +186,6 @@ NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
 static Separation8 separate(const Candidate *candidate, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     int64_t group = arm->bodies[candidate->body].group;
-    int64_t row = group * scratch->chain_stride;
     GjkQuery query = {
         .core = candidate->body,
         .pair = candidate->pair,
@@ -198,16 +197,16 @@ static Separation8 separate(const Candidate *candidate, f64x8 h, const SceneTabl
         query.other_core = scene->obstacles->core[candidate->other];
         query.obstacle = candidate->other;
         if (query.other_core == CORE_LEFT_OUT) return (Separation8){candidate->lanes, 0, 0};
-        query.acceleration = scratch->accelerations[row];
+        query.acceleration = scratch->accelerations[group];
         if (query.other_core < 0 && scene->obstacles->kinds[query.obstacle].kind == OBSTACLE_HALF_SPACE)
             return separate_half_space(&query, candidate->lanes, h, scene, scratch);
     } else {
         int64_t shared = scene->pairs->body_pairs[candidate->body_pair].shared;
-        int64_t other_row = arm->bodies[candidate->other].group * scratch->chain_stride;
+        const double *accelerations = scratch->accelerations + shared * arm->group_stride;
         query.other_core = candidate->other;
         query.obstacle = -1;
         query.base = shared ? arm->chain[arm->groups[group].first_link + shared - 1] : 0;
-        query.acceleration = scratch->accelerations[row + shared] + scratch->accelerations[other_row + shared];
+        query.acceleration = accelerations[group] + accelerations[arm->bodies[candidate->other].group];
     }
     return gjk_simd(&query, candidate->lanes, h, scene, scratch);
 }

@@ -53,6 +53,15 @@ typedef struct {
     uint64_t lanes;
 } Near;
 
+// A body that is near an obstacle or another body, and in which lanes.
+typedef struct {
+    int64_t body;
+    int64_t other;
+    int64_t pair;
+    int64_t body_pair;  // -1: `other` is an obstacle
+    uint64_t lanes;
+} NearBody;
+
 // A body and an obstacle, or two bodies, that are not proven apart yet.
 typedef struct {
     int64_t body;
@@ -97,12 +106,16 @@ typedef struct {
     int64_t *placed_batch;  // batch a body was placed for last, below zero: only the ball around it
     Box *group_boxes;
     Near *near_obstacles;
+    int64_t *near_groups;  // of `group_pairs`
+    NearBody *near_bodies;
     Near *near_spheres;
+    int64_t *group_ready;   // 1 once velocity and travel of a group's ball are known
     uint64_t *group_lanes;  // in which a body may be near the group at hand
-    // Bounds over the edge, by group and by the number of joints above it that do not count; rows of `chain_stride`.
+    // Bounds over the edge of the points of groups, by how many of the joints above do not count (those that move both,
+    // where it is about two groups), shape (longest chain + 1, `group_stride` of the arm).
     double *speeds;
     double *accelerations;
-    int64_t chain_stride;
+    int64_t bound_rows;
     JointMotion *joint_motions;
     Candidate *candidates;
     Interval *intervals;

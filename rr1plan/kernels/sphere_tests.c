@@ -20,7 +20,7 @@ INLINE void ready_ball(int64_t body, int64_t batch, f64x8 h, const SceneTables *
     int64_t *placed = &scratch->placed_batch[body];
     if (*placed != batch && *placed != -batch) {
         *placed = -batch;
-        place_ball(scene->arm->bodies[body].group, scene->arm->bodies[body].first_sphere, h, scene, scratch);
+        place_ball(body, h, scene, scratch);
     }
 }
 
@@ -38,10 +38,11 @@ INLINE void ready_spheres(int64_t body, int64_t batch, f64x8 h, const SceneTable
 //
 // With d the distance of the center from the obstacle's core, r the least that it has to be and s the speed along it,
 // that is d - r < s h + a h^2 / 2, or with all of it times d, (d - r) d < s d h + d a h^2 / 2: nothing is divided.
-INLINE uint64_t lanes_near_obstacle(int64_t group, int64_t sphere, int64_t o, double padding, uint64_t lanes, f64x8 h,
+INLINE uint64_t lanes_near_obstacle(SphereRef sphere, int64_t o, double padding, uint64_t lanes, f64x8 h,
                                     const SceneTables *scene, const Scratch *scratch) {
-    const SphereLanes *placed = &scratch->spheres[sphere];
-    double needed = scene->arm->spheres[sphere].radius + padding + scene->margin + scene->obstacles->shapes[o].radius;
+    const SphereLanes *placed = &scratch->spheres[sphere.index];
+    double radius = scene->arm->spheres[sphere.index].radius + scene->obstacles->shapes[o].radius;
+    double needed = radius + padding + scene->margin;
     Vec8 center = center_of(placed);
     f64x8 square = square_to(scene->obstacles, o, center);
     f64x8 limit = placed->travel + needed;
@@ -50,8 +51,9 @@ INLINE uint64_t lanes_near_obstacle(int64_t group, int64_t sphere, int64_t o, do
     uint64_t others = lanes & ~less_than(square, splat(needed * needed));
     if (others == 0) return lanes;
     f64x8 distance = sqrt_lanes(square);
-    double acceleration = scratch->accelerations[group * scratch->chain_stride];
-    f64x8 lost = approach_to(scene->obstacles, o, center, velocity_of(placed)) * h + distance * (h * h * (0.5 * acceleration));
+    double acceleration = scratch->accelerations[sphere.group];
+    Vec8 velocity = velocity_of(sphere, scene, scratch);
+    f64x8 lost = approach_to(scene->obstacles, o, center, velocity) * h + distance * (h * h * (0.5 * acceleration));
     return (lanes & ~others) | (others & less_than((distance - needed) * distance, lost));
 }
 
@@ -83,7 +85,7 @@ INLINE SphereTest test_obstacle(int64_t body, int64_t o, int64_t pair, uint64_t 
     for (int64_t n = 0; n < count; n++) {
         int64_t i = scratch->near_spheres[n].index;
         uint64_t near = scratch->near_spheres[n].lanes & ~open;
-        if (near) near = lanes_near_obstacle(of->group, i, o, padding, near, h, scene, scratch);
+        if (near) near = lanes_near_obstacle(sphere_in(of, i), o, padding, near, h, scene, scratch);
         if (near) {
             open |= near;
             last = i;
@@ -100,29 +102,27 @@ INLINE f64x8 square_between(int64_t one, int64_t two, const Scratch *scratch) {
     return vec8_dot(d, d);
 }
 
-// Two groups, and how many joints of their chains move both.
-typedef struct {
-    int64_t group;
-    int64_t other;
-    int64_t shared;
-} Groups;
-
-// The lanes, of those given, in which a sphere of one group and one of another may come too near each other.
-INLINE uint64_t lanes_near_sphere(Groups of, int64_t one, int64_t two, uint64_t lanes, double padding, f64x8 h,
-                                  const SceneTables *scene, const Scratch *scratch) {
-    const SphereLanes *a = &scratch->spheres[one], *b = &scratch->spheres[two];
-    int64_t row = of.group * scratch->chain_stride + of.shared, row2 = of.other * scratch->chain_stride + of.shared;
-    double needed = scene->arm->spheres[one].radius + scene->arm->spheres[two].radius + padding + scene->margin;
-    f64x8 far = h * (scratch->speeds[row] + scratch->speeds[row2]);
+// The lanes, of those given, in which spheres of two groups may come too near each other.
+//
+// shared: how many joints of their chains move both.
+INLINE uint64_t lanes_near_sphere(SphereRef one, SphereRef two, int64_t shared, uint64_t lanes, double padding,
+                                  f64x8 h, const SceneTables *scene, const Scratch *scratch) {
+    const SphereLanes *a = &scratch->spheres[one.index], *b = &scratch->spheres[two.index];
+    const double *speeds = scratch->speeds + shared * scene->arm->group_stride;
+    const double *accelerations = scratch->accelerations + shared * scene->arm->group_stride;
+    double radius = scene->arm->spheres[one.index].radius + scene->arm->spheres[two.index].radius;
+    double needed = radius + padding + scene->margin;
+    f64x8 far = h * (speeds[one.group] + speeds[two.group]);
     Vec8 d = vec8_sub(center_of(a), center_of(b));
     f64x8 square = vec8_dot(d, d);
     f64x8 limit = min_lanes(a->travel + b->travel, far) + needed;
     lanes &= less_than(square, limit * limit);
     uint64_t others = lanes & ~less_than(square, splat(needed * needed));
     if (others == 0) return lanes;
-    f64x8 along = abs_lanes(vec8_dot(d, vec8_sub(velocity_of(a), velocity_of(b)))) * SLACK;
+    Vec8 velocity = vec8_sub(velocity_of(one, scene, scratch), velocity_of(two, scene, scratch));
+    f64x8 along = abs_lanes(vec8_dot(d, velocity)) * SLACK;
     f64x8 distance = sqrt_lanes(square);
-    double acceleration = scratch->accelerations[row] + scratch->accelerations[row2];
+    double acceleration = accelerations[one.group] + accelerations[two.group];
     f64x8 lost = along * h + distance * (h * h * (0.5 * acceleration));
     return (lanes & ~others) | (others & less_than((distance - needed) * distance, lost));
 }
@@ -132,24 +132,25 @@ INLINE SphereTest test_body(const BodyPair *bodies, uint64_t lanes, int64_t batc
                             Scratch *scratch) {
     const Body *a = &scene->arm->bodies[bodies->body], *b = &scene->arm->bodies[bodies->other];
     const LinkSphere *spheres = scene->arm->spheres;
-    Groups groups = {a->group, b->group, bodies->shared};
-    int64_t ball_a = a->first_sphere, ball_b = b->first_sphere, count = 0;
+    SphereRef ball_a = ball_around(a), ball_b = ball_around(b);
+    int64_t shared = bodies->shared, count = 0;
     double padding = scene->pairs->padding[bodies->pair];
     ready_spheres(bodies->body, batch, h, scene, scratch);
     ready_spheres(bodies->other, batch, h, scene, scratch);
     // Only the spheres of either that are near the other's ball.
-    for (int64_t k = ball_b + 1; k < b->last_sphere; k++) {
-        uint64_t near = lanes_near_sphere(groups, ball_a, k, lanes, padding, h, scene, scratch);
+    for (int64_t k = ball_b.index + 1; k < b->last_sphere; k++) {
+        uint64_t near = lanes_near_sphere(ball_a, sphere_in(b, k), shared, lanes, padding, h, scene, scratch);
         scratch->near_spheres[count] = (Near){k, near};
         count += near != 0;
     }
-    SphereTest found = {0, 0, ball_a, ball_b};
-    for (int64_t i = ball_a + 1; count && i < a->last_sphere; i++) {
-        uint64_t beside = lanes_near_sphere(groups, i, ball_b, lanes, padding, h, scene, scratch);
+    SphereTest found = {0, 0, ball_a.index, ball_b.index};
+    for (int64_t i = ball_a.index + 1; count && i < a->last_sphere; i++) {
+        uint64_t beside = lanes_near_sphere(sphere_in(a, i), ball_b, shared, lanes, padding, h, scene, scratch);
         for (int64_t n = 0; beside && n < count; n++) {
             int64_t k = scratch->near_spheres[n].index;
             uint64_t near = scratch->near_spheres[n].lanes & beside & ~found.open;
-            if (near) near = lanes_near_sphere(groups, i, k, near, padding, h, scene, scratch);
+            if (near)
+                near = lanes_near_sphere(sphere_in(a, i), sphere_in(b, k), shared, near, padding, h, scene, scratch);
             if (near == 0) continue;
             double inner = spheres[i].inner_radius + spheres[k].inner_radius + padding - scene->margin;
             if (inner > 0.0) {
