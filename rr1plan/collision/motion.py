@@ -77,6 +77,9 @@ class MotionChecker:
         self._without: dict[frozenset[str], ExactKernel] = {}
         self.edges_checked = 0
 
+    def __repr__(self) -> str:
+        return f"MotionChecker({self.checker!r}, tolerance={self.tolerance})"
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as its checker; the counters begin anew."""
         return _rebuild, (self.checker, self.tolerance)
