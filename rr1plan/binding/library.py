@@ -37,7 +37,11 @@ class KernelLibrary:
 
     @cached_property
     def variants(self) -> tuple[str, ...]:
-        """The variants that are built and that this processor can run, the fastest first."""
+        """The variants that are built and that this processor can run, the fastest first.
+
+        Raises:
+            InstallationError: the one that every processor can run cannot be loaded.
+        """
         machine = platform.machine().lower()
         machine = _MACHINES.get(machine, machine)
         if machine != "x86_64":
@@ -45,7 +49,10 @@ class KernelLibrary:
         base = self.variant_file("x86_64_v2")
         if not base.is_file():
             return ()
-        level = int(ctypes.CDLL(str(base)).rr1_cpu_level())
+        try:
+            level = int(ctypes.CDLL(str(base)).rr1_cpu_level())
+        except (OSError, AttributeError) as error:
+            raise _unloadable(base, error) from error
         names = (f"x86_64_v{k}" for k in _LEVELS if k <= level)
         return tuple(name for name in names if self.variant_file(name).is_file())
 
@@ -67,7 +74,7 @@ class KernelLibrary:
             expected = self.sources.layout()
             compiled = (ctypes.c_int64 * (len(expected) + 1)).in_dll(library, "rr1_layout")
         except (OSError, AttributeError, ValueError) as error:
-            raise InstallationError(f"the compiled kernels {file} cannot be loaded: {error}; {HOW_TO_BUILD}") from error
+            raise _unloadable(file, error) from error
         if list(takewhile(lambda number: number >= 0, compiled)) != expected:
             raise InstallationError(f"the compiled kernels {file} were built from other headers; {HOW_TO_BUILD}")
         return library
@@ -82,3 +89,7 @@ class KernelLibrary:
         if not self.variants:
             raise InstallationError(f"no compiled kernels for {platform.machine()} in {self.folder}; {HOW_TO_BUILD}")
         return self.load(self.variant_file(self.variants[0]))
+
+
+def _unloadable(file: Path, error: Exception) -> InstallationError:
+    return InstallationError(f"the compiled kernels {file} cannot be loaded: {error}; {HOW_TO_BUILD}")

@@ -62,13 +62,11 @@ class CellBlocks:
         parts = _halve(centers)
         self.half = 0.5 * cloud.resolution
         self.centers = centers[np.concatenate(parts)]
-        self._count = np.array([len(part) for part in parts])
+        self._count = np.array([len(part) for part in parts], dtype=np.int64)
         self._first = np.cumsum(self._count) - self._count
         lower = np.minimum.reduceat(self.centers, self._first) - self.half
         upper = np.maximum.reduceat(self.centers, self._first) + self.half
         self._middle, self._half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-        self._answer = np.zeros(3)
-        self._scratch = np.empty(len(self._first) + int(self._count.max()))
 
     def distance(self, body: BodyBox, ask: Ask) -> float:
         """Distance [m] of a body to the nearest cell; in contact minus the depth of some cell."""
@@ -105,8 +103,10 @@ class CellBlocks:
             corner_count=core.corners.shape[1],
         )
         blocks = (self._middle, self._half, self._first, self._count, len(self._first))
-        load_library().rr1_nearest_cell(both, placed, self.centers, self.half, *blocks, self._scratch, self._answer)
-        distance, proven, asked = self._answer.tolist()
+        # Solids are shared by threads, so nothing that is written is kept with them.
+        answer, scratch = np.zeros(3), np.empty(len(self._first) + int(self._count.max()))
+        load_library().rr1_nearest_cell(both, placed, self.centers, self.half, *blocks, scratch, answer)
+        distance, proven, asked = answer.tolist()
         return distance, proven, int(asked)
 
     def _cells(self, blocks: Index) -> Array:

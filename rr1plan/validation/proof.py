@@ -32,7 +32,7 @@ def prove(motion: SceneMotion, setting: Setting, tolerance: float, most: int, te
         most: Searches, and Coal's distances, before giving up on what is still open.
         tell: Called with the fraction decided; False from it cancels.
     """
-    quick = _Search(motion, setting, tolerance, most)
+    quick = Search(motion, setting, tolerance, most)
     if len(setting.pairs):
         quick.run(tell)
     found = quick.findings()
@@ -52,8 +52,18 @@ def _rest(tell: Tell | None, done: float) -> Tell | None:
     return None if tell is None else lambda fraction: tell(done + (1.0 - done) * fraction)
 
 
-class _Search:
-    """One run of the compiled search, and what it writes."""
+class Search:
+    """One run of the compiled search, and what it writes.
+
+    Args:
+        motion: The motion.
+        setting: Its scene.
+        tolerance: Smallest clearances are found within this [m].
+        most: Searches for directions before giving up on what is still open.
+
+    Attributes:
+        struct: What the kernels read and write.
+    """
 
     def __init__(self, motion: SceneMotion, setting: Setting, tolerance: float, most: int) -> None:
         self._motion, self._setting = motion, setting
@@ -65,7 +75,7 @@ class _Search:
         pieces, terms, columns = coefficients.shape
         chain = int(setting.bodies.moved.sum(axis=1).max(initial=0)) + 1
         depth = SOURCES.constants["SEARCH_DEPTH"]
-        self._struct = RefereeStruct(
+        self.struct = RefereeStruct(
             "RefereeSearch",
             breaks=breaks,
             coefficients=coefficients,
@@ -103,7 +113,7 @@ class _Search:
             intervals=_zeroed("TimeInterval", depth),
             items=np.zeros(count * depth, np.int64),
         )
-        self._search = self._struct.value
+        self._search = self.struct.value
         self._search.nearest[:], self._search.smallest[:] = [-1] * GROUPS, [np.inf] * GROUPS
         self._search.end_clearance[:], self._search.end_pair[:] = [np.inf] * 2 * GROUPS, [-1] * 2 * GROUPS
         self.cancelled = False
@@ -115,7 +125,7 @@ class _Search:
         total = float(breaks[-1] - breaks[0]) * len(s.searched)
         done = SOURCES.constants["SEARCH_DONE"]
         while self._search.stage != done and not self.cancelled:
-            load_library().rr1_prove_motion(self._struct, _SLICE)
+            load_library().rr1_prove_motion(self.struct, _SLICE)
             if self._search.stage == done:
                 rest = float(self.left[s.bodies.pair].sum() + (~s.searched & ~self.left[s.bodies.pair]).sum())
                 self.fraction = max(self.fraction, 1.0 - rest / len(s.searched))

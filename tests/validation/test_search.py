@@ -9,7 +9,6 @@ from typing import Any
 import coal
 import numpy as np
 import pytest
-from rr1plan.validation.apart import part_bodies
 from scipy.spatial import ConvexHull
 
 import rr1plan as rp
@@ -19,6 +18,7 @@ from rr1plan.robot import Mimic
 from rr1plan.transforms import pose
 from rr1plan.validation.certificate import Certificate, Findings
 from rr1plan.validation.meter import DistanceMeter
+from rr1plan.validation.native import RefereeStruct, load_library
 from rr1plan.validation.proof import prove
 from rr1plan.validation.solids import Solid, support
 from rr1plan.validation.tables import Setting, setting_of
@@ -48,7 +48,7 @@ class Pairs:
         self.setting = setting
         self.solids = setting.bodies.solids
         self.meter = DistanceMeter()
-        self.known, self.share = np.zeros((5, 9)), np.zeros((3, 4))
+        self.state = RefereeStruct("GjkState")
 
     def bounds(self, a: int, Ta: Array, b: int, Tb: Array, base: float = 1e300) -> tuple[float, float]:
         """Upper and lower bound of the distance of two bodies, going on from the search before."""
@@ -58,8 +58,11 @@ class Pairs:
             middle = T[:3, :3] @ self.solids[body].center + T[:3, 3]
             placed[body] = np.concatenate([T[:3, :3].ravel(), T[:3, 3], middle])
         off = s.sizes[a, 3] + s.sizes[b, 3]
-        tables = (s.kinds, s.sizes, s.corners, placed, a, b, self.known, self.share)
-        upper, lower = part_bodies(*tables, min(base + off, 1e300), 1e300)[:2]
+        bounds = np.zeros(2)
+        load_library().rr1_probe_separation(
+            s.bodies_struct, placed, a, b, self.state, min(base + off, 1e300), 1e300, bounds
+        )
+        upper, lower = bounds.tolist()
         return upper - off, lower - off
 
     def coal(self, a: int, Ta: Array, b: int, Tb: Array) -> tuple[float, float]:
@@ -106,7 +109,7 @@ def test_the_two_bounds_hold_coals_distance_between_them(
                 continue
             Ta, Tb = random_pose(rng, size), random_pose(rng, size)
             distance, gap = pairs.coal(a, Ta, b, Tb)
-            pairs.known[:] = 0.0
+            pairs.state.set(count=0)
             for base in (0.0, 1e300):
                 upper, lower = pairs.bounds(a, Ta, b, Tb, base)
                 assert lower <= distance + ROUNDING
@@ -128,7 +131,7 @@ def test_a_search_that_goes_on_from_the_last_one_is_as_good(
     for _ in range(60):
         a, b = rng.choice(10, 2, replace=False).tolist()
         Ta, Tb = random_pose(rng, 0.3), random_pose(rng, 0.3)
-        pairs.known[:] = 0.0
+        pairs.state.set(count=0)
         for _ in range(6):
             step = 10.0 ** rng.uniform(-6.0, 0.5)
             Tb = Tb @ pose(step * rng.normal(size=3), rpy=step * rng.normal(size=3))
@@ -151,7 +154,7 @@ def test_bodies_one_inside_the_other_touch(bodies: Callable[[np.random.Generator
             inside = 1e-3 * min(pairs.solids[a].half.min(), pairs.solids[b].half.min())
             middle_a = Ta[:3, :3] @ inner_point(pairs.solids[a]) + Ta[:3, 3]
             Tb[:3, 3] = middle_a - Tb[:3, :3] @ inner_point(pairs.solids[b]) + inside * rng.uniform(-0.5, 0.5, 3)
-            pairs.known[:] = 0.0
+            pairs.state.set(count=0)
             assert pairs.bounds(a, Ta, b, Tb)[1] < 0.0
 
 

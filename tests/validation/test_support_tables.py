@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rr1plan.validation.apart import TABLE, reach
 from scipy.spatial import ConvexHull
 
 import rr1plan as rp
+from rr1plan.validation.native import TABLE, RefereeStruct, load_library
 from rr1plan.validation.solids import solid
 from rr1plan.validation.support_tables import hull_core
 
@@ -41,12 +41,17 @@ def test_a_table_reaches_as_far_as_all_corners(kind: str) -> None:
     assert core.kind == TABLE
     kinds, sizes = np.zeros((1, 6), np.int64), np.zeros((1, 23))
     kinds[0, 0] = core.kind
+    columns = core.corners.shape[1]
+    bodies = RefereeStruct(
+        "RefereeBodies", bodies=kinds, sizes=sizes, corners=core.corners, body_count=1, corner_count=columns
+    )
+    reach = load_library().rr1_probe_reach
     R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     for turn in (np.eye(3), R):
         placed = np.zeros((1, 15))
         placed[0, :9] = turn.ravel()
         for d in directions(rng):
-            found = reach(kinds, sizes, core.corners, placed, 0, *d)
+            found = reach(bodies, placed, 0, d)
             wanted = float((points @ (turn.T @ d)).max())
             assert found == pytest.approx(wanted, rel=1e-14, abs=1e-13 * np.abs(points).max() * np.abs(d).max())
 
@@ -69,7 +74,7 @@ def test_motions_of_a_hull_of_many_corners_are_judged_as_those_of_few() -> None:
     kinematics = rp.load_robot("planar2r")
     scene = rp.Scene().with_arm("arm", kinematics).with_obstacle("wall", wall, [0.0, 0.0, 1.0])
     tip = scene.link_poses()[f"arm/{kinematics.tool}"]
-    held = scene.with_obstacle("ball", hull, tip).attach("ball")
+    held = scene.with_obstacle("ball", hull, tip).attach("ball").allow("ball", "arm")
     gap = 0.01
     reach_x = float((points @ np.array([0.0, 0.0, 1.0])).max())
     held = held.without_obstacle("wall").with_obstacle("wall", wall, tip[:3, 3] + [0.0, 0.0, reach_x + gap + 0.05])

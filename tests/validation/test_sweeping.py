@@ -8,21 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rr1plan.validation.apart import CHAIN, DEPTH, ORIGIN
-from rr1plan.validation.sweeping import (
-    add_speeds,
-    expand,
-    move_links,
-    place,
-    reckon_sweeps,
-    steady_reach,
-    unsteadiness,
-)
 
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Link, Mimic
 from rr1plan.transforms import inverse, pose
+from rr1plan.validation.native import ORIGIN, load_library
+from rr1plan.validation.proof import Search
 from rr1plan.validation.solids import support
 from rr1plan.validation.tables import setting_of
 
@@ -39,35 +31,26 @@ class Stretch:
         self.scene = rp.Scene().with_arm("arm", robot).with_obstacle("far", rp.Sphere(0.1), [99.0, 0.0, 0.0])
         self.coefficients, self.at, self.half = coefficients, at, half
         s = self.setting = setting_of(self.scene, self.scene.joint_names())
-        self.columns, self.state = np.zeros((coefficients.shape[1], 4)), np.zeros((len(s.joints) + 1, 18))
-        self.placed, self.sweeps = np.zeros((len(s.kinds), 15)), np.zeros((len(s.kinds), 2, len(s.joints) + 1))
-        self.links = s.links.copy()
-        degree = len(coefficients) - 1
-        expand(coefficients[None], 0, at, half, degree, self.columns, np.zeros(degree + 1))
-        move_links(s.steps, s.frames, self.columns, s.joints, self.links, self.state)
-        add_speeds(s.joints, self.state)
-        for b in s.movers:
-            place(s.kinds, s.sizes, self.links, b, self.placed)
-            reckon_sweeps(s.kinds, s.sizes, s.chains, s.joints, self.state, b, self.placed, self.sweeps)
+        self.search = Search(s.motion.along(np.array([0.0, 1.0]), coefficients[None]), s, 1e-3, 1).struct
+        self.placed = np.zeros((len(s.kinds), 15))
+        self.search.set(placed=self.placed)
+        self.native = load_library()
+        self.native.rr1_probe_interval(self.search, 0, at, half)
 
     def chain(self, b: int) -> Array:
         """Numbers of the joints that carry a body."""
-        first, depth = self.setting.kinds[b, CHAIN], self.setting.kinds[b, DEPTH]
-        return np.asarray(self.setting.chains[first : first + depth])
+        return np.flatnonzero(self.setting.bodies.moved[b])
 
     def bound(self, b: int, shared: int) -> float:
         """What the search adds for what is not steady."""
-        s = self.setting
-        return float(unsteadiness(s.kinds, s.chains, s.joints, self.state, self.sweeps, b, shared))
+        return float(self.native.rr1_probe_unsteadiness(self.search, b, shared))
 
     def reach(self, b: int, shared: int, time: float, d: Array) -> float:
         """How far a body gets along d at its steady velocity, as the search has it."""
-        s, chain = self.setting, self.chain(b)
+        chain = self.chain(b)
         before = int(chain[shared - 1]) if shared else -1
-        known = (s.kinds, s.sizes, s.corners, self.placed, self.state)
-        return float(d @ self.placed[b, ORIGIN : ORIGIN + 3]) + float(
-            steady_reach(*known, b, int(chain[-1]), before, time, *d)
-        )
+        moved = self.native.rr1_probe_steady_reach(self.search, b, int(chain[-1]), before, time, d)
+        return float(d @ self.placed[b, ORIGIN : ORIGIN + 3]) + float(moved)
 
     def true_reach(self, b: int, shared: int, time: float, d: Array) -> float:
         """How far it gets, by numpy, seen from what the first `shared` joints carry."""

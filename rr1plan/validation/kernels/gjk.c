@@ -27,6 +27,12 @@ static inline Direction in_frame(const PlacedBody *placed, Direction d) {
     };
 }
 
+// The row or column of a face that a coordinate in [-1, 1] belongs to: one of them even for NaN.
+static inline int64_t face_step(double coordinate) {
+    double step = (coordinate + 1.0) * (0.5 * SUPPORT_SIDE);
+    return step < SUPPORT_SIDE ? (int64_t)step : SUPPORT_SIDE - 1;
+}
+
 // The cell of directions that a direction of any length belongs to.
 static int64_t support_cell(Direction d) {
     double a = fabs(d.x), b = fabs(d.y), c = fabs(d.z), size, x, y;
@@ -48,11 +54,7 @@ static int64_t support_cell(Direction d) {
         y = d.y;
     }
     if (!(size > 0.0)) return 0;
-    int64_t i = (int64_t)((x / size + 1.0) * (0.5 * SUPPORT_SIDE));
-    int64_t j = (int64_t)((y / size + 1.0) * (0.5 * SUPPORT_SIDE));
-    if (i >= SUPPORT_SIDE) i = SUPPORT_SIDE - 1;
-    if (j >= SUPPORT_SIDE) j = SUPPORT_SIDE - 1;
-    return (face * SUPPORT_SIDE + i) * SUPPORT_SIDE + j;
+    return (face * SUPPORT_SIDE + face_step(x / size)) * SUPPORT_SIDE + face_step(y / size);
 }
 
 typedef struct {

@@ -16,6 +16,7 @@
 #include "search.c"
 #include "cells.c"
 #include "extremes.c"
+#include "probes.c"
 #include "../../binding/cpu_level.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.
 #include "layout.inc"

@@ -1,0 +1,130 @@
+"""The libraries of both sets of kernels: their layouts, and what is said of an installation without them."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+from pathlib import Path
+
+import pytest
+
+import rr1plan as rp
+from rr1plan.binding.library import KernelLibrary
+from rr1plan.binding.sources import KernelSources, parse_enums, parse_prototypes, parse_structs
+from rr1plan.errors import InstallationError
+from rr1plan.kernels.library import LIBRARY as PLANNERS
+from rr1plan.validation import native
+
+LIBRARIES = {"planners": PLANNERS, "referee": native.LIBRARY}
+VARIANTS = [(name, variant) for name, library in LIBRARIES.items() for variant in library.variants]
+BUILD = r"build them with `pip install -e \.` or, in a source checkout, `python hatch_build\.py`"
+
+
+@pytest.fixture(params=LIBRARIES)
+def copied(request: pytest.FixtureRequest, tmp_path: Path) -> KernelLibrary:
+    """A copy of a library and its sources, to be changed."""
+    unit = LIBRARIES[request.param].sources.unit
+    shutil.copytree(unit.parent, tmp_path / "kernels")
+    return KernelLibrary(KernelSources(tmp_path / "kernels" / unit.name))
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_a_variant_is_built_for_this_processor(name: str) -> None:
+    library = LIBRARIES[name]
+    assert library.variants
+    assert library.fastest._name == str(library.variant_file(library.variants[0]))
+
+
+@pytest.mark.parametrize(("name", "variant"), VARIANTS)
+def test_every_field_is_where_the_compiler_has_it(name: str, variant: str) -> None:
+    library = LIBRARIES[name]
+    expected = library.sources.layout()
+    loaded = library.load(library.variant_file(variant))
+    compiled = (ctypes.c_int64 * (len(expected) + 1)).in_dll(loaded, "rr1_layout")
+    assert list(compiled) == [*expected, -1]
+
+
+def test_headers_are_read_as_c_reads_them() -> None:
+    text = """
+    // A comment; with a semicolon.
+    typedef struct {
+        int64_t one;  // first
+        double two[3];
+        const Other *three;
+        double x, y;
+    } Thing;
+    enum { NONE = -2, ALONE };
+    enum { A, B, C = B + 4 };
+    """
+    (fields,) = parse_structs(text).values()
+    assert [(f.name, f.kind, f.pointer, f.count) for f in fields] == [
+        ("one", "int64_t", False, 1),
+        ("two", "double", False, 3),
+        ("three", "Other", True, 1),
+        ("x", "double", False, 1),
+        ("y", "double", False, 1),
+    ]
+    assert parse_enums(text) == {"NONE": -2, "ALONE": -1, "A": 0, "B": 1, "C": 5}
+
+
+def test_functions_are_read_as_c_reads_them() -> None:
+    text = """
+EXPORT double rr1_one(const Thing *thing, int64_t count, const double d[3],
+                      double *out) {
+    return 0.0;
+}
+static void rr1_two(void) {
+}
+EXPORT int64_t rr1_three(void) {
+    return 3;
+}
+"""
+    found = parse_prototypes(text)
+    assert {name: (made.result, made.arguments) for name, made in found.items()} == {
+        "rr1_one": ("double", ("Thing*", "int64_t", "double*", "double*")),
+        "rr1_three": ("int64_t", ()),
+    }
+
+
+# ---- what is wrong with an installation ------------------------------------------------------------
+
+
+def test_missing_kernels_are_an_error_that_says_how_to_build_them(copied: KernelLibrary) -> None:
+    shutil.rmtree(copied.folder)
+    with pytest.raises(InstallationError, match=rf"no compiled kernels for .* in .*built; {BUILD}"):
+        _ = copied.fastest
+
+
+def test_a_motion_is_not_judged_without_the_kernels_of_the_referee(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = rp.load_scene("planar2r_path")
+    rest = rp.Trajectory.rest(scene.joint_names(), scene.configuration())
+    monkeypatch.setattr(native, "LIBRARY", KernelLibrary(KernelSources(tmp_path / "referee.c")))
+    with pytest.raises(InstallationError, match=rf"no compiled kernels for .*; {BUILD}"):
+        rp.validate(rest, scene)
+
+
+def test_a_library_of_other_headers_is_refused(copied: KernelLibrary) -> None:
+    texts = {file: file.read_text(encoding="utf-8") for file in copied.sources.files if file.suffix == ".h"}
+    header = next(file for file, text in texts.items() if "typedef struct {\n" in text)
+    changed = texts[header].replace("typedef struct {\n", "typedef struct {\n    int64_t added;\n", 1)
+    header.write_text(changed, encoding="utf-8")
+    with pytest.raises(InstallationError, match=f"were built from other headers; {BUILD}"):
+        _ = copied.fastest
+
+
+def test_a_library_that_lacks_a_function_is_refused(copied: KernelLibrary) -> None:
+    with copied.sources.unit.open("a", encoding="utf-8") as file:
+        file.write("EXPORT void rr1_added(void) {\n}\n")
+    with pytest.raises(InstallationError, match=f"cannot be loaded: .*rr1_added.*; {BUILD}"):
+        _ = copied.fastest
+
+
+@pytest.mark.parametrize("which", [0, -1])
+def test_a_file_that_is_no_library_is_refused(copied: KernelLibrary, which: int) -> None:
+    """The fastest variant, and the base variant, from which the level of the processor is read."""
+    variant = LIBRARIES["referee"].variants[which]
+    copied.variant_file(variant).write_bytes(b"no library")
+    with pytest.raises(InstallationError, match=f"{variant}.* cannot be loaded: .*; {BUILD}"):
+        _ = copied.fastest

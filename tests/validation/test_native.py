@@ -1,0 +1,130 @@
+"""The referee's library: every variant of it judges alike, and threads do not disturb each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+import rr1plan as rp
+from rr1plan.checks import Array
+from rr1plan.transforms import pose
+from rr1plan.validation.clouds import CellBlocks
+from rr1plan.validation.extremes import extremes
+from rr1plan.validation.native import LIBRARY
+from rr1plan.validation.proof import prove
+from rr1plan.validation.solids import Solid, solid
+from rr1plan.validation.tables import setting_of
+
+Make = Callable[..., Any]
+
+
+@pytest.fixture
+def by_each_variant(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], Any]], list[Any]]:
+    """What a function returns with each variant of the library, the fastest first."""
+
+    def run(function: Callable[[], Any]) -> list[Any]:
+        found = []
+        for variant in LIBRARY.variants:
+            monkeypatch.setitem(LIBRARY.__dict__, "fastest", LIBRARY.load(LIBRARY.variant_file(variant)))
+            found.append(function())
+        return found
+
+    return run
+
+
+def wander(scene: rp.Scene, rng: np.random.Generator, reach: float) -> rp.Trajectory:
+    """Two cubics, one after the other."""
+    c = reach * rng.normal(size=(2, 4, len(scene.joint_names())))
+    c[0, 0] = scene.configuration()
+    c[1, 0] = c[0].sum(axis=0)
+    return rp.Trajectory(scene.joint_names(), np.array([0.0, 1.0, 2.0]), c)
+
+
+def findings(scene: rp.Scene, move: rp.Trajectory) -> tuple[Array, dict[str, float]]:
+    """All numbers that the search writes down for the pairs, and the counts of its work."""
+    setting = setting_of(scene, move.joint_names)
+    found = prove(setting.motion.along(move.breaks, move.coefficients), setting, 2e-4, 400_000)
+    ends = [[end.clearance, end.pair] for group in found.ends for end in group]
+    rows = (found.clearance, found.time, found.proven, found.first_contact, found.undecided, np.ravel(ends))
+    return np.concatenate([np.asarray(row, dtype=float) for row in rows]), found.statistics
+
+
+def hull(rng: np.random.Generator, count: int) -> rp.Mesh:
+    """A convex body with many corners, which are looked at by eights and by tables."""
+    corners = rng.normal(size=(count, 3))
+    corners *= 0.1 / np.linalg.norm(corners, axis=1)[:, None]
+    return rp.Mesh(corners, ConvexHull(corners).simplices, convex=True)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_all_variants_find_the_same_beside_a_sliding_body(
+    seed: int, slider: Make, shape: Make, by_each_variant: Make
+) -> None:
+    """No sine is taken, so every bit is the same."""
+    rng = np.random.default_rng(seed)
+    body = hull(rng, (20, 300)[seed % 2])
+    scene = rp.Scene().with_arm("arm", slider(body))
+    for k in range(4):
+        scene = scene.with_obstacle(f"thing{k}", shape(rng), pose([k - 1.5, 0.22, 0.05], rpy=rng.normal(size=3)))
+    move = wander(scene, rng, 0.5)
+    first, *others = by_each_variant(lambda: findings(scene, move))
+    assert first[1]["searches"] > 10
+    for other in others:
+        assert other[0].tobytes() == first[0].tobytes()
+        assert other[1] == first[1]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_all_variants_find_the_same_beside_an_arm_that_turns(
+    seed: int, chain: Make, shape: Make, by_each_variant: Make
+) -> None:
+    """Sines are those of the C library, which may differ from variant to variant in the last bit."""
+    rng = np.random.default_rng(seed)
+    scene = rp.Scene().with_arm("arm", chain(rng, 4))
+    for k in range(3):
+        scene = scene.with_obstacle(f"thing{k}", shape(rng), pose(0.8 * rng.normal(size=3), rpy=rng.normal(size=3)))
+    move = wander(scene, rng, 0.1)
+    first, *others = by_each_variant(lambda: findings(scene, move))
+    for other in others:
+        np.testing.assert_allclose(other[0], first[0], rtol=0.0, atol=1e-12)
+
+
+def test_all_variants_find_the_same_extremes(by_each_variant: Make) -> None:
+    rng = np.random.default_rng(0)
+    breaks, coefficients = np.cumsum(rng.uniform(0.1, 1.0, 9)), rng.normal(size=(8, 6, 5))
+    first, *others = by_each_variant(lambda: extremes(breaks, coefficients))
+    for other in others:
+        assert all((one == two).all() for one, two in zip(first, other, strict=True))
+
+
+def cloud_and_bodies(rng: np.random.Generator) -> tuple[CellBlocks, list[tuple[Solid, Array]]]:
+    """The cells of a cloud of a few thousand points, and bodies near it with their poses."""
+    points = rng.uniform(-1.0, 1.0, (4000, 3)) * [1.0, 1.0, 0.05]
+    shapes = [rp.Box((0.1, 0.2, 0.3)), rp.Cylinder(0.1, 0.3), rp.Capsule(0.05, 0.4), hull(rng, 200)]
+    places = [pose([*rng.uniform(-1.0, 1.0, 2), rng.uniform(0.3, 0.8)], rpy=rng.normal(size=3)) for _ in range(24)]
+    return CellBlocks(rp.PointCloud(points, 0.02)), [(solid(shapes[i % 4]), T) for i, T in enumerate(places)]
+
+
+def nearest(cells: CellBlocks, body: Solid, T: Array) -> tuple[float, float, int]:
+    R, t = T[:3, :3], T[:3, 3]
+    return cells.parted(body.core, body.sizes, R, t, R @ body.center + t)
+
+
+def test_all_variants_find_the_same_nearest_cells(by_each_variant: Make) -> None:
+    cells, bodies = cloud_and_bodies(np.random.default_rng(1))
+    first, *others = by_each_variant(lambda: [nearest(cells, *body) for body in bodies])
+    assert min(distance for distance, _, _ in first) > 0.0
+    assert all(other == first for other in others)
+
+
+def test_threads_may_ask_for_the_nearest_cells_of_one_cloud() -> None:
+    cells, bodies = cloud_and_bodies(np.random.default_rng(2))
+    alone = [nearest(cells, *body) for body in bodies]
+    with ThreadPoolExecutor(8) as threads:
+        together = list(threads.map(lambda body: nearest(cells, *body), bodies * 40))
+    assert together == alone * 40
