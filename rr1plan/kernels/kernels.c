@@ -35,6 +35,7 @@
 #include "chain.c"
 #include "inverse_kinematics.c"
 #include "planner_probes.c"
+#include "probes.c"
 // Motions along paths.
 #include "path_grid.c"
 #include "parameterize.c"

@@ -1,4 +1,4 @@
-"""The certified edge in C, against the numba kernels and against Coal."""
+"""The certified edge by its kernel: against the exact kernel, Coal, its own variants, and under sanitizers."""
 
 from __future__ import annotations
 
@@ -10,15 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rr1plan._kernels.clearance import least_clearance
-from rr1plan._kernels.motion import CONTACT, FREE, certify
-from rr1plan.collision.swept import SweptEdges
-from rr1plan.kernels.memory import address_of
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker, MotionChecker
-from rr1plan.collision.edge_kernel import EdgeKernel, exact_scratch, exact_struct
-from rr1plan.kernels.library import load_file, load_library, variant_file, variants
+from rr1plan.collision.edge_kernel import CONTACT, FREE, EdgeKernel, ExactKernel
+from rr1plan.collision.sphere_tables import build_edge_tables
+from rr1plan.kernels.library import LIBRARY
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud
 from rr1plan.transforms import pose
 
@@ -58,9 +55,11 @@ def worlds(cluttered, odd, six):
 WORLDS = ("cluttered", "padded", "strange", "strange, padded", "holding", "two arms", "rr1 pair", "planar")
 
 
-def kernel_of(swept, checker, file=None):
-    library = load_library() if file is None else load_file(file)
-    return EdgeKernel(swept.tables[0], checker.tables, checker.nq, TOLERANCE, library)
+def kernel_of(checker, library=None):
+    """A kernel with scratch memory that nothing else uses."""
+    exact = ExactKernel(checker.tables, checker.nq)
+    tables = build_edge_tables(checker, checker.tables, TOLERANCE)
+    return EdgeKernel(tables, exact, checker.nq, TOLERANCE, library)
 
 
 def questions(nq, wide, count, seed):
@@ -76,60 +75,66 @@ def questions(nq, wide, count, seed):
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_verdicts_are_those_of_the_numba_kernel(worlds, name):
+def test_verdicts_are_those_of_the_exact_kernel_and_contacts_are_coals(worlds, name):
     scene, wide = worlds[name]
     checker = CollisionChecker(scene)
-    swept = SweptEdges(checker, TOLERANCE)
-    kernel, free = kernel_of(swept, checker), 0
+    motion, kernel = MotionChecker(checker), kernel_of(checker)
+    free = contacts = 0
     for q0, q1, curve, duration in questions(checker.nq, wide, 300, 31):
-        edge, parabola = kernel.certify_edge(q0, q1), kernel.certify_parabola(curve, duration)
-        assert edge[0] == swept.look_along(q0, q1)[0]
-        assert parabola[0] == swept.look_along_parabola(curve, duration)[0]
-        free += edge[0] == FREE
-    assert 20 < free < 290
-
-
-@pytest.mark.parametrize("name", WORLDS)
-def test_free_edges_are_free_to_the_exact_kernel_and_contacts_are_coals(worlds, name):
-    scene, wide = worlds[name]
-    checker = CollisionChecker(scene)
-    motion = MotionChecker(checker)
-    kernel, contacts = kernel_of(SweptEdges(checker, TOLERANCE), checker), 0
-    for q0, q1, _, _ in questions(checker.nq, wide, 120, 32):
         status, fraction, pair = kernel.certify_edge(q0, q1)
         assert (status == FREE) == motion.edge_is_free_slowly(q0, q1)
+        parabola = kernel.certify_parabola(curve, duration)
+        assert (parabola[0] == FREE) == motion.polynomial_is_free_slowly(curve, duration)
+        free += status == FREE
         if status == CONTACT:
             contacts += 1
             distance = checker.solid_distance(q0 + fraction * (q1 - q0), pair)
             assert distance <= checker.solid_padding[pair] + 1e-6
+    assert 20 < free < 290
     assert contacts > 5
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_the_exact_kernel_answers_as_numbas_in_all(worlds, name):
-    """Status, where, and which pair: without fused operations both round the same way, sines apart."""
+def test_the_exact_kernel_is_right_about_curves_of_any_degree(worlds, name):
+    """A contact is one to Coal, and where a curve is free so is every sample of it."""
     scene, wide = worlds[name]
     checker = CollisionChecker(scene)
-    kernel, rng = kernel_of(SweptEdges(checker, TOLERANCE), checker), np.random.default_rng(33)
+    kernel, rng = kernel_of(checker), np.random.default_rng(33)
+    found = {FREE: 0, CONTACT: 0}
     for terms in (1, 2, 3, 5, 12):
-        for _ in range(6):
-            curve = np.array([rng.uniform(-wide, wide, checker.nq), *rng.normal(size=(terms - 1, checker.nq)) * 0.2])
-            assert kernel.certify_curve(curve, 1.3) == certify(curve, 1.3, TOLERANCE, checker.record)[:3]
-    tables = checker.tables
-    exact, scratch = exact_struct(tables, checker.nq), exact_scratch(tables, checker.nq)
-    for q in rng.uniform(-wide, wide, (20, checker.nq)):
-        found = load_library().rr1_least_clearance(exact.address, scratch.address, address_of(q, "double"), 0.3)
-        assert found == pytest.approx(least_clearance(q, 0.3, checker.record), abs=1e-9)
+        for _ in range(12):
+            curve = np.array([rng.uniform(-wide, wide, checker.nq), *rng.normal(size=(terms - 1, checker.nq)) * 0.03])
+            status, where, pair = kernel.certify_curve(curve, 1.3)
+            found[status] += 1
+            if status == CONTACT:
+                q = where ** np.arange(terms) @ curve
+                assert checker.solid_distance(q, pair) <= checker.solid_padding[pair] + 1e-6
+            else:
+                samples = np.power.outer(np.linspace(0.0, 1.3, 15), np.arange(terms)) @ curve
+                assert all(checker.is_free(q) for q in samples)
+    assert min(found.values()) > 5
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_clearance_of_the_pairs_that_move_is_coals(worlds, name):
+    scene, wide = worlds[name]
+    checker = CollisionChecker(scene)
+    for q in np.random.default_rng(34).uniform(-wide, wide, (40, checker.nq)):
+        expected = float((checker.solid_distances(q) - checker.solid_padding).min())
+        found = checker.exact_kernel.least_clearance(q, 0.3)
+        if checker.solid_distances(q).min() > 1e-6:
+            assert found == pytest.approx(min(expected, 0.3), abs=2e-5)
+        else:
+            assert found <= expected + float(checker.solid_padding.max()) + 2e-5
 
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_all_variants_give_the_same_bytes(worlds, name):
     scene, wide = worlds[name]
     checker = CollisionChecker(scene)
-    swept = SweptEdges(checker, TOLERANCE)
     told = set()
-    for variant in variants():
-        kernel = kernel_of(swept, checker, variant_file(variant))
+    for variant in LIBRARY.variants:
+        kernel = kernel_of(checker, LIBRARY.load(LIBRARY.variant_file(variant)))
         answers = [
             (
                 kernel.certify_edge(q0, q1),
@@ -144,7 +149,7 @@ def test_all_variants_give_the_same_bytes(worlds, name):
 
 def test_a_far_angle_and_a_number_that_is_none_are_never_free_by_mistake(worlds):
     checker = CollisionChecker(worlds["cluttered"][0])
-    kernel = kernel_of(SweptEdges(checker, TOLERANCE), checker)
+    kernel = kernel_of(checker)
     for q in np.random.default_rng(35).uniform(-2.5, 2.5, (40, checker.nq)):
         far = q + 2.0 * np.pi * 1e5
         assert (kernel.certify_edge(far, far)[0] == FREE) == checker.is_free(far)
@@ -158,14 +163,13 @@ def test_a_far_angle_and_a_number_that_is_none_are_never_free_by_mistake(worlds)
 def test_a_full_queue_changes_the_order_and_no_verdict(worlds):
     """The exact kernel takes the widest intervals first; where its memory is half full, the narrowest."""
     checker = CollisionChecker(worlds["strange"][0])
-    swept = SweptEdges(checker, TOLERANCE)
-    roomy, tight = kernel_of(swept, checker), kernel_of(swept, checker)
-    tight.exact_scratch.value.queue_size = 1 << (3 * len(checker.tables.pairs)).bit_length()
+    roomy, tight = kernel_of(checker), kernel_of(checker)
+    tight.exact.scratch.value.queue_size = 1 << (3 * len(checker.tables.pairs)).bit_length()
     for q0, q1, _, _ in questions(checker.nq, 1.0, 200, 36):
         for stretch in (0.5, 3.0, 10.0):
             curve = np.array([q0, stretch * (q1 - q0)])
             assert (tight.certify_curve(curve, 1.0)[0] == FREE) == (roomy.certify_curve(curve, 1.0)[0] == FREE)
-    counts = [kernel.scratch.value.done.configurations for kernel in (tight, roomy)]
+    counts = [kernel.done.configurations for kernel in (tight, roomy)]
     assert counts[0] != counts[1]
 
 
@@ -181,7 +185,7 @@ def test_bodies_of_a_planar_arm_are_no_contact_for_lack_of_a_volume():
         )
     checker = CollisionChecker(scene.with_padding(0.015))
     motion = MotionChecker(checker)
-    kernel, free = kernel_of(SweptEdges(checker, TOLERANCE), checker), 0
+    kernel, free = kernel_of(checker), 0
     for q0, q1, curve, duration in questions(checker.nq, 3.0, 300, 38):
         answer = motion.polynomial_is_free_slowly(curve, duration)
         free += answer
@@ -192,7 +196,7 @@ def test_bodies_of_a_planar_arm_are_no_contact_for_lack_of_a_volume():
 
 def test_many_edges_by_one_call(worlds):
     checker = CollisionChecker(worlds["holding"][0])
-    kernel = kernel_of(SweptEdges(checker, TOLERANCE), checker)
+    kernel = kernel_of(checker)
     pairs = [(q0, q1) for q0, q1, _, _ in questions(checker.nq, 2.0, 50, 39)]
     begins, ends = (np.array(rows) for rows in zip(*pairs, strict=True))
     assert kernel.certify_edges(begins, ends).tolist() == [kernel.certify_edge(*ends_of)[0] for ends_of in pairs]

@@ -7,34 +7,26 @@ being wrong.
 from __future__ import annotations
 
 import coal
-import numba
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from rr1plan._kernels.cover import RECORD, tables_of
-from rr1plan._kernels.exact import EXACT
-from rr1plan._kernels.intervals import _separate
-from rr1plan._kernels.jit import F64, FLOATS2, I64, OUT1
-from rr1plan._kernels.lanes import WIDTH, fill, store
-from rr1plan._kernels.motion import FREE
-from rr1plan._kernels.placing import bound_motion, place_ball, place_frames, place_spheres, take_parabola, velocity_of
-from rr1plan._kernels.poses import bound_travel, place_body, place_joints
-from rr1plan._kernels.record import pack
-from rr1plan._kernels.spheres import meet_body, meet_obstacle
-from rr1plan.collision.swept import SweptEdges
 
-from rr1plan.collision import CollisionChecker
+from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision.edge_kernel import FREE, EdgeKernel, exact_scratch, exact_struct
 from rr1plan.collision.solids import coal_geometry
+from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.collision.spheres import cover
 from rr1plan.formats.convex import convex_hull
+from rr1plan.kernels.library import constants, load_library, zeroed
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere
 from rr1plan.transforms import pose
 
-ALL = (1 << WIDTH) - 1
+LANES = constants()["LANES"]
+ALL = 2**LANES - 1
 # A sample nearer than the padding by this much is no rounding [m].
 CLEARLY = 2e-6
 ROUNDING = 1e-9
@@ -92,11 +84,10 @@ class World:
         for i, thing in enumerate(things):
             scene = scene.with_obstacle(f"thing{i}", thing, turned(rng, 0.6))
         self.checker = CollisionChecker(scene)
-        tables = self.checker.tables
-        # Of its own, so that any padding can be asked about.
-        self.exact = self.checker.tables = tables._replace(padding=tables.padding.copy())
-        self.edges = SweptEdges(self.checker, 1e-6)
-        self.cover, self.work = self.edges.tables[:2]
+        tables = build_edge_tables(self.checker, self.checker.tables, 1e-6)
+        # A copy, so that any padding can be set.
+        self.tables = tables._replace(padding=tables.padding.copy())
+        self.kernel = EdgeKernel(self.tables, self.checker.exact_kernel, self.checker.nq, 1e-6)
         self.pairs = self.checker.solid_pairs.tolist()
         self.told_to_coal = {}
         step = rng.normal(size=self.checker.nq) * 10.0 ** rng.uniform(-2.0, 0.3)
@@ -140,55 +131,28 @@ class World:
 
     def take_interval(self):
         """Place everything in the kernel's memory at the middle of the interval; place, travel and speed of spheres."""
-        speeds = np.zeros(len(self.cover.spheres) * 3 * WIDTH)
-        place_all(self.curve, self.middle, self.half, self.edges.record, speeds)
-        places = self.work.centres.reshape(-1, 4, WIDTH)[:, :, 0]
-        return places[:, :3], places[:, 3], speeds.reshape(-1, 3, WIDTH)[:, :, 0]
+        spheres, lanes = zeroed("SphereLanes", len(self.tables.spheres)), np.ones(LANES)
+        load_library().rr1_place_spheres(
+            *self.kernel.context, self.curve, self.middle * lanes, self.half * lanes, spheres
+        )
+        rows = spheres.view(np.float64).reshape(len(spheres), 7, LANES)[:, :, 0]
+        return rows[:, :3], rows[:, 3], rows[:, 4:]
+
+    def bounds(self):
+        """Bounds of joints' motions, (j, 5), and of groups' speeds and accelerations, where spheres were placed last."""
+        chains = self.tables.groups[:, 5] - self.tables.groups[:, 4]
+        motions, shape = np.zeros((len(self.tables.joints), 5)), (len(chains), int(chains.max()) + 1)
+        speeds, accelerations = np.zeros(shape), np.zeros(shape)
+        load_library().rr1_copy_bounds(*self.kernel.context, motions, speeds, accelerations)
+        return motions, speeds, accelerations
 
     def group(self, body):
         """The group of a body."""
-        return int(self.cover.bodies[body, 3])
+        return int(self.tables.bodies[body, 3])
 
 
 WORLDS = settings(deadline=None, max_examples=15)
 SEEDS = st.integers(0, 2**32)
-
-
-@numba.njit(numba.void(FLOATS2, F64, F64, RECORD, OUT1))
-def place_all(curve, middle, half, record, speeds):
-    known, work, _, _ = tables_of(record)
-    work.counts[3] += 1
-    h = fill(half)
-    work.placed[:] = 7
-    take_parabola(curve, 1.0, work)
-    bound_motion(known, work)
-    place_frames(fill(middle), known, work)
-    for k in range(known.bodies.shape[0]):
-        place_ball(known.bodies[k, 3], known.bodies[k, 1], h, known, work)
-        place_spheres(k, h, known, work)
-        for i in range(known.bodies[k, 1], known.bodies[k, 2]):
-            u, v, w = velocity_of(known.bodies[k, 0], i, work)
-            store(speeds, 3 * i * WIDTH, u)
-            store(speeds, (3 * i + 1) * WIDTH, v)
-            store(speeds, (3 * i + 2) * WIDTH, w)
-
-
-@numba.njit(numba.types.UniTuple(I64, 2)(F64, RECORD))
-def ask_directions(half, record):
-    """Of the first of the kernel's items."""
-    left, _, touching = _separate(0, fill(half), record)
-    return left, touching
-
-
-@numba.njit(numba.types.UniTuple(I64, 2)(I64, I64, I64, I64, I64, F64, RECORD))
-def ask_spheres(a, b, shared, pair, asked, half, record):
-    """Of a body and another; of a body and an obstacle if `shared` is below zero."""
-    known, work, _, _ = tables_of(record)
-    if shared < 0:
-        left, touching, _, _ = meet_obstacle(a, b, pair, asked, 7, fill(half), known, work)
-    else:
-        left, touching, _, _ = meet_body(a, b, shared, pair, asked, 7, fill(half), known, work)
-    return left, touching
 
 
 # ---- how spheres move ----------------------------------------------------------------------
@@ -203,7 +167,7 @@ def centres_of(world, body, places):
 def moving(world):
     """Index in the kernel, index of the solid, first and last sphere of all that moves."""
     carried = [i for i, one in enumerate(world.checker.solids) if one.element not in world.checker.scene.obstacles]
-    return [(k, i, *world.cover.bodies[k, 1:3].tolist()) for k, i in enumerate(carried)]
+    return [(k, i, *world.tables.bodies[k, 1:3].tolist()) for k, i in enumerate(carried)]
 
 
 @WORLDS
@@ -211,47 +175,49 @@ def moving(world):
 def test_no_joint_is_farther_or_faster_than_its_bound(seed):
     world = World(seed, ball)
     world.take_interval()
-    columns, gains, turns = world.cover.joints[1:, 2], world.cover.joint_values[1:, 12], world.work.turns[1:]
+    columns, gains, motions = world.tables.joints[1:, 2], world.tables.joint_values[1:, 12], world.bounds()[0][1:]
     for t in np.linspace(0.0, 1.0, 33):
         rate = world.curve[1] + 2.0 * t * world.curve[2]
-        assert (np.abs(gains * world.at(t)[columns]) <= turns[:, 4] + ROUNDING).all()
-        assert (np.abs(gains * rate[columns]) <= turns[:, 3] + ROUNDING).all()
+        assert (np.abs(gains * world.at(t)[columns]) <= motions[:, 4] + ROUNDING).all()
+        assert (np.abs(gains * rate[columns]) <= motions[:, 3] + ROUNDING).all()
 
 
 @WORLDS
 @given(SEEDS)
 def test_no_sphere_gets_farther_along_any_direction_than_its_bound(seed):
     world = World(seed, solid)
-    centres, travels, speeds = world.take_interval()
+    centres, travels, velocities = world.take_interval()
+    _, speeds, accelerations = world.bounds()
     h = world.half
     directions = world.rng.normal(size=(12, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     for k, i, first, last in moving(world):
         g, its = world.group(k), slice(first, last)
-        lost = 0.5 * h * h * world.work.pushes[g, 0]
-        along = np.abs(speeds[its] @ directions.T) * h + lost
+        lost = 0.5 * h * h * accelerations[g, 0]
+        along = np.abs(velocities[its] @ directions.T) * h + lost
         for places in world.places:
             moved = centres_of(world, i, places) - centres[its]
             assert (np.abs(moved @ directions.T) <= along + ROUNDING).all()
             size = np.linalg.norm(moved, axis=1)
             assert (size <= travels[its] + ROUNDING).all()
-            assert (size <= h * world.work.speeds[g, 0] + ROUNDING).all()
+            assert (size <= h * speeds[g, 0] + ROUNDING).all()
 
 
 @WORLDS
 @given(SEEDS)
 def test_no_two_spheres_come_nearer_than_their_bound(seed):
     world = World(seed, solid)
-    centres, _, speeds = world.take_interval()
-    h, work = world.half, world.work
+    centres, _, velocities = world.take_interval()
+    _, speeds, accelerations = world.bounds()
+    h = world.half
     known = {k: (i, first) for k, i, first, _ in moving(world)}
-    for a, b, shared, *_ in world.cover.meetings.tolist():
+    for a, b, shared, *_ in world.tables.body_pairs.tolist():
         (one, at), (other, to) = known[a], known[b]
         apart, g, other_g = centres[at] - centres[to], world.group(a), world.group(b)
         gap = np.linalg.norm(apart)
-        speed = abs(apart @ (speeds[at] - speeds[to])) / max(gap, 1e-12)
-        lost = 0.5 * h * h * (work.pushes[g, shared] + work.pushes[other_g, shared])
-        far = h * (work.speeds[g, shared] + work.speeds[other_g, shared])
+        speed = abs(apart @ (velocities[at] - velocities[to])) / max(gap, 1e-12)
+        lost = 0.5 * h * h * (accelerations[g, shared] + accelerations[other_g, shared])
+        far = h * (speeds[g, shared] + speeds[other_g, shared])
         for places in world.places:
             there = np.linalg.norm(centres_of(world, one, places)[0] - centres_of(world, other, places)[0])
             assert there >= gap - min(speed * h + lost, far) - ROUNDING
@@ -261,31 +227,28 @@ def test_no_two_spheres_come_nearer_than_their_bound(seed):
 
 
 def claims(world):
-    """Each pair as the kernel asks about it: body, obstacle or other body, row of `meetings` or -1, pair."""
-    known = world.cover
-    for b, o in np.argwhere(known.pair_of >= 0).tolist():
-        yield b, o, -1, int(known.pair_of[b, o])
-    for m, (a, b, _, pair, *_) in enumerate(known.meetings.tolist()):
-        yield a, b, m, pair
+    """Each pair as the kernel has it: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres."""
+    tables = world.tables
+    for b, o in np.argwhere(tables.pair_of >= 0).tolist():
+        yield [b, o, -1, int(tables.pair_of[b, o]), ALL, *[int(tables.bodies[b, 1])] * 2]
+    for m, (a, b, _, pair, *_) in enumerate(tables.body_pairs.tolist()):
+        yield [a, b, m, pair, ALL, int(tables.bodies[a, 1]), int(tables.bodies[b, 1])]
 
 
 def by_directions(world, claim, padding):
     """Whether a direction proves an interval at a padding."""
-    a, b, m, pair = claim
-    known, work = world.cover, world.work
-    ball_a = int(known.bodies[a, 1])
-    known.padding[pair] = padding
-    work.items[0] = a, b, m, pair, ALL, ball_a, ball_a if m < 0 else int(known.bodies[b, 1])
-    work.begun[:] = 0
-    return ask_directions(world.half, world.edges.record) == (0, 0)
+    found = np.zeros(3, np.uint64)
+    world.tables.padding[claim[3]] = padding
+    load_library().rr1_separate(*world.kernel.context, np.array([claim]), world.half, found)
+    return not found[[0, 2]].any()
 
 
 def by_spheres(world, claim, padding):
     """Whether spheres prove an interval at a padding."""
-    a, b, m, pair = claim
-    world.cover.padding[pair] = padding
-    shared = -1 if m < 0 else int(world.cover.meetings[m, 2])
-    return ask_spheres(a, b, shared, pair, ALL, world.half, world.edges.record) == (0, 0)
+    found = np.zeros(2, np.uint64)
+    world.tables.padding[claim[3]] = padding
+    load_library().rr1_test_spheres(*world.kernel.context, np.array([claim]), world.half, found)
+    return not found.any()
 
 
 @WORLDS
@@ -294,7 +257,7 @@ def test_no_interval_is_proven_at_a_padding_that_a_sample_undercuts(seed, prove,
     world = World(seed, shape)
     world.take_interval()
     for claim in claims(world):
-        least = float(world.distances(claim[-1]).min())
+        least = float(world.distances(claim[3]).min())
         assert not prove(world, claim, max(least, 0.0) + CLEARLY)
 
 
@@ -308,7 +271,7 @@ def test_a_short_interval_is_proven_up_to_little_less_than_its_least_distance(pr
         world.take_interval()
         for claim in claims(world):
             places = world.place(world.at(world.middle))
-            distance = world.distance(*world.pairs[claim[-1]], places)
+            distance = world.distance(*world.pairs[claim[3]], places)
             if distance > 1e-3:
                 asked += 1
                 proven += prove(world, claim, 0.9 * distance - 1e-3 * np.abs(world.curve[1:]).sum())
@@ -322,17 +285,13 @@ def test_a_short_interval_is_proven_up_to_little_less_than_its_least_distance(pr
 @given(SEEDS)
 def test_no_distance_changes_more_than_the_travel_of_both_bodies(seed):
     world = World(seed, solid)
-    bodies, travel = world.exact.bodies, world.exact.travel
-    record = pack(world.exact, EXACT)
+    tables, nq = world.checker.tables, world.checker.nq
+    bodies, travel = tables.bodies, np.zeros((len(tables.bodies), len(tables.joints) + 1))
     q = world.at(world.middle)
     reach = np.abs([world.at(t) - q for t in world.times]).max(axis=0)
-    place_joints(q, record)
-    for b in range(len(bodies)):
-        if bodies[b, 5] > bodies[b, 4]:
-            place_body(b, record)
-            bound_travel(b, reach, record)
+    load_library().rr1_bound_travel(exact_struct(tables, nq), exact_scratch(tables, nq), q, reach, travel)
     middle = world.place(q)
-    for pair, (a, b, shared) in enumerate(world.exact.pairs.tolist()):
+    for pair, (a, b, shared) in enumerate(tables.pairs.tolist()):
         now, found = world.distance(*world.pairs[pair], middle), world.distances(pair)
         moved = sum(travel[body, shared] for body in (a, b) if bodies[body, 5] > bodies[body, 4])
         # Coal's depths may jump; its distances may be too large by some 1e-5 m.
@@ -352,12 +311,11 @@ def test_padding_turns_an_edge_from_free_to_refused_at_its_least_distance(seed):
     least = float(found.min(initial=np.inf))
     assume(np.isfinite(least))
     if least <= 0.0:
-        assert world.edges.look_along_parabola(world.curve, 1.0)[0] != FREE
+        assert world.kernel.certify_parabola(world.curve, 1.0)[0] != FREE
         return
     beyond = CollisionChecker(scene.with_padding(least + CLEARLY))
-    assert SweptEdges(beyond, 1e-6).look_along_parabola(world.curve, 1.0)[0] != FREE
+    assert not MotionChecker(beyond).polynomial_is_free(world.curve, 1.0)
     # From a sample to the middle between two, distances change by about half of this at most.
     step = float(np.abs(np.diff(found, axis=0)).max())
     below = CollisionChecker(scene.with_padding(max(0.0, least - step - CLEARLY)))
-    answer, _, _ = SweptEdges(below, 1e-6).look_along_parabola(world.curve, 1.0)
-    assert answer == FREE or least <= step + 3e-6
+    assert MotionChecker(below).polynomial_is_free(world.curve, 1.0) or least <= step + 3e-6

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rr1plan.collision.swept import SweptEdges
 
 from rr1plan.collision import CollisionChecker, MotionChecker, carried, carried_cover, exact_tables, pairs, standing
+from rr1plan.collision.edge_kernel import exact_scratch
 from rr1plan.collision.obstacle_rows import standing_obstacles
+from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.contact_rules import rules_of
 from rr1plan.errors import InputError
 from rr1plan.library import load_scene
@@ -34,9 +35,8 @@ def copied(scene: Scene) -> Scene:
 
 def arrays_of(scene: Scene, arms: list[str] | None) -> list[np.ndarray]:
     checker = CollisionChecker(scene, arms)
-    # Before the scratch memory in them is used.
     exact, resting = exact_tables.build_tables(checker), exact_tables.build_resting_tables(checker) or ()
-    cover = SweptEdges(checker, 1e-6).tables[0]
+    cover = build_edge_tables(checker, checker.tables, 1e-6)
     own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding)
     return [np.asarray(a) for a in (*own, *cover, *exact, *resting)]
 
@@ -174,11 +174,13 @@ def test_scenes_whose_obstacles_have_other_rules_have_other_pairs(odd):
 
 def test_scratch_memory_is_nobody_elses(odd):
     scene = furnished(Scene().with_arm("a", odd))
-    one, two = (exact_tables.build_tables(CollisionChecker(s)) for s in (scene, scene.with_margin(0.1)))
-    written = ("joint_poses", "poses", "centres", "directions", "travel", "frame", "simplex")
-    for mine, other in ((getattr(one, name), getattr(two, name)) for name in written):
+    checkers = [CollisionChecker(s) for s in (scene, scene.with_margin(0.1))]
+    one, two = (exact_scratch(checker.tables, checker.nq).arrays for checker in checkers)
+    assert len(one) == len(two) > 5
+    kept = [array for checker in checkers for array in checker.tables]
+    for i, mine in enumerate(one):
         assert mine.flags.writeable
-        assert not np.shares_memory(mine, other)
+        assert not any(np.shares_memory(mine, other) for other in (*one[:i], *one[i + 1 :], *two, *kept))
 
 
 # ---- without Coal ----------------------------------------------------------------------------------

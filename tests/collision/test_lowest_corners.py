@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rr1plan._kernels.cover import ALL, DIRECTION_CELLS, RECORD, WORD, tables_of
-from rr1plan._kernels.jit import I64, OUT1
-from rr1plan._kernels.lanes import WIDTH, load, store
-from rr1plan._kernels.supports import lowest
-from rr1plan.collision.swept import SweptEdges
 
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.lowest_corners import corners_per_bit, lowest_corners
+from rr1plan.collision.edge_kernel import scene_struct
+from rr1plan.collision.lowest_corners import DIRECTION_CELLS, WORD, corners_per_bit, lowest_corners
+from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.formats.convex import convex_hull
+from rr1plan.kernels.library import constants, load_library
 from rr1plan.scene import Scene
 from rr1plan.transforms import pose
 
-
-@numba.njit(numba.void(I64, I64, OUT1, OUT1, RECORD))
-def ask(core, asked, directions, out, record):
-    """The least value and its point for `WIDTH` directions."""
-    cover, work, _, _ = tables_of(record)
-    x, y, z = load(directions, 0), load(directions, WIDTH), load(directions, 2 * WIDTH)
-    for c, value in enumerate(lowest(core, x, y, z, asked, cover, work)):
-        store(out, c * WIDTH, value)
+LANES = constants()["LANES"]
 
 
 def hull(count, seed):
@@ -49,23 +39,24 @@ def test_the_lowest_corner_is_that_of_all_corners(six, turned):
     scene = Scene().with_arm("a", six)
     for i, rock in enumerate(rocks):
         scene = scene.with_obstacle(f"rock {i}", rock, T)
-    edges = SweptEdges(CollisionChecker(scene), 1e-6)
-    cover = edges.tables[0]
+    checker = CollisionChecker(scene)
+    tables = build_edge_tables(checker, checker.tables, 1e-6)
+    struct = scene_struct(tables, checker.exact_kernel.struct, checker.nq, 1e-6)
     rng = np.random.default_rng(3)
-    assert (cover.cores[:, 2] - cover.cores[:, 1]).max() == 200
-    for core, (_, first, last, kind, *_) in enumerate(cover.cores.tolist()):
+    assert (tables.cores[:, 2] - tables.cores[:, 1]).max() == 200
+    for core, (_, first, last, kind, *_) in enumerate(tables.cores.tolist()):
         if kind != 0:
             continue
-        points = cover.points[first:last]
-        for asked in rng.integers(1, ALL + 1, 50).tolist():
+        points = tables.points[first:last]
+        for asked in rng.integers(1, 2**LANES, 50).tolist():
             # Among them those along axes and within planes, on the borders of cells.
-            n = rng.normal(size=(3, WIDTH)) * rng.integers(0, 2, (3, WIDTH))
+            n = rng.normal(size=(3, LANES)) * rng.integers(0, 2, (3, LANES))
             n[:, ~n.any(axis=0)] = 1.0
             n /= np.linalg.norm(n, axis=0)
-            out = np.zeros(4 * WIDTH)
-            ask(core, asked, n.ravel(), out, edges.record)
-            low, *point = out.reshape(4, WIDTH)
-            lanes = [i for i in range(WIDTH) if asked >> i & 1]
+            out = np.zeros(4 * LANES)
+            load_library().rr1_lowest_corner(struct, core, asked, n, out)
+            low, *point = out.reshape(4, LANES)
+            lanes = [i for i in range(LANES) if asked >> i & 1]
             assert np.allclose(low[lanes], (points @ n).min(axis=0)[lanes], rtol=0, atol=1e-14)
             assert np.allclose(np.sum(n * point, axis=0)[lanes], low[lanes], rtol=0, atol=1e-14)
 

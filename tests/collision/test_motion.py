@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rr1plan._kernels.motion import take_interval
-from rr1plan._kernels.poses import bound_travel, place_body, place_joints
 
 from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
 from rr1plan.errors import InputError
+from rr1plan.kernels.library import load_library
 from rr1plan.library import load_scene
 from rr1plan.path import Path
 from rr1plan.scene import Scene
@@ -160,14 +160,14 @@ def test_no_point_travels_farther_than_its_bound(odd, six, seed, which, size):
     rng = np.random.default_rng(seed)
     q0 = rng.uniform(-2, 2, checker.nq)
     reach = size * rng.uniform(0, 1, checker.nq)
-    place_joints(q0, motion.checker.record)
+    travel = np.zeros((len(tables.bodies), len(tables.joints) + 1))
+    exact = exact_struct(tables, checker.nq), exact_scratch(tables, checker.nq)
+    load_library().rr1_bound_travel(*exact, q0, reach, travel)
     before, points = {}, {}
     for b, solid in enumerate(checker.solids):
         first, last = tables.bodies[b, 4:6]
         if first == last:
             continue
-        place_body(b, motion.checker.record)
-        bound_travel(b, reach, motion.checker.record)
         points[b] = surface_points(solid.shape, rng)
         before[b] = world_points(scene, q0, solid, points[b], checker)
     for _ in range(8):
@@ -175,7 +175,7 @@ def test_no_point_travels_farther_than_its_bound(odd, six, seed, which, size):
         for b, solid in enumerate(checker.solids):
             if b in before:
                 moved = np.linalg.norm(world_points(scene, q1, solid, points[b], checker) - before[b], axis=1)
-                assert moved.max() <= tables.travel[b, 0] + 1e-9
+                assert moved.max() <= travel[b, 0] + 1e-9
 
 
 def surface_points(shape, rng):
@@ -215,7 +215,8 @@ def test_a_curve_stays_within_its_reach_on_an_interval(seed, terms, duration, lo
     curve = rng.normal(size=(terms, 3)) / duration ** np.arange(terms)[:, None]
     a, b = sorted((low * duration, high * duration))
     q, reach = np.empty(3), np.empty(3)
-    take_interval(curve, duration, 0.5 * (a + b), 0.5 * (b - a), np.empty((terms, 3)), q, reach)
+    interval = 0.5 * (a + b), 0.5 * (b - a)
+    load_library().rr1_place_interval(curve, terms, 3, duration, *interval, np.empty((terms, 3)), q, reach)
     times = np.linspace(a, b, 50)
     values = np.power.outer(times, np.arange(terms)) @ curve
     assert (np.abs(values - q) <= reach + 1e-13).all()
@@ -379,11 +380,11 @@ def test_it_counts_its_work(planar):
     motion = MotionChecker(Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0]))
     motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0]])
     assert motion.edges_checked == 2
-    looked = motion.configurations_checked
+    looked = motion.done.configurations
     assert looked >= 2
     assert motion.edge_is_free_slowly([0.0, 0.0], [0.5, 0.0])
     assert motion.edges_checked == 3
-    assert motion.configurations_checked > looked
+    assert motion.done.configurations > looked
 
 
 def test_it_takes_a_scene_or_a_checker_and_survives_pickling(scenes):

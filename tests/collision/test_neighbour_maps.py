@@ -6,9 +6,9 @@ import logging
 
 import numpy as np
 import pytest
-from rr1plan.collision.swept import SweptEdges
 
 from rr1plan.collision import CollisionChecker, neighbour_maps
+from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.scene import Scene
@@ -104,15 +104,16 @@ def test_a_greater_gap_is_proven_in_fewer_cells_of_the_same_map(odd, own_cache):
 
 
 def test_the_map_of_a_family_is_free_where_all_of_its_pairs_are(rr1, own_cache):
-    cover = SweptEdges(CollisionChecker(Scene().with_arm("a", rr1)), 1e-6).tables[0]
+    checker = CollisionChecker(Scene().with_arm("a", rr1))
+    tables = build_edge_tables(checker, checker.tables, 1e-6)
 
     def near(begin, width):
-        sums = cover.maps[begin : begin + (neighbour_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
+        sums = tables.maps[begin : begin + (neighbour_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
         return np.diff(np.diff(sums.astype(np.int64), axis=0), axis=1) > 0
 
     seen = 0
-    for _, _, _, first, last, begin in cover.families.tolist():
-        rows = cover.meetings[first:last]
+    for _, _, _, first, last, begin in tables.group_pairs.tolist():
+        rows = tables.body_pairs[first:last]
         if begin < 0:
             assert last - first == 1 or (rows[:, 4] < 0).any() or (rows[:, 5:] != rows[0, 5:]).any()
             continue
@@ -139,7 +140,7 @@ def test_a_new_process_takes_the_maps_it_finds(odd, own_cache, monkeypatch):
     def made_again(*_):
         raise AssertionError("a map was made though there is one")
 
-    monkeypatch.setattr(neighbour_maps, "_map_gaps", made_again)
+    monkeypatch.setattr(neighbour_maps, "exact_struct", made_again)
     _, _, again = of(Scene().with_arm("a", odd))
     np.testing.assert_array_equal(again.counts, maps.counts)
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rr1plan._kernels.cover import BLOCK
 
-from rr1plan.collision.point_blocks import in_blocks
+from rr1plan.collision.point_blocks import BLOCK, in_blocks
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 16, 17, 41, 260])

@@ -1,13 +1,15 @@
+"""Certified edges and parabolas against the exact kernel alone and against Coal."""
+
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rr1plan._kernels.lanes import WIDTH
-from rr1plan.collision.swept import SweptEdges
 
 from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision.edge_kernel import CONTACT, EdgeKernel, edge_scratch, exact_scratch
+from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.errors import InputError
 from rr1plan.library import load_robot, load_scene
 from rr1plan.scene import Scene
@@ -55,16 +57,15 @@ def edges(nq, wide, count, seed):
 @pytest.mark.parametrize("name", WORLDS)
 def test_spheres_first_gives_the_exact_answer(worlds, name):
     scene, wide = worlds[name]
-    exact = MotionChecker(scene)
-    swept = SweptEdges(exact.checker, exact.tolerance)
+    exact, motion = MotionChecker(scene), MotionChecker(scene)
     free = 0
     for q0, q1 in edges(exact.checker.nq, wide, 600, 11):
         answer = exact.edge_is_free_slowly(q0, q1)
         free += answer
-        assert swept.edge_is_free(q0, q1) == answer
+        assert motion.edge_is_free(q0, q1) == answer
     assert 20 < free < 580
-    assert swept.edges_checked == 600
-    assert swept.edges_left < 500
+    assert motion.done.edges == 600
+    assert motion.done.exact_edges < 500
 
 
 def parabolas(nq, wide, count, seed):
@@ -81,16 +82,14 @@ def parabolas(nq, wide, count, seed):
 @pytest.mark.parametrize("name", WORLDS)
 def test_parabolas_get_the_exact_answer(worlds, name):
     scene, wide = worlds[name]
-    motion = MotionChecker(scene)
-    swept = SweptEdges(motion.checker, motion.tolerance)
+    motion, exact = MotionChecker(scene), MotionChecker(scene)
     free = 0
     for curve, duration in parabolas(motion.checker.nq, wide, 300, 16):
-        answer = motion.polynomial_is_free_slowly(curve, duration)
+        answer = exact.polynomial_is_free_slowly(curve, duration)
         free += answer
         assert motion.polynomial_is_free(curve, duration) == answer
-        assert (swept.look_along_parabola(curve, duration)[0] == 0) == answer
     assert 10 < free < 290
-    assert swept.edges_left < 250
+    assert motion.done.exact_edges < 250
 
 
 def test_curves_without_a_bend_and_without_a_way_are_parabolas_too(worlds):
@@ -128,20 +127,20 @@ def test_a_parabola_that_folds_neighbours_together_and_comes_back_is_refused():
 def test_an_edge_of_length_zero_is_coals_answer(worlds, name):
     scene, wide = worlds[name]
     checker = CollisionChecker(scene)
-    swept = SweptEdges(checker, 1e-6)
+    motion = MotionChecker(checker)
     for q in np.random.default_rng(12).uniform(-wide, wide, (300, checker.nq)):
-        assert swept.edge_is_free(q, q) == checker.is_free(q)
+        assert motion.edge_is_free(q, q) == checker.is_free(q)
 
 
 @pytest.mark.parametrize("name", ["cluttered", "padded", "strange", "rr1"])
 def test_where_it_finds_a_contact_coal_does_too(worlds, name):
     scene, wide = worlds[name]
     checker = CollisionChecker(scene)
-    swept = SweptEdges(checker, 1e-6)
+    kernel = EdgeKernel(build_edge_tables(checker, checker.tables, 1e-6), checker.exact_kernel, checker.nq, 1e-6)
     found = 0
     for q0, q1 in edges(checker.nq, wide, 300, 13):
-        status, where, pair = swept.look_along(q0, q1)
-        if status == 1:
+        status, where, pair = kernel.certify_edge(q0, q1)
+        if status == CONTACT:
             found += 1
             gap = checker.solid_distance(q0 + where * (q1 - q0), pair) - checker.solid_padding[pair]
             assert gap < 1e-6
@@ -159,47 +158,50 @@ def test_nothing_thin_slips_between_the_spheres(planar, distance, angle, swing, 
     shape = Box((0.001, 0.2, 0.2)) if kind == "plate" else Cylinder(0.0005, 0.4)
     place = pose([distance * np.cos(angle), distance * np.sin(angle), 0.0], rpy=[0, 0, angle + 1.0])
     checker = CollisionChecker(Scene().with_arm("p", planar).with_obstacle("thin", shape, place))
-    swept = SweptEdges(checker, 1e-6)
-    assert not swept.edge_is_free([angle - swing, 0.0], [angle + swing, 0.0])
+    motion = MotionChecker(checker)
+    assert not motion.edge_is_free([angle - swing, 0.0], [angle + swing, 0.0])
 
 
 def test_both_directions_of_an_edge_have_one_answer_by_spheres(worlds):
     checker = CollisionChecker(worlds["cluttered"][0])
-    swept = SweptEdges(checker, 1e-6)
+    motion = MotionChecker(checker)
     for q0, q1 in edges(checker.nq, 2.5, 200, 14):
-        assert swept.edge_is_free(q0, q1) == swept.edge_is_free(q1, q0)
+        assert motion.edge_is_free(q0, q1) == motion.edge_is_free(q1, q0)
 
 
 def test_turns_without_end_and_joints_beyond_their_limits_are_swept(odd):
     scene = Scene().with_arm("a", odd).with_obstacle("wall", Box((0.01, 0.5, 0.5)), [-0.4, 0, 0.55])
     checker = CollisionChecker(scene)
-    exact, swept = MotionChecker(checker), SweptEdges(checker, 1e-6)
+    motion = MotionChecker(checker)
     q = np.array([0, 0.5, 0.0])
-    assert not swept.edge_is_free(q, q + np.array([0, 2 * np.pi, 0]))
+    assert not motion.edge_is_free(q, q + np.array([0, 2 * np.pi, 0]))
     for far in (3.0, 30.0, 1e4, 1e7):
         for q0, q1 in edges(3, far, 40, 15):
-            assert swept.edge_is_free(q0, q1) == exact.edge_is_free_slowly(q0, q1)
+            assert motion.edge_is_free(q0, q1) == motion.edge_is_free_slowly(q0, q1)
 
 
 def test_resting_contacts_block_every_edge_of_the_sweep(planar):
     scene = Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0, 0])
     checker = CollisionChecker(scene.with_obstacle("b", Sphere(0.1), [3.4, 0, 0]), ["l"])
-    assert not SweptEdges(checker, 1e-6).edge_is_free([0, 0], [0.1, 0])
+    assert not MotionChecker(checker).edge_is_free([0, 0], [0.1, 0])
 
 
 def test_without_anything_to_touch_the_sweep_is_free(planar):
-    swept = SweptEdges(CollisionChecker(Scene().with_arm("p", planar)), 1e-6)
-    assert swept.edge_is_free([0, 0], [100.0, -50.0])
-    assert swept.edges_left == 0
+    motion = MotionChecker(CollisionChecker(Scene().with_arm("p", planar)))
+    assert motion.edge_is_free([0, 0], [100.0, -50.0])
+    assert motion.done.exact_edges == 0
 
 
 def test_the_sweep_refuses_what_is_no_configuration(planar):
-    swept = SweptEdges(CollisionChecker(Scene().with_arm("p", planar)), 1e-6)
+    motion = MotionChecker(CollisionChecker(Scene().with_arm("p", planar)))
     with pytest.raises(InputError):
-        swept.edge_is_free([0, np.nan], [1, 1])
+        motion.edge_is_free([0, np.nan], [1, 1])
 
 
 def test_lanes_in_memory_do_not_cross_lines_of_the_cache():
-    work = SweptEdges(CollisionChecker(load_scene("rr1_cluttered")), 1e-6).tables[1]
-    for array in (work.frames, work.centres, work.lanes, work.walk):
-        assert array.__array_interface__["data"][0] % (8 * WIDTH) == 0
+    checker = CollisionChecker(load_scene("rr1_cluttered"))
+    scratch = edge_scratch(
+        build_edge_tables(checker, checker.tables, 1e-6), exact_scratch(checker.tables, checker.nq), checker.nq
+    )
+    for field in ("frames", "spheres", "group_boxes"):
+        assert getattr(scratch.value, field) % 64 == 0

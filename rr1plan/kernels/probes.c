@@ -1,0 +1,98 @@
+// Entries for tests: single steps of the certified edge and of the exact kernel.
+
+// Place all spheres at the middles of eight intervals of a parabola, shape (3, nq), with how far they get in each.
+//
+// They count as placed for batch 1. The spheres are copied to `spheres`, shape (sphere_count,).
+EXPORT void rr1_place_spheres(const SceneTables *scene, Scratch *scratch, const double *curve, const double middles[8],
+                              const double halves[8], SphereLanes *spheres) {
+    const ArmGeometry *arm = scene->arm;
+    f64x8 h = load_lanes(halves);
+    for (int64_t c = 0; c < 3 * scene->column_count; c++) scratch->curve[c] = curve[c];
+    scratch->edge++;
+    bound_motion(scene, scratch);
+    place_frames(load_lanes(middles), scene, scratch);
+    for (int64_t g = 0; g < arm->group_count; g++) {
+        place_ball(g, arm->groups[g].ball, h, scene, scratch);
+        for (int64_t b = arm->groups[g].first_body; b < arm->groups[g].last_body; b++) {
+            place_ball(g, arm->bodies[b].first_sphere, h, scene, scratch);
+            place_spheres(b, h, scene, scratch);
+            scratch->placed_batch[b] = 1;
+        }
+    }
+    for (int64_t i = 0; i < arm->sphere_count; i++) spheres[i] = scratch->spheres[i];
+}
+
+// The bounds of how the last edge moves joints, shape (joint_count,), and groups, shape (group_count, chain_stride).
+EXPORT void rr1_copy_bounds(const SceneTables *scene, const Scratch *scratch, JointMotion *joints, double *speeds,
+                            double *accelerations) {
+    for (int64_t j = 0; j < scene->arm->joint_count; j++) joints[j] = scratch->joint_motions[j];
+    for (int64_t i = 0; i < scene->arm->group_count * scratch->chain_stride; i++) {
+        speeds[i] = scratch->speeds[i];
+        accelerations[i] = scratch->accelerations[i];
+    }
+}
+
+// A candidate by directions, where spheres were placed last: lanes that are open, stuck, touching.
+EXPORT void rr1_separate(const SceneTables *scene, Scratch *scratch, const Candidate *candidate, double half,
+                         uint64_t lanes[3]) {
+    scratch->edge++;  // no direction is known yet
+    Separation8 found = separate(candidate, splat(half), scene, scratch);
+    lanes[0] = found.open;
+    lanes[1] = found.stuck;
+    lanes[2] = found.touching;
+}
+
+// A candidate by spheres, where they were placed last: lanes that are open, touching.
+EXPORT void rr1_test_spheres(const SceneTables *scene, Scratch *scratch, const Candidate *candidate, double half,
+                             uint64_t lanes[2]) {
+    f64x8 h = splat(half);
+    SphereTest found;
+    if (candidate->body_pair < 0) {
+        found = test_obstacle(candidate->body, candidate->other, candidate->pair, candidate->lanes, 1, h, scene, scratch);
+    } else {
+        found = test_body(&scene->pairs->body_pairs[candidate->body_pair], candidate->lanes, 1, h, scene, scratch);
+    }
+    lanes[0] = found.open;
+    lanes[1] = found.touching;
+}
+
+// The lowest value of a core along eight directions of its frame, shape (3, 8), and its point, shape (4, 8).
+EXPORT void rr1_lowest_corner(const SceneTables *scene, int64_t core, int64_t lanes, const double *directions,
+                              double *out) {
+    Vec8 n = {load_lanes(directions), load_lanes(directions + LANES), load_lanes(directions + 2 * LANES)};
+    Support8 low = lowest_of(scene->arm, core, n, (uint64_t)lanes);
+    f64x8 values[4] = {low.along, low.point.x, low.point.y, low.point.z};
+    for (int k = 0; k < 4; k++) store_lanes(out + k * LANES, values[k]);
+}
+
+// How far bodies can get from where they are at q; shape (body_count, travel_stride), see `ExactScratch.travel`.
+EXPORT void rr1_bound_travel(const ExactTables *exact, ExactScratch *scratch, const double *q, const double *reach,
+                             double *travel) {
+    int64_t stride = scratch->travel_stride;
+    place_joints(q, exact, scratch);
+    for (int64_t b = 0; b < exact->body_count; b++) {
+        if (!moves(&exact->bodies[b])) continue;
+        place_body(b, exact, scratch);
+        bound_travel(b, reach, exact, scratch);
+        int64_t links = exact->bodies[b].last_link - exact->bodies[b].first_link;
+        for (int64_t k = 0; k <= links; k++) travel[b * stride + k] = scratch->travel[b * stride + k];
+    }
+}
+
+// Where a curve is at the middle of an interval, and how far each column gets from there, shape (nq,) each.
+//
+// `work` has the shape of the coefficients, (terms, nq).
+EXPORT void rr1_place_interval(const double *coefficients, int64_t terms, int64_t nq, double duration, double middle,
+                               double half, double *work, double *q, double *reach) {
+    Curve curve = {coefficients, terms, duration};
+    ExactScratch scratch = {.coefficients = work, .q = q, .reach = reach};
+    place_interval(&curve, middle, half, nq, &scratch);
+}
+
+// Bounds of the distance of two bodies where they are placed [m], lower and upper; see `fine_gap`.
+EXPORT void rr1_gap_bounds(const ExactTables *exact, const ExactScratch *scratch, int64_t a, int64_t b, double least,
+                           double enough, ExactPoint *direction, double bounds[2]) {
+    GapBounds gap = fine_gap(a, b, least, enough, direction, exact, scratch);
+    bounds[0] = gap.lower;
+    bounds[1] = gap.upper;
+}
