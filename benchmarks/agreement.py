@@ -28,7 +28,8 @@ from shared import Clock, console, heading, make_parser, pin_to_core, save, tabl
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker, MotionChecker
-from rr1plan.collision.swept import SweptEdges
+from rr1plan.collision.edge_kernel import CONTACT, FREE, EdgeKernel
+from rr1plan.collision.sphere_tables import build_edge_tables
 
 # Motions that pass nearer than this are refused by design [m].
 TOLERANCE = 1e-6
@@ -66,7 +67,8 @@ class Comparison:
     def __init__(self, robot: str, name: str, scene: rp.Scene) -> None:
         self.tally = Tally(robot, name)
         self.checker = CollisionChecker(scene)
-        self.edges = SweptEdges(self.checker, TOLERANCE)
+        tables = build_edge_tables(self.checker, self.checker.tables, TOLERANCE)
+        self.kernel = EdgeKernel(tables, self.checker.exact_kernel, self.checker.nq, TOLERANCE)
         self.exact = MotionChecker(self.checker, tolerance=TOLERANCE)
         self.plain = PlainCoal(scene)
         self.proof = CoalProof(self.checker)
@@ -77,7 +79,7 @@ class Comparison:
         tally, clock = self.tally.configurations, self.tally.clock
         q = rng.uniform(self.low, self.high, (count, self.checker.nq))
         with clock.stage("configurations, kernel"):
-            quick = self._sweep(q, q)[0] == 0
+            quick = self._certify(q, q)[0] == FREE
         with clock.stage("configurations, Coal"):
             sure = np.array([self.checker.is_free(one) for one in q])
         tally.update(asked=count, free=int(sure.sum()))
@@ -93,14 +95,14 @@ class Comparison:
         begins, ends = self._draw(rng, count)
         tally, clock = self.tally.edges, self.tally.clock
         with clock.stage("edges, kernel"):
-            status, where = self._sweep(begins, ends)
+            status, where = self._certify(begins, ends)
         with clock.stage("edges, exact kernel"):
             exact = np.array([self.exact.edge_is_free_slowly(*ends_of) for ends_of in zip(begins, ends, strict=True)])
-        tally.update(asked=count, free=int((status == 0).sum()))
+        tally.update(asked=count, free=int((status == FREE).sum()))
         with clock.stage("edges, Coal"):
             for i in range(count):
                 self._judge(begins[i], ends[i], int(status[i]), float(where[i]))
-        for i in np.flatnonzero((status == 0) != exact):
+        for i in np.flatnonzero((status == FREE) != exact):
             contact = self.exact.first_contact(begins[i], ends[i])
             spot = begins[i] + where[i] * (ends[i] - begins[i]) if contact is None else contact.q
             self._differ(
@@ -110,10 +112,12 @@ class Comparison:
     def _judge(self, q0: Array, q1: Array, status: int, where: float) -> None:
         """What Coal makes of the kernel's answer about an edge."""
         tally = self.tally.edges
-        if status != 0:
+        if status != FREE:
             q = q0 + where * (q1 - q0)
             if self.checker.is_free(q):
-                self._differ(tally, q0, q1, q, f"the kernel: {('contact', 'too near')[status - 1]}; Coal: free there")
+                self._differ(
+                    tally, q0, q1, q, f"the kernel: {'contact' if status == CONTACT else 'too near'}; Coal: free there"
+                )
             else:
                 tally["contact confirmed"] += 1
             return
@@ -149,9 +153,11 @@ class Comparison:
         limits = self.checker.limits
         return begins, np.clip(begins + steps, limits.lower, limits.upper)
 
-    def _sweep(self, begins: Array, ends: Array) -> tuple[Array, Array]:
-        """The kernel's status of each edge (0: free, 1: a contact, 2: too near to tell), and where."""
-        answers = [self.edges.look_along(q0, q1) for q0, q1 in zip(begins, ends, strict=True)]
+    def _certify(self, begins: Array, ends: Array) -> tuple[Array, Array]:
+        """The kernel's status of each edge (free, a contact, or grazing), and where."""
+        if not self.checker.resting_is_free:
+            return np.full(len(begins), CONTACT), np.zeros(len(begins))
+        answers = [self.kernel.certify_edge(q0, q1) for q0, q1 in zip(begins, ends, strict=True)]
         return np.array([a[0] for a in answers]), np.array([a[1] for a in answers])
 
 

@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     budgets = sorted(ms / 1e3 for ms in args.milliseconds)
     names = [_BASELINE, *args.planners]
     for name in names:
-        _solve(name, next(iter(problems.values())), 0, budgets[0])  # compiles what is compiled once
+        _solve(name, next(iter(problems.values())), 0, budgets[0])  # loads what is loaded once
     work = [(name, problem, args.seed + s) for problem in problems for s in range(args.repeats) for name in names]
     runs: list[Run] = []
     for name, problem, seed in track(work, "anytime"):

@@ -1,20 +1,18 @@
-"""How long a fresh process takes until it is of use: import, first plan, the command line, and the first time ever.
+"""How long a new process takes until it is of use: import, first plan, the command line.
 
-    python benchmarks/cold_start.py [--count 9] [--no-compile]
+    python benchmarks/cold_start.py [--count 9]
 
-Each figure is of processes of their own, one after the other on one core. Python's and numba's caches are in a folder
-of their own: empty for the first time ever, warm for all others. With --no-compile they are those of everyday.
+Each figure is the time of whole processes, from start to end, one after the other on one core and in turns. Files and
+Python's bytecode have been read once before.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
 import resource
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -52,50 +50,41 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = make_parser(__doc__.splitlines()[0], "cold_start")
     parser.add_argument("--scene", default="rr1_table", help="a scene; its first query is planned")
     parser.add_argument("--count", type=int, default=9, help="processes for each figure")
-    parser.add_argument("--no-compile", action="store_true", help="not the first time ever; with the caches there are")
     args = parser.parse_args(arguments)
     pin_to_core(args.core)
-    with tempfile.TemporaryDirectory() as folder:
-        results = _measure(args, None if args.no_compile else folder)
+    results = _measure(args)
     report = heading("Cold start", {"scene": args.scene, "processes for each figure": args.count})
     save(args.out, "cold_start", results, report + "\n\n" + _tables(results))
     return 0
 
 
-def _measure(args: argparse.Namespace, folder: str | None) -> dict[str, Any]:
+def _measure(args: argparse.Namespace) -> dict[str, Any]:
     python = [sys.executable, "-c"]
     commands = {
         "an empty script": [*python, ""],
         "import rr1plan": [*python, _IMPORT],
-        "import numba, pinocchio, coal": [*python, "import numba, pinocchio, coal"],
+        "import numpy": [*python, "import numpy"],
         "first plan, from Python": [*python, _FIRST.format(scene=args.scene)],
         "rr1plan plan": [sys.executable, "-m", "rr1plan", "plan", args.scene, "--seed", "0", "--json"],
         "rr1plan robots": [sys.executable, "-m", "rr1plan", "robots"],
     }
-    first = None
-    if folder is not None:
-        first = {"first plan ever": _run(commands["first plan, from Python"], folder)}
-        first["rr1plan doctor --warm after it"] = _run([sys.executable, "-m", "rr1plan", "doctor", "--warm"], folder)
     stages = [*python, _PLAN.format(scene=args.scene)]
-    for command in [*commands.values(), stages] if folder is not None else []:
-        _run(command, folder)
+    for command in (*commands.values(), stages):
+        _run(command)
     rounds = [
-        {**{name: _run(command, folder) for name, command in commands.items()}, "stages": _run(stages, folder)}
+        {**{name: _run(command) for name, command in commands.items()}, "stages": _run(stages)}
         for _ in track(range(args.count), "fresh processes")
     ]
     return {
-        "once": first,
         "processes": {name: [r[name] for r in rounds] for name in commands},
         "stages": [json.loads(r["stages"]["said"]) for r in rounds],
     }
 
 
-def _run(command: Sequence[str], folder: str | None) -> dict[str, Any]:
-    """CPU and wall time of a process with caches in a folder [s], from its start to its end, and what it said."""
-    changes = {"PYTHONPYCACHEPREFIX": f"{folder}/python", "NUMBA_CACHE_DIR": f"{folder}/numba"} if folder else {}
-    kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+def _run(command: Sequence[str]) -> dict[str, Any]:
+    """CPU and wall time of a process [s], from its start to its end, and its output."""
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    done = subprocess.run(command, env={**kept, **changes}, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode != 0:
         raise RuntimeError(f"{' '.join(command)[:200]} ended with {done.returncode}: {done.stderr[-2000:]}")
@@ -106,16 +95,20 @@ def _run(command: Sequence[str], folder: str | None) -> dict[str, Any]:
 def _tables(results: dict[str, Any]) -> str:
     rows = []
     for name, runs in results["processes"].items():
-        cpu, wall = (spread((r[key] for r in runs), 1.0) for key in ("cpu", "wall"))
-        rows.append([name, *(number(s[k]) for s in (cpu, wall) for k in ("median", "max"))])
-    parts = [table(["process", "CPU median [s]", "CPU max [s]", "wall median [s]", "wall max [s]"], rows)]
-    names = results["stages"][0]
-    medians = [[name, number(spread(s[name] for s in results["stages"])["median"])] for name in names]
-    parts.append(table(["stage of one process", "wall median [ms]"], medians))
-    if results["once"]:
-        once = [[name, number(run["cpu"]), number(run["wall"])] for name, run in results["once"].items()]
-        parts.append(table(["with empty caches", "CPU [s]", "wall [s]"], once))
-    return "\n\n".join(parts)
+        row = [name]
+        for key in ("cpu", "wall"):
+            times = [run[key] for run in runs]
+            row += map(number, (min(times), *(spread(times, 1.0)[k] for k in ("median", "max"))))
+        rows.append(row)
+    header = ["process", *(f"{clock} {k} [s]" for clock in ("CPU", "wall") for k in ("best", "median", "max"))]
+    stages = [
+        [name, *map(number, (1e3 * min(times), spread(times)["median"]))]
+        for name in results["stages"][0]
+        for times in [[run[name] for run in results["stages"]]]
+    ]
+    return "\n\n".join(
+        [table(header, rows), table(["stage of one process", "wall best [ms]", "wall median [ms]"], stages)]
+    )
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
     python benchmarks/edges.py [PROBLEMS.json.gz --robot panda.urdf] [--every 30]
 
-Random edges from random free configurations, 0.2 to 1.5 rad long, all in one compiled loop; answers are compared.
+Random edges from random free configurations, 0.2 to 1.5 rad long, certified by one call; the exact kernel gets a call
+for each. Answers are compared.
 """
 
 from __future__ import annotations
@@ -13,31 +14,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 
 import rr1plan as rp
-from rr1plan._kernels.motion import certify
-from rr1plan._kernels.swept import sweep_edge
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.swept import SweptEdges
+from rr1plan.collision.edge_kernel import FREE, EdgeKernel
+from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
 
 _TOLERANCE = 1e-6
-
-
-@numba.njit
-def by_both(begins, ends, record, answers):
-    for i in range(len(begins)):
-        answers[i] = sweep_edge(begins[i], ends[i], record)[0]
-
-
-@numba.njit
-def exactly(begins, ends, tolerance, record, answers):
-    curve = np.empty((2, begins.shape[1]))
-    for i in range(len(begins)):
-        curve[0], curve[1] = begins[i], ends[i] - begins[i]
-        answers[i] = certify(curve, 1.0, tolerance, record)[0]
 
 
 def main() -> int:
@@ -53,17 +38,19 @@ def main() -> int:
     for name, scene in _scenes(args):
         checker = CollisionChecker(scene)
         begins, ends = _edges(checker, args.edges)
-        edges = SweptEdges(checker, _TOLERANCE)
-        both, exact = (np.zeros(args.edges, np.int64) for _ in range(2))
-        by_both(begins, ends, edges.record, both)
-        # What one round looks at; the exact kernel's configurations are among them.
-        configurations, left = edges.configurations_checked, edges.edges_left
-        quick = _clock(by_both, begins, ends, edges.record, both)
-        slow = _clock(exactly, begins, ends, *edges.tables[2], exact)
-        agree &= bool(((both == 0) == (exact == 0)).all())
-        per = [1e6 * quick / configurations, *(1e6 * t / args.edges for t in (quick, slow))]
+        tables = build_edge_tables(checker, checker.tables, _TOLERANCE)
+        kernel = EdgeKernel(tables, checker.exact_kernel, checker.nq, _TOLERANCE)
+        free = kernel.certify_edges(begins, ends) == FREE
+        # Counted in one round; the exact kernel's configurations are among them.
+        done = kernel.done
+        lines = np.stack([begins, ends - begins], axis=1)
+        exact = _certify_exactly(kernel, lines) == FREE
+        agree &= bool((free == exact).all())
+        quick = _clock(kernel.certify_edges, begins, ends)
+        slow = _clock(_certify_exactly, kernel, lines)
+        per = [1e6 * quick / done.configurations, *(1e6 * t / args.edges for t in (quick, slow))]
         times = " | ".join(f"{t:.3g}" for t in per)
-        print(f"| {name} | {times} | {np.mean(exact == 0):.0%} | {left / args.edges:.1%} |")
+        print(f"| {name} | {times} | {exact.mean():.0%} | {done.exact_edges / args.edges:.1%} |")
     print("all answers agree" if agree else "ANSWERS DIFFER")
     return 0 if agree else 1
 
@@ -89,6 +76,11 @@ def _edges(checker: CollisionChecker, count: int) -> tuple[np.ndarray, np.ndarra
     steps = rng.normal(size=(count, checker.nq))
     steps *= rng.uniform(0.2, 1.5, (count, 1)) / np.linalg.norm(steps, axis=1)[:, None]
     return np.array(begins), np.clip(begins + steps, checker.limits.lower, checker.limits.upper)
+
+
+def _certify_exactly(kernel: EdgeKernel, lines: np.ndarray) -> np.ndarray:
+    """The exact kernel's statuses of straight edges, their coefficients of shape (n, 2, nq)."""
+    return np.array([kernel.certify_curve(line, 1.0)[0] for line in lines])
 
 
 def _clock(function: Callable[..., Any], *arguments: Any) -> float:

@@ -134,5 +134,5 @@ def _plan(
 
 
 def warm_up() -> None:
-    """Compile and load what is compiled and loaded once."""
+    """Load what is loaded once."""
     run_line("warm up", rp.load_problems("rr1_table")["reach_over_crate"], 0, replay=True)

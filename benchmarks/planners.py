@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     pin_to_core(args.core)
     queries = {f"{scene}/{name}": p for scene in args.scenes for name, p in rp.load_problems(scene).items()}
     queries = {name: with_margin(p, 0.0) for name, p in list(queries.items())[:: args.every]}
-    rp.plan(next(iter(queries.values())), rng=0)  # compiles what is compiled once
+    rp.plan(next(iter(queries.values())), rng=0)  # loads what is loaded once
     work = [(p, q, args.seed + s) for p in args.planners for q in queries for s in range(args.repeats)]
     runs = [
         _run(planner, query, queries[query], seed, args.seconds) for planner, query, seed in track(work, "planners")

@@ -18,8 +18,10 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from rr1plan.kernels.library import LIBRARY
+
 console = Console(stderr=True)
-_PACKAGES = ("rr1plan", "numpy", "numba", "pin", "coal", "ompl", "mujoco", "python-fcl")
+_PACKAGES = ("rr1plan", "numpy", "pin", "coal", "ompl", "mujoco", "python-fcl")
 
 
 def make_parser(description: str, out: str) -> argparse.ArgumentParser:
@@ -50,6 +52,7 @@ def machine() -> dict[str, Any]:
         "system": platform.platform(),
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in _PACKAGES},
+        "kernels": LIBRARY.variants[0] if LIBRARY.variants else None,
         "date": time.strftime("%Y-%m-%d %H:%M"),
     }
 
@@ -142,7 +145,7 @@ def heading(title: str, facts: Mapping[str, Any]) -> str:
     m = machine()
     packages = ", ".join(f"{k} {v}" for k, v in m["packages"].items())
     lines = [f"# {title}", "", f"{m['processor']}, {m['cores']} cores, one used; load {m['load']}; {m['date']}.  "]
-    lines += [f"{m['system']}, Python {m['python']}; {packages}.  "]
+    lines += [f"{m['system']}, Python {m['python']}; {packages}; kernels {m['kernels']}.  "]
     return "\n".join([*lines, "; ".join(f"{k} {v}" for k, v in facts.items()) + "."])
 
 

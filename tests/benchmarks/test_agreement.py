@@ -41,7 +41,7 @@ def test_a_kernel_with_one_answer_for_all_is_found_out(script, tmp_path, monkeyp
     def always(self, begins, ends):
         return np.full(len(begins), status), np.full(len(begins), 0.5)
 
-    monkeypatch.setattr(agreement.Comparison, "_sweep", always)
+    monkeypatch.setattr(agreement.Comparison, "_certify", always)
     arguments = ["--robot", "planar2r", "--configurations", "80", "--edges", "80", "--out", str(tmp_path)]
     assert agreement.main(arguments) == 1
     scenes = json.loads((tmp_path / "agreement.json").read_text())["scenes"]
