@@ -12,24 +12,39 @@ EXPORT void rr1_place_spheres(const SceneTables *scene, Scratch *scratch, const 
     bound_motion(scene, scratch);
     place_frames(load_lanes(middles), scene, scratch);
     for (int64_t g = 0; g < arm->group_count; g++) {
-        place_ball(g, arm->groups[g].ball, h, scene, scratch);
+        SphereRef ball = ball_of_group(g, arm);
+        place_centers(arm->groups[g].joint, ball.index, ball.index + 1, scene, scratch);
+        place_travel(ball, h, scene, scratch);
+        scratch->group_ready[g] = 1;
         for (int64_t b = arm->groups[g].first_body; b < arm->groups[g].last_body; b++) {
-            place_ball(g, arm->bodies[b].first_sphere, h, scene, scratch);
+            place_ball(b, h, scene, scratch);
             place_spheres(b, h, scene, scratch);
             scratch->placed_batch[b] = 1;
         }
     }
     for (int64_t i = 0; i < arm->sphere_count; i++) spheres[i] = scratch->spheres[i];
+    // Only balls keep their velocity.
+    for (int64_t b = 0; b < arm->body_count; b++) {
+        const Body *body = &arm->bodies[b];
+        for (int64_t i = body->first_sphere + 1; i < body->last_sphere; i++) {
+            Vec8 v = velocity_at(body->joint, i, scratch);
+            spheres[i].velocity[0] = v.x;
+            spheres[i].velocity[1] = v.y;
+            spheres[i].velocity[2] = v.z;
+        }
+    }
 }
 
-// The bounds of how the last edge moves joints, shape (joint_count,), and groups, shape (group_count, chain_stride).
+// The bounds of how the last edge moves joints, shape (joint_count,), and groups, shape (group_count, bound_rows).
 EXPORT void rr1_copy_bounds(const SceneTables *scene, const Scratch *scratch, JointMotion *joints, double *speeds,
                             double *accelerations) {
     for (int64_t j = 0; j < scene->arm->joint_count; j++) joints[j] = scratch->joint_motions[j];
-    for (int64_t i = 0; i < scene->arm->group_count * scratch->chain_stride; i++) {
-        speeds[i] = scratch->speeds[i];
-        accelerations[i] = scratch->accelerations[i];
-    }
+    int64_t stride = scene->arm->group_stride, rows = scratch->bound_rows;
+    for (int64_t g = 0; g < scene->arm->group_count; g++)
+        for (int64_t row = 0; row < rows; row++) {
+            speeds[g * rows + row] = scratch->speeds[row * stride + g];
+            accelerations[g * rows + row] = scratch->accelerations[row * stride + g];
+        }
 }
 
 // A candidate by directions, where spheres were placed last: lanes that are open, stuck, touching.
