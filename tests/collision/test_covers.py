@@ -196,7 +196,7 @@ def test_covers_are_read_only_and_can_be_pickled(rr1: rp.Robot) -> None:
 
 @pytest.mark.parametrize("level", [-1, 3, "parts", None, 0.5])
 def test_a_level_that_is_none_is_refused(rr1: rp.Robot, level: object) -> None:
-    with pytest.raises(InputError, match="expected 0"):
+    with pytest.raises(InputError, match="expected a whole number from 0 to 2"):
         rp.cover_with_spheres(rr1)["hand_link"].at(level)
 
 

@@ -55,9 +55,10 @@ def worlds(cluttered, odd, six):
 WORLDS = ("cluttered", "padded", "strange", "strange, padded", "holding", "two arms", "rr1 pair", "planar")
 
 
-def kernel_of(checker, library=None):
+def kernel_of(checker, library=None, queue_size=None):
     """A kernel with scratch memory that nothing else uses."""
     exact = ExactKernel(checker.tables, checker.nq)
+    exact.scratch.value.queue_size = queue_size or exact.scratch.value.queue_size
     tables = build_edge_tables(checker, checker.tables, TOLERANCE)
     return EdgeKernel(tables, exact, checker.nq, TOLERANCE, library)
 
@@ -102,7 +103,7 @@ def test_the_exact_kernel_is_right_about_curves_of_any_degree(worlds, name):
     kernel, rng = kernel_of(checker), np.random.default_rng(33)
     found = {FREE: 0, CONTACT: 0}
     for terms in (1, 2, 3, 5, 12):
-        for _ in range(12):
+        for _ in range(20):
             curve = np.array([rng.uniform(-wide, wide, checker.nq), *rng.normal(size=(terms - 1, checker.nq)) * 0.03])
             status, where, pair = kernel.certify_curve(curve, 1.3)
             found[status] += 1
@@ -125,7 +126,7 @@ def test_clearance_of_the_pairs_that_move_is_coals(worlds, name):
         if checker.solid_distances(q).min() > 1e-6:
             assert found == pytest.approx(min(expected, 0.3), abs=2e-5)
         else:
-            assert found <= expected + float(checker.solid_padding.max()) + 2e-5
+            assert found <= 1e-6 - float(checker.solid_padding.min())
 
 
 @pytest.mark.parametrize("name", WORLDS)
@@ -163,8 +164,8 @@ def test_a_far_angle_and_a_number_that_is_none_are_never_free_by_mistake(worlds)
 def test_a_full_queue_changes_the_order_and_no_verdict(worlds):
     """The exact kernel takes the widest intervals first; where its memory is half full, the narrowest."""
     checker = CollisionChecker(worlds["strange"][0])
-    roomy, tight = kernel_of(checker), kernel_of(checker)
-    tight.exact.scratch.value.queue_size = 1 << (3 * len(checker.tables.pairs)).bit_length()
+    roomy = kernel_of(checker)
+    tight = kernel_of(checker, queue_size=1 << (3 * len(checker.tables.pairs)).bit_length())
     for q0, q1, _, _ in questions(checker.nq, 1.0, 200, 36):
         for stretch in (0.5, 3.0, 10.0):
             curve = np.array([q0, stretch * (q1 - q0)])
@@ -219,7 +220,7 @@ def _sanitizers():
 def test_no_memory_is_misused_and_nothing_is_undefined(tmp_path):
     """Compiled by another compiler, with its sanitizers; that takes some ten seconds.
 
-    Answers are those of the library that ships, to the last bit.
+    Edges, plans, shorter paths, motions and inverse kinematics are those of the library that ships, to the last bit.
     """
     gcc, runtime = _sanitizers()
     code = f"""
@@ -232,7 +233,7 @@ hatch_build.compile_kernels(Path({str(tmp_path)!r}) / "checked.so", "-shared", "
 """
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
     done = subprocess.run(
-        [sys.executable, Path(__file__).with_name("sanitized_edges.py"), tmp_path / "checked.so"],
+        [sys.executable, Path(__file__).with_name("sanitized_kernels.py"), tmp_path / "checked.so"],
         env=os.environ | {"LD_PRELOAD": str(runtime), "ASAN_OPTIONS": "detect_leaks=0"},
         capture_output=True,
         text=True,

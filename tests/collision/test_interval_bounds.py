@@ -139,7 +139,7 @@ class World:
         return rows[:, :3], rows[:, 3], rows[:, 4:]
 
     def bounds(self):
-        """Bounds of joints' motions, (j, 5), and of groups' speeds and accelerations, as spheres were placed last."""
+        """Bounds of joints' motions, (j, 5), and of groups' speeds and accelerations, on the last interval."""
         chains = self.tables.groups[:, 5] - self.tables.groups[:, 4]
         motions, shape = np.zeros((len(self.tables.joints), 5)), (len(chains), int(chains.max()) + 1)
         speeds, accelerations = np.zeros(shape), np.zeros(shape)

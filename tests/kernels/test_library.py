@@ -9,30 +9,40 @@ from decimal import Decimal, getcontext
 
 import numpy as np
 import pytest
-from rr1plan._kernels import cover, motion, separation
-from rr1plan.kernels.memory import CStruct, address_of, zeroed
 
+from rr1plan.binding.library import HOW_TO_BUILD, KernelLibrary
+from rr1plan.binding.sources import KernelSources, Prototype, parse_enums, parse_prototypes, parse_structs
 from rr1plan.errors import InstallationError
-from rr1plan.kernels import library, structs
+from rr1plan.kernels.library import LIBRARY, CStruct, address_of, load_library, zeroed
+from rr1plan.validation import native
 
-VARIANTS = library.variants()
+LIBRARIES = {"planners": LIBRARY, "referee": native.LIBRARY}
+VARIANTS = LIBRARY.variants
+BUILT = [(name, variant) for name, library in LIBRARIES.items() for variant in library.variants]
 
 
-def test_a_variant_is_built_for_this_processor():
-    assert VARIANTS, library.HOW_TO_BUILD
-    assert library.load_library() is library.load_file(library.variant_file(VARIANTS[0]))
+def test_a_variant_of_each_library_is_built_for_this_processor():
+    assert all(library.variants for library in LIBRARIES.values()), HOW_TO_BUILD
+    assert load_library() is LIBRARY.fastest
+    assert native.load_library() is native.LIBRARY.fastest
+
+
+def test_the_libraries_share_no_source_but_that_of_the_binding():
+    planners, referee = (set(library.sources.files) for library in LIBRARIES.values())
+    assert {file.name for file in planners & referee} <= {"cpu_level.c"}
 
 
 # ---- layouts ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_every_field_is_where_the_compiler_has_it(variant):
-    expected = structs.layout_of(library.struct_classes())
-    compiled = (ctypes.c_int64 * (len(expected) + 1)).in_dll(
-        library.load_file(library.variant_file(variant)), "rr1_layout"
-    )
+@pytest.mark.parametrize(("name", "variant"), BUILT)
+def test_every_field_is_where_the_compiler_has_it(name, variant):
+    library = LIBRARIES[name]
+    expected = library.sources.layout()
+    loaded = library.load(library.variant_file(variant))
+    compiled = (ctypes.c_int64 * (len(expected) + 1)).in_dll(loaded, "rr1_layout")
     assert list(compiled) == [*expected, -1]
+    assert len(expected) > 10
 
 
 def test_the_headers_are_read_as_c_reads_them():
@@ -47,7 +57,7 @@ def test_the_headers_are_read_as_c_reads_them():
     enum { NONE = -2, ALONE };
     enum { A, B, C = B + 4 };
     """
-    (fields,) = structs.parse_structs(text).values()
+    (fields,) = parse_structs(text).values()
     assert [(f.name, f.kind, f.pointer, f.count) for f in fields] == [
         ("one", "int64_t", False, 1),
         ("two", "double", False, 3),
@@ -55,31 +65,30 @@ def test_the_headers_are_read_as_c_reads_them():
         ("x", "double", False, 1),
         ("y", "double", False, 1),
     ]
-    assert structs.parse_enums(text) == {"NONE": -2, "ALONE": -1, "A": 0, "B": 1, "C": 5}
+    assert parse_enums(text) == {"NONE": -2, "ALONE": -1, "A": 0, "B": 1, "C": 5}
 
 
-def test_kinds_are_numbered_as_the_tables_have_them():
-    constants = structs.parse_enums(structs.header_text())
-    same = {
-        "OBSTACLE_ROUNDED_BOX": cover.ROUNDED_BOX,
-        "OBSTACLE_CYLINDER": cover.CYLINDER,
-        "OBSTACLE_HALF_SPACE": cover.HALF_SPACE,
-        "CORE_CLOSED_FORM": cover.CLOSED_FORM,
-        "CORE_LEFT_OUT": cover.LEFT_OUT,
-        "CORE_POINTS": cover.POINTS,
-        "CORE_CYLINDER": cover.ROUND,
-        "BODY_POINT": separation.POINT,
-        "BODY_SEGMENT": separation.SEGMENT,
-        "BODY_BOX": separation.BOX,
-        "BODY_CYLINDER": separation.CYLINDER,
-        "BODY_CORNERS": separation.CORNERS,
-        "BODY_HALF_SPACE": separation.HALF_SPACE,
-        "BODY_CELLS": separation.CELLS,
-        "EDGE_FREE": motion.FREE,
-        "EDGE_CONTACT": motion.CONTACT,
-        "EDGE_GRAZING": motion.GRAZING,
+def test_exported_functions_are_read_as_c_reads_them():
+    text = """
+    EXPORT double rr1_one(const Thing *thing, int64_t count,  // so many
+                          const double q[3], double (*rows)[6]) {
     }
-    assert constants == same
+    static void rr1_hidden(void) {
+    EXPORT void rr1_two(void) {
+    """
+    assert parse_prototypes(text.replace("\n    ", "\n")) == {
+        "rr1_one": Prototype("double", ("Thing*", "int64_t", "double*", "double*")),
+        "rr1_two": Prototype("void", ()),
+    }
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_all_exported_functions_are_declared_to_python(name):
+    sources = LIBRARIES[name].sources
+    text = "".join(file.read_text(encoding="utf-8") for file in sources.files)
+    exported = set(re.findall(r"^EXPORT \w+ (rr1_\w+)\(", text, re.MULTILINE))
+    assert exported == set(sources.prototypes)
+    assert len(exported) > 3
 
 
 def test_an_array_that_is_not_what_the_headers_say_is_refused():
@@ -91,6 +100,8 @@ def test_an_array_that_is_not_what_the_headers_say_is_refused():
         CStruct("PairTables", padding=np.zeros((3, 2))[:, 0])
     with pytest.raises(TypeError, match="a PairTables is no ArmGeometry"):
         CStruct("SceneTables", arm=CStruct("PairTables"))
+    with pytest.raises(ctypes.ArgumentError, match="float32 is no array of double"):
+        load_library().rr1_sine_cosine(np.zeros(3, np.float32), 3, np.zeros(3), np.zeros(3))
 
 
 def test_memory_for_vectors_is_aligned_and_zero():
@@ -104,37 +115,56 @@ def test_memory_for_vectors_is_aligned_and_zero():
 # ---- what is wrong with an installation ------------------------------------------------------------
 
 
-def test_missing_kernels_are_an_error_that_says_how_to_build_them(tmp_path, monkeypatch):
-    monkeypatch.setattr(library, "FOLDER", tmp_path)
-    for cached in (library.variants, library.load_library):
-        monkeypatch.setattr(library, cached.__name__, cached.__wrapped__)
+def copied(library, folder):
+    """A library of the same sources that is looked for in another folder."""
+    other = KernelLibrary(library.sources)
+    other.folder = folder
+    return other
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_missing_kernels_are_an_error_that_says_how_to_build_them(name, tmp_path):
+    library = copied(LIBRARIES[name], tmp_path)
+    assert library.variants == ()
     with pytest.raises(InstallationError, match=r"no compiled kernels for .* build them with `pip install -e \.`"):
-        library.load_library()
+        _ = library.fastest
 
 
-def test_a_library_of_other_headers_is_refused(monkeypatch):
-    monkeypatch.setattr(structs, "layout_of", lambda classes: [8])
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_a_library_of_other_headers_is_refused(name, monkeypatch):
+    library = LIBRARIES[name]
+    monkeypatch.setattr(library.sources, "layout", lambda: [8])
     with pytest.raises(InstallationError, match="built from other headers"):
-        library.load_file.__wrapped__(library.variant_file(VARIANTS[0]))
+        library.load(library.variant_file(library.variants[0]))
 
 
-def test_a_file_that_is_no_library_is_refused(tmp_path):
+def test_a_library_without_a_function_that_the_sources_export_is_refused(tmp_path):
+    unit = tmp_path / "kernels.c"
+    unit.write_text("EXPORT void rr1_new(int64_t count) {\n}\n", encoding="utf-8")
+    with pytest.raises(InstallationError, match="rr1_new"):
+        KernelLibrary(KernelSources(unit)).load(LIBRARY.variant_file(VARIANTS[0]))
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_a_file_that_is_no_library_is_refused(name, tmp_path):
     (tmp_path / "kernels.so").write_bytes(b"no library")
     with pytest.raises(InstallationError, match="cannot be loaded"):
-        library.load_file(tmp_path / "kernels.so")
+        LIBRARIES[name].load(tmp_path / "kernels.so")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="versions of symbols are a matter of Linux")
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_a_library_needs_nothing_that_old_systems_lack(variant):
-    """The wheel says manylinux_2_17; and no sine comes from the C library, which has another one in every release."""
-    data = library.variant_file(variant).read_bytes()
+@pytest.mark.parametrize(("name", "variant"), BUILT)
+def test_a_library_needs_nothing_that_old_systems_lack(name, variant):
+    """The wheel says manylinux_2_17; and no planner's sine comes from the C library, which differs between releases."""
+    file = LIBRARIES[name].variant_file(variant)
+    data = file.read_bytes()
     versions = [int(n) for n in re.findall(rb"GLIBC_2\.(\d+)", data)]
     assert max(versions, default=0) <= 17
     if nm := shutil.which("nm"):
-        listed = subprocess.run([nm, "-D", "--undefined-only", library.variant_file(variant)], capture_output=True)
+        listed = subprocess.run([nm, "-D", "--undefined-only", file], capture_output=True)
         names = {line.split()[-1].partition("@")[0] for line in listed.stdout.decode().splitlines()}
-        assert names <= {"memcpy", "memset", "memmove"}
+        # Sines of the referee are its own affair: it is independent of the planners in that too.
+        assert names <= {"memcpy", "memset", "memmove"} | ({"sin", "cos", "sincos"} if name == "referee" else set())
 
 
 # ---- sines -----------------------------------------------------------------------------------------
@@ -162,8 +192,7 @@ def exact_sine(angle, quarter):
 
 def sines(variant, name, angles):
     out = np.zeros((2, len(angles)))
-    addresses = [address_of(row, "double") for row in (angles, *out)]
-    getattr(library.load_file(library.variant_file(variant)), name)(addresses[0], len(angles), *addresses[1:])
+    getattr(LIBRARY.load(LIBRARY.variant_file(variant)), name)(angles, len(angles), *out)
     return out
 
 

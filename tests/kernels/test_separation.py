@@ -3,11 +3,12 @@ from __future__ import annotations
 import coal
 import numpy as np
 import pytest
-from rr1plan._kernels.separation import separation
 
-from rr1plan.collision.body_rows import _core, _neighbours
+from rr1plan.collision.body_rows import flat, rows_of
+from rr1plan.collision.carried import Solid
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.formats.convex import convex_hull
+from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.shapes import Box, Capsule, Cylinder, Sphere
 from rr1plan.transforms import pose
 
@@ -23,21 +24,22 @@ SHAPES = {
 }
 
 
-def body_of(shape, T):
-    core = _core(shape)
-    degrees, around = _neighbours(shape)
-    begins = np.cumsum([0, *degrees]) + len(degrees) + 1
-    links = np.concatenate([begins, around]).astype(np.int64)
-    points = np.ascontiguousarray(core.points.reshape(-1, 3))
-    return core.kind, core.values[8:11], np.concatenate([T[:3, :3].ravel(), T[:3, 3]]), points, links, 0
-
-
 def gap_bounds(one, A, two, B, least=np.inf, enough=np.inf):
-    radius = _core(one).values[1] + _core(two).values[1]
-    bounds = separation(
-        *body_of(one, A), *body_of(two, B), least + radius, enough + radius, np.array([0.1, 0.2, 0.3]), np.empty((4, 3))
+    """Bounds of the distance of two shapes at their poses, as the exact kernel has them."""
+    rows = rows_of([Solid("one", one, 0, np.eye(4)), Solid("two", two, 1, np.eye(4))], np.array([flat(A), flat(B)]))
+    begins = np.cumsum([0, *rows.degrees]) + len(rows.degrees) + 1
+    exact = CStruct(
+        "ExactTables",
+        body_count=2,
+        bodies=rows.bodies,
+        shapes=rows.values,
+        corners=rows.corners,
+        links=np.concatenate([begins, rows.neighbours]).astype(np.int64),
     )
-    return np.array(bounds) - radius
+    scratch = CStruct("ExactScratch", poses=rows.poses, centers=rows.centres)
+    direction, bounds = np.array([[0.1, 0.2, 0.3]]), np.empty(2)
+    load_library().rr1_gap_bounds(exact, scratch, 0, 1, least, enough, direction, bounds)
+    return bounds
 
 
 def coal_distance(one, A, two, B):

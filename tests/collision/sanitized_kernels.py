@@ -1,0 +1,103 @@
+"""Kernels of a library with sanitizers, compared with the one that ships; run by `test_edge_kernel.py`.
+
+Scenes of edges hold all kinds of bodies and obstacles, padding, something held, and two arms.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision.edge_kernel import EdgeKernel, ExactKernel
+from rr1plan.collision.sphere_tables import build_edge_tables
+from rr1plan.kernels.library import LIBRARY, load_library
+from rr1plan.planners import Roadmap, RrtConnect
+from rr1plan.planners.shortcut import shorten
+from rr1plan.planning import Budget
+from rr1plan.transforms import pose
+
+COUNTED = Budget(seconds=float("inf"), iterations=20_000)
+
+
+def scenes():
+    cloud = rp.PointCloud(np.random.default_rng(0).uniform(0.3, 0.6, (60, 3)), 0.03)
+    rod = rp.Scene().with_arm("arm", rp.load_robot("rr1")).with_obstacle("rod", rp.Capsule(0.01, 0.4))
+    scene = rod.attach("rod", "arm", touch=rp.load_robot("rr1").link_names[-3:], pose=pose([0.0, 0.0, 0.05]))
+    scene = scene.with_obstacle("ground", rp.HalfSpace((0, 0, 1), -0.3)).with_obstacle("cloud", cloud)
+    hull = rp.load_scene("rr1_cluttered").obstacles
+    for name, obstacle in hull.items():
+        scene = scene.with_obstacle(name, obstacle.geometries[0].shape, obstacle.pose)
+    yield scene.with_padding(0.005)
+    yield rp.load_scene("rr1_pair")
+    yield rp.load_scene("planar2r_path")
+
+
+def edges():
+    """Answers about edges and curves."""
+    for scene in scenes():
+        checker = CollisionChecker(scene)
+        tables = build_edge_tables(checker, checker.tables, 1e-6)
+        kernel = EdgeKernel(tables, ExactKernel(checker.tables, checker.nq), checker.nq, 1e-6)
+        rng = np.random.default_rng(1)
+        for i, q in enumerate(rng.uniform(-2.0, 2.0, (60, checker.nq))):
+            step = rng.normal(size=checker.nq) * rng.choice([0.0, 0.1, 0.6])
+            curve = np.array([q, step, rng.normal(size=checker.nq) * 0.1])
+            yield kernel.certify_edge(q, q + step)
+            yield kernel.certify_parabola(curve, 1.0)
+            if i % 6 == 0:
+                yield kernel.certify_curve(curve, 1.0)
+
+
+def plans():
+    """Paths, shorter ones, motions along them, and what a roadmap finds."""
+    for scene, name in (
+        ("rr1_shelf", "lower_level"),
+        ("rr1_pair", "both_reach_out"),
+        ("planar2r_path", "over_the_seam"),
+    ):
+        problem = rp.load_problems(scene)[name]
+        path = RrtConnect().plan(problem, COUNTED, rng=3).path_or_raise()
+        yield path.waypoints.tobytes()
+        shorter = shorten(path, MotionChecker(problem.scene, problem.arms), rng=1, iterations=40)
+        yield shorter.waypoints.tobytes()
+        for part in (path, shorter):
+            motion = rp.retiming.retime(part, problem.scene)
+            yield motion.sample(0.01)[1].tobytes()
+    problem = rp.load_problems("planar2r_path")["over_the_seam"]
+    roadmap = Roadmap(problem.scene, samples=400)
+    for _ in range(2):
+        yield roadmap.plan(problem, COUNTED, rng=0).path_or_raise().waypoints.tobytes()
+
+
+def solutions():
+    """Inverse kinematics of positions, poses and regions."""
+    scene = rp.load_scene("rr1_table")
+    kinematics = rp.Kinematics(scene)
+    for at in ([0.3, 0.1, 0.4], [0.2, -0.3, 0.3]):
+        for turn in (None, [1.0, 0.0, 0.0, 0.0]):
+            yield rp.solve_ik(kinematics, rp.PoseGoal("tool", at, turn), rng=0, attempts=60).solutions.tobytes()
+        region = rp.RegionGoal("tool", np.array(at) - 0.05, np.array(at) + 0.05)
+        yield rp.solve_ik(kinematics, region, rng=0, attempts=60).solutions.tobytes()
+
+
+def answers():
+    return [*edges(), *plans(), *solutions()]
+
+
+def main() -> int:
+    expected = answers()
+    LIBRARY.fastest = LIBRARY.load(Path(sys.argv[1]))
+    assert load_library() is LIBRARY.fastest
+    found = answers()
+    if found != expected:
+        return 1
+    sys.stdout.write(f"same answers to {len(found)} questions\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
