@@ -72,7 +72,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
     Args:
         sources: Where the type is declared.
         given: It.
-        kind: The C type of what is there: a struct each of whose items is a row of the array, or a kind of number.
+        kind: The C type at that address: a struct, one for each row of the array, or a kind of number.
 
     Raises:
         TypeError: it is not of that kind.

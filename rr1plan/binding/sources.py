@@ -1,4 +1,4 @@
-"""C sources read for what Python has to know of them: structs, constants and exported functions.
+"""Structs, constants and exported functions, read from C sources.
 
 The sources are the one place where those are declared. Headers keep to a subset of C that is read here: structs of
 numbers, arrays of numbers, pointers and earlier structs, and enums. The build compiles the offsets that the C compiler
@@ -121,7 +121,7 @@ class Field:
 
     Args:
         name: Its name.
-        kind: The C type; of a pointer, of what it points to.
+        kind: The C type; of a pointer, the type it points to.
         pointer: Whether it is a pointer.
         count: Length of an array, 1 of anything else.
     """
@@ -138,7 +138,7 @@ class Prototype:
 
     Args:
         result: The C type of its result.
-        arguments: C types of its arguments; of pointers, of what they point to, with a `*`.
+        arguments: C types of its arguments; of pointers, the types they point to, with a `*`.
     """
 
     result: str

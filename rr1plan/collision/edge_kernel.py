@@ -71,7 +71,7 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS) -> CSt
     """Memory that the exact kernel writes.
 
     Args:
-        tables: Its tables; poses of what does not move are copied from them.
+        tables: Its tables; the poses of fixed bodies are copied from them.
         columns: Number of columns of q.
         terms: Coefficients of the longest curve.
     """

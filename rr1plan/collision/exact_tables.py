@@ -32,7 +32,7 @@ _INTS = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class CarriedTables:
-    """The tables of what the arms carry; columns as in `ExactTables`."""
+    """The tables of the bodies that arms carry; columns as in `ExactTables`."""
 
     joints: _INTS
     joint_values: Array

@@ -16,7 +16,7 @@ from rr1plan.checks import Array
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.kernels.library import constants
 
-# Directions are told apart by so many cells along each side of the two squares (`support_table.h`).
+# Cells of directions along each side of the two squares (`support_table.h`).
 DIRECTION_CELLS = constants()["DIRECTION_CELLS"]
 # Bits of a word that are used.
 WORD = 63

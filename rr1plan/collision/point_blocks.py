@@ -8,7 +8,7 @@ from rr1plan.checks import Array
 from rr1plan.kernels.library import constants
 
 BLOCK = constants()["BLOCK_POINTS"]
-"""Corners of a core come in blocks of so many neighbors."""
+"""Neighboring corners of a core in a block."""
 
 # Beyond all rounding in a support value.
 _SAFETY = 1.0 + 1e-9
