@@ -55,6 +55,7 @@ typedef struct {
     int64_t starts;          // so far
     double *nearest;         // where a descent came nearest to the target, shape (nq,)
     double nearest_squared;  // squared error there
+    double *memory;          // nq numbers and those of a descent, see `rr1_descent_memory`
 } IkSearch;
 
 #endif

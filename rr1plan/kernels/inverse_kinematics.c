@@ -48,18 +48,40 @@ static int solve_cholesky(double *h, double *x, int64_t n, int64_t stride) {
     return 1;
 }
 
-// Normal equations over the columns that are free to move.
+// Normal equations over the columns that are free to move, and memory for solving them.
 typedef struct {
     int64_t count;
-    int64_t stride;   // nq
-    int64_t *free;    // those columns, shape (count,)
-    double *gradient;  // J^T e, shape (count,)
-    double *normal;   // J^T J, lower triangle, rows of `stride`
+    int64_t stride;         // nq
+    int64_t *free;          // those columns, shape (count,)
+    double *gradient;       // J^T e, shape (count,)
+    double *normal;         // J^T J, lower triangle, rows of `stride`
+    double *factor;         // the same shape
+    double *step;           // shape (nq,)
+    double *trial;          // shape (nq,)
+    double (*jacobian)[6];  // shape (nq, 6)
 } NormalEquations;
+
+// They take so many numbers of memory; matrices of many joints are too large for the stack.
+INLINE int64_t descent_memory(int64_t nq) { return 2 * nq * nq + 10 * nq; }
+
+static NormalEquations equations_in(double *memory, int64_t nq) {
+    double *vectors = memory + 2 * nq * nq;
+    return (NormalEquations){
+        .stride = nq,
+        .normal = memory,
+        .factor = memory + nq * nq,
+        .gradient = vectors,
+        .step = vectors + nq,
+        .trial = vectors + 2 * nq,
+        .free = (int64_t *)(vectors + 3 * nq),
+        .jacobian = (double (*)[6])(vectors + 4 * nq),
+    };
+}
 
 // Fill the normal equations at q. What moves nothing has no gradient either, and is left out.
 static void linearize(const double *q, const double *lower, const double *upper, const double error[6], int rows,
-                      const double (*jacobian)[6], NormalEquations *equations) {
+                      NormalEquations *equations) {
+    double (*jacobian)[6] = equations->jacobian;
     int64_t count = 0;
     for (int64_t j = 0; j < equations->stride; j++) {
         double gradient = 0.0;
@@ -79,9 +101,9 @@ static void linearize(const double *q, const double *lower, const double *upper,
 
 // A damped step within the limits, to `trial`; the predicted reduction of the squared error, below zero if there is none.
 static double damped_step(const double *q, const double *lower, const double *upper, double damping,
-                          const NormalEquations *equations, double *trial) {
+                          const NormalEquations *equations) {
     int64_t nq = equations->stride, count = equations->count;
-    double step[nq], factor[nq * nq], reduction = 0.0;
+    double *step = equations->step, *factor = equations->factor, *trial = equations->trial, reduction = 0.0;
     for (int64_t i = 0; i < count; i++) {
         step[i] = equations->gradient[i];
         for (int64_t j = 0; j < i; j++) factor[i * nq + j] = equations->normal[i * nq + j];
@@ -99,15 +121,14 @@ static double damped_step(const double *q, const double *lower, const double *up
 
 // Move q, within limits, to where the squared error is smallest nearby; the squared error there.
 //
-// At most `steps` evaluations; ends where a step is predicted to reduce the error by less than a fraction.
+// At most `steps` evaluations; ends where a step is predicted to reduce the error by less than a fraction. `memory`:
+// see `descent_memory`.
 static double descend(const Chain *chain, const IkTarget *target, double *q, int64_t nq, const double *lower,
-                      const double *upper, int64_t steps, double min_reduction) {
+                      const double *upper, int64_t steps, double min_reduction, double *memory) {
     ChainPose poses[chain->joint_count + 1];
-    // Of at least one element, which a length has to be.
-    int64_t size = nq > 0 ? nq : 1;
-    double error[6], jacobian[size][6], gradient[size], normal[size * size], trial[size];
-    int64_t free[size];
-    NormalEquations equations = {0, nq, free, gradient, normal};
+    double error[6];
+    NormalEquations equations = equations_in(memory, nq);
+    const double *normal = equations.normal, *trial = equations.trial;
     double cost = ik_error(chain, target, q, poses, error), mu = IK_FIRST_MU, past = INFINITY, trace = 0.0;
     int moved = 1;
     for (int64_t k = 0; k < steps && cost >= IK_CONVERGED; k++) {
@@ -116,15 +137,15 @@ static double descend(const Chain *chain, const IkTarget *target, double *q, int
             past = cost;
         }
         if (moved) {
-            int rows = ik_jacobian(chain, target, poses, error, nq, jacobian);
-            linearize(q, lower, upper, error, rows, jacobian, &equations);
+            int rows = ik_jacobian(chain, target, poses, error, nq, equations.jacobian);
+            linearize(q, lower, upper, error, rows, &equations);
             trace = 0.0;
             for (int64_t i = 0; i < equations.count; i++) trace += normal[i * nq + i];
         }
         if (equations.count == 0) break;
         moved = 0;
         double damping = mu * min_number(cost, 1.0) + 1e-12 * (1.0 + trace);
-        double reduction = damped_step(q, lower, upper, damping, &equations, trial);
+        double reduction = damped_step(q, lower, upper, damping, &equations);
         if (0.0 <= reduction && reduction < min_reduction * cost) break;
         if (reduction >= 0.0) {
             double after = ik_error(chain, target, trial, poses, error);
@@ -139,10 +160,12 @@ static double descend(const Chain *chain, const IkTarget *target, double *q, int
     return cost;
 }
 
+EXPORT int64_t rr1_descent_memory(int64_t nq) { return descent_memory(nq); }
+
 // See `descend`.
 EXPORT double rr1_descend(const Chain *chain, const IkTarget *target, double *q, int64_t nq, const double *lower,
-                          const double *upper, int64_t steps) {
-    return descend(chain, target, q, nq, lower, upper, steps, 0.0);
+                          const double *upper, int64_t steps, double *memory) {
+    return descend(chain, target, q, nq, lower, upper, steps, 0.0, memory);
 }
 
 static int is_reached(const IkSearch *search, const double *q) {
@@ -206,14 +229,15 @@ static int take_start(const IkSearch *search, uint64_t *random, double *q, IkTar
 EXPORT int64_t rr1_search_ik(IkSearch *search, uint64_t *random, int64_t starts) {
     const Chain *chain = search->chain;
     int64_t nq = search->column_count;
-    double q[nq > 0 ? nq : 1];
+    double *q = search->memory, *memory = q + nq;
     while (search->starts < starts) {
         IkTarget aim;
         int narrower = take_start(search, random, q, &aim);
         search->starts++;
-        double cost = descend(chain, &aim, q, nq, search->lower, search->upper, IK_STEPS, IK_MIN_REDUCTION);
+        double cost = descend(chain, &aim, q, nq, search->lower, search->upper, IK_STEPS, IK_MIN_REDUCTION, memory);
         if (narrower && !is_reached(search, q))
-            cost = descend(chain, search->target, q, nq, search->lower, search->upper, IK_STEPS, IK_MIN_REDUCTION);
+            cost = descend(chain, search->target, q, nq, search->lower, search->upper, IK_STEPS, IK_MIN_REDUCTION,
+                           memory);
         if (cost < search->nearest_squared) {
             search->nearest_squared = cost;
             for (int64_t j = 0; j < nq; j++) search->nearest[j] = q[j];

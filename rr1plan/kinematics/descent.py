@@ -49,8 +49,9 @@ def descend(chain: Chain, target: Target, q: Array, lower: Array, upper: Array, 
         upper: Upper limits [rad or m], shape (nq,).
         steps: Most evaluations.
     """
-    end = np.array(q, np.float64)
-    return end, load_library().rr1_descend(chain.struct, target.struct, end, len(q), lower, upper, steps)
+    end, library = np.array(q, np.float64), load_library()
+    memory = np.empty(library.rr1_descent_memory(len(q)))
+    return end, library.rr1_descend(chain.struct, target.struct, end, len(q), lower, upper, steps, memory)
 
 
 def errors_at(chain: Chain, target: Target, q: Array) -> tuple[float, float]:

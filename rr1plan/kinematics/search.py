@@ -97,6 +97,7 @@ class IkSearch:
             solutions=self._solutions,
             nearest=self._nearest,
             nearest_squared=np.inf,
+            memory=np.empty(robot.nq + load_library().rr1_descent_memory(robot.nq)),
         )
         self._last = 0
 

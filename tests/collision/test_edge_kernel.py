@@ -207,13 +207,17 @@ def test_many_edges_by_one_call(worlds):
 
 
 def _sanitizers():
-    """The compiler's runtime of AddressSanitizer, if there is one."""
+    """The compiler, and what its programs load first under AddressSanitizer; None if it has none."""
     gcc = shutil.which("gcc")
     if sys.platform != "linux" or gcc is None:
         return None
-    found = subprocess.run([gcc, "-print-file-name=libasan.so"], capture_output=True, text=True, check=True)
-    runtime = Path(found.stdout.strip())
-    return (gcc, runtime.resolve()) if runtime.is_absolute() else None
+    # The latter so that the former finds how exceptions are thrown.
+    names = ("libasan.so", "libstdc++.so")
+    found = [
+        subprocess.run([gcc, f"-print-file-name={name}"], capture_output=True, text=True, check=True) for name in names
+    ]
+    files = [Path(one.stdout.strip()) for one in found]
+    return (gcc, " ".join(str(file.resolve()) for file in files)) if files[0].is_absolute() else None
 
 
 @pytest.mark.skipif(_sanitizers() is None, reason="no gcc with AddressSanitizer")
@@ -222,19 +226,20 @@ def test_no_memory_is_misused_and_nothing_is_undefined(tmp_path):
 
     Edges, plans, shorter paths, motions and inverse kinematics are those of the library that ships, to the last bit.
     """
-    gcc, runtime = _sanitizers()
+    gcc, preloaded = _sanitizers()
     code = f"""
 import sys
 sys.path.insert(0, {str(ROOT)!r})
 from pathlib import Path
 import hatch_build
 flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Og"]
-hatch_build.compile_kernels(Path({str(tmp_path)!r}) / "checked.so", "-shared", "-fPIC", *flags, compiler=[{gcc!r}])
+out = Path({str(tmp_path)!r}) / "checked.so"
+hatch_build.compile_kernels(hatch_build.UNITS[0], out, "-shared", "-fPIC", *flags, compiler=[{gcc!r}])
 """
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
     done = subprocess.run(
         [sys.executable, Path(__file__).with_name("sanitized_kernels.py"), tmp_path / "checked.so"],
-        env=os.environ | {"LD_PRELOAD": str(runtime), "ASAN_OPTIONS": "detect_leaks=0"},
+        env=os.environ | {"LD_PRELOAD": preloaded, "ASAN_OPTIONS": "detect_leaks=0"},
         capture_output=True,
         text=True,
         check=False,
