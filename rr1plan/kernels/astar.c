@@ -127,7 +127,8 @@ static int roadmap_path_is_free(RoadmapGraph *graph, const int64_t *steps, int64
     return free;
 }
 
-// The shortest free path from an attached start to the nearest of its goals, all later vertices, by so many attempts.
+// The shortest free path from an attached start to the nearest of its goals, which are all later vertices; at most
+// `attempts` paths are tried.
 //
 // `begin` is the start itself, not wrapped. `path` takes the waypoints, shape (vertex_count + 1, nq), `rows` their number.
 // Returns ASTAR_FOUND, ASTAR_NONE (there is no path), or ASTAR_GOING (all that were tried are blocked).

@@ -112,7 +112,7 @@ static int sweep(const SceneTables *scene, Scratch *scratch) {
     return scratch->open_count == 0 ? SWEEP_PROVEN : SWEEP_OPEN;
 }
 
-// The answer for the edge in `curve`, of which so many coefficients count.
+// The answer for the edge in `curve`, which has `terms` coefficients.
 static int64_t decide(int64_t terms, const SceneTables *scene, Scratch *scratch) {
     Counters *done = &scratch->done;
     done->edges++;

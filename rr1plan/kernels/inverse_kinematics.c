@@ -9,7 +9,7 @@
 #include "random.h"
 
 #define IK_CONVERGED 1e-20  // squared error: 1e-10 m
-// The squared error has to halve in so many steps, and a descent of a search has at most so many.
+// The squared error has to halve every IK_PATIENCE steps; a descent of a search has at most IK_STEPS.
 enum { IK_PATIENCE = 5, IK_STEPS = 40 };
 // A descent of a search ends where a step is predicted to reduce the squared error by less than this fraction: most
 // descents end in a local minimum, and this is how it shows.

@@ -2,7 +2,7 @@
 //
 // Links that follow each other closely are always near, so spheres never separate them, but few joints move one against
 // the other. A cell of the map holds a lower bound of the distance anywhere in it: the distance at its middle less what
-// the bodies can approach. Cells with less than is asked for are cut into quarters, down to the finest.
+// the bodies can approach. Cells that are not decided are cut into quarters, down to the finest.
 #include "scene_tables.h"
 
 // A proof needs this much more than the travel, for rounding [m].

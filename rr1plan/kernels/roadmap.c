@@ -111,7 +111,7 @@ EXPORT void rr1_learn_path(RoadmapGraph *graph, const double *path, int64_t coun
     }
 }
 
-// Remove all vertices and edges after the first so many.
+// Keep the first `vertices` vertices and `edges` edges, remove the others.
 EXPORT void rr1_truncate_roadmap(RoadmapGraph *graph, int64_t vertices, int64_t edges) {
     for (int64_t e = graph->edge_count - 1; e >= edges; e--)
         // The latest edge is at the head of both lists.

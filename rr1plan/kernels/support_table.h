@@ -10,7 +10,7 @@
 
 // Cells along each side of a square.
 enum { DIRECTION_CELLS = 16 };
-// Consecutive points of a core are enclosed by a ball in blocks of so many.
+// Consecutive points of a core that are enclosed by one ball.
 enum { BLOCK_POINTS = 8 };
 
 // Bits of the points of a core that can be the lowest along directions of its frame, in the lanes given.

@@ -136,7 +136,7 @@ class Trees:
         trees.sides[0].size = trees.samples = trees.edges = 0
 
     def grow(self, state: RandomState, samples: int, scene: tuple[int, int]) -> bool:
-        """Grow until so many samples have been drawn in all, or there is no room; whether the trees have met."""
+        """Grow until `samples` have been drawn in all, or there is no room; whether the trees have met."""
         struct = self.memory.struct
         code = self._call(struct, self._query, state, samples, *scene)
         if code == constants()["SEARCH_FULL"]:
@@ -213,7 +213,7 @@ _idle: deque[TreeMemory] = deque(maxlen=4)
 
 
 def _take_memory(nq: int, capacity: int) -> TreeMemory:
-    """Memory for two trees of so many vertices each, used before where possible."""
+    """Memory for two trees of `capacity` vertices each, reused where possible."""
     with suppress(IndexError):
         used = _idle.pop()
         if used.vertices.shape[1:] == (nq, capacity):

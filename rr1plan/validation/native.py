@@ -54,7 +54,7 @@ FIXED, TURNS, SLIDES = _C["MOVE_FIXED"], _C["MOVE_TURNS"], _C["MOVE_SLIDES"]
 FREE, LEFT, UNDECIDED = _C["PAIR_FREE"], _C["PAIR_LEFT"], _C["PAIR_UNDECIDED"]
 GROUPS = _C["PAIR_GROUPS"]
 # Columns of the tables of bodies (b, 6), of their sizes (b, 23), of placed bodies (b, 15), of joints' frames (s, 17),
-# and of what is found of pairs (p, 3).
+# and of the findings of pairs (p, 3).
 SHAPE, COUNT = _columns("RefereeBody", "shape", "corner_count")
 HALF, ROUND, RADIUS, BOUND, CENTER, LOCAL = _columns(
     "BodySizes", "half", "rounding", "radius", "box", "center", "rotation"

@@ -170,8 +170,9 @@ typedef struct {
     double change;
     double rest;
     double speed;
-    double angular[3];  // velocity of what it carries, under all joints up to it: angular, and of the point at the
-    double linear[3];   // world's origin
+    // Velocity of the bodies it carries, under all joints up to it: angular, and of the point at the world's origin.
+    double angular[3];
+    double linear[3];
 } JointState;
 
 // Range of a column of q on a piece.

@@ -119,7 +119,7 @@ static void halve_interval(RefereeSearch *s, int64_t top, int64_t left) {
     s->open = top + 2;
 }
 
-// Take the last open interval, settle what can be, and open its halves for what cannot.
+// Take the last open interval, settle the pairs that can be settled, and open its halves for the others.
 static void visit_interval(RefereeSearch *s) {
     int64_t top = --s->open;
     const TimeInterval at = s->intervals[top];

@@ -104,7 +104,7 @@ static inline JointState *state_of(const RefereeSearch *s, int64_t joint) {
     return &s->states[joint < 0 ? s->joint_count : joint];
 }
 
-// Velocity of what each joint carries, under it and all joints before it.
+// Velocity of the bodies that each joint carries, under it and all joints before it.
 static void add_velocities(RefereeSearch *s) {
     for (int64_t j = 0; j < s->joint_count; j++) {
         JointState *state = &s->states[j];
