@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -63,7 +64,7 @@ def _measure(args: argparse.Namespace) -> dict[str, Any]:
     commands = {
         "an empty script": [*python, ""],
         "import rr1plan": [*python, _IMPORT],
-        "import numpy": [*python, "import numpy"],
+        "import numpy, pinocchio, coal": [*python, "import numpy, pinocchio, coal"],
         "first plan, from Python": [*python, _FIRST.format(scene=args.scene)],
         "rr1plan plan": [sys.executable, "-m", "rr1plan", "plan", args.scene, "--seed", "0", "--json"],
         "rr1plan robots": [sys.executable, "-m", "rr1plan", "robots"],
@@ -83,8 +84,10 @@ def _measure(args: argparse.Namespace) -> dict[str, Any]:
 
 def _run(command: Sequence[str]) -> dict[str, Any]:
     """CPU and wall time of a process [s], from its start to its end, and its output."""
+    # The bytecode is cached, as it is on most machines, even where the environment forbids it.
+    kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, env=kept, capture_output=True, text=True, check=False)
     wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode != 0:
         raise RuntimeError(f"{' '.join(command)[:200]} ended with {done.returncode}: {done.stderr[-2000:]}")
