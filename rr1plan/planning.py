@@ -62,7 +62,7 @@ class Budget:
 
 
 def _is_above_zero(value: Any, kind: type) -> bool:
-    return isinstance(value, kind) and not isinstance(value, bool) and bool(np.asarray(value) > 0)
+    return isinstance(value, kind) and not isinstance(value, bool) and bool(value > 0)
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,15 @@ from rr1plan.binding.sources import KernelSources
 # Vectors across two lines of the processor's cache take twice as long.
 _LINE = 64
 _DTYPES = {
-    "double": np.float64,
-    "float": np.float32,
-    "int64_t": np.int64,
-    "uint64_t": np.uint64,
-    "int16_t": np.int16,
-    "int8_t": np.int8,
-    "uint8_t": np.uint8,
+    "double": np.dtype(np.float64),
+    "float": np.dtype(np.float32),
+    "int64_t": np.dtype(np.int64),
+    "uint64_t": np.dtype(np.uint64),
+    "int16_t": np.dtype(np.int16),
+    "int8_t": np.dtype(np.int8),
+    "uint8_t": np.dtype(np.uint8),
 }
+_start_of = ctypes.c_char.from_buffer
 
 
 class CStruct:
@@ -81,16 +82,18 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
         if given.name != kind:
             raise TypeError(f"a {given.name} is no {kind}")
         return given.address
-    if not given.flags.c_contiguous:
+    flags, expected = given.flags, _DTYPES.get(kind)
+    if not flags.c_contiguous:
         raise TypeError(f"an array for {kind} is not C-contiguous")
-    if kind in _DTYPES:
-        if given.dtype != _DTYPES[kind]:
-            raise TypeError(f"an array of {given.dtype} is no array of {kind}")
-    else:
+    if expected is None:
         row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
         size = sources.item_size(kind)
         if row != size:
             raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
+    elif given.dtype is not expected and given.dtype != expected:
+        raise TypeError(f"an array of {given.dtype} is no array of {kind}")
+    if flags.writeable and given.size:
+        return ctypes.addressof(_start_of(given))  # in a third of the time of what serves all arrays
     address: int = given.__array_interface__["data"][0]
     return address
 
@@ -105,14 +108,19 @@ def argument_type(sources: KernelSources, kind: str) -> Any:
     if not kind.endswith("*"):
         return {"int64_t": ctypes.c_int64, "double": ctypes.c_double}[kind]
     target = kind.removesuffix("*")
+    expected = _DTYPES.get(target)
 
     class Pointer:
         """An argument that points to a kind of item."""
 
         @classmethod
-        def from_param(cls, given: Any) -> ctypes.c_void_p:
+        def from_param(cls, given: Any) -> Any:
             """What is handed to C."""
-            return ctypes.c_void_p(given if isinstance(given, int) else address_of(sources, given, target))
+            if type(given) is np.ndarray and given.dtype is expected:  # most arguments, in half of the time
+                flags = given.flags
+                if flags.c_contiguous and flags.writeable and given.size:
+                    return ctypes.byref(_start_of(given))
+            return ctypes.c_void_p(given if type(given) is int else address_of(sources, given, target))
 
     return Pointer
 
