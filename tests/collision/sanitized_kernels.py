@@ -68,7 +68,7 @@ def plans():
         for part in (path, shorter):
             motion = rp.retiming.retime(part, problem.scene)
             yield motion.sample(0.01)[1].tobytes()
-        point = path.waypoints[:1]
+        point = path.waypoints[:1].copy()
         yield rp.retiming.retime(rp.Path(path.joint_names, point), problem.scene).duration
         yield len(round_corners(point, np.zeros(1))[0])
     problem = rp.load_problems("planar2r_path")["over_the_seam"]
