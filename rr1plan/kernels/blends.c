@@ -72,6 +72,7 @@ EXPORT int64_t rr1_round_corners(const double *points, const double *sizes, int6
     double unit[nq], next[nq];
     int64_t pieces = 0;
     before[0] = 0;
+    if (count < 2) return 0;
     double edge = unit_direction(points, points + nq, nq, unit), next_edge = 0.0;
     for (int64_t i = 0; i + 1 < count; i++) {
         const double *corner = points + (i + 1) * nq;

@@ -61,7 +61,7 @@ typedef struct {
     double (*jacobian)[6];  // shape (nq, 6)
 } NormalEquations;
 
-// They take so many numbers of memory; matrices of many joints are too large for the stack.
+// Size of that memory [numbers]. Matrices of many joints are too large for the stack.
 INLINE int64_t descent_memory(int64_t nq) { return 2 * nq * nq + 10 * nq; }
 
 static NormalEquations equations_in(double *memory, int64_t nq) {

@@ -18,6 +18,7 @@ from rr1plan.kernels.library import LIBRARY, load_library
 from rr1plan.planners import Roadmap, RrtConnect
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
+from rr1plan.retiming.blends import round_corners
 from rr1plan.transforms import pose
 
 COUNTED = Budget(seconds=float("inf"), iterations=20_000)
@@ -67,6 +68,9 @@ def plans():
         for part in (path, shorter):
             motion = rp.retiming.retime(part, problem.scene)
             yield motion.sample(0.01)[1].tobytes()
+        point = path.waypoints[:1].copy()
+        yield rp.retiming.retime(rp.Path(path.joint_names, point), problem.scene).duration
+        yield len(round_corners(point, np.zeros(1))[0])
     problem = rp.load_problems("planar2r_path")["over_the_seam"]
     roadmap = Roadmap(problem.scene, samples=400)
     for _ in range(2):

@@ -70,7 +70,7 @@ def test_the_headers_are_read_as_c_reads_them():
 
 def test_exported_functions_are_read_as_c_reads_them():
     text = """
-    EXPORT double rr1_one(const Thing *thing, int64_t count,  // so many
+    EXPORT double rr1_one(const Thing *thing, int64_t count,  // rows
                           const double q[3], double (*rows)[6]) {
     }
     static void rr1_hidden(void) {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import time
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import numpy as np
@@ -174,3 +175,16 @@ def test_trees_take_the_memory_of_those_that_are_no_more(cage):
     before = one.memory.vertices
     del one
     assert np.shares_memory(tree_search.Trees(cage.start, goals).memory.vertices, before)
+
+
+def test_threads_that_plan_at_once_in_one_scene_have_the_answers_of_one(cage):
+    """The kernels let other threads run, and share the scene's tables."""
+
+    def answer(seed):
+        path = RrtConnect().plan(cage, COUNTED, rng=seed).path_or_raise()
+        shorter = rp.shorten(path, MotionChecker(cage.scene), rng=seed)
+        return path.waypoints.tobytes(), shorter.waypoints.tobytes(), rp.retiming.retime(shorter, cage.scene).duration
+
+    expected = [answer(seed) for seed in range(8)]
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(answer, range(8))) == expected
