@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -35,6 +38,11 @@ def test_a_variant_is_built_for_this_processor(name: str) -> None:
     assert library.fastest._name == str(library.variant_file(library.variants[0]))
 
 
+def test_the_libraries_share_no_source_but_that_of_the_binding() -> None:
+    planners, referee = (set(library.sources.files) for library in LIBRARIES.values())
+    assert {file.name for file in planners & referee} <= {"cpu_level.c"}
+
+
 @pytest.mark.parametrize(("name", "variant"), VARIANTS)
 def test_every_field_is_where_the_compiler_has_it(name: str, variant: str) -> None:
     library = LIBRARIES[name]
@@ -42,6 +50,7 @@ def test_every_field_is_where_the_compiler_has_it(name: str, variant: str) -> No
     loaded = library.load(library.variant_file(variant))
     compiled = (ctypes.c_int64 * (len(expected) + 1)).in_dll(loaded, "rr1_layout")
     assert list(compiled) == [*expected, -1]
+    assert len(expected) > 10
 
 
 def test_headers_are_read_as_c_reads_them() -> None:
@@ -84,6 +93,30 @@ EXPORT int64_t rr1_three(void) {
         "rr1_one": ("double", ("Thing*", "int64_t", "double*", "double*")),
         "rr1_three": ("int64_t", ()),
     }
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_all_exported_functions_are_declared_to_python(name: str) -> None:
+    sources = LIBRARIES[name].sources
+    text = "".join(file.read_text(encoding="utf-8") for file in sources.files)
+    exported = set(re.findall(r"^EXPORT \w+ (rr1_\w+)\(", text, re.MULTILINE))
+    assert exported == set(sources.prototypes)
+    assert len(exported) > 3
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="versions of symbols are a matter of Linux")
+@pytest.mark.parametrize(("name", "variant"), VARIANTS)
+def test_a_library_needs_nothing_that_old_systems_lack(name: str, variant: str) -> None:
+    """The wheel says manylinux_2_17; and no planner's sine comes from the C library, which differs between releases."""
+    file = LIBRARIES[name].variant_file(variant)
+    data = file.read_bytes()
+    versions = [int(n) for n in re.findall(rb"GLIBC_2\.(\d+)", data)]
+    assert max(versions, default=0) <= 17
+    if nm := shutil.which("nm"):
+        listed = subprocess.run([nm, "-D", "--undefined-only", file], capture_output=True)
+        names = {line.split()[-1].partition("@")[0] for line in listed.stdout.decode().splitlines()}
+        # Sines of the referee are its own affair: it is independent of the planners in that too.
+        assert names <= {"memcpy", "memset", "memmove"} | ({"sin", "cos", "sincos"} if name == "referee" else set())
 
 
 # ---- what is wrong with an installation ------------------------------------------------------------

@@ -93,17 +93,17 @@ class Stage {
 
   /** Puts floor, shadow and light around a box of the world. */
   furnish(box, floor) {
-    const centre = box.getCenter(new THREE.Vector3()), radius = Math.max(0.3, box.getSize(new THREE.Vector3()).length() / 2);
-    this.key.target.position.copy(centre);
-    this.key.position.copy(centre).add(new THREE.Vector3(-0.55, -0.75, 1.5).multiplyScalar(2.2 * radius));
+    const center = box.getCenter(new THREE.Vector3()), radius = Math.max(0.3, box.getSize(new THREE.Vector3()).length() / 2);
+    this.key.target.position.copy(center);
+    this.key.position.copy(center).add(new THREE.Vector3(-0.55, -0.75, 1.5).multiplyScalar(2.2 * radius));
     const lens = this.key.shadow.camera;
     Object.assign(lens, { left: -1.35 * radius, right: 1.35 * radius, top: 1.35 * radius, bottom: -1.35 * radius, near: 0.1 * radius, far: 8 * radius });
     lens.updateProjectionMatrix();
     this.key.shadow.normalBias = 0.006 * radius;
-    this.meshcat.set_object(["rr1plan", "floor"], this.floor(centre, radius, floor));
+    this.meshcat.set_object(["rr1plan", "floor"], this.floor(center, radius, floor));
   }
 
-  floor(centre, radius, height) {
+  floor(center, radius, height) {
     const group = new THREE.Group();
     const size = 14 * radius;
     const shade = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.ShadowMaterial({ opacity: 0.24 }));
@@ -113,12 +113,12 @@ class Stage {
     const grid = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.ShaderMaterial({
       transparent: true, depthWrite: false, side: THREE.DoubleSide,
       extensions: { derivatives: true },
-      uniforms: { step: { value: step }, reach: { value: 4.2 * radius }, centre: { value: new THREE.Vector2(centre.x, centre.y) } },
+      uniforms: { step: { value: step }, reach: { value: 4.2 * radius }, center: { value: new THREE.Vector2(center.x, center.y) } },
       vertexShader: `
-        varying vec2 place; uniform vec2 centre;
-        void main() { place = position.xy + centre; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }`,
+        varying vec2 place; uniform vec2 center;
+        void main() { place = position.xy + center; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }`,
       fragmentShader: `
-        varying vec2 place; uniform float step; uniform float reach; uniform vec2 centre;
+        varying vec2 place; uniform float step; uniform float reach; uniform vec2 center;
         float lines(float gap) {
           vec2 at = place / gap;
           vec2 wide = fwidth(at);
@@ -127,13 +127,13 @@ class Stage {
           return line * clamp(1.0 - 2.2 * max(wide.x, wide.y), 0.0, 1.0);
         }
         void main() {
-          float fade = 1.0 - smoothstep(0.15, 1.0, length(place - centre) / reach);
+          float fade = 1.0 - smoothstep(0.15, 1.0, length(place - center) / reach);
           float ink = max(0.10 * lines(step), 0.24 * lines(step * 10.0)) * fade;
           gl_FragColor = vec4(0.33, 0.38, 0.45, ink);
         }`,
     }));
     group.add(shade, grid);
-    group.position.set(centre.x, centre.y, height - 0.0008);
+    group.position.set(center.x, center.y, height - 0.0008);
     shade.renderOrder = 1;
     grid.renderOrder = 0;
     return group;
@@ -148,9 +148,9 @@ class Stage {
     const eye = cameraPoint(d.x, d.y, d.z), up = Math.abs(d.z) > 0.999 ? cameraPoint(0, 1, 0) : new THREE.Vector3(0, 1, 0);
     const right = new THREE.Vector3().crossVectors(up, eye).normalize(), above = new THREE.Vector3().crossVectors(eye, right);
     const middle = target ? new THREE.Vector3(...target) : middleOf(balls);
-    const centre = cameraPoint(middle.x, middle.y, middle.z);
+    const center = cameraPoint(middle.x, middle.y, middle.z);
     const local = balls.map(([x, y, z, r]) => {
-      const c = cameraPoint(x, y, z).sub(centre);
+      const c = cameraPoint(x, y, z).sub(center);
       return [c.dot(right), c.dot(above), c.dot(eye), r];
     });
     // Half of the window in tangents of angles, and from where to where the balls are in it from a distance.
@@ -178,8 +178,8 @@ class Stage {
     }
     const distance = Math.max(0.2, best.distance), [x0, x1, y0, y1] = seen(distance), { room } = best;
     this.shift = [(x0 + x1 - room.left - room.right) / 2, (y0 + y1 - room.bottom - room.top) / 2];
-    this.controls.target.copy(centre);
-    this.camera.position.copy(centre).addScaledVector(eye, distance);
+    this.controls.target.copy(center);
+    this.camera.position.copy(center).addScaledVector(eye, distance);
     this.camera.near = distance / 200;
     this.camera.far = distance * 60;
     this.turned = false;
