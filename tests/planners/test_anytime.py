@@ -27,7 +27,7 @@ COUNTED = Budget(seconds=float("inf"), iterations=3000)
 @pytest.fixture(scope="module")
 def shelf():
     """Around a board, to one configuration."""
-    problem = load_problems("rr1_shelf")["upper_left"]
+    problem = load_problems("rr1_shelf")["upper_right"]
     end = RrtConnect().plan(problem, COUNTED, rng=0).path.waypoints[-1]
     return rp.Problem(problem.scene, problem.start, end)
 
