@@ -40,6 +40,8 @@ async def listen(viewer: Viewer, count: int, version: str = "1", **headers: str)
         return [await asyncio.wait_for(connection.read_message(), 20) for _ in range(count)]
     finally:
         connection.close()
+        while await asyncio.wait_for(connection.read_message(), 20) is not None:
+            pass  # the socket is closed with the last message
 
 
 def test_the_page_is_served(viewer: Viewer, rr1_table: rp.Scene) -> None:
@@ -93,6 +95,8 @@ def test_a_slow_page_gets_the_newest_configuration(viewer: Viewer, rr1_table: rp
             q = np.frombuffer(frame, "<f8")
             if q[0] == home[0] + 499:
                 connection.close()
+                while await asyncio.wait_for(connection.read_message(), 20) is not None:
+                    pass
                 return q
 
     np.testing.assert_array_equal(asyncio.run(follow()), home + 499)
