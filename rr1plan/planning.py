@@ -61,7 +61,7 @@ class Budget:
             raise InputError("a budget needs seconds or iterations, got neither")
 
 
-def _is_above_zero(value: Any, kind: type) -> bool:
+def _is_above_zero(value: Any, kind: type[Any]) -> bool:
     return isinstance(value, kind) and not isinstance(value, bool) and bool(value > 0)
 
 

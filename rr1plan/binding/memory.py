@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from rr1plan.binding.sources import KernelSources
 
 # Vectors across two lines of the processor's cache take twice as long.
 _LINE = 64
-_DTYPES = {
+_DTYPES: dict[str, np.dtype[Any]] = {
     "double": np.dtype(np.float64),
     "float": np.dtype(np.float32),
     "int64_t": np.dtype(np.int64),
@@ -21,7 +22,7 @@ _DTYPES = {
     "int8_t": np.dtype(np.int8),
     "uint8_t": np.dtype(np.uint8),
 }
-_start_of = ctypes.c_char.from_buffer
+_start_of: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
 class CStruct:
