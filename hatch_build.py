@@ -22,7 +22,7 @@ from typing import Any
 try:
     from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 except ImportError:  # by hand, without hatchling
-    BuildHookInterface = object  # type: ignore[assignment,misc]
+    BuildHookInterface = object
 
 ROOT = Path(__file__).parent
 # The C files that include all others of a library; it is put into the folder `built` beside them.
@@ -117,7 +117,7 @@ def wheel_tag() -> str:
     return f"py3-none-{form.format(processor)}"
 
 
-class KernelsHook(BuildHookInterface):  # type: ignore[misc,valid-type]
+class KernelsHook(BuildHookInterface):
     """What hatchling runs before it packs a wheel or installs in place."""
 
     PLUGIN_NAME = "custom"
@@ -145,4 +145,4 @@ def _binding_sources() -> ModuleType:
 
 
 if __name__ == "__main__":
-    print(*build_all(), sep="\n")  # noqa: T201
+    sys.stdout.writelines(f"{file}\n" for file in build_all())

@@ -229,7 +229,7 @@ def test_groups_that_cannot_be_joined_are_refused(arm: Path) -> None:
         rp.load_robot(arm, groups=["right", "lefd"])
     for wrong in ("left", [], ["left", "left"], 3):
         with pytest.raises(InputError, match="groups is"):
-            rp.load_robot(arm, groups=wrong)  # type: ignore[arg-type]
+            rp.load_robot(arm, groups=wrong)
     with pytest.raises(InputError, match="expected one of them"):
         rp.load_robot(arm, group="left", groups=["right"])
 
