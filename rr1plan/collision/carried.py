@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.solids import solid_pieces
+from rr1plan.collision.solids import is_concave, solid_pieces
 from rr1plan.errors import InputError
 from rr1plan.model import SceneModel
 from rr1plan.shapes import HalfSpace, PointCloud, Shape
 from rr1plan.skeleton import ElementGeometry, Skeleton
 
 _INTS = NDArray[np.int64]
+Pieces = Callable[[Shape], tuple[Shape, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,23 +91,25 @@ def _carried(content: _Content) -> Carried:
     return Carried(skeleton, solids, tuple(number), read_only(groups), read_only(shared), surfaceless(solids))
 
 
-def solids_of(geometries: Iterable[ElementGeometry]) -> list[Solid]:
-    """Shapes of elements as convex solids.
+def solids_of(geometries: Iterable[ElementGeometry], pieces: Pieces = solid_pieces) -> list[Solid]:
+    """Shapes of elements as solids: convex ones, unless `pieces` makes others.
 
     Raises:
         InputError: a shape that cannot be made solid.
     """
-    return [Solid(g.element, piece, g.joint, g.placement) for g in geometries for piece in _pieces(g)]
+    return [Solid(g.element, piece, g.joint, g.placement) for g in geometries for piece in _pieces(g, pieces)]
 
 
-def _pieces(geometry: ElementGeometry) -> tuple[Shape, ...]:
-    """Convex pieces of a shape; what is wrong with it is told with the name of its element."""
+def _pieces(geometry: ElementGeometry, pieces: Pieces) -> tuple[Shape, ...]:
+    """The solids of a shape; what is wrong with it is told with the name of its element."""
     try:
-        return solid_pieces(geometry.geometry.shape)
+        return pieces(geometry.geometry.shape)
     except InputError as error:
         raise InputError(f"shape of {geometry.element!r}: {error}") from error
 
 
 def surfaceless(solids: Iterable[Solid]) -> tuple[bool, ...]:
-    """Which solids are half-spaces or point clouds: they have no surface to measure from, only one to measure to."""
-    return tuple(isinstance(solid.shape, HalfSpace | PointCloud) for solid in solids)
+    """Which solids are half-spaces, point clouds or concave meshes: distances are measured to them, not from them."""
+    return tuple(
+        isinstance(solid.shape, HalfSpace | PointCloud) or is_concave(solid.shape) for solid in solids
+    )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -11,8 +12,10 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.carried import Solid
-from rr1plan.collision.solids import coal_geometry
+from rr1plan.collision.coal_meshes import holds_point, point_in
+from rr1plan.collision.solids import coal_geometry, is_concave
 from rr1plan.model import SceneModel
+from rr1plan.shapes import Mesh
 
 # Coal's distances of cylinders are this sharp, not 1e-5 m as with its own default.
 _GJK_TOLERANCE = 1e-10
@@ -39,6 +42,7 @@ class CoalPairs:
         self._manager = pin.BroadPhaseManager_NaiveCollisionManager(model.model, self._geometry, self._scratch)
         self._callback = pin.CollisionCallBackDefault(self._geometry, self._scratch)
         self._callback.stopAtFirstCollision = True
+        self._hollow = tuple(_hollow_pairs(solids, pairs))
 
     def place(self, q: Array) -> None:
         """Move the solids to where they are at q (nq,)."""
@@ -49,19 +53,29 @@ class CoalPairs:
         """Whether any pair is nearer than its padding."""
         self._manager.update(False)
         self._callback.init()
-        return bool(pin.computeCollisions(self._manager, self._callback))
+        return bool(pin.computeCollisions(self._manager, self._callback)) or any(map(self._is_inside, self._hollow))
 
     def touching(self) -> list[int]:
         """The pairs that are nearer than their padding."""
         pin.computeCollisions(self._geometry, self._scratch, False)
-        return [i for i, result in enumerate(self._scratch.collisionResults) if result.isCollision()]
+        touching = [result.isCollision() for result in self._scratch.collisionResults]
+        for hollow in self._hollow:
+            touching[hollow.pair] = touching[hollow.pair] or self._is_inside(hollow)
+        return [i for i, touches in enumerate(touching) if touches]
 
     def distances(self) -> Array:
-        """Distance of every pair [m], negative where they overlap, shape (m,)."""
+        """Distance of every pair [m], negative where they overlap, shape (m,).
+
+        Where a body crosses the surface of a mesh that is not convex, it is minus the depth in one of the triangles;
+        where it is wholly inside, minus its distance from the surface.
+        """
         pin.computeDistances(self._geometry, self._scratch)
         found = np.array([r.min_distance for r in self._scratch.distanceResults], dtype=np.float64)
         for pair in np.flatnonzero(found < _NO_DISTANCE):
             found[pair] = self.distance(int(pair))[0]
+        for hollow in self._hollow:
+            if found[hollow.pair] > 0.0 and self._is_inside(hollow):
+                found[hollow.pair] *= -1.0
         return found
 
     def distance(self, pair: int) -> tuple[float, Array, Array]:
@@ -73,7 +87,41 @@ class CoalPairs:
             placement.translation = exactly + _NUDGE
             result = pin.computeDistance(self._geometry, self._scratch, pair)
             placement.translation = exactly
-        return float(result.min_distance), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+        distance = float(result.min_distance)
+        if distance > 0.0 and any(hollow.pair == pair and self._is_inside(hollow) for hollow in self._hollow):
+            distance = -distance
+        return distance, np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+
+    def _is_inside(self, hollow: _Hollow) -> bool:
+        """Whether a point of the solid, and so all of one that does not touch the surface, is inside the mesh."""
+        world = self._scratch.oMg[hollow.solid].act(hollow.point)
+        return holds_point(hollow.mesh, self._scratch.oMg[hollow.surface].actInv(world))
+
+
+class _Hollow(NamedTuple):
+    """A pair of a convex solid and a mesh that is not convex.
+
+    Args:
+        pair: Its number.
+        solid: Number of the solid.
+        point: A point of that in its frame, shape (3,).
+        surface: Number of the mesh among the solids.
+        mesh: The mesh.
+    """
+
+    pair: int
+    solid: int
+    point: Array
+    surface: int
+    mesh: Mesh
+
+
+def _hollow_pairs(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Iterator[_Hollow]:
+    for pair, (i, j) in enumerate(pairs.tolist()):
+        for solid, surface in ((i, j), (j, i)):
+            mesh, point = solids[surface].shape, point_in(solids[solid].shape)
+            if is_concave(mesh) and point is not None:
+                yield _Hollow(pair, solid, point, surface, mesh)
 
 
 def _geometry_model(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Any:

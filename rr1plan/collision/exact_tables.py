@@ -20,7 +20,10 @@ from rr1plan.collision.body_rows import FAR, BodyRows, flat, rows_of
 from rr1plan.collision.carried import Carried
 from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.collision.layout import Layout
+from rr1plan.collision.mesh_trees import joined_trees, mesh_tree
+from rr1plan.collision.solids import is_concave
 from rr1plan.collision.standing import Standing
+from rr1plan.kernels.library import constants
 from rr1plan.skeleton import Skeleton, joint_twist
 from rr1plan.transforms import rotation_about
 
@@ -78,6 +81,8 @@ def _bare_tables(checker: CollisionChecker) -> ExactTables:
 def _joined_tables(layout: Layout) -> ExactTables:
     carried = carried_tables(layout.carried)
     rows = _joined([carried.rows, *standing_rows(layout.standing)], len(carried.chain))
+    meshes = joined_trees([mesh_tree(s.shape) for thing in layout.standing for s in thing.solids if is_concave(s.shape)])
+    rows.bodies[rows.bodies[:, 0] == constants()["BODY_MESH"], 2] = np.arange(len(meshes.ranges))
     begins = np.concatenate([[0], np.cumsum(rows.degrees)]) + len(rows.corners) + 1
     return ExactTables(
         carried.joints,
@@ -93,6 +98,7 @@ def _joined_tables(layout: Layout) -> ExactTables:
         carried.joint_poses,
         read_only(rows.poses),
         read_only(rows.centres),
+        meshes,
     )
 
 

@@ -17,6 +17,7 @@ from rr1plan.collision.carried import Carried
 from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
 from rr1plan.collision.exact_tables import CarriedTables, carried_tables, chain_reach, joint_motion
 from rr1plan.collision.kernel_tables import ExactTables
+from rr1plan.collision.mesh_trees import NO_MESHES
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.kernels.library import constants, load_library
 
@@ -236,6 +237,7 @@ def _two_bodies(
         poses,
         body_poses,
         centres,
+        NO_MESHES,
     )
 
 

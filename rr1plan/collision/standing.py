@@ -8,6 +8,7 @@ from typing import Any
 
 from rr1plan.checks import read_only
 from rr1plan.collision.carried import Solid, solids_of, surfaceless
+from rr1plan.collision.solids import obstacle_pieces
 from rr1plan.scene import Obstacle
 from rr1plan.shapes import Shape
 from rr1plan.skeleton import ElementGeometry
@@ -52,5 +53,5 @@ def standing_of(name: str, obstacle: Obstacle) -> Standing:
 def _standing(content: _Content) -> Standing:
     pose = content.obstacle.pose
     placed = (ElementGeometry(content.name, g, 0, read_only(pose @ g.pose)) for g in content.obstacle.geometries)
-    solids = tuple(solids_of(placed))
+    solids = tuple(solids_of(placed, obstacle_pieces))
     return Standing(solids, surfaceless(solids))
