@@ -59,7 +59,7 @@ def is_concave(shape: Shape) -> TypeGuard[Mesh]:
 
 
 def cut_meshes(scene: Scene, progress: Callable[[float], bool | None]) -> None:
-    """Make the convex pieces of all meshes of a scene that are not convex, which may take long, ahead of their use.
+    """Make the convex pieces of all concave meshes that move, which may take long, ahead of their use.
 
     Args:
         scene: The scene.
@@ -70,9 +70,8 @@ def cut_meshes(scene: Scene, progress: Callable[[float], bool | None]) -> None:
         CancelledError: `progress` returned False.
     """
     arms = ((f"{a}/{link.name}", link.collisions) for a, arm in scene.arms.items() for link in arm.robot.links)
-    obstacles = ((name, obstacle.geometries) for name, obstacle in scene.obstacles.items())
     attachments = ((name, held.geometries) for name, held in scene.attachments.items())
-    for element, geometries in (*arms, *obstacles, *attachments):
+    for element, geometries in (*arms, *attachments):
         for mesh in (g.shape for g in geometries if isinstance(g.shape, Mesh) and not g.shape.convex):
             try:
                 _mesh_pieces(_Whole(mesh, progress))

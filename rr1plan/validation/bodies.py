@@ -21,7 +21,7 @@ from rr1plan.validation.native import CENTER
 from rr1plan.validation.polynomials import Index
 from rr1plan.validation.solids import Solid, solid, support
 
-CONVEX, CONCAVE, HALF_SPACE = 1, 2, 3
+CONVEX, CONCAVE, HALF_SPACE, SURFACE = 1, 2, 3, 4
 _IDENTITY = np.eye(4)
 # Rounding of the distances between axes and bodies computed here [m].
 _REACH_ROUNDING = 1e-7
@@ -33,7 +33,7 @@ class ElementBodies:
 
     Args:
         solids: The solids.
-        forms: `CONVEX`, `CONCAVE` (a cloud too) or `HALF_SPACE`, shape (b,).
+        forms: `CONVEX`, `CONCAVE` (a cloud), `HALF_SPACE` or `SURFACE` (a mesh that is not convex), shape (b,).
         radius: Radii of their bounding balls [m], shape (b,).
         half: Half the edges of their bounding boxes [m], shape (b, 3).
         rotation, origin: Poses of their frames in the link's, shapes (b, 3, 3) and (b, 3).
@@ -97,6 +97,8 @@ def element_bodies(geometries: tuple[Geometry, ...], pose: bytes) -> ElementBodi
 
 
 def _form(body: Solid) -> int:
+    if body.surface is not None:
+        return SURFACE
     return CONVEX if body.convex else CONCAVE if np.isfinite(body.radius) else HALF_SPACE
 
 
@@ -200,7 +202,10 @@ class Bodies:
         self._fixed: dict[int, Any] = {}
 
     def _pair_up(self, counts: Index) -> None:
-        """All bodies of one element against all of the other, for each pair of elements; a half-space comes second."""
+        """All bodies of one element against all of the other, for each pair of elements.
+
+        A half-space comes second, and so does a surface beside a convex body.
+        """
         one, two = self._index.T
         first = np.cumsum(counts) - counts
         each = counts[one] * counts[two]
@@ -208,11 +213,12 @@ class Bodies:
         place = np.arange(len(self.pair)) - np.repeat(np.cumsum(each) - each, each)
         width = np.repeat(counts[two], each)
         a, b = first[one][self.pair] + place // width, first[two][self.pair] + place % width
-        half_first = self.forms[a] == HALF_SPACE
-        self.a, self.b = np.where(half_first, b, a), np.where(half_first, a, b)
+        turned = (self.forms[a] == HALF_SPACE) | ((self.forms[a] == SURFACE) & (self.forms[b] == CONVEX))
+        self.a, self.b = np.where(turned, b, a), np.where(turned, a, b)
 
     def _classify(self) -> None:
-        self._kind_a, self._kind_b = self.forms[self.a], self.forms[self.b]
+        kinds = np.where(self.forms == SURFACE, CONCAVE, self.forms)
+        self._kind_a, self._kind_b = kinds[self.a], kinds[self.b]
         both = np.flatnonzero(self._kind_a == HALF_SPACE)
         if len(both):
             names = self.names(int(self.pair[both[0]]))
@@ -220,6 +226,29 @@ class Bodies:
         # A joint that carries both bodies does not move one against the other.
         self._only_a = self._in_chain[self.a] * (1.0 - np.take_along_axis(self.moved[self.b], self._chain[self.a], 1))
         self._only_b = self._in_chain[self.b] * (1.0 - np.take_along_axis(self.moved[self.a], self._chain[self.b], 1))
+
+    # ---- at the begin --------------------------------------------------------------------
+
+    def enclosed(self) -> Index:
+        """The pairs of shapes of which the second is a surface that encloses the first when the motion begins, (n,).
+
+        What crosses no surface stays inside or outside.
+        """
+        closed = np.array([s.surface is not None and s.surface.is_closed for s in self.solids], dtype=np.bool_)
+        items = np.flatnonzero(closed[self.b] & (self.forms[self.a] == CONVEX)) if closed.any() else np.zeros(0, np.intp)
+        if not len(items):
+            return items
+        motion = self.motion
+        placed = self.place(motion.frames(motion.positions(*motion.locate(motion.breaks[:1]))))
+        return np.array([i for i in items.tolist() if self._encloses(placed, i)], dtype=np.intp)
+
+    def _encloses(self, placed: Placed, item: int) -> bool:
+        """Whether the surface of a pair of shapes holds a point of the other one, where they are placed first."""
+        a, b = int(self.a[item]), int(self.b[item])
+        body, surface = self.solids[a], self.solids[b].surface
+        point = body.points[0] if len(body.points) else body.center
+        world = placed.rotation[0, a] @ point + placed.origin[0, a]
+        return surface is not None and surface.holds(placed.rotation[0, b].T @ (world - placed.origin[0, b]))
 
     # ---- at n times ---------------------------------------------------------------------
 

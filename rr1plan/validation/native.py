@@ -45,7 +45,9 @@ def _columns(struct: str, *fields: str) -> tuple[int, ...]:
 
 _C = SOURCES.constants
 # What a shape is to the kernels; see `referee_tables.h`.
-HULL, BOX, CYLINDER, PLANE, TABLE = (_C[f"SHAPE_{n}"] for n in ("HULL", "BOX", "CYLINDER", "PLANE", "TABLE"))
+HULL, BOX, CYLINDER, PLANE, TABLE, SURFACE = (
+    _C[f"SHAPE_{n}"] for n in ("HULL", "BOX", "CYLINDER", "PLANE", "TABLE", "SURFACE")
+)
 # Cells of directions: on each face of a cube SIDE by SIDE.
 SIDE, CELLS = _C["SUPPORT_SIDE"], _C["SUPPORT_CELLS"]
 # Rows of `corners` (4, n): the point, and for a table where the corners of each cell begin, from its first column.

@@ -1,7 +1,8 @@
 """The collision certificate as a whole: the compiled search first, Coal for what it leaves.
 
-The search settles pairs of convex shapes, and half-spaces. Coal gets every pair of elements in which the
-search met contact or could not tell, once more from the start, and all shapes that are not convex.
+The search settles pairs of convex shapes, and of one with a half-space or with a mesh that is not convex. Coal gets every
+pair of elements in which the search met contact or could not tell, once more from the start, clouds, and pairs of which
+neither shape is convex.
 """
 
 from __future__ import annotations
@@ -118,6 +119,8 @@ class Search:
         self._search.end_clearance[:], self._search.end_pair[:] = [np.inf] * 2 * GROUPS, [-1] * 2 * GROUPS
         self.cancelled = False
         self.fraction = 0.0
+        along = setting.bodies.along(motion)
+        self.marks[along.pair[along.enclosed()]] = LEFT
 
     def run(self, tell: Tell | None) -> None:
         """Search until all is decided, or cancelled."""

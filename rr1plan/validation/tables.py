@@ -14,7 +14,7 @@ from rr1plan.checks import Array
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Scene
 from rr1plan.shapes import HalfSpace
-from rr1plan.validation.bodies import CONCAVE, CONVEX, HALF_SPACE, Bodies
+from rr1plan.validation.bodies import CONCAVE, CONVEX, HALF_SPACE, SURFACE, Bodies
 from rr1plan.validation.limits import Columns, columns_of
 from rr1plan.validation.motion import MovingLink, SceneMotion
 from rr1plan.validation.native import AXIS, FIXED, GAIN, HALF, OFFSET, ROUND, SHIFT, SLIDES, TURNS, RefereeStruct
@@ -36,10 +36,11 @@ class Setting:
         joints: The moving joints, shape (j, 3).
         links: Poses of all links, those that move anywhere, shape (links, 12).
         bodies: Its bodies and pairs.
-        searched: Which pairs of shapes the compiled search takes, shape (k,): both convex, or one a half-space.
+        searched: Which pairs of shapes the compiled search takes, shape (k,): both convex, or one a half-space or surface.
         kinds: Kinds of the bodies, shape (b, 6).
         sizes: Sizes and places of the bodies on their links, shape (b, 23); of a half-space its world plane.
-        corners: Corners of all hulls, shape (4, n).
+        corners: Corners of all hulls and surfaces, shape (4, n).
+        boxes, nodes: Nodes of all surfaces, shapes (n, 6) and (n, 3).
         chains: Joints that carry each body, one body after the other.
         movers: Bodies that move.
         pairs: The pairs of shapes to search, shape (k, 7).
@@ -57,6 +58,8 @@ class Setting:
     kinds: Table
     sizes: Array
     corners: Array
+    boxes: Array
+    nodes: Table
     chains: Table
     movers: Table
     pairs: Table
@@ -70,6 +73,8 @@ class Setting:
             bodies=self.kinds,
             sizes=self.sizes,
             corners=self.corners,
+            boxes=self.boxes,
+            nodes=self.nodes,
             body_count=len(self.kinds),
             corner_count=self.corners.shape[1],
         )
@@ -124,7 +129,7 @@ def _build(scene: Scene, joint_names: tuple[str, ...]) -> Setting:
     key = tuple((name, arm.robot, arm.base.tobytes(), arm.q.tobytes()) for name, arm in scene.arms.items())
     linkage = _linkage(_Arms(key, joint_names, scene.arms))
     bodies = Bodies(scene, linkage.motion)
-    kinds, corners = _kinds(bodies)
+    kinds, corners, boxes, nodes = _kinds(bodies)
     searched = _searched(bodies)
     item = np.flatnonzero(searched)
     return Setting(
@@ -134,6 +139,8 @@ def _build(scene: Scene, joint_names: tuple[str, ...]) -> Setting:
         kinds,
         _sizes(bodies, linkage.links),
         corners,
+        boxes,
+        nodes,
         np.nonzero(bodies.moved)[1].astype(np.int64),
         np.flatnonzero(bodies.moved.any(axis=1)).astype(np.int64),
         _pairs(bodies, item),
@@ -193,16 +200,24 @@ def _links(motion: SceneMotion) -> Array:
 
 
 def _searched(bodies: Bodies) -> Mask:
-    """Pairs of two convex shapes, or of one and a half-space; the second of a pair may be that."""
+    """Pairs of two convex shapes, or of one and a half-space or surface; the second of a pair may be that."""
     return np.asarray((bodies.forms[bodies.a] == CONVEX) & (bodies.forms[bodies.b] != CONCAVE))
 
 
-def _kinds(bodies: Bodies) -> tuple[Table, Array]:
+def _kinds(bodies: Bodies) -> tuple[Table, Array, Array, Table]:
+    """Kinds of bodies, the corners of all hulls and surfaces, and boxes and nodes of these."""
     kind, count, columns = bodies.core_rows.T
+    surfaces = [body.surface for body in bodies.solids if body.surface is not None]
+    sizes = np.array([len(surface.nodes) for surface in surfaces], dtype=np.int64)
+    count = count.copy()
+    count[bodies.forms == SURFACE] = np.cumsum(sizes) - sizes
     depth = bodies.moved.sum(axis=1).astype(np.int64)
     first, chain = np.cumsum(columns) - columns, np.cumsum(depth) - depth
     hulls = tuple(body for body, n in zip(bodies.solids, columns.tolist(), strict=True) if n)
-    return np.stack([kind, first, count, bodies.link, chain, depth], axis=1).astype(np.int64), _joined_corners(hulls)
+    kinds = np.stack([kind, first, count, bodies.link, chain, depth], axis=1).astype(np.int64)
+    boxes = np.concatenate([np.zeros((0, 6)), *(surface.boxes for surface in surfaces)])
+    nodes = np.concatenate([np.zeros((0, 3), np.int64), *(surface.nodes for surface in surfaces)])
+    return kinds, _joined_corners(hulls), boxes, nodes
 
 
 @lru_cache(maxsize=16)

@@ -113,6 +113,9 @@ typedef struct {
     double upper, lower;
 } ClearanceBounds;
 
+static int is_surface(const RefereeSearch *s, int64_t b);
+static ClearanceBounds surface_clearance(RefereeSearch *s, int64_t k, double base, double enough);
+
 // Bounds of the clearance of a pair [m]; the direction found is remembered.
 //
 // They may differ by a quarter of the upper one's distance from `base`; the search ends above `enough`.
@@ -125,6 +128,7 @@ static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base,
         double gap = gap_along(s, k, d);
         return (ClearanceBounds){gap, gap};
     }
+    if (is_surface(s, b)) return surface_clearance(s, k, base, enough);
     s->search_count++;
     double off = one->rounding + two->rounding + s->padding[k];
     Separation found = separate(s->bodies, s->placed, a, b, &s->gjk[k], base + off, enough + off);
@@ -167,6 +171,9 @@ typedef struct {
     int settled;
 } IntervalClearance;
 
+static IntervalClearance surface_interval(RefereeSearch *s, int64_t k, double time, double half, double approach,
+                                          double error);
+
 // A lower bound of the clearance of a pair within `half` of the posed time, and whether that settles it.
 //
 // `single`: the interval is on one piece, so the joints have steady speeds.
@@ -180,6 +187,10 @@ static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double 
     if (least > need) return (IntervalClearance){least, 1};
     least = greater(least, box_gap(s, k) - ball.rounding - approach);
     if (least > need) return (IntervalClearance){least, 1};
+    if (is_surface(s, b)) {
+        double error = single ? unsteadiness(s, a, shared) + unsteadiness(s, b, shared) : 1e300;
+        return surface_interval(s, k, time, half, approach, error);
+    }
     // No direction can prove more than the distance of two points of the bodies.
     double most = ball.gap + s->bodies->sizes[a].radius, error = 1e300;
     if (!is_plane(s, b)) most += s->bodies->sizes[b].radius;

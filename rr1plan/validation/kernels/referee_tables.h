@@ -40,12 +40,13 @@ typedef struct {
 
 // A ball is a box without edges, a capsule one with a single edge, each with a rounding. The corners of a hull are
 // looked at one by one, those of a table by direction.
-enum { SHAPE_HULL, SHAPE_BOX, SHAPE_CYLINDER, SHAPE_PLANE, SHAPE_TABLE };
+// A surface is not convex: triangles, of which three corners each follow each other.
+enum { SHAPE_HULL, SHAPE_BOX, SHAPE_CYLINDER, SHAPE_PLANE, SHAPE_TABLE, SHAPE_SURFACE };
 
 typedef struct {
     int64_t shape;
     int64_t first_corner;  // of the columns of `corners`
-    int64_t corner_count;
+    int64_t corner_count;  // of a surface: its first node
     int64_t link;
     int64_t first_joint;  // of `chains`
     int64_t depth;        // joints that carry it
@@ -72,10 +73,25 @@ typedef struct {
 // Cells of directions: on each face of a cube SIDE by SIDE; see `support_tables.py`.
 enum { SUPPORT_SIDE = 4, SUPPORT_CELLS = 96 };
 
+// The box around the triangles of a node of a surface.
+typedef struct {
+    double center[3];  // in the frame of the surface [m]
+    double half[3];
+} SurfaceBox;
+
+// A node of a surface, before those below it; nodes and triangles are counted from the first of the surface.
+typedef struct {
+    int64_t next;   // the next node that is not below it
+    int64_t first;  // triangle of a leaf, elsewhere equal to `last`
+    int64_t last;
+} SurfaceNode;
+
 typedef struct {
     const RefereeBody *bodies;
     const BodySizes *sizes;
     const double *corners;  // rows x, y, z; and of a table where the corners of each cell begin; shape (4, corner_count)
+    const SurfaceBox *boxes;  // of the nodes of all surfaces
+    const SurfaceNode *nodes;
     int64_t body_count;
     int64_t corner_count;
 } RefereeBodies;

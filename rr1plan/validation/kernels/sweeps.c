@@ -179,9 +179,15 @@ static double unsteadiness(const RefereeSearch *s, int64_t b, int64_t shared) {
     return total;
 }
 
-// Support of a body along d, from its frame's origin, after `time` at its steady velocity: that under the joints up to
-// the last that carries it, less that under those up to `shared`.
-static double steady_reach(const RefereeSearch *s, int64_t b, int64_t last, int64_t shared, double time, Direction d) {
+// How far the origin of a body's frame gets along a direction, and that direction as the body sees it after it has turned.
+typedef struct {
+    double moved;
+    Direction direction;
+} Turned;
+
+// What `time` at the steady velocity of a body changes along d: that under the joints up to the last that carries it, less
+// that under those up to `shared`.
+static Turned steady_turn(const RefereeSearch *s, int64_t b, int64_t last, int64_t shared, double time, Direction d) {
     const JointState *end = state_of(s, last), *begin = state_of(s, shared);
     const double *p = s->placed[b].origin;
     double wx = end->angular[0] - begin->angular[0], wy = end->angular[1] - begin->angular[1];
@@ -196,7 +202,13 @@ static double steady_reach(const RefereeSearch *s, int64_t b, int64_t last, int6
         d.y + time * (d.z * wx - d.x * wz),
         d.z + time * (d.x * wy - d.y * wx),
     };
-    return moved + body_reach(s->bodies, s->placed, b, turned);
+    return (Turned){moved, turned};
+}
+
+// Support of a body along d, from its frame's origin, after `time` at its steady velocity; see `steady_turn`.
+static double steady_reach(const RefereeSearch *s, int64_t b, int64_t last, int64_t shared, double time, Direction d) {
+    Turned turned = steady_turn(s, b, last, shared, time, d);
+    return turned.moved + body_reach(s->bodies, s->placed, b, turned.direction);
 }
 
 // Distance of the center of body b from the bounding box of body a [m]; 0 inside.
