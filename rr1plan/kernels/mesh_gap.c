@@ -177,3 +177,44 @@ static int mesh_holds(const double p[3], int64_t mesh, const MeshTables *meshes)
     }
     return 1;
 }
+
+// The vector from a point to the nearest point of the surface of a mesh, in the frame of its box.
+static Vec to_surface(const double p[3], int64_t mesh, const MeshTables *meshes) {
+    BodyBounds point = {
+        .rotation = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}, .center = {p[0], p[1], p[2]}, .ball = {p[0], p[1], p[2]}};
+    MeshEntry stack[MESH_STACK] = {{0.0, meshes->ranges[mesh].root}};
+    double least = 0.5 * MESH_NOWHERE;
+    Vec nearest = {0.0, 0.0, 0.0};
+    for (int64_t count = 1; count > 0;) {
+        MeshEntry entry = stack[--count];
+        if (entry.gap >= least) continue;
+        if (entry.item >= 0) {
+            count = push_children(&point, entry.item, least, meshes, stack, count);
+            continue;
+        }
+        const double *t = meshes->triangles[-1 - entry.item].corners;
+        Vec corners[3];
+        for (int k = 0; k < 3; k++) corners[k] = (Vec){t[3 * k] - p[0], t[3 * k + 1] - p[1], t[3 * k + 2] - p[2]};
+        Vec found = nearest_on_triangle(corners, 0, 1, 2).point;
+        double distance = sqrt_number(vec_dot(found, found));
+        if (distance < least) {
+            least = distance;
+            nearest = found;
+        }
+    }
+    return nearest;
+}
+
+// How deep points are inside the first mesh, below zero their distance from it outside, shape (count,); and the vectors
+// to the nearest points of its surface, shape (count, 3) [m]. Points are in the frame of its box, shape (count, 3).
+EXPORT void rr1_mesh_depths(const MeshTables *meshes, const double *points, int64_t count, double *depths,
+                            double *vectors) {
+    for (int64_t i = 0; i < count; i++) {
+        Vec v = to_surface(points + 3 * i, 0, meshes);
+        double distance = sqrt_number(vec_dot(v, v));
+        vectors[3 * i] = v.x;
+        vectors[3 * i + 1] = v.y;
+        vectors[3 * i + 2] = v.z;
+        depths[i] = mesh_holds(points + 3 * i, 0, meshes) ? distance : -distance;
+    }
+}
