@@ -12,14 +12,21 @@ from rr1plan.checks import Array
 from rr1plan.collision.mesh_trees import orientations_of
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
+# Far below a micrometre, as a share of a mesh's size.
+_A_LITTLE = 1e-12
+
 
 def surface_of(mesh: Mesh) -> Any:
     """A mesh as Coal's hierarchy of triangles: a body wholly inside does not touch it."""
+    corners = mesh.vertices[mesh.faces]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    # A sphere is in contact with any triangle that has no area at all, says Coal.
+    corners[areas == 0.0] += _A_LITTLE * float(np.abs(corners).max()) * np.eye(3)
     vertices, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    vertices.extend(list(np.array(mesh.vertices)))
-    triangles.extend([coal.Triangle(a, b, c) for a, b, c in mesh.faces.tolist()])
+    vertices.extend(list(corners.reshape(-1, 3)))
+    triangles.extend([coal.Triangle(3 * i, 3 * i + 1, 3 * i + 2) for i in range(len(corners))])
     surface = coal.BVHModelOBBRSS()
-    surface.beginModel(len(mesh.faces), len(mesh.vertices))
+    surface.beginModel(len(corners), len(vertices))
     surface.addSubModel(vertices, triangles)
     surface.endModel()
     return surface

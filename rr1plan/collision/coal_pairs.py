@@ -42,7 +42,11 @@ class CoalPairs:
         self._manager = pin.BroadPhaseManager_NaiveCollisionManager(model.model, self._geometry, self._scratch)
         self._callback = pin.CollisionCallBackDefault(self._geometry, self._scratch)
         self._callback.stopAtFirstCollision = True
-        self._hollow = tuple(_hollow_pairs(solids, pairs))
+        self._padding = padding
+        self._hollow = {hollow.pair: hollow for hollow in _hollow_pairs(solids, pairs)}
+        for pair in self._hollow:
+            # Coal's test of a surface overlooks shallow contacts; its distance does not.
+            self._scratch.deactivateCollisionPair(pair)
 
     def place(self, q: Array) -> None:
         """Move the solids to where they are at q (nq,)."""
@@ -53,15 +57,13 @@ class CoalPairs:
         """Whether any pair is nearer than its padding."""
         self._manager.update(False)
         self._callback.init()
-        return bool(pin.computeCollisions(self._manager, self._callback)) or any(map(self._is_inside, self._hollow))
+        return bool(pin.computeCollisions(self._manager, self._callback)) or any(map(self._touches, self._hollow))
 
     def touching(self) -> list[int]:
         """The pairs that are nearer than their padding."""
         pin.computeCollisions(self._geometry, self._scratch, False)
-        touching = [result.isCollision() for result in self._scratch.collisionResults]
-        for hollow in self._hollow:
-            touching[hollow.pair] = touching[hollow.pair] or self._is_inside(hollow)
-        return [i for i, touches in enumerate(touching) if touches]
+        results = enumerate(self._scratch.collisionResults)
+        return [i for i, found in results if (self._touches(i) if i in self._hollow else found.isCollision())]
 
     def distances(self) -> Array:
         """Distance of every pair [m], negative where they overlap, shape (m,).
@@ -71,11 +73,8 @@ class CoalPairs:
         """
         pin.computeDistances(self._geometry, self._scratch)
         found = np.array([r.min_distance for r in self._scratch.distanceResults], dtype=np.float64)
-        for pair in np.flatnonzero(found < _NO_DISTANCE):
-            found[pair] = self.distance(int(pair))[0]
-        for hollow in self._hollow:
-            if found[hollow.pair] > 0.0 and self._is_inside(hollow):
-                found[hollow.pair] *= -1.0
+        for pair in (*np.flatnonzero(found < _NO_DISTANCE).tolist(), *self._hollow):
+            found[pair] = self.distance(pair)[0]
         return found
 
     def distance(self, pair: int) -> tuple[float, Array, Array]:
@@ -88,9 +87,13 @@ class CoalPairs:
             result = pin.computeDistance(self._geometry, self._scratch, pair)
             placement.translation = exactly
         distance = float(result.min_distance)
-        if distance > 0.0 and any(hollow.pair == pair and self._is_inside(hollow) for hollow in self._hollow):
+        if distance > 0.0 and pair in self._hollow and self._is_inside(self._hollow[pair]):
             distance = -distance
         return distance, np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+
+    def _touches(self, pair: int) -> bool:
+        """Whether a pair with a mesh that is not convex is nearer than its padding."""
+        return self.distance(pair)[0] <= float(self._padding[pair])
 
     def _is_inside(self, hollow: _Hollow) -> bool:
         """Whether a point of the solid, and so all of one that does not touch the surface, is inside the mesh."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
-from rr1plan.formats.convex import convex_hull, is_own_hull
+from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.validation.clouds import CellBlocks
 from rr1plan.validation.native import BOUND, BOX, CENTER, CYLINDER, HALF, HULL, PLANE, RADIUS, ROUND, SURFACE
@@ -117,7 +117,7 @@ def _bounded(shape: Shape, points: Array, thickness: float, convex: bool) -> Sol
 
 @lru_cache(maxsize=512)
 def _mesh_solid(mesh: Mesh) -> Solid:
-    if (mesh.convex and not _is_flat(mesh.vertices)) or is_own_hull(mesh):
+    if mesh.convex and not _is_flat(mesh.vertices):
         # A hull of the corners again: it holds the mesh even where the flag is wrong.
         return _bounded(mesh, mesh.vertices, 0.0, convex=True)
     corners = mesh.vertices if mesh.convex else mesh.vertices[np.unique(mesh.faces)]
