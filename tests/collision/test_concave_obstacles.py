@@ -144,18 +144,18 @@ def test_padding_counts_from_the_triangles():
             assert motion.edge_is_free(q, q + [0.3, 0.1, 0.0]) == free
 
 
-def test_a_resting_link_that_touches_a_mesh_blocks_all_motion():
-    base = Link("l0", collisions=(Geometry("foot", rp.Box((0.1, 0.1, 0.1))),))
-    robot = gantry(rp.Sphere(0.01))
-    robot = rp.Robot(
-        "footed", (base, *robot.links[1:]), robot.joints, robot.joint_names, robot.limits,
-        {"home": np.array([0.0, 0.0, 0.5])}, {}, frozenset({frozenset({"l0", "l3"})}), "l1",
-    )  # fmt: skip
-    for height, free in ((-0.051, True), (-0.049, False)):
-        scene = rp.Scene().with_arm("arm", robot).with_obstacle("floor", terrain(6, height=0.0), [0, 0, height])
-        motion = MotionChecker(scene)
+def test_an_arm_that_rests_in_a_mesh_blocks_all_motion(planar):
+    """One that stands still beside it does not; it is inside, or crosses the surface."""
+    scene = rp.Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0.0, 0.0])
+    for mesh, place, free in (
+        (terrain(6, height=0.0), [3.3, 0.0, -0.021], True),
+        (terrain(6, height=0.0), [3.3, 0.0, -0.019], False),
+        (torus(2.0, 1.2, 24, 12), [1.3, 0.0, 0.0], False),
+    ):
+        motion = MotionChecker(scene.with_obstacle("mesh", mesh, place), ["l"])
         assert motion.checker.resting_is_free == free
-        assert motion.is_free([0.0, 0.0, 0.5]) == free
+        assert not free or motion.checker.clearance([2.0, 0.0]) == pytest.approx(0.001, abs=1e-9)
+        assert motion.edge_is_free([2.0, 0.0], [2.1, 0.0]) == free
 
 
 # ---- inside ----------------------------------------------------------------------------------------
