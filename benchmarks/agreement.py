@@ -155,7 +155,7 @@ class Comparison:
 
     def _certify(self, begins: Array, ends: Array) -> tuple[Array, Array]:
         """The kernel's status of each edge (free, a contact, or grazing), and where."""
-        if not self.checker.resting_is_free:
+        if not self.checker.static_is_free:
             return np.full(len(begins), CONTACT), np.zeros(len(begins))
         answers = [self.kernel.certify_edge(q0, q1) for q0, q1 in zip(begins, ends, strict=True)]
         return np.array([a[0] for a in answers]), np.array([a[1] for a in answers])

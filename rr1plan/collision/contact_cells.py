@@ -334,6 +334,6 @@ def _search(a: _Body, b: _Body, most: Array) -> tuple[Mask, Mask]:
 
 def _chains(checker: CollisionChecker) -> list[tuple[int, ...]]:
     """The driven joints above each solid, root first; none above an obstacle."""
-    carried = checker.layout.carried
-    chains = [carried.chains[group] for group in carried.groups]
+    instances = checker.geometry.instances
+    chains = [instances.chains[group] for group in instances.groups]
     return chains + [()] * (len(checker.solids) - len(chains))

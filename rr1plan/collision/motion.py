@@ -53,6 +53,7 @@ class MotionChecker:
         checker: A collision checker, or a scene.
         arms: The arms that move, when a scene is given (default: all).
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
+        margin: Distance to keep beyond the scene's padding, when a scene is given [m].
 
     Attributes:
         checker: The collision checker.
@@ -64,14 +65,19 @@ class MotionChecker:
     """
 
     def __init__(
-        self, checker: CollisionChecker | Scene, arms: Sequence[str] | None = None, *, tolerance: float = TOLERANCE
+        self,
+        checker: CollisionChecker | Scene,
+        arms: Sequence[str] | None = None,
+        *,
+        tolerance: float = TOLERANCE,
+        margin: float = 0.0,
     ) -> None:
         if isinstance(checker, Scene):
-            checker = CollisionChecker(checker, arms)
+            checker = CollisionChecker(checker, arms, margin=margin)
         else:
             of_kind("checker", checker, CollisionChecker)
-            if arms is not None:
-                raise InputError("MotionChecker takes arms with a scene only; a checker has its own")
+            if arms is not None or margin != 0.0:
+                raise InputError("MotionChecker takes arms and a margin with a scene only; a checker has its own")
         self.checker = checker
         self.tolerance = positive_number("tolerance", tolerance)
         self._without: dict[frozenset[str], ExactKernel] = {}
@@ -91,7 +97,7 @@ class MotionChecker:
 
     def set_up(self) -> None:
         """Build the collision tables, which the first query needs."""
-        _ = self.context, self.checker.resting_is_free
+        _ = self.context, self.checker.static_is_free
 
     @property
     def context(self) -> tuple[int, int]:
@@ -131,9 +137,7 @@ class MotionChecker:
         if self.is_free(q):
             return True
         return (
-            bool(arms)
-            and self.checker.resting_is_free
-            and self._kernel_without(arms).least_clearance(q, _NEAR) >= _NEAR
+            bool(arms) and self.checker.static_is_free and self._kernel_without(arms).least_clearance(q, _NEAR) >= _NEAR
         )
 
     def _kernel_without(self, arms: frozenset[str]) -> ExactKernel:
@@ -213,7 +217,7 @@ class MotionChecker:
         if len(curve) > 3:
             return self._certify_exactly(curve, duration)[0] == FREE
         self.edges_checked += 1
-        return self.checker.resting_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
+        return self.checker.static_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
 
     def polynomial_is_free_slowly(self, coefficients: Any, duration: float) -> bool:
         """The answer of `polynomial_is_free`, by the exact kernel alone; it is what tests hold that to.
@@ -264,14 +268,14 @@ class MotionChecker:
 
     def _certify(self, q0: Array, q1: Array) -> Answer:
         """Status, where (0..1), and which pair of solids (-1: one that rests) of an edge that was checked for shape."""
-        if not self.checker.resting_is_free:
+        if not self.checker.static_is_free:
             return CONTACT, 0.0, -1
         return self._kernel.certify_edge(q0, q1)
 
     def _certify_exactly(self, curve: Array, duration: float) -> Answer:
         """The same of a curve, by the exact kernel alone."""
         self.edges_checked += 1
-        if not self.checker.resting_is_free:
+        if not self.checker.static_is_free:
             return CONTACT, 0.0, -1
         return self._kernel.certify_curve(curve, duration)
 

@@ -12,7 +12,7 @@ _SHELF = "motion checkers"
 
 
 @contextmanager
-def borrowed_checker(scene: Scene, arms: Sequence[str] | None = None) -> Iterator[MotionChecker]:
+def borrowed_checker(scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> Iterator[MotionChecker]:
     """A motion checker that is nobody else's inside the block; its counters go on from earlier use.
 
     Checkers keep scratch memory, so each is lent to one caller at a time: threads that plan at once in one scene
@@ -21,43 +21,44 @@ def borrowed_checker(scene: Scene, arms: Sequence[str] | None = None) -> Iterato
     Args:
         scene: The scene.
         arms: The arms that move (default: all).
+        margin: Distance to keep beyond the scene's padding [m].
 
     Raises:
         UnknownNameError: no such arm.
         InputError: a scene that cannot be checked.
     """
     names = scene.arm_names(arms)
-    checker = take_checker(scene, names)
+    checker = take_checker(scene, names, margin)
     try:
         yield checker
     finally:
-        give_back(checker, scene, names)
+        give_back(checker, scene)
 
 
-def take_checker(scene: Scene, arms: tuple[str, ...]) -> MotionChecker:
+def take_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> MotionChecker:
     """What `borrowed_checker` lends, to be given back whatever happens.
 
     Args:
         scene: The scene.
         arms: The arms that move, as `Scene.arm_names` gives them.
+        margin: Distance to keep beyond the scene's padding [m].
 
     Raises:
         InputError: a scene that cannot be checked.
     """
     # Appending to a list and popping from it are atomic.
     try:
-        idle: list[MotionChecker] = scene.kept[_SHELF, arms]
+        idle: list[MotionChecker] = scene.kept[_SHELF, arms, margin]
         return idle.pop()
     except (KeyError, IndexError):
-        return MotionChecker(scene, arms)
+        return MotionChecker(scene, arms, margin=margin)
 
 
-def give_back(checker: MotionChecker, scene: Scene, arms: tuple[str, ...]) -> None:
+def give_back(checker: MotionChecker, scene: Scene) -> None:
     """Let others have a checker that was taken.
 
     Args:
         checker: It.
         scene: For which it was taken.
-        arms: And for which arms.
     """
-    scene.kept.setdefault((_SHELF, arms), []).append(checker)
+    scene.kept.setdefault((_SHELF, checker.checker.arms, checker.checker.margin), []).append(checker)

@@ -102,13 +102,13 @@ class Query:
 
     def __enter__(self) -> Query:
         self._wanted = joint_goals(self.problem)
-        self.motion = take_checker(self._scene, self.problem.arms)
+        self.motion = take_checker(self._scene, self.problem.arms, self.problem.margin)
         self.motion.set_up()
         self.began = time.perf_counter()
         return self
 
     def __exit__(self, *_: object) -> None:
-        give_back(self.motion, self._scene, self.problem.arms)
+        give_back(self.motion, self._scene)
 
     def refusal(self) -> PlanResult | None:
         """The answer to a problem without a usable start or goal, or whose start is a goal."""
@@ -130,8 +130,8 @@ class Query:
     def _has_plain_ends(self) -> bool:
         """Whether goals are configurations and both ends can be had; else it takes a closer look, and words."""
         space, goals = joint_space(self.problem), self._wanted
-        # Where two resting elements collide no edge is free, and the kernel does not look at those.
-        if goals is None or not space.is_shared or not self.motion.checker.resting_is_free:
+        # Where two elements collide that do not move against each other, no edge is free, and the kernel does not look at those.
+        if goals is None or not space.is_shared or not self.motion.checker.static_is_free:
             return False
         near, visible = np.empty_like(goals), np.empty(1, np.int64)
         count = load_library().rr1_check_endpoints(

@@ -163,7 +163,7 @@ class RoadmapPlanner:
                 return refused
             # Appending to a list and popping from it are atomic. A smaller roadmap is another one.
             samples = min(self.samples, query.most)
-            idle: list[Graph] = problem.scene.kept.setdefault((_NAME, problem.arms, samples), [])
+            idle: list[Graph] = problem.scene.kept.setdefault((_NAME, problem.arms, problem.margin, samples), [])
             graph = idle.pop() if idle else Graph(problem.scene, problem.arms)
             try:
                 graph.sample(samples, query.motion, query.in_time)

@@ -101,8 +101,8 @@ class _Shortener:
 
     def run(self, iterations: int) -> None:
         """Skip vertices, try shortcuts, skip vertices again."""
-        # Where two resting elements collide no edge is free, and the kernel does not check those.
-        if not self._checker.checker.resting_is_free:
+        # Where two elements collide that do not move against each other, no edge is free, and the kernel does not check those.
+        if not self._checker.checker.static_is_free:
             self._deadline = -math.inf
         call = load_library().rr1_shorten
         over = done = False

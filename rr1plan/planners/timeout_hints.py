@@ -96,12 +96,12 @@ class _HintSearch:
             tried.update(candidates)
 
     def _goals(self) -> Array:
-        with borrowed_checker(self._problem.scene, self._problem.arms) as motions:
+        with borrowed_checker(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
             return GoalSearch(self._problem, motions, self._seed).find().configurations
 
     def _ends_in_contact(self, goals: Array) -> Iterator[str]:
         """An end that no edge can leave because it all but touches."""
-        with borrowed_checker(self._problem.scene, self._problem.arms) as motions:
+        with borrowed_checker(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
             checker = motions.checker
             if checker.clearance(self._problem.start, _TOUCH) < _TOUCH:
                 near = describe_collision(checker, self._problem.start)
@@ -151,7 +151,7 @@ class _HintSearch:
             self._problem.start,
             self._problem.goal,
             self._problem.arms,
-        )
+        ).with_margin(self._problem.margin)
         budget = Budget(max(1e-3, self._seconds_left / shares), max(1, self._iterations_left // shares))
         result = RrtConnect().plan(relaxed, budget, self._seed, self._report)
         self._iterations_left -= result.iterations

@@ -208,10 +208,10 @@ def test_clearance_counts_what_rests_too(planar):
     scene = scene.with_obstacle("b", Sphere(0.1), [3.25, 0.15, 0])
     checker = CollisionChecker(scene, ["l"])
     assert checker.clearance([0, 0]) == pytest.approx(0.03, abs=1e-9)
-    assert checker.resting_is_free
+    assert checker.static_is_free
     padded = CollisionChecker(scene.with_padding(0.04), ["l"])
     assert padded.clearance([0, 0]) == pytest.approx(-0.01, abs=1e-9)
-    assert not padded.resting_is_free
+    assert not padded.static_is_free
 
 
 def test_clearance_of_a_lone_arm_is_what_was_asked_for(planar):

@@ -46,7 +46,7 @@ def test_no_edge_passes_through_something_thin(name, thin, request):
         q = q0 + rng.uniform(0.2, 0.8) * (q1 - q0)
         place = pose(points_inside(bare, q, rng), quaternion=rng.normal(size=4))
         there = CollisionChecker(bare.with_obstacle("thin", THIN[thin], place))
-        if there.resting_is_free and there.is_free(q0) and there.is_free(q1):
+        if there.static_is_free and there.is_free(q0) and there.is_free(q1):
             crossed += 1
             assert not MotionChecker(there).edge_is_free(q0, q1)
             assert not MotionChecker(there).edge_is_free_slowly(q0, q1)
