@@ -1,4 +1,4 @@
-"""The convex bodies of one arm and what it holds, in the frame of its base: made once, shared by every arm with them."""
+"""The convex bodies of an arm and what it holds, in the frame of its base; every arm with the same ones shares them."""
 
 from __future__ import annotations
 

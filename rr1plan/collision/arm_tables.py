@@ -80,7 +80,9 @@ def _instance_tables(instances: ArmInstances) -> ArmTables:
         reaches.append(own.chain_reach)
         links += len(own.chain)
     return ArmTables(
-        *(read_only(np.concatenate(parts)) for parts in (joints, values, joint_poses)),
+        read_only(np.concatenate(joints)),
+        read_only(np.concatenate(values)),
+        read_only(np.concatenate(joint_poses)),
         BodyTables(
             np.concatenate(bodies),
             np.concatenate(body_values),

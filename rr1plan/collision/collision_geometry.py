@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
-from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_geometry, standing_geometry
+from rr1plan.collision.obstacle_geometry import obstacle_geometry, standing_geometry
 from rr1plan.collision.reach import Near, find_near
 from rr1plan.contact_rules import ContactRules, RuleContent, rules_of
 from rr1plan.errors import InputError

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_instances import ArmInstances
-from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, extremes
 from rr1plan.collision.arm_tables import ArmTables, arm_tables, joint_motion, moved
+from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, extremes
 from rr1plan.collision.groups import ball_around, group_rows
 from rr1plan.collision.spheres import SphereCover, cover
 from rr1plan.transforms import rotation_about
@@ -81,7 +81,13 @@ def _instance_spheres(instances: ArmInstances) -> LinkSpheres:
         joint, row, group = joint + len(rows), row + len(own.bodies), group + len(own.groups)
         sphere, link = sphere + len(own.spheres), link + len(own.chain)
     return LinkSpheres(
-        *(read_only(np.concatenate(parts)) for parts in (joints, values, bodies, groups, spheres, chains, reaches)),
+        read_only(np.concatenate(joints)),
+        read_only(np.concatenate(values)),
+        read_only(np.concatenate(bodies)),
+        read_only(np.concatenate(groups)),
+        read_only(np.concatenate(spheres)),
+        read_only(np.concatenate(chains)),
+        read_only(np.concatenate(reaches)),
         CoreTables(*map(read_only, (np.concatenate(first_core), np.concatenate(core_values), *cores.joined()))),
         read_only(np.concatenate(body)),
     )

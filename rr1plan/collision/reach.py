@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_tables import arm_tables
-from rr1plan.collision.obstacle_geometry import obstacle_bodies, obstacle_geometry, arm_posture
+from rr1plan.collision.obstacle_geometry import arm_posture, obstacle_bodies, obstacle_geometry
 from rr1plan.scene import Obstacle, Scene
 
 # Far above the rounding of the sums here, relative and absolute [m].
@@ -52,7 +52,7 @@ def find_near(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: tuple[s
     boxes = np.array([obstacle_box(name, scene.obstacles[name]) for name in names]).reshape(-1, 6)
     gaps = np.concatenate([ball_gaps(balls, balls), ball_gaps(balls, still), box_gaps(balls, boxes)], axis=1)
     np.fill_diagonal(gaps, -np.inf)
-    meets = ~(gaps > distance)
+    meets: NDArray[np.bool_] = np.logical_not(gaps > distance)
     everyone = [*arms, *others, *names]
     kept = meets.any(axis=0)
     first, last = len(arms), len(arms) + len(others)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import read_only
+from rr1plan.checks import Array, read_only
 from rr1plan.collision.answers import Contact
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.coal_pairs import CoalPairs
@@ -99,7 +99,7 @@ def _still_near(pairs: NDArray[np.int64], parts: Sequence[Array], bases: Array, 
         j = first[two][owner] + place % counts[two][owner]
         gaps = np.linalg.norm(balls[i, :3] - balls[j, :3], axis=1) - balls[i, 3] - balls[j, 3]
         kept.append(chunk[np.unique(owner[gaps <= distance + 1e-9])])
-    return pairs[np.concatenate(kept)]
+    return np.asarray(pairs[np.concatenate(kept)])
 
 
 def _own_contacts(scene: Scene, name: str, geometry: ArmGeometry) -> Iterator[Contact]:
@@ -167,4 +167,4 @@ def _near_solids(things: Sequence[ObstacleGeometry], distance: float) -> NDArray
     near = ball_gaps(one, two) <= distance
     if len(things) == 1:
         return np.argwhere(np.triu(near, 1))
-    return np.argwhere(near) + np.array([0, len(one)])
+    return np.asarray(np.argwhere(near) + np.array([0, len(one)]))

@@ -130,7 +130,7 @@ class Query:
     def _has_plain_ends(self) -> bool:
         """Whether goals are configurations and both ends can be had; else it takes a closer look, and words."""
         space, goals = joint_space(self.problem), self._wanted
-        # Where two elements collide that do not move against each other, no edge is free, and the kernel does not look at those.
+        # The kernel does not look at pairs that do not move against each other; where one collides, no edge is free.
         if goals is None or not space.is_shared or not self.motion.checker.static_is_free:
             return False
         near, visible = np.empty_like(goals), np.empty(1, np.int64)

@@ -101,7 +101,7 @@ class _Shortener:
 
     def run(self, iterations: int) -> None:
         """Skip vertices, try shortcuts, skip vertices again."""
-        # Where two elements collide that do not move against each other, no edge is free, and the kernel does not check those.
+        # The kernel does not check pairs that do not move against each other; where one collides, no edge is free.
         if not self._checker.checker.static_is_free:
             self._deadline = -math.inf
         call = load_library().rr1_shorten
