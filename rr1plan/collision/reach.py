@@ -52,7 +52,7 @@ def find_near(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: tuple[s
     boxes = np.array([obstacle_box(name, scene.obstacles[name]) for name in names]).reshape(-1, 6)
     gaps = np.concatenate([ball_gaps(balls, balls), ball_gaps(balls, still), box_gaps(balls, boxes)], axis=1)
     np.fill_diagonal(gaps, -np.inf)
-    meets: NDArray[np.bool_] = np.logical_not(gaps > distance)
+    meets = np.asarray(gaps <= distance)
     everyone = [*arms, *others, *names]
     kept = meets.any(axis=0)
     first, last = len(arms), len(arms) + len(others)
