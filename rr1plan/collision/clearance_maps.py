@@ -101,8 +101,9 @@ def instance_maps(instances: ArmInstances, pairs: _INTS, least: Array, groups: _
         places[rows], ranges[rows] = there, maps.ranges
         of_groups[families] = np.where(maps.groups < 0, -1, maps.groups + begin)
         first += len(geometry.solids)
-    counts = np.concatenate([np.zeros(0, np.int16), *(maps.counts for maps in begins)])
-    return ClearanceMaps(places, counts, ranges, of_groups)
+    # Usually there is one set of maps, of half a megabyte.
+    counts = [maps.counts for maps in begins] or [np.zeros(0, np.int16)]
+    return ClearanceMaps(places, counts[0] if len(counts) == 1 else np.concatenate(counts), ranges, of_groups)
 
 
 def _rows_of(arms: _INTS, count: int) -> list[_INTS]:

@@ -49,10 +49,10 @@ def find_near(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: tuple[s
     balls = placed_balls(np.array([reach_ball(geometries[a]) for a in arms]).reshape(-1, 4), bases_of(scene, arms))
     still = posture_balls(scene, geometries, others)
     names = list(scene.obstacles)
-    boxes = np.array([obstacle_box(name, scene.obstacles[name]) for name in names]).reshape(-1, 6)
+    boxes = obstacle_boxes(scene.obstacles)
     gaps = np.concatenate([ball_gaps(balls, balls), ball_gaps(balls, still), box_gaps(balls, boxes)], axis=1)
     np.fill_diagonal(gaps, -np.inf)
-    meets = np.asarray(gaps <= distance)
+    meets = np.array(gaps <= distance, dtype=np.bool_)
     everyone = [*arms, *others, *names]
     kept = meets.any(axis=0)
     first, last = len(arms), len(arms) + len(others)
@@ -144,17 +144,15 @@ def placed_balls(balls: Array, bases: Array) -> Array:
     return np.concatenate([centers + shift, balls[..., 3:]], axis=-1)
 
 
-def obstacle_box(name: str, obstacle: Obstacle) -> Array:
-    """Low and high corner of a box around an obstacle [m], very far out for a half-space, shape (6,)."""
-    geometry = obstacle_geometry(name, obstacle)
-    if "box" not in geometry.kept:
-        (bodies,) = obstacle_bodies([geometry])
-        radius = bodies.values[:, 15:16]
-        geometry.kept["box"] = np.concatenate(
-            [(bodies.centers - radius).min(axis=0), (bodies.centers + radius).max(axis=0)]
-        )
-    found: Array = geometry.kept["box"]
-    return found
+def obstacle_boxes(obstacles: Mapping[str, Obstacle]) -> Array:
+    """Low and high corner of a box around each obstacle [m], very far out for a half-space, shape (n, 6)."""
+    geometries = [obstacle_geometry(name, obstacle) for name, obstacle in obstacles.items()]
+    tables = obstacle_bodies(geometries)
+    for geometry, bodies in zip(geometries, tables, strict=True):
+        if "box" not in geometry.kept:
+            low, high = bodies.centers - bodies.values[:, 15:16], bodies.centers + bodies.values[:, 15:16]
+            geometry.kept["box"] = np.concatenate([low.min(axis=0), high.max(axis=0)])
+    return np.array([geometry.kept["box"] for geometry in geometries]).reshape(-1, 6)
 
 
 def ball_gaps(one: Array, two: Array) -> Array:

@@ -24,7 +24,7 @@ from rr1plan.collision.reach import (
     bases_of,
     box_gaps,
     near_balls,
-    obstacle_box,
+    obstacle_boxes,
     placed_balls,
     posture_balls,
 )
@@ -56,7 +56,7 @@ def _contacts(scene: Scene) -> Iterator[Contact]:
         yield from _own_contacts(scene, name, geometries[name])
     padding = max((scene.padding, *scene.pair_padding.values()))
     balls = posture_balls(scene, geometries, names)
-    boxes = np.array([obstacle_box(name, scene.obstacles[name]) for name in obstacles]).reshape(-1, 6)
+    boxes = obstacle_boxes(scene.obstacles)
     near = near_balls(balls, padding)
     postures = [arm_posture(geometries[name], scene.arms[name].q.tobytes()) for name in names]
     for parts in ([posture.elements for posture in postures], [posture.bodies for posture in postures]):
