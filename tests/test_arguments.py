@@ -425,11 +425,15 @@ def test_no_argument_is_forgotten(table: dict[str, Call]) -> None:
     assert not missing
 
 
+@pytest.fixture
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some wrong values are names of files that may be written."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.mark.parametrize("name", NAMES)
-def test_every_argument_is_checked(
-    name: str, table: dict[str, Call], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)  # some wrong values are names of files that may be written
+@pytest.mark.usefixtures("_in_an_empty_folder")
+def test_every_argument_is_checked(name: str, table: dict[str, Call]) -> None:
     function, right = table[name]
     if name != "screenshot":
         function(**right)
@@ -461,6 +465,7 @@ KINDS |= {"budget": rp.Budget, "path": rp.Path, "report": rp.Report}
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.usefixtures("_in_an_empty_folder")
 def test_a_value_of_another_kind_is_never_taken(name: str, table: dict[str, Call]) -> None:
     function, right = table[name]
     for argument in set(right) & {*KINDS, "progress", "accept"}:
