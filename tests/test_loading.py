@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import shutil
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -225,6 +227,13 @@ def test_shapes_that_are_gone_or_altered_are_named_and_a_scene_can_stand_in(
             rp.load_motion(file)
     rp.save_motion(tmp_path / "m.json", **bulky)
     assert rp.load_motion(file)
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        # A header that ends within a bracket, of which numpy's reader raises a TokenError.
+        archive.writestr("vertices.npy", b"\x93NUMPY\x01\x00" + b"v\x00" + b"{'shape': (3,".ljust(118))
+    first.write_bytes(packed.getvalue())
+    with pytest.raises(rp.FormatError, match=f"{first.name}: holds no mesh or point cloud: damaged"):
+        rp.load_motion(file)
     shutil.rmtree(tmp_path / "geometry")
     with pytest.raises(rp.FormatError, match=r"m\.json: refers to the mesh .*not in .*geometry.*option embed"):
         rp.load_motion(file)

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, check_callback, known_name, of_kind, positive_number
 from rr1plan.errors import CancelledError, InputError
-from rr1plan.formats.cache import Arrays, cache_key, load_cached, store_cached
+from rr1plan.formats.arrays import Arrays
+from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.formats.coacd_process import DecompositionTimeout, decompose
 from rr1plan.formats.convex import convex_hull, distance_outside, is_convex
 from rr1plan.shapes import Mesh

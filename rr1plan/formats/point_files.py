@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import re
 from collections.abc import Callable
@@ -13,6 +12,7 @@ import numpy as np
 
 from rr1plan.checks import Array, file_path
 from rr1plan.errors import FormatError
+from rr1plan.formats.arrays import parse_array
 from rr1plan.formats.files import read_bytes
 from rr1plan.shapes import PointCloud
 
@@ -72,7 +72,7 @@ def read_points(file: str | Path) -> Array:
     data = read_bytes(file)
     try:
         points = _READERS[suffix](data)
-    except (ValueError, LookupError, EOFError, SyntaxError, OverflowError, MemoryError) as error:
+    except (ValueError, LookupError, OverflowError, MemoryError) as error:
         what = f"it has no {error}" if isinstance(error, LookupError) else error
         raise FormatError(f"is not a list of points: {what}", file) from error
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "iuf":
@@ -92,7 +92,7 @@ def _without_nan(points: Any, file: Path) -> Any:
 
 
 def _from_array(data: bytes) -> Any:
-    return np.load(io.BytesIO(data), allow_pickle=False)
+    return parse_array(data)
 
 
 def _from_text(data: bytes) -> Any:

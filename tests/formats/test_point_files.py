@@ -136,6 +136,11 @@ WRONG: dict[str, tuple[str, bytes, str]] = {
     ),
     "no ply": ("a.ply", b"plx\nformat ascii 1.0\nend_header\n", "does not begin"),
     "not ASCII": ("a.ply", b"ply\nformat ascii 1.0\ncomment \xff\nend_header\n", "not a list of points"),
+    "a header that ends in a bracket": (
+        "a.npy",
+        b"\x93NUMPY\x01\x00v\x00" + b"{'shape': (3,".ljust(118),
+        "not a list of points: damaged",
+    ),
     "a pickle": ("a.npy", pickle.dumps([1, 2, 3]), "not a list"),
     "a suffix": ("a.las", b"", "expected one of"),
 }
