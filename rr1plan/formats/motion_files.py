@@ -118,7 +118,8 @@ def changes(saved: SavedMotion, scene: Scene) -> tuple[str, ...]:
         for name in now
         if name in made and made[name].sha256 != now[name].robot.content_hash
     ]
-    return (*lines, f"the file names its scene {saved.made_for.scene!r} by a hash alone, which this one does not have")
+    known = f"of the motion's scene {saved.made_for.scene!r} only the hash is known, which this one does not have"
+    return (*lines, known)
 
 
 def check_units(saved: SavedMotion, joint_names: Sequence[str], scene: Scene) -> None:
