@@ -238,7 +238,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Budget": (rp.Budget, {"seconds": 1.0, "iterations": None}),
         "cspace": (
             rp.cspace,
-            {"scene": scene, "resolution": 8} | dict.fromkeys(("problem", "result", "arm", "joints", "progress")),
+            {"scene": scene, "resolution": 8} | dict.fromkeys(("problem", "result", "arm", "joints", "at", "progress")),
         ),
         "save_html": (rp.save_html, {"file": folder / "o.html", "scene": scene, "play": True} | shown),
         "show": (shown_page, {"scene": scene, "port": None, "open_browser": False, "quiet": True} | shown),

@@ -150,6 +150,12 @@ def _cspace(parser: Parser) -> None:
     parser.add_argument(
         "--joints", nargs=2, metavar=("A", "B"), help="two of its joints (default: the first two); the others rest"
     )
+    parser.add_argument(
+        "--at",
+        nargs="+",
+        metavar="Q",
+        help="where the other joints are: a configuration's name, or its numbers [rad] (default: as in the scene)",
+    )
     parser.add_argument("--resolution", type=_count, default=360, help="cells along each axis, 8 to 2000 (%(default)s)")
     parser.add_argument("--planner", default="rrt_connect", help="planner of the path and tree drawn (%(default)s)")
     parser.add_argument(
@@ -229,7 +235,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         (
             "rr1plan cspace planar2r_path",
             "rr1plan cspace planar2r_no_path --svg figure.svg --html page.html",
-            "rr1plan cspace rr1_table --joints shoulder_joint elbow_joint --resolution 120",
+            "rr1plan cspace rr1_table --joints shoulder_joint elbow_joint --at zero --resolution 120",
         ),
         _cspace,
     ),

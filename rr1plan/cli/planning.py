@@ -75,15 +75,13 @@ def question(options: Namespace, file: SceneFile) -> Problem:
     """
     if options.goal is None and options.position is None:
         problem = _chosen(options.scene, file.problems, options.query)
-        return (
-            problem if options.start is None else rp.Problem(problem.scene, _words(options.start), dict(problem.goal))
-        )
+        return problem if options.start is None else rp.Problem(problem.scene, words(options.start), dict(problem.goal))
     arm = file.scene.only_arm(options.arm)
     if options.goal is not None:
-        goal: Any = _words(options.goal)
+        goal: Any = words(options.goal)
     else:
         goal = rp.PoseGoal(options.frame or "tool", options.position, options.quaternion)
-    start = None if options.start is None else {arm: _words(options.start)}
+    start = None if options.start is None else {arm: words(options.start)}
     return rp.Problem(file.scene, start, {arm: goal})
 
 
@@ -117,11 +115,15 @@ def first_view(values: list[str] | None) -> Any:
     """
     from rr1plan.playback.viewer.camera import check_view
 
-    return None if values is None else check_view(_words(values, "a view's name"))
+    return None if values is None else check_view(words(values, "a view's name"))
 
 
-def _words(values: list[str], name: str = "a configuration's name") -> Any:
-    """A name, or numbers."""
+def words(values: list[str], name: str = "a configuration's name") -> Any:
+    """The values of an option: a name, or numbers.
+
+    Raises:
+        InputError: several words that are no numbers.
+    """
     try:
         return [float(value) for value in values]
     except ValueError:

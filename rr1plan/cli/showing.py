@@ -10,7 +10,7 @@ import rr1plan as rp
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.motions import saved_motion, say_changes
-from rr1plan.cli.planning import first_view, named_query, summary, told_to
+from rr1plan.cli.planning import first_view, named_query, summary, told_to, words
 from rr1plan.errors import InputError
 from rr1plan.formats.csv_files import save_csv
 from rr1plan.formats.files import check_writable
@@ -129,6 +129,7 @@ def cspace(options: Namespace, console: Console) -> int:
             problem,
             arm=options.arm,
             joints=None if options.joints is None else (options.joints[0], options.joints[1]),
+            at=None if options.at is None else words(options.at),
             resolution=options.resolution,
             progress=advance,
         )

@@ -20,7 +20,7 @@ from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
 from rr1plan.planning import PlanResult, SearchTree
 from rr1plan.playback.cspace_decomposition import Decomposition, decompose
-from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid, compute_grid
+from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid, compute_grid, two_joints
 from rr1plan.playback.cspace_images import layer_of
 from rr1plan.playback.search_trees import DrawnTree, drawn_tree
 from rr1plan.problem import Goal, JointGoal, Problem
@@ -239,6 +239,7 @@ def cspace(
     *,
     arm: str | None = None,
     joints: tuple[str, str] | None = None,
+    at: Any = None,
     resolution: int = 360,
     progress: Callable[[float], None] | None = None,
 ) -> CSpace:
@@ -251,6 +252,8 @@ def cspace(
         arm: The arm (default: the problem's, or the only one).
         joints: Two of its planning joints (default: the first two). A problem and a result can be drawn
             only when the arm has no other planning joints.
+        at: Where the arm's other joints are: a configuration's name or its numbers [rad or m], shape (nq,); those of
+            the two joints are ignored (default: where the arm stands in the scene).
         resolution: Cells along each axis, 8 to 2000; every cell is checked with Coal.
         progress: Called with the fraction done, 0 to 1.
 
@@ -258,8 +261,9 @@ def cspace(
         A value that draws itself: `save_png`, `save_svg`, `save_html`, `show`.
 
     Raises:
-        UnknownNameError: no such arm or joint.
-        InputError: not two joints, a resolution outside 8 to 2000, or a problem with other columns.
+        UnknownNameError: no such arm, joint or configuration.
+        InputError: not two joints, a resolution outside 8 to 2000, a problem with other columns, or `at` of another
+            length, beyond a limit, or for an arm without other joints.
     """
     of_kind("scene", scene, Scene)
     of_kind("problem", problem, Problem, optional=True)
@@ -268,6 +272,9 @@ def cspace(
     if problem is not None:
         _check_problem(problem, arm, joints)
         arm = problem.arms[0]
+    if at is not None:
+        arm = scene.only_arm(arm)
+        scene = _slice_scene(scene, arm, two_joints(scene, arm, joints), at)
     grid = compute_grid(scene, arm, joints, resolution, progress)
     if problem is None:
         return CSpace(grid)
@@ -281,6 +288,22 @@ def cspace(
         unreached=unreached,
     )
     return picture if result is None else picture.with_result(result)
+
+
+def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: Any) -> Scene:
+    """The scene with an arm's joints at `at`, but for the two that a picture shows, which stay."""
+    robot, q = scene.arms[arm].robot, np.array(scene.arms[arm].q)
+    others = [i for i, name in enumerate(robot.joint_names) if name not in joints]
+    if not others:
+        raise InputError(f"option at has no effect: arm {arm!r} has no joints but {' and '.join(joints)}")
+    q[others] = robot.configuration(at, "option at")[others]
+    for i in others:
+        lower, upper = robot.limits.lower[i], robot.limits.upper[i]
+        if not lower <= q[i] <= upper:
+            raise InputError(
+                f"option at has joint {robot.joint_names[i]!r} at {q[i]:.6g}, expected {lower:.6g} to {upper:.6g}"
+            )
+    return scene.with_posture(arm, q)
 
 
 def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | None) -> None:

@@ -313,6 +313,10 @@ def test_cspace_draws_a_slice_of_a_bigger_arm(capsys: pytest.CaptureFixture[str]
     said = capsys.readouterr().out
     assert "configuration space of shoulder_joint and elbow_joint: 16 x 16 cells" in said
     assert "a slice, at upper_arm_joint = 0, forearm_joint = 0, wrist_joint = 0.5, hand_joint = 0" in said
+    for at, values in (["zero"], ("0", "0")), (["0", "0", "0", "-.1", "3e-1", "0"], ("-0.1", "0.3")):
+        assert run(["cspace", "rr1_table", *joints, "--at", *at, "--resolution", "16"]) == OK
+        forearm, wrist = values
+        assert f"forearm_joint = {forearm}, wrist_joint = {wrist}, hand_joint = 0" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -322,6 +326,9 @@ def test_cspace_draws_a_slice_of_a_bigger_arm(capsys: pytest.CaptureFixture[str]
             ["planar2r_path", "--resolution", "100000"],
             "resolution is 100000, expected a whole number from 8 to 2000",
         ),
+        (["planar2r_path", "--at", "zero"], "--at has no effect: arm 'arm' has no joints but joint1 and joint2"),
+        (["rr1_table", "--at", "0", "0"], "--at has 2 numbers, expected 6"),
+        (["rr1_table", "--at", "0", "wrist"], "'0 wrist' is neither a configuration's name nor numbers"),
         (["planar2r_path", "--seconds", "0"], "'0' is not a number above zero"),
         (["rr1_table", "--query", "above_parcel"], "the problem has 6 columns"),
         (["rr1_table", "--seconds", "3"], "--seconds has no effect: there is no query of two joints"),
