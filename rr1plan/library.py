@@ -101,7 +101,7 @@ def load_robot(
         joints: The joints to plan for, in this order.
         package_dirs: Folders to look for `package://` meshes in, before those around the file.
         convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
-            (slow the first time, then kept on disk).
+            (slow the first time, with a bar on a terminal; then kept on disk).
         limits: Limits of the planning joints, or the name of one of the robot's presets.
         tool: The link that pose goals mean when they name none; by default the tip of the group's
             chain, or the end of what hangs on the last planning joint.

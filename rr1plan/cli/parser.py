@@ -40,7 +40,8 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
         )
         command.set_defaults(command=run)
         command.add_argument("--json", action="store_true", help="print the result as JSON and nothing else")
-        command.add_argument("--quiet", action="store_true", help="print nothing but errors")
+        quiet = "print nothing but errors" + ", and the names of a list" * (name in _LISTS)
+        command.add_argument("--quiet", action="store_true", help=quiet)
         command.details = lambda: _EXIT_CODES
         add(command)
         commands[name] = command
@@ -242,7 +243,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     "robots": (
         "looking.robots",
         "list the robots, or describe one",
-        ("rr1plan robots", "rr1plan robots rr1", "rr1plan robots ur5", "rr1plan robots arm.urdf"),
+        ("rr1plan robots", "rr1plan robots --quiet", "rr1plan robots rr1", "rr1plan robots arm.urdf"),
         _robots,
     ),
     "scenes": (
@@ -258,6 +259,10 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         _no_options,
     ),
 }
+
+
+# Commands that list things where nothing is named.
+_LISTS = ("robots", "scenes")
 
 
 def _planners() -> str:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import rr1plan as rp
-from rr1plan.cli.console import Advance, Console
+from rr1plan.cli.console import Console
 from rr1plan.errors import InputError
 from rr1plan.formats.csv_files import csv_text, save_csv
 from rr1plan.formats.files import check_writable
@@ -17,6 +17,7 @@ from rr1plan.library import load_problems, load_scene_file
 from rr1plan.pipeline import MotionPlan, plan_motion
 from rr1plan.planning import PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
+from rr1plan.progress_bar import Advance
 
 # What a person can mend by asking differently is bad input; the rest is "no plan".
 _BAD_QUESTION = (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
