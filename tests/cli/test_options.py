@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -92,6 +95,8 @@ def test_an_option_without_an_effect_is_refused(
         (["plan", "rr1_table", "--position", "0", "0", "-inf"], "--position: '-inf' is not a finite number"),
         (["plan", "rr1_table", "--html", ""], "--html: '' is not a file name"),
         (["plan", "rr1_table", "--html", "a\0b"], "is not a file name"),
+        (["view", "rr1_table", "--html", "-"], "--html: '-' is standard output, expected a name"),
+        (["demo", "--output", "-"], "--output: '-' is standard output, expected a name"),
         (["plan", "a" * 300], "is longer than 255 bytes"),
         (["plan", "rr1_table", "--html", "a" * 300], "is longer than 255 bytes"),
         (["plan", "rr1_table", "--limits", ""], "unknown"),
@@ -185,11 +190,39 @@ def test_the_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert re.fullmatch(r"rr1plan \d+\.\d+\.\d+\S*\n", capsys.readouterr().out)
 
 
-@pytest.mark.parametrize("option", ["--output", "--csv", "--html"])
-@pytest.mark.parametrize(("name", "why"), [("not/there", "No such file"), (".", "it is a folder")])
-def test_a_file_that_cannot_be_written_is_refused_before_planning(
-    option: str, name: str, why: str, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("name", ["not/there", ".", "fifo", "device"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        # Planning would end with no plan, and 2000 x 2000 cells take minutes.
+        *(f"plan planar2r_no_path --seconds 0.2 {option} NAME" for option in ("--output", "--csv", "--html")),
+        *(f"cspace planar2r_path --resolution 2000 --{kind} NAME.{kind}" for kind in ("png", "svg", "pdf", "html")),
+        "view rr1_table --html NAME",
+        "view missing.json --html NAME",
+    ],
+)
+def test_a_file_that_cannot_be_written_is_refused_before_any_work(
+    command: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # Planning would end with no plan.
-    assert run(["plan", "planar2r_no_path", "--seconds", "0.2", option, name]) == BAD_INPUT
-    assert f"cannot write {name}: {why}" in one_line(capsys)
+    words = command.replace("NAME", name).split()
+    file = Path(words[-1])
+    why = {"not/there": "No such file", ".": "it is a folder", "fifo": "it is a FIFO", "device": "it is a device"}[name]
+    if name == "fifo":
+        os.mkfifo(file)
+    elif name == "device":
+        file.symlink_to("/dev/full")
+    elif name == ".":
+        file.mkdir(exist_ok=True)
+    before = sorted(Path.cwd().iterdir())
+    assert run(words) == BAD_INPUT
+    assert f"cannot write {file}: {why}" in one_line(capsys)
+    assert sorted(Path.cwd().iterdir()) == before
+
+
+@pytest.mark.parametrize("planner", ["bit_star", "rrt", "prm"])
+def test_nothing_but_the_answer_is_said_about_libraries(planner: str) -> None:
+    command = [sys.executable, "-m", "rr1plan", "plan", "planar2r_no_path", "--planner", planner, "--iterations", "20"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == NO_PLAN
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1
