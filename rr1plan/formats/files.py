@@ -82,7 +82,7 @@ def read_text(file: str | Path, max_bytes: int = MAX_BYTES) -> str:
         raise FormatError(f"is not UTF-8 text (byte {error.start})", file) from error
 
 
-def write_text(file: str | Path, text: str) -> Path:
+def write_text(file: str | os.PathLike[str], text: str) -> Path:
     """Write a UTF-8 file in one step and return its path; see `write_bytes`."""
     return write_bytes(file, text.encode("utf-8"))
 
@@ -91,7 +91,8 @@ def check_writable(file: str | Path) -> None:
     """Refuse a name under which no file can be written, before the work whose result it is for.
 
     Raises:
-        InputError: no file name at all, a folder's or a device's, or one in a folder that is not there or not writeable.
+        InputError: no file name at all, that of a folder or device, or one in a folder that is not there or not
+            writeable.
     """
     path = file_path(file)
     try:
@@ -108,7 +109,7 @@ def _refuse_to_replace(path: Path) -> None:
         raise InputError(f"cannot write {path}: it is a {kind}, expected a regular file or a new name")
 
 
-def write_bytes(file: str | Path, data: bytes) -> Path:
+def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
     """Write a file in one step and return its path.
 
     Raises:
