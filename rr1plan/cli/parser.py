@@ -124,13 +124,20 @@ def _query(parser: Parser) -> None:
 def _validate(parser: Parser) -> None:
     parser.add_argument("motion", metavar="MOTION", help=_MOTION)
     parser.add_argument("--scene", help="the scene to check it in (default: the one that the file holds)")
+    _topic(parser)
     parser.add_argument("--torque-limits", action="store_true", help="also check the joints' effort limits")
     parser.add_argument("--jerk-limits", action="store_true", help="also check the joints' jerk limits")
+
+
+def _topic(parser: Parser) -> None:
+    """The option that chooses from a bag."""
+    parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds a JointTrajectory)")
 
 
 def _play(parser: Parser) -> None:
     parser.add_argument("motion", metavar="MOTION", help=_MOTION)
     parser.add_argument("--scene", help="the scene to replay it in (default: the one that the file holds)")
+    _topic(parser)
     parser.add_argument("--mode", choices=("dynamic", "kinematic"), default="dynamic", help="(%(default)s)")
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
 
@@ -138,6 +145,7 @@ def _play(parser: Parser) -> None:
 def _view(parser: Parser) -> None:
     parser.add_argument("what", metavar="WHAT", help=f"a shipped scene, a scene file, or {_MOTION}")
     parser.add_argument("--scene", help="the scene of the motion (default: the one that the file holds)")
+    _topic(parser)
     parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.add_argument("--html", type=_named_file, metavar="FILE", help="write an offline page instead of serving one")
