@@ -327,8 +327,11 @@ def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | 
     if arm is not None and arm != problem.arms[0]:
         raise InputError(f"arm is {shown(arm)}, but the problem moves {problem.arms[0]!r}")
     known = problem.scene.arms[problem.arms[0]].robot.joint_names
-    if joints is not None and items_of("joints", joints, "two names") != known:
-        raise InputError(f"joints is {shown(joints)}, but the problem's columns are {known!r}")
+    asked = known if joints is None else items_of("joints", joints, "two names")
+    if asked != known:
+        raise InputError(
+            f"the joints are {', '.join(map(str, asked))}, but the problem's columns are {', '.join(known)}"
+        )
 
 
 def goal_configurations(problem: Problem) -> tuple[dict[str, Array], tuple[str, ...]]:

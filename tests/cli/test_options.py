@@ -132,6 +132,13 @@ def test_a_mistake_on_the_command_line_is_json_where_json_is_wanted(capsys: pyte
         (["plan", "rr1_pair", "--planner", "cartesian"], "the cartesian planner moves one arm, got 2: left, right"),
         (["plan", "rr1_table", "--quaternion", "0", "0", "0", "0", *POSITION], "has norm 0, expected about 1"),
         (["plan", "rr1_table", "--position", "1e6", "0", "0"], "goal position holds 1e+06, expected at most 10000"),
+        (["cspace", "planar2r_path", "--joints", "joint1", "joint1"], "joint1 and joint1, expected two different ones"),
+        (
+            ["cspace", "planar2r_path", "--query", "elbow_flip", "--joints", "joint2", "joint1"],
+            "the joints are joint2, joint1, but the problem's columns are joint1, joint2",
+        ),
+        (["view", "rr1_table", "--html", "a.html", "--view", "1", "2", "3", "4"], "view has 4 numbers, expected two"),
+        (["view", "rr1_table", "--html", "a.html", "--view", "0", "0", "0"], "view is the direction 0 0 0, expected"),
         (["plan", "empty.toml"], "scene 'empty.toml' has no queries; give a goal (--goal, --position)"),
         (["demo", "--scene", "empty.toml"], "(--goal of rr1plan plan, --position of rr1plan plan)"),
         (["plan", "no_arm.toml", "--goal", "home"], "the scene has no arm; add one: [arms.NAME] in a scene file"),
