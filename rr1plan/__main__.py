@@ -32,7 +32,9 @@ def main() -> None:
     # Nothing is left to interrupt but the interpreter's end, which would answer with a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     # Else the interpreter looks through all objects of all libraries before it ends, for a quarter of a second.
-    gc.freeze()
+    # OMPL's binding prints what is left then as leaks, so it is left to be collected.
+    if "ompl" not in sys.modules:
+        gc.freeze()
     sys.exit(code)
 
 

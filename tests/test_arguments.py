@@ -154,7 +154,14 @@ def calls(folder: Path) -> dict[str, Call]:
         "convex_pieces": (rp.convex_pieces, {"mesh": mesh, "seconds": 5.0, "progress": None}),
         "load_motion": (
             rp.load_motion,
-            {"file": folder / "m.json", "scene": None, "torque_limits": False, "jerk_limits": False, "progress": None},
+            {
+                "file": folder / "m.json",
+                "scene": None,
+                "topic": None,
+                "torque_limits": False,
+                "jerk_limits": False,
+                "progress": None,
+            },
         ),
         "load_joint_trajectory": (rp.load_joint_trajectory, {"file": folder / "j.yaml", "topic": None}),
         "save_motion": (

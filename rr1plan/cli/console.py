@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 import os
@@ -71,9 +72,10 @@ class Console:
             table.add_column(name, min_width=max(map(len, words), default=0), overflow="fold")
         for row in rows:
             table.add_row(*(escape(cell) for cell in row))
-        with self._out.capture() as captured:
-            self._out.print(table)
-        self.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
+        # Rendered aside: `write` alone touches standard output, which may be full.
+        text, out = io.StringIO(), self._out
+        RichConsole(file=text, width=out.width, force_terminal=out.is_terminal, highlight=False).print(table)
+        self.write("".join(f"{line.rstrip()}\n" for line in text.getvalue().splitlines()))
 
     def names(self, names: Sequence[str]) -> None:
         """The names of what is listed, a line for each: what `--quiet` leaves of a list."""

@@ -54,7 +54,11 @@ def _examples(*lines: str) -> str:
 
 def _demo(parser: Parser) -> None:
     parser.add_argument(
-        "--output", type=_file, default="rr1plan-demo", metavar="FOLDER", help="folder for the files (%(default)s)"
+        "--output",
+        type=_named_file,
+        default="rr1plan-demo",
+        metavar="FOLDER",
+        help="folder for the files (%(default)s)",
     )
     parser.add_argument("--scene", default="rr1_cluttered", help="a scene with a query (%(default)s)")
     parser.add_argument("--query", help="a query of that scene (default: its first)")
@@ -82,7 +86,7 @@ def _plan(parser: Parser) -> None:
     parser.add_argument(
         "--csv", type=_file, metavar="FILE", help="save the trajectory as CSV (- writes it to standard output)"
     )
-    parser.add_argument("--html", type=_file, metavar="FILE", help="save a page that plays the motion offline")
+    parser.add_argument("--html", type=_named_file, metavar="FILE", help="save a page that plays the motion offline")
     parser.add_argument("--spheres", action="store_true", help="with --html: show the spheres that contain each link")
     _view_from(parser, "of the page, with --html")
     parser.needs("--spheres", "--html")
@@ -121,13 +125,20 @@ def _query(parser: Parser) -> None:
 def _validate(parser: Parser) -> None:
     parser.add_argument("motion", metavar="MOTION", help=_MOTION)
     parser.add_argument("--scene", help="the scene to check it in (default: the one that the file holds)")
+    _topic(parser)
     parser.add_argument("--torque-limits", action="store_true", help="also check the joints' effort limits")
     parser.add_argument("--jerk-limits", action="store_true", help="also check the joints' jerk limits")
+
+
+def _topic(parser: Parser) -> None:
+    """The option that chooses from a bag."""
+    parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds a JointTrajectory)")
 
 
 def _play(parser: Parser) -> None:
     parser.add_argument("motion", metavar="MOTION", help=_MOTION)
     parser.add_argument("--scene", help="the scene to replay it in (default: the one that the file holds)")
+    _topic(parser)
     parser.add_argument("--mode", choices=("dynamic", "kinematic"), default="dynamic", help="(%(default)s)")
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
 
@@ -135,9 +146,10 @@ def _play(parser: Parser) -> None:
 def _view(parser: Parser) -> None:
     parser.add_argument("what", metavar="WHAT", help=f"a shipped scene, a scene file, or {_MOTION}")
     parser.add_argument("--scene", help="the scene of the motion (default: the one that the file holds)")
+    _topic(parser)
     parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
-    parser.add_argument("--html", type=_file, metavar="FILE", help="write an offline page instead of serving one")
+    parser.add_argument("--html", type=_named_file, metavar="FILE", help="write an offline page instead of serving one")
     parser.add_argument("--spheres", action="store_true", help="show the spheres that contain each link")
     _view_from(parser, "of the page")
     parser.excludes("--html", "--port", "--no-browser")
@@ -286,6 +298,13 @@ def _listed(title: str, rows: Mapping[str, str]) -> str:
 def _file(text: str) -> str:
     if not text or "\0" in text:
         raise argparse.ArgumentTypeError(f"{text!r} is not a file name")
+    return text
+
+
+def _named_file(text: str) -> str:
+    """A file or folder that is not standard output."""
+    if _file(text) == "-":
+        raise argparse.ArgumentTypeError("'-' is standard output, expected a name")
     return text
 
 

@@ -177,11 +177,11 @@ def _no_plan(motion: MotionPlan, console: Console) -> int:
 
 def _check_outputs(options: Namespace) -> None:
     """Refuse outputs that cannot be written before any work; standard output takes one thing only."""
-    taken = [name for name in ("--output", "--csv", "--html") if getattr(options, name[2:]) == "-"]
-    if "--html" in taken:
-        raise InputError("--html - : a page is not written to standard output; name a file")
+    taken = [name for name in ("--output", "--csv") if getattr(options, name[2:]) == "-"]
     if options.json and taken:
         raise InputError(f"--json and {taken[0]} - both write to standard output; name a file for one of them")
+    if options.embed and options.output == "-":
+        raise InputError("--embed has no effect with --output -, which always holds all meshes")
     for file in (options.output, options.csv, options.html):
         if file not in (None, "-"):
             check_writable(file)

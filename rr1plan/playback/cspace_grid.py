@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, finite_array, items_of, known_name, read_only, shown, whole_number
+from rr1plan.checks import Array, Value, finite_array, items_of, known_name, read_only, whole_number
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.playback.cspace_cells import Mask, label_components, shortest_way, widest_spot
@@ -214,7 +214,7 @@ def two_joints(scene: Scene, arm: str, joints: tuple[str, str] | None) -> tuple[
         return known[0], known[1]
     names = [known_name("joint", name, known) for name in items_of("joints", joints, "two names")]
     if len(names) != 2 or names[0] == names[1]:
-        raise InputError(f"joints is {shown(joints)}, expected two different joints")
+        raise InputError(f"the joints are {' and '.join(names) or 'none'}, expected two different ones")
     return names[0], names[1]
 
 

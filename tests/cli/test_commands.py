@@ -198,7 +198,8 @@ def test_a_minus_writes_a_motion_that_is_whole_to_standard_output(capsys: pytest
     [
         (["--output", "-", "--csv", "-"], "are the same file '-'"),
         (["--output", "-", "--json"], "standard output"),
-        (["--html", "-"], "name a file"),
+        (["--html", "-"], "--html: '-' is standard output, expected a name"),
+        (["--embed", "--output", "-"], "--embed has no effect with --output -"),
         (["--embed"], "--embed has no effect without --output"),
     ],
 )

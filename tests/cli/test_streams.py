@@ -32,10 +32,11 @@ def shell(line: str) -> subprocess.CompletedProcess[str]:
     return done
 
 
-@pytest.mark.parametrize("command", ["scenes rr1_table", "scenes rr1_table --json", "--version"])
+@pytest.mark.parametrize("command", ["scenes", "robots", "scenes rr1_table", "scenes rr1_table --json", "--version"])
 @pytest.mark.parametrize("where", ["> /dev/full", ">&-"])
-def test_output_that_cannot_be_written_is_an_error(command: str, where: str) -> None:
-    done = shell(f"{RR1PLAN} {command} {where}")
+@pytest.mark.parametrize("unbuffered", ["", "PYTHONUNBUFFERED=1 "])
+def test_output_that_cannot_be_written_is_an_error(command: str, where: str, unbuffered: str) -> None:
+    done = shell(f"{unbuffered}{RR1PLAN} {command} {where}")
     assert done.returncode == BAD_INPUT
     assert re.fullmatch("rr1plan: cannot write to standard output: .*\n", done.stderr)
 

@@ -305,7 +305,7 @@ def test_bad_arguments_are_named(lesson: rp.Scene, rr1_table: rp.Scene) -> None:
         rp.cspace(lesson, resolution=4)
     with pytest.raises(UnknownNameError, match="joint 'elbow'"):
         rp.cspace(rr1_table, joints=("elbow", "hand_joint"), resolution=8)
-    with pytest.raises(InputError, match="two different joints"):
+    with pytest.raises(InputError, match="two different ones"):
         rp.cspace(rr1_table, joints=("hand_joint", "hand_joint"), resolution=8)
     with pytest.raises(InputError, match="6 columns"):
         rp.cspace(rr1_table, rp.Problem(rr1_table, None, "home"), resolution=8)

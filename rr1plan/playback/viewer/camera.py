@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, finite_array, known_name, shape_of
+from rr1plan.checks import Array, counted, finite_array, known_name, shape_of
 from rr1plan.errors import InputError
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.transforms import inverse as inverse_pose
@@ -78,9 +78,12 @@ def check_view(view: Any) -> Point | None:
             )
         flat = math.cos(elevation)
         return (flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation))
+    if len(shape_of(view)) == 1 and shape_of(view) != (3,):
+        count = counted(shape_of(view)[0], "number")
+        raise InputError(f"view has {count}, expected two angles, or three numbers that are a direction")
     x, y, z = finite_array("view", view, (3,)).tolist()
     if math.hypot(x, y, z) < 1e-9:
-        raise InputError(f"view is {[x, y, z]}, expected a direction of the world that is not zero")
+        raise InputError(f"view is the direction {x:g} {y:g} {z:g}, expected one that is not zero")
     return (x, y, z)
 
 
