@@ -422,3 +422,19 @@ def test_both_pictures_are_large_in_a_small_window(
     if width > height:
         assert max(box["y"] + box["height"] for box in tools) <= height
     assert tab.complaints == []
+
+
+def test_without_webgl_the_configuration_space_is_there(tab: Any, lesson: rp.CSpace, page_file: FilePath) -> None:
+    tab.disable_webgl()
+    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.page.goto(page_file.as_uri())
+    wait_until(tab.page, READY)
+    assert "no WebGL" in tab.page.inner_text("#pane")
+    assert "same component" in tab.page.locator(".verdict").inner_text()
+    red = lesson.grid.layers["red"].mean() * tab.ask("(RR1.lesson.plot.size / RR1.lesson.ratio) ** 2")
+    assert near(canvas_pixels(tab), "#b5534a").sum() == pytest.approx(red, rel=0.3)
+    tab.page.mouse.click(*on_canvas(tab, [-1.0, 0.4]))
+    np.testing.assert_allclose(shown(tab), [-1.0, 0.4], atol=0.02)
+    tab.page.locator("[data-tool=elbow]").click()
+    assert shown(tab)[1] == pytest.approx(-0.4, abs=0.02)
+    assert [c for c in tab.complaints if "WebGL" not in c] == []

@@ -407,3 +407,20 @@ def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: File
             assert tab.ask(hidden, t) == 0, (width, height, t)
             assert tab.ask(covered) == [], (width, height, t)
     assert tab.complaints == []
+
+
+def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: FilePath, two_arms: rp.Scene) -> None:
+    tab.disable_webgl()
+    tab.page.goto(page_file.as_uri())
+    wait_until(tab.page, READY)
+    assert "no WebGL" in tab.page.inner_text("#pane")
+    assert tab.page.inner_text("#title") == "two"
+    assert tab.page.inner_text("#badge") == "Invalid: 1 found"
+    assert tab.page.locator("#toggles").is_hidden()
+    tab.page.click("#report .violation")
+    assert tab.ask("RR1.time") == 1.25
+    np.testing.assert_allclose(tab.ask("Array.from(RR1.q)"), wander(two_arms)(1.25), atol=1e-6)
+    assert tab.page.locator("#joints output").first.inner_text() == f"{np.degrees(wander(two_arms)(1.25)[0]):.1f}°"
+    tab.page.click("#play")
+    wait_until(tab.page, "RR1.time > 1.3")
+    assert [c for c in tab.complaints if "WebGL" not in c] == []

@@ -24,7 +24,7 @@ class Viewer {
     this.panelData = {};
     this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres"]);
     this.byArm = true;
-    this.stage = new Stage(find("pane"));
+    this.stage = makeStage(find("pane"));
     this.stage.onResize = () => this.frame();
     this.controls = new Controls(this);
     this.frames = 0;
