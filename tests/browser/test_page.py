@@ -409,6 +409,38 @@ def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: File
     assert tab.complaints == []
 
 
+def test_a_panda_behind_a_wall_is_seen(
+    tab: Any, panda_and_wall: tuple[rp.Scene, rp.Trajectory, tuple[float, float, float]], tmp_path: FilePath
+) -> None:
+    scene, motion, before = panda_and_wall
+
+    def magenta() -> int:
+        frames = tab.ask("RR1.frames")
+        wait_until(tab.page, f"RR1.frames > {frames} + 2")
+        red, green, blue = np.moveaxis(
+            np.asarray(Image.open(io.BytesIO(tab.page.screenshot())).convert("RGB"), int), 2, 0
+        )
+        return int(((red > green + 60) & (blue > green + 60)).sum())
+
+    def shown(view: Any) -> list[float]:
+        """The part of the arm's pixels that the wall leaves, at three instants, in the first view."""
+        tab.page.goto(save_html(tmp_path / "page.html", scene, motion, view=view, play=False).as_uri())
+        wait_until(tab.page, READY)
+        shares = []
+        for t in (0.0, 0.5, 1.0):
+            tab.ask("t => { RR1.seek(t); RR1.setShown('obstacles', true); }", t)
+            seen = magenta()
+            tab.ask("RR1.setShown('obstacles', false)")
+            whole = magenta()
+            assert whole > 2000
+            shares.append(seen / whole)
+        return shares
+
+    assert max(shown(before)) < 0.02
+    assert min(shown(None)) > 0.95
+    assert tab.complaints == []
+
+
 def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: FilePath, two_arms: rp.Scene) -> None:
     tab.disable_webgl()
     tab.page.goto(page_file.as_uri())
