@@ -118,6 +118,7 @@ _HOPELESS_ITERATIONS = 1500
 
 def cspace(options: Namespace, console: Console) -> int:
     """Draw the configuration space of two joints, with a query of a two-joint arm and its answer."""
+    view = first_view(options.view)
     scene, problem = load_scene(options.scene), _flat_query(options)
     if problem is None:
         idle = [option for option in ("--planner", "--seconds", "--seed") if option in options.given]
@@ -141,7 +142,7 @@ def cspace(options: Namespace, console: Console) -> int:
             result = _with_tree(options.planner).plan(problem, budget, options.seed, told_to(advance))
         picture = picture.with_result(result)
     with console.progress("drawing"):
-        files = _save_pictures(picture, options)
+        files = _save_pictures(picture, options, view)
     console.say(str(picture))
     if result is not None:
         found = result.reason if result.path is None else f"path found in {milliseconds(result.seconds)}"
@@ -173,9 +174,10 @@ def _flat_query(options: Namespace) -> rp.Problem | None:
     return None
 
 
-def _save_pictures(picture: rp.CSpace, options: Namespace) -> dict[str, Path]:
+def _save_pictures(picture: rp.CSpace, options: Namespace, view: Any) -> dict[str, Path]:
     """Write the files asked for, or a PNG."""
-    asked = {kind: getattr(options, kind) for kind in ("png", "svg", "pdf", "html")}
-    if not any(asked.values()):
+    asked = {kind: getattr(options, kind) for kind in ("png", "svg", "pdf")}
+    if not any([*asked.values(), options.html]):
         asked["png"] = f"{picture.grid.scene.name}-cspace.png"
-    return {"page" if kind == "html" else kind: picture.save(file) for kind, file in asked.items() if file}
+    files = {kind: picture.save(file) for kind, file in asked.items() if file}
+    return files | ({"page": picture.save_html(options.html, view=view)} if options.html else {})
