@@ -150,7 +150,8 @@ class Controls {
       box.hidden = !box.hidden;
       badge.setAttribute("aria-expanded", String(!box.hidden));
     };
-    if (rank === "bad") badge.onclick();
+    // Not where it would cover the arms.
+    if (rank === "bad" && matchMedia("(min-width: 700px)").matches) badge.onclick();
     const rows = [];
     for (const violation of report.violations) {
       const button = element("button", violation.message, "violation");

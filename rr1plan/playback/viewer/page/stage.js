@@ -196,7 +196,7 @@ class Stage {
     this.camera.updateProjectionMatrix();
   }
 
-  /** Parts of the window that no card covers, from -1 to 1 each way: beside the headline, and below it. */
+  /** Parts of the window that no card covers, from -1 to 1 each way: beside the headline and below it, or all if both are slits. */
   rooms() {
     const pane = this.pane.getBoundingClientRect();
     const covered = (id) => {
@@ -212,7 +212,8 @@ class Stage {
     };
     if (!head) return [room];
     const rooms = [{ ...room, left: x(head.right + gap) }, { ...room, top: y(head.bottom + gap) }];
-    return rooms.filter((r) => r.right - r.left > 0.2 && r.top - r.bottom > 0.2).concat([room]).slice(0, 2);
+    const wide = rooms.filter((r) => r.right - r.left > 0.4 && r.top - r.bottom > 0.4);
+    return wide.length ? wide : [room];
   }
 
   resize() {
