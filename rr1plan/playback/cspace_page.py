@@ -23,11 +23,9 @@ from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace_images import SELF
 from rr1plan.playback.cspace_verdict import tone, verdict
 from rr1plan.playback.outlines import silhouette
-from rr1plan.playback.replay import Replay
 from rr1plan.playback.search_trees import DrawnTree
 from rr1plan.playback.viewer.document import Document, first_camera, pack, view_document
 from rr1plan.playback.viewer.page import Panel, page_html, write_page
-from rr1plan.report import Report
 from rr1plan.shapes import HalfSpace
 from rr1plan.trajectory import Trajectory
 
@@ -67,27 +65,17 @@ def save_page(
             written.
         MissingPackageError: Meshcat is not installed.
     """
-    document, panel = page_parts(cspace, trajectory, title)
+    document, panel = page_parts(cspace, trajectory, title=title)
     return write_page(file, page_html(document, [panel], view=view, play=play))
 
 
-def page_parts(
-    cspace: CSpace,
-    trajectory: Trajectory | None,
-    title: str | None,
-    report: Report | None = None,
-    replay: Replay | None = None,
-    spheres: bool = False,
-) -> tuple[Document, Panel]:
+def page_parts(cspace: CSpace, trajectory: Trajectory | None, **shown: Any) -> tuple[Document, Panel]:
     """The document of the page, and its panel.
 
     Args:
         cspace: The configuration space.
         trajectory: The timed motion to play, or None.
-        title: Headline of the page, or None for the scene's name.
-        report: The referee's verdict on the trajectory, or None.
-        replay: What a simulation made of the trajectory, or None.
-        spheres: Show the spheres that contain each link and held object.
+        shown: What else the page shows: title, report, replay and spheres of `view_document`.
 
     Raises:
         InputError: the trajectory moves other joints than the two shown.
@@ -101,7 +89,7 @@ def page_parts(
     path = None if cspace.path is None else Path(names, cspace.path)
     start = None if cspace.start is None else _posture(grid, cspace.start)
     scene = grid.scene if start is None else grid.scene.with_posture(grid.arm, start)
-    document = view_document(scene, trajectory, path=path, report=report, replay=replay, title=title, spheres=spheres)
+    document = view_document(scene, trajectory, path=path, **shown)
     document["ghosts"] = _ghosts(cspace)
     if document["track"] is None:
         document["camera"] = first_camera(scene, None, document["ghosts"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from rr1plan.checks import true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.playback.configuration_space import CSpace, cspace
@@ -46,9 +47,8 @@ def show_page(
         BackendError: no free port.
         MissingPackageError: Meshcat is not installed.
     """
-    viewer = CSpaceViewer(picture, trajectory, title, view, port)
-    open_viewer(viewer, open_browser, quiet)
-    return viewer
+    open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
+    return open_viewer(CSpaceViewer(picture, trajectory, title, view, port), open_browser, quiet)
 
 
 class CSpaceViewer(Viewer):
@@ -65,7 +65,7 @@ class CSpaceViewer(Viewer):
     def __init__(
         self, picture: CSpace, trajectory: Trajectory | None, title: str | None, view: Any, port: int | None
     ) -> None:
-        document, panel = page_parts(picture, trajectory, title)
+        document, panel = page_parts(picture, trajectory, title=title)
         super().__init__(picture.grid.scene, document, [panel], view, port)
         self._picture = picture
 
@@ -99,9 +99,8 @@ class CSpaceViewer(Viewer):
             InputError: an arm without two joints, a problem, path or trajectory of other joints, or a closed viewer.
         """
         picture = scene if isinstance(scene, CSpace) else self._picture_of(scene, problem, path)
-        document, panel = page_parts(picture, trajectory, title, report, replay, spheres)
-        self._server.set_document({**document, "panels": {panel.name: panel.data}})
-        self._scene, self._document, self._panels = picture.grid.scene, document, (panel,)
+        document, panel = page_parts(picture, trajectory, title=title, report=report, replay=replay, spheres=spheres)
+        self._exchange(picture.grid.scene, document, (panel,))
         self._picture = picture
 
     def _picture_of(self, scene: Scene, problem: Problem | None, path: Path | None) -> CSpace:
