@@ -493,37 +493,50 @@ def test_without_a_path_the_arm_stands_at_the_start_and_both_ends_are_seen(tab: 
     assert tab.complaints == []
 
 
-def test_names_of_images_are_whole_in_the_picture(tab: Any, rr1_table: rp.Scene, tmp_path: FilePath) -> None:
-    picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=40)
-    tab.page.goto(picture.save_html(tmp_path / "slice.html").as_uri())
-    wait_until(tab.page, READY)
-    written, left, right = tab.ask("""() => {
-        const usual = CanvasRenderingContext2D.prototype.fillText, written = [], { plot } = RR1.lesson;
+def written(tab: Any) -> tuple[dict[str, np.ndarray], list[float]]:
+    """What is written into the configuration space: left, top, right and bottom of each text, and of the picture."""
+    rows, plot = tab.ask("""() => {
+        const usual = CanvasRenderingContext2D.prototype.fillText, rows = [], { plot } = RR1.lesson;
         CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
-            const half = this.measureText(text).width / 2;
-            if (this.textAlign === "center") written.push([text, x - half, x + half]);
+            const wide = this.measureText(text).width, left = this.textAlign === "center" ? x - wide / 2 : x;
+            const tall = 0.35 * parseFloat(this.font.match(/([\\d.]+)px/)[1]);
+            rows.push([text, [left, y - tall, left + wide, y + tall]]);
             usual.call(this, text, x, y);
         };
         RR1.lesson.redraw();
         CanvasRenderingContext2D.prototype.fillText = usual;
-        return [written, plot.x, plot.x + plot.size];
+        return [rows, [plot.x, plot.y, plot.x + plot.size, plot.y + plot.size]];
     }""")
-    names = [(low, high) for text, low, high in written if text in picture.grid.layers]
-    assert len(names) >= 2
-    assert all(left <= low and high <= right for low, high in names)
+    return {text: np.array(box) for text, box in rows}, plot
 
 
-def test_without_webgl_the_configuration_space_is_there(tab: Any, lesson: rp.CSpace, page_file: FilePath) -> None:
-    tab.disable_webgl()
-    tab.page.set_viewport_size({"width": 1280, "height": 720})
-    tab.page.goto(page_file.as_uri())
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (800, 600)])
+def test_names_are_whole_in_the_picture(
+    tab: Any, rr1_table: rp.Scene, tmp_path: FilePath, width: int, height: int
+) -> None:
+    picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=40)
+    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.page.goto(picture.save_html(tmp_path / "slice.html").as_uri())
     wait_until(tab.page, READY)
-    assert "no WebGL" in tab.page.inner_text("#pane")
-    assert "same component" in tab.page.locator(".verdict").inner_text()
-    red = lesson.grid.layers["red"].mean() * tab.ask("(RR1.lesson.plot.size / RR1.lesson.ratio) ** 2")
-    assert near(canvas_pixels(tab), "#b5534a").sum() == pytest.approx(red, rel=0.3)
-    tab.page.mouse.click(*on_canvas(tab, [-1.0, 0.4]))
-    np.testing.assert_allclose(shown(tab), [-1.0, 0.4], atol=0.02)
-    tab.page.locator("[data-tool=elbow]").click()
-    assert shown(tab)[1] == pytest.approx(-0.4, abs=0.02)
-    assert [c for c in tab.complaints if "WebGL" not in c] == []
+    texts, plot = written(tab)
+    names = [box for text, box in texts.items() if text in picture.grid.layers]
+    assert len(names) >= 2
+    assert all(plot[0] <= left and right <= plot[2] for left, _, right, _ in names)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (800, 600)])
+def test_goals_are_not_written_over_names(tab: Any, tmp_path: FilePath, width: int, height: int) -> None:
+    problem = load_problems("planar2r_path")["to_a_point"]
+    picture = rp.cspace(problem.scene, problem, resolution=CELLS)
+    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.page.goto(picture.save_html(tmp_path / "point.html").as_uri())
+    wait_until(tab.page, READY)
+    texts, plot = written(tab)
+    assert {"goal, IK 1", "goal, IK 2", "start", "green"} <= set(texts)
+    for mark in ("goal, IK 1", "goal, IK 2", "start"):
+        left, top, right, bottom = texts[mark]
+        assert plot[0] <= left < right <= plot[2]
+        assert plot[1] <= top < bottom <= plot[3]
+        for name in picture.grid.layers:
+            box = texts[name]
+            assert right < box[0] or box[2] < left or bottom < box[1] or box[3] < top, (mark, name)

@@ -473,8 +473,10 @@ class Lesson {
     pen.lineJoin = "round";
     for (const [q, text, color] of marks) {
       const [px, py] = this.at(...this.shares(q)), wide = pen.measureText(text).width;
-      const left = px + 13 * this.unit + wide > x + size ? px - 13 * this.unit - wide : px + 13 * this.unit;
-      const top = Math.min(Math.max(py - 9 * this.unit, y + 9 * this.unit), y + size - 9 * this.unit);
+      // Beside the mark, or below it where there is no room: names of images stand to the left.
+      const beside = px + 13 * this.unit + wide <= x + size, below = py + 19 * this.unit < y + size - 9 * this.unit ? 19 : -19;
+      const left = beside ? px + 13 * this.unit : Math.min(px - wide / 2, x + size - wide - 3 * this.unit);
+      const top = Math.min(Math.max(py + (beside ? -9 : below) * this.unit, y + 9 * this.unit), y + size - 9 * this.unit);
       pen.strokeStyle = "rgba(255,255,255,.95)";
       pen.lineWidth = 4.5 * this.unit;
       pen.strokeText(text, left, top);
