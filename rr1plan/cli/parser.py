@@ -96,14 +96,14 @@ def _plan(parser: Parser) -> None:
     parser.details = lambda: f"{_planners()}\n\n{_retimings()}\n\n{_EXIT_CODES}"
 
 
-def _view_from(parser: Parser, of: str) -> None:
+def _view_from(parser: Parser, of: str, default: str = "one that shows the motion") -> None:
     """The option that says where a page is looked at from first."""
     parser.add_argument(
         "--view",
         nargs="+",
         metavar="V",
         help=f"first view {of}: front, back, left, right, top or corner; azimuth and elevation [rad]; or a direction "
-        "x y z (default: one that shows the motion)",
+        f"x y z (default: {default})",
     )
 
 
@@ -183,6 +183,8 @@ def _cspace(parser: Parser) -> None:
     parser.add_argument(
         "--html", type=_file_of(".html"), metavar="FILE.html", help="write an offline page with sliders"
     )
+    _view_from(parser, "of the page, with --html", "from above for a planar arm, else one that shows the motion")
+    parser.needs("--view", "--html")
     parser.details = lambda: f"{_planners()}\n\n{_EXIT_CODES}"
 
 

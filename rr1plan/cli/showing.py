@@ -122,6 +122,7 @@ _HOPELESS_ITERATIONS = 1500
 
 def cspace(options: Namespace, console: Console) -> int:
     """Draw the configuration space of two joints, with a query of a two-joint arm and its answer."""
+    view = first_view(options.view)
     scene, problem = load_scene(options.scene), _flat_query(options)
     pictures = _pictures(options, scene)
     if problem is None:
@@ -147,7 +148,10 @@ def cspace(options: Namespace, console: Console) -> int:
             result = _with_tree(options.planner).plan(problem, budget, options.seed, told_to(advance))
         picture = picture.with_result(result)
     with console.progress("drawing"):
-        files = {kind: picture.save(file) for kind, file in pictures.items()}
+        files = {
+            kind: picture.save_html(file, view=view) if kind == "page" else picture.save(file)
+            for kind, file in pictures.items()
+        }
     console.say(str(picture))
     if result is not None:
         found = result.reason if result.path is None else f"path found in {milliseconds(result.seconds)}"

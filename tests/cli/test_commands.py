@@ -91,6 +91,8 @@ def test_questions_may_be_asked_in_many_ways(
         (["view", "rr1_table", "--html", "a.html", "--view", "45", "30"], "expected angles [rad]"),
         (["view", "rr1_table", "--html", "a.html", "--view", "left", "right"], "neither a view's name nor numbers"),
         (["demo", "--view", "1"], "view"),
+        (["cspace", "planar2r_path", "--html", "a.html", "--view", "tpo"], "Did you mean 'top'"),
+        (["cspace", "planar2r_path", "--html", "a.html", "--view", "45", "30"], "expected angles [rad]"),
         (["robots", "rr2"], "Did you mean 'rr1'"),
         (["scenes", "rr1_shelve"], "Did you mean 'rr1_shelf'"),
         (["cspace", "planar2r_path", "--joints", "joint1", "joint9", "--resolution", "8"], "joint9"),
@@ -262,6 +264,7 @@ def test_view_writes_an_offline_page_of_a_scene_or_a_motion(motion: Path) -> Non
         (["view", "rr1_shelf", "--html", "page.html"], "page.html"),
         (["plan", "rr1_table", "--html", "page.html"], "page.html"),
         (["demo", "--output", "out"], "out/motion.html"),
+        (["cspace", "planar2r_path", "--resolution", "16", "--html", "page.html"], "page.html"),
     ],
 )
 def test_pages_are_looked_at_from_the_view_that_is_given(command: list[str], page: str) -> None:

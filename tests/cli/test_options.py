@@ -45,6 +45,8 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
         (["plan", "rr1_table", "--frame", "tool", "--goal", "home"], "--frame has no effect without --position"),
         (["plan", "rr1_table", "--spheres"], "--spheres has no effect without --html"),
         (["plan", "rr1_table", "--view", "top"], "--view has no effect without --html"),
+        (["cspace", "planar2r_path", "--view", "top"], "--view has no effect without --html"),
+        (["cspace", "planar2r_path", "--view", "top", "--svg", "a.svg"], "--view has no effect without --html"),
         (["plan", "rr1_table", "--spheres", "--output", "m.json"], "--spheres has no effect without --html"),
         (["plan", "rr1_table", "--query", "above_parcel", "--goal", "home"], "got --query and --goal, expected one of"),
         (["plan", "rr1_table", "--query", "above_parcel", *POSITION], "got --query and --position"),
