@@ -3,7 +3,8 @@
 Every reader of the package opens files here: a FIFO, a device or a folder is refused before a byte is read.
 
 A file is written next to its place, flushed to the disk and renamed over it, so a crash leaves
-the old file or the new one, never half of one.
+the old file or the new one, never half of one. What is no regular file is never replaced: renaming a file over
+/dev/null would take the device from the whole system. A symbolic link stays, and the file it leads to is replaced.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import zlib
 from pathlib import Path
 from typing import BinaryIO
 
-from rr1plan.checks import file_path
+from rr1plan.checks import file_path, resolved_path
 from rr1plan.errors import FormatError, InputError
 
 MAX_BYTES = 256 * 1024 * 1024
@@ -57,9 +58,13 @@ def _open(path: Path) -> BinaryIO:
     mode = os.fstat(handle).st_mode
     if not stat.S_ISREG(mode):
         os.close(handle)
-        kind = _KINDS.get(stat.S_IFMT(mode), "special file")
-        raise FormatError(f"is a {kind}, expected a regular file", path)
+        raise FormatError(f"is a {_kind(mode)}, expected a regular file", path)
     return os.fdopen(handle, "rb")
+
+
+def _kind(mode: int) -> str:
+    """The word for a file that is not regular."""
+    return _KINDS.get(stat.S_IFMT(mode), "special file")
 
 
 def is_regular(path: Path) -> bool:
@@ -82,35 +87,54 @@ def read_text(file: str | Path, max_bytes: int = MAX_BYTES) -> str:
         raise FormatError(f"is not UTF-8 text (byte {error.start})", file) from error
 
 
-def write_text(file: str | Path, text: str) -> Path:
+def write_text(file: str | os.PathLike[str], text: str) -> Path:
     """Write a UTF-8 file in one step and return its path; see `write_bytes`."""
     return write_bytes(file, text.encode("utf-8"))
 
 
-def check_writable(file: str | Path) -> None:
+def check_writable(file: str | os.PathLike[str]) -> None:
     """Refuse a name under which no file can be written, before the work whose result it is for.
 
     Raises:
-        InputError: no file name at all, a folder's, or one in a folder that is not there or not writeable.
+        InputError: no file name at all, that of a folder, FIFO or device, or one in a folder that is not there or not
+            writeable.
     """
     path = file_path(file)
-    if path.is_dir():
-        raise InputError(f"cannot write {path}: it is a folder")
     try:
-        tempfile.TemporaryFile(dir=path.parent).close()
+        tempfile.TemporaryFile(dir=_target(path).parent).close()
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
 
 
-def write_bytes(file: str | Path, data: bytes) -> Path:
+def _target(path: Path) -> Path:
+    """The file to replace: what symbolic links lead to.
+
+    Raises:
+        InputError: a folder, FIFO, device or loop of links.
+    """
+    target = resolved_path(path)
+    try:
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        return target
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+    if not stat.S_ISREG(mode):
+        raise InputError(f"cannot write {path}: it is a {_kind(mode)}, expected a regular file or a new name")
+    return target
+
+
+def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
     """Write a file in one step and return its path.
 
     Raises:
-        InputError: no file name at all, the folder is not there or not writeable; an old file is left as it was.
+        InputError: no file name at all, that of a folder, FIFO or device, or the folder is not there or not writeable;
+            an old file is left as it was.
     """
     path = file_path(file)
+    target = _target(path)
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".rr1plan.", suffix=".tmp")
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
     try:
@@ -118,8 +142,8 @@ def write_bytes(file: str | Path, data: bytes) -> Path:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        Path(temporary).chmod(_new_file_mode(path))
-        Path(temporary).replace(path)
+        Path(temporary).chmod(_new_file_mode(target))
+        Path(temporary).replace(target)
     except BaseException as error:
         Path(temporary).unlink(missing_ok=True)
         if isinstance(error, OSError):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
+from rr1plan.formats.files import write_text
 from rr1plan.path import Path
 from rr1plan.playback.cspace_colors import layer_colors
 from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid
@@ -25,7 +26,7 @@ from rr1plan.playback.outlines import silhouette
 from rr1plan.playback.replay import Replay
 from rr1plan.playback.search_trees import DrawnTree
 from rr1plan.playback.viewer.document import Document, pack, view_document
-from rr1plan.playback.viewer.page import Panel, page_html, write_page
+from rr1plan.playback.viewer.page import Panel, page_html
 from rr1plan.report import Report
 from rr1plan.shapes import HalfSpace
 from rr1plan.trajectory import Trajectory
@@ -62,7 +63,7 @@ def save_page(
         MissingPackageError: Meshcat is not installed.
     """
     document, panel, view = page_parts(cspace, trajectory, title)
-    return write_page(file, page_html(document, [panel], view=view, play=play))
+    return write_text(file, page_html(document, [panel], view=view, play=play))
 
 
 def page_parts(

@@ -13,6 +13,7 @@ from typing import Any
 
 from rr1plan.checks import file_path, finite_number
 from rr1plan.errors import BackendError, InputError, MissingPackageError
+from rr1plan.formats.files import check_writable, write_bytes
 from rr1plan.playback.viewer.live import Viewer
 from rr1plan.playback.viewer.page import check_size
 
@@ -93,11 +94,11 @@ def screenshot(
         The file.
 
     Raises:
-        InputError: no such page, or a size or time that makes no sense.
+        InputError: no such page, a size or time that makes no sense, or a file that cannot be written.
         MissingPackageError: playwright or a Chromium is not installed.
         BackendError: the browser does not start, or the page does not.
     """
-    file = file_path(file)
+    check_writable(file)
     if time is not None:
         time = finite_number("time", time)
     url = source.url if isinstance(source, Viewer) else _file_url(source)
@@ -105,11 +106,8 @@ def screenshot(
         page = context.pages[0]
         open_page(page, url + ("#bare" if bare else ""))
         settle_page(page, time, whole=bare)
-        try:
-            page.screenshot(path=file)
-        except OSError as error:
-            raise InputError(f"cannot write {str(file)!r}: {error.strerror}") from error
-    return file
+        picture = page.screenshot()
+    return write_bytes(file, picture)
 
 
 def open_page(page: Any, url: str) -> None:
