@@ -68,19 +68,21 @@ def read_origin(element: Element) -> Array:
     """The transform of an element's `<origin>`, shape (4, 4); identity where there is none.
 
     Raises:
-        FormatError: not three finite numbers, or a quaternion without a direction.
+        FormatError: not three finite numbers, angles that look like degrees, or a quaternion without a direction.
     """
     origin = element.child("origin")
     if origin is None:
         return identity()
     xyz = origin.vector("xyz", 3, (0.0, 0.0, 0.0))
     if "quat_xyzw" not in origin.attributes:
-        return pose(xyz, rpy=origin.vector("rpy", 3, (0.0, 0.0, 0.0)))
-    if "rpy" in origin.attributes:
+        rotation = {"rpy": origin.vector("rpy", 3, (0.0, 0.0, 0.0))}
+    elif "rpy" in origin.attributes:
         raise origin.error("<origin> has both rpy and quat_xyzw, expected one of them")
-    x, y, z, w = origin.vector("quat_xyzw", 4)
+    else:
+        x, y, z, w = origin.vector("quat_xyzw", 4)
+        rotation = {"quaternion": (w, x, y, z)}
     try:
-        return pose(xyz, quaternion=(w, x, y, z))
+        return pose(xyz, **rotation)
     except InputError as error:
         raise origin.error(str(error)) from error
 
