@@ -13,7 +13,7 @@ from rr1plan.checks import Array, check_text, items_of, known_name, shown
 from rr1plan.errors import InputError
 from rr1plan.formats.masses import with_assumed_masses
 from rr1plan.formats.self_contacts import self_contacts
-from rr1plan.formats.srdf import Semantics
+from rr1plan.formats.srdf import Semantics, chain_joints
 from rr1plan.formats.srdf_proposal import adjacent_pairs, rigid_pairs
 from rr1plan.formats.urdf import Tree
 from rr1plan.limits import Limits
@@ -149,7 +149,7 @@ def _chosen_groups(
             chains[names[-1]] = base, tip
     if wanted is not None:
         _check_distinct("groups", names)
-    members = {name: _joints_of_chain(tree, *ends) for name, ends in chains.items()}
+    members = {name: chain_joints(tree.joints, *ends) for name, ends in chains.items()}
     return replace(known, groups={**known.groups, **members}, chains={**known.chains, **chains}), tuple(names)
 
 
@@ -159,20 +159,6 @@ def _chain_ends(tree: Tree, entry: Any) -> tuple[str, str]:
         raise InputError(f"one of groups is {shown(entry)}, expected a name or two: (base link, tip link)")
     links = [link.name for link in tree.links]
     return known_name("link", ends[0], links), known_name("link", ends[1], links)
-
-
-def _joints_of_chain(tree: Tree, base: str, tip: str) -> tuple[str, ...]:
-    """The joints between two links that move by themselves, from the base on."""
-    above = {joint.child: joint for joint in tree.joints}
-    found: list[str] = []
-    link = tip
-    while link != base:
-        if link not in above:
-            raise InputError(f"link {tip!r} is not below link {base!r}, expected (base link, tip link) of a chain")
-        if _is_driven(above[link]):
-            found.append(above[link].name)
-        link = above[link].parent
-    return tuple(reversed(found))
 
 
 def _planning_joints(
