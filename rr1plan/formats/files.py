@@ -3,8 +3,7 @@
 Every reader of the package opens files here: a FIFO, a device or a folder is refused before a byte is read.
 
 A file is written next to its place, flushed to the disk and renamed over it, so a crash leaves
-the old file or the new one, never half of one. What is no regular file is never replaced: renaming a file over
-/dev/null would take the device from the whole system. A symbolic link stays, and the file it leads to is replaced.
+the old file or the new one, never half of one. A symbolic link stays, and the file it leads to is replaced.
 """
 
 from __future__ import annotations
@@ -58,13 +57,9 @@ def _open(path: Path) -> BinaryIO:
     mode = os.fstat(handle).st_mode
     if not stat.S_ISREG(mode):
         os.close(handle)
-        raise FormatError(f"is a {_kind(mode)}, expected a regular file", path)
+        kind = _KINDS.get(stat.S_IFMT(mode), "special file")
+        raise FormatError(f"is a {kind}, expected a regular file", path)
     return os.fdopen(handle, "rb")
-
-
-def _kind(mode: int) -> str:
-    """The word for a file that is not regular."""
-    return _KINDS.get(stat.S_IFMT(mode), "special file")
 
 
 def is_regular(path: Path) -> bool:
@@ -92,48 +87,39 @@ def write_text(file: str | os.PathLike[str], text: str) -> Path:
     return write_bytes(file, text.encode("utf-8"))
 
 
-def check_writable(file: str | os.PathLike[str]) -> None:
+def check_writable(file: str | Path) -> None:
     """Refuse a name under which no file can be written, before the work whose result it is for.
 
     Raises:
-        InputError: no file name at all, that of a folder, FIFO or device, or one in a folder that is not there or not
+        InputError: no file name at all, that of a folder or device, or one in a folder that is not there or not
             writeable.
     """
     path = file_path(file)
     try:
-        tempfile.TemporaryFile(dir=_target(path).parent).close()
+        _refuse_to_replace(path)
+        tempfile.TemporaryFile(dir=resolved_path(path).parent).close()
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
 
 
-def _target(path: Path) -> Path:
-    """The file to replace: what symbolic links lead to.
-
-    Raises:
-        InputError: a folder, FIFO, device or loop of links.
-    """
-    target = resolved_path(path)
-    try:
-        mode = target.stat().st_mode
-    except FileNotFoundError:
-        return target
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
-    if not stat.S_ISREG(mode):
-        raise InputError(f"cannot write {path}: it is a {_kind(mode)}, expected a regular file or a new name")
-    return target
+def _refuse_to_replace(path: Path) -> None:
+    """Refuse a folder, a FIFO and a device: the renamed file would take its place."""
+    if path.exists() and not path.is_file():
+        kind = _KINDS.get(stat.S_IFMT(path.stat().st_mode), "special file")
+        raise InputError(f"cannot write {path}: it is a {kind}, expected a regular file or a new name")
 
 
 def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
     """Write a file in one step and return its path.
 
     Raises:
-        InputError: no file name at all, that of a folder, FIFO or device, or the folder is not there or not writeable;
-            an old file is left as it was.
+        InputError: no file name at all, a folder's or a device's, or the folder is not there or not writeable; an old
+            file is left as it was.
     """
     path = file_path(file)
-    target = _target(path)
+    target = resolved_path(path)
     try:
+        _refuse_to_replace(path)
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".rr1plan.", suffix=".tmp")
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error

@@ -61,12 +61,6 @@ def test_a_link_stays_and_its_file_is_replaced(tmp_path: Path) -> None:
     assert list(file.parent.iterdir()) == [file]
 
 
-def test_a_loop_of_links_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "loop").symlink_to("loop")
-    with pytest.raises(rp.InputError, match="cannot write"):
-        write_text(tmp_path / "loop", "text")
-
-
 def test_text_that_cannot_be_encoded_leaves_the_old_file(tmp_path: Path) -> None:
     file = tmp_path / "file"
     write_text(file, "old")

@@ -94,10 +94,14 @@ def screenshot(
         The file.
 
     Raises:
-        InputError: no such page, a size or time that makes no sense, or a file that cannot be written.
+        InputError: no such page, a picture's name that does not end in .png, one that cannot be written, or a size or
+            time that makes no sense.
         MissingPackageError: playwright or a Chromium is not installed.
         BackendError: the browser does not start, or the page does not.
     """
+    file = file_path(file)
+    if file.suffix.lower() != ".png":
+        raise InputError(f"cannot save {str(file)!r} as PNG, expected a name that ends in .png")
     check_writable(file)
     if time is not None:
         time = finite_number("time", time)
@@ -106,8 +110,7 @@ def screenshot(
         page = context.pages[0]
         open_page(page, url + ("#bare" if bare else ""))
         settle_page(page, time, whole=bare)
-        picture = page.screenshot()
-    return write_bytes(file, picture)
+        return write_bytes(file, page.screenshot(type="png"))
 
 
 def open_page(page: Any, url: str) -> None:
