@@ -94,7 +94,7 @@ class _HintSearch:
             for k, key in enumerate(candidates):
                 if not self._goes_on():
                     return
-                if self._solves_without([key], 2 * (len(candidates) - k) + 1):
+                if self._solves_without([key], len(candidates) - k + 1):
                     yield self._describe([key])
             tried.update(dict.fromkeys(candidates))
         yield from self._several(list(tried))
