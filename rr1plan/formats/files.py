@@ -3,7 +3,7 @@
 Every reader of the package opens files here: a FIFO, a device or a folder is refused before a byte is read.
 
 A file is written next to its place, flushed to the disk and renamed over it, so a crash leaves
-the old file or the new one, never half of one.
+the old file or the new one, never half of one. A symbolic link stays, and the file it leads to is replaced.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import zlib
 from pathlib import Path
 from typing import BinaryIO
 
-from rr1plan.checks import file_path
+from rr1plan.checks import file_path, resolved_path
 from rr1plan.errors import FormatError, InputError
 
 MAX_BYTES = 256 * 1024 * 1024
@@ -97,7 +97,7 @@ def check_writable(file: str | Path) -> None:
     path = file_path(file)
     try:
         _refuse_to_replace(path)
-        tempfile.TemporaryFile(dir=path.parent).close()
+        tempfile.TemporaryFile(dir=resolved_path(path).parent).close()
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
 
@@ -117,9 +117,10 @@ def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
             file is left as it was.
     """
     path = file_path(file)
+    target = resolved_path(path)
     try:
         _refuse_to_replace(path)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".rr1plan.", suffix=".tmp")
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
     try:
@@ -127,8 +128,8 @@ def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        Path(temporary).chmod(_new_file_mode(path))
-        Path(temporary).replace(path)
+        Path(temporary).chmod(_new_file_mode(target))
+        Path(temporary).replace(target)
     except BaseException as error:
         Path(temporary).unlink(missing_ok=True)
         if isinstance(error, OSError):

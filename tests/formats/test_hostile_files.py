@@ -150,7 +150,8 @@ def test_a_mesh_that_is_no_file_is_refused_with_its_line(tmp_path: Path, name: s
     (tmp_path / "loop.stl").symlink_to("loop.stl")
     file = tmp_path / "a.urdf"
     file.write_text(URDF_MESH.format(role="collision", name=name))
-    with pytest.raises(rp.FormatError, match=r"a\.urdf:2"):
+    why = "is no regular file" if name in ("pipe.stl", "loop.stl") else "longer than 255 bytes"
+    with pytest.raises(rp.FormatError, match=rf"a\.urdf:2: .*{why}"):
         rp.load_robot(file)
 
 
