@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from rr1plan.collision import Contact as Contact
     from rr1plan.collision import ElementCover as ElementCover
     from rr1plan.collision import FirstContact as FirstContact
-    from rr1plan.collision import MotionChecker as MotionChecker
     from rr1plan.collision import Nearest as Nearest
     from rr1plan.collision import cover_with_spheres as cover_with_spheres
     from rr1plan.errors import BackendError as BackendError
@@ -120,7 +119,6 @@ _EXPORTS = {
         "Contact",
         "ElementCover",
         "FirstContact",
-        "MotionChecker",
         "Nearest",
         "cover_with_spheres",
     ),

@@ -14,7 +14,7 @@ from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, true_or_false
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision.checker_pool import borrowed_checker
 from rr1plan.collision.solids import cut_meshes
 from rr1plan.errors import CancelledError, InputError, NoPlanError
 from rr1plan.imports import import_clock
@@ -302,7 +302,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     if margin < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
     with borrowed_checker(problem.scene, problem.arms) as motions:
-        kernel = motions.checker.exact_kernel
+        kernel = motions.exact_kernel
         clearance = kernel.least_clearance(problem.start, 2.0 * margin)
         goals = joint_goals(problem)
         if goals is not None:

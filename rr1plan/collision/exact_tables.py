@@ -19,12 +19,12 @@ from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.collision.obstacle_geometry import obstacle_bodies
 
 if TYPE_CHECKING:
-    from rr1plan.collision.exact import CollisionChecker
+    from rr1plan.collision.coal_checker import CoalChecker
 
 _INTS = NDArray[np.int64]
 
 
-def build_tables(checker: CollisionChecker) -> ExactTables:
+def build_tables(checker: CoalChecker) -> ExactTables:
     """Tables of the moving pairs of a checker, in the order of its `solid_pairs`.
 
     Raises:
@@ -35,7 +35,7 @@ def build_tables(checker: CollisionChecker) -> ExactTables:
     return _with_pairs(_bare_tables(geometry), geometry.pairs.moving_rows, checker.solid_padding)
 
 
-def build_static_tables(checker: CollisionChecker) -> ExactTables | None:
+def build_static_tables(checker: CoalChecker) -> ExactTables | None:
     """The same of the pairs that do not move against each other; None if some cannot be measured by the kernel."""
     geometry = checker.geometry
     pairs = geometry.pairs

@@ -54,7 +54,7 @@ def find_near(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: tuple[s
     np.fill_diagonal(gaps, -np.inf)
     meets = np.array(gaps <= distance, dtype=np.bool_)
     everyone = [*arms, *others, *names]
-    kept = meets.any(axis=0)
+    kept: NDArray[np.bool_] = np.any(meets, axis=0)
     first, last = len(arms), len(arms) + len(others)
     least_gap = float(gaps[~meets].min(initial=np.inf))
     near_arms = tuple(name for name, near in zip(others, kept[first:last].tolist(), strict=True) if near)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import read_only
 from rr1plan.collision.clearance_maps import instance_maps
+from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.collision_geometry import CollisionGeometry
-from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.groups import families_of
 from rr1plan.collision.kernel_tables import EdgeTables, ExactTables
 from rr1plan.collision.link_spheres import instance_spheres
@@ -19,7 +19,7 @@ from rr1plan.collision.obstacle_tables import LANES, fixed_links, joined_obstacl
 _INTS = NDArray[np.int64]
 
 
-def build_edge_tables(checker: CollisionChecker, tables: ExactTables, tolerance: float) -> EdgeTables:
+def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: float) -> EdgeTables:
     """What the certified edge reads, for the pairs of a checker and its tables for the exact kernel.
 
     Args:

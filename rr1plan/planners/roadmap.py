@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 
 from rr1plan.checks import Seed, of_kind, whole_number
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision.checker_pool import borrowed_checker
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners import tree_search
@@ -194,7 +194,7 @@ def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
     search = tree_search.TreeSearch(query)
     if not search.meets():
         return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
-    path = Path.trusted(motion.checker.joint_names, search.trees.path())
+    path = Path.trusted(motion.joint_names, search.trees.path())
     checked = motion.edges_checked
     path = shorten(path, motion, rng=query.seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
     query.edges += motion.edges_checked - checked

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import Array, Value, check_callback, counted, file_path, items_of, of_kind, read_only, shown
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.contact_cells import JointPlane
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
@@ -119,7 +119,7 @@ class CSpace(Value):
         path = self._whole(q)
         if not all(checker.within_limits(point) for point in path):
             return "it leaves the joint limits"
-        return "" if MotionChecker(checker).path_is_free(path) else "it is not free"
+        return "" if checker.path_is_free(path) else "it is not free"
 
     @property
     def answered(self) -> bool:

@@ -1,19 +1,21 @@
-"""Motion checkers that are kept with their scene, so that many queries in one scene pay for one."""
+"""Collision checkers that are kept with their scene, so that many queries in one scene pay for one."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from rr1plan.collision.motion import MotionChecker
+from rr1plan.collision.checker import CollisionChecker
 from rr1plan.scene import Scene
 
-_SHELF = "motion checkers"
+_POOL = "collision checkers"
 
 
 @contextmanager
-def borrowed_checker(scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> Iterator[MotionChecker]:
-    """A motion checker that is nobody else's inside the block; its counters go on from earlier use.
+def borrowed_checker(
+    scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0
+) -> Iterator[CollisionChecker]:
+    """A checker that no one else uses inside the block; its counters go on from earlier use.
 
     Checkers keep scratch memory, so each is lent to one caller at a time: threads that plan at once in one scene
     get one each. They live as long as the scene, which is immutable, and are neither pickled nor copied with it.
@@ -28,14 +30,14 @@ def borrowed_checker(scene: Scene, arms: Sequence[str] | None = None, margin: fl
         InputError: a scene that cannot be checked.
     """
     names = scene.arm_names(arms)
-    checker = take_checker(scene, names, margin)
+    checker = acquire_checker(scene, names, margin)
     try:
         yield checker
     finally:
-        give_back(checker, scene)
+        release_checker(checker, scene)
 
 
-def take_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> MotionChecker:
+def acquire_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> CollisionChecker:
     """What `borrowed_checker` lends, to be given back whatever happens.
 
     Args:
@@ -48,17 +50,17 @@ def take_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> MotionCh
     """
     # Appending to a list and popping from it are atomic.
     try:
-        idle: list[MotionChecker] = scene.kept[_SHELF, arms, margin]
+        idle: list[CollisionChecker] = scene.kept[_POOL, arms, margin]
         return idle.pop()
     except (KeyError, IndexError):
-        return MotionChecker(scene, arms, margin=margin)
+        return CollisionChecker(scene, arms, margin=margin)
 
 
-def give_back(checker: MotionChecker, scene: Scene) -> None:
+def release_checker(checker: CollisionChecker, scene: Scene) -> None:
     """Let others have a checker that was taken.
 
     Args:
         checker: It.
         scene: For which it was taken.
     """
-    scene.kept.setdefault((_SHELF, checker.checker.arms, checker.checker.margin), []).append(checker)
+    scene.kept.setdefault((_POOL, checker.arms, checker.margin), []).append(checker)

@@ -33,11 +33,10 @@ from rr1plan.scene import Scene
 _ROUNDING = 1e-9
 
 
-class CollisionChecker:
-    """Which elements of a scene touch, and how far apart they are, at a configuration.
+class CoalChecker:
+    """Which elements of a scene touch, and how far apart they are, at a configuration: what `CollisionChecker` adds to.
 
-    An instance keeps scratch memory: give each thread its own (they pickle, as scene and arms). Coal's objects
-    are made when it is first asked.
+    Coal's objects are made when they are first needed.
 
     Args:
         scene: The scene.
@@ -74,13 +73,6 @@ class CollisionChecker:
         self.solid_padding: Array = read_only(self.padding[self.solid_owner] + self.margin)
         self.joint_names: tuple[str, ...] = scene.joint_names(self.arms)
         self.nq = len(self.joint_names)
-
-    def __repr__(self) -> str:
-        return f"CollisionChecker({self.scene.name!r}, arms={list(self.arms)}, {len(self.pairs)} pairs)"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles as its scene, arms and margin."""
-        return _rebuild, (self.scene, self.arms, self.margin)
 
     # ---- what it is about ----------------------------------------------------------------
 
@@ -137,8 +129,8 @@ class CollisionChecker:
 
     # ---- one configuration ---------------------------------------------------------------
 
-    def is_free(self, q: Any) -> bool:
-        """No checked pair is nearer than its padding.
+    def is_free_slowly(self, q: Any) -> bool:
+        """The answer of `is_free`, by Coal alone; tests hold that to it.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
@@ -222,7 +214,7 @@ class CollisionChecker:
         least = self.exact_kernel.least_clearance(q, self._static_clearance(most))
         return least if least <= self._left_out else self._whole.clearance(q, most)
 
-    # ---- for the motion checker -----------------------------------------------------------
+    # ---- for the kernels -----------------------------------------------------------
 
     @cached_property
     def tables(self) -> ExactTables:
@@ -275,9 +267,9 @@ class CollisionChecker:
         return self.geometry.least_gap - max((self.scene.padding, *self.scene.pair_padding.values())) - self.margin
 
     @cached_property
-    def _whole(self) -> CollisionChecker:
+    def _whole(self) -> CoalChecker:
         """A checker of the same arms that leaves nothing out."""
-        other = CollisionChecker(self.scene, self.arms, margin=self.margin)
+        other = CoalChecker(self.scene, self.arms, margin=self.margin)
         other._use(collision_geometry(self.scene, self.arms, np.inf))
         return other
 
@@ -326,10 +318,6 @@ def checked_margin(margin: float) -> float:
     if margin < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
     return margin
-
-
-def _rebuild(scene: Scene, arms: tuple[str, ...], margin: float) -> CollisionChecker:
-    return CollisionChecker(scene, arms, margin=margin)
 
 
 def _is_plain(q: Any, length: int) -> TypeGuard[Array]:
