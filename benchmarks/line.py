@@ -11,7 +11,7 @@ from typing import Any
 from shared import Clock
 
 import rr1plan as rp
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision.shelf import checker_from_pool
 from rr1plan.pipeline import affordable_margin, with_margin
 
 STAGES = ("set up", "plan", "shorten", "retime", "validate")
@@ -99,7 +99,7 @@ def find_path(
     result, roomy, out.margin = _plan(problem, planner, margin, rp.Budget(seconds=seconds), seed, out.clock)
     out.status, out.reason, out.raw = result.status.value, result.reason, result.path
     if out.raw is not None:
-        with borrowed_checker(roomy.scene, problem.arms) as motions, out.clock.stage("shorten"):
+        with checker_from_pool(roomy.scene, problem.arms) as motions, out.clock.stage("shorten"):
             out.path = rp.shorten(out.raw, motions, rng=seed)
     return roomy
 
@@ -108,7 +108,7 @@ def time_motion(out: Outcome, problem: rp.Problem, roomy: rp.Problem) -> None:
     """The stages from the short path to a proven motion."""
     if out.path is None:
         return
-    with borrowed_checker(roomy.scene, problem.arms) as motions:
+    with checker_from_pool(roomy.scene, problem.arms) as motions:
         for out.retiming in ("blend", "stop"):
             with out.clock.stage("retime"):
                 out.trajectory = rp.retime(out.path, roomy.scene, out.retiming, checker=motions)

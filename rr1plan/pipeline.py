@@ -14,7 +14,7 @@ from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, true_or_false
-from rr1plan.collision.checker_pool import borrowed_checker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.collision.solids import cut_meshes
 from rr1plan.errors import CancelledError, InputError, NoPlanError
 from rr1plan.imports import import_clock
@@ -238,7 +238,7 @@ def plan_motion(
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")
-    with borrowed_checker(problem.scene, problem.arms, margin) as motions:
+    with checker_from_pool(problem.scene, problem.arms, margin) as motions:
         try:
             if shorten and planner != "cartesian":
                 with _timed(seconds, "shorten", progress):
@@ -285,7 +285,7 @@ def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
     """
     check_question(problem, None, progress)
     _cut_meshes(problem.scene, progress)
-    with borrowed_checker(problem.scene, problem.arms, problem.margin) as motions:
+    with checker_from_pool(problem.scene, problem.arms, problem.margin) as motions:
         motions.set_up()
 
 
@@ -301,7 +301,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     margin = finite_number("margin", margin)
     if margin < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
-    with borrowed_checker(problem.scene, problem.arms) as motions:
+    with checker_from_pool(problem.scene, problem.arms) as motions:
         kernel = motions.exact_kernel
         clearance = kernel.least_clearance(problem.start, 2.0 * margin)
         goals = joint_goals(problem)

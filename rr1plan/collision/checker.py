@@ -61,7 +61,7 @@ class CollisionChecker(CoalChecker):
 
     Raises:
         UnknownNameError: no such arm.
-        InputError: no scene, a margin below zero, a tolerance that is not above zero, or a scene that cannot be checked.
+        InputError: no scene, one that cannot be checked, a margin below zero, or a tolerance that is not above zero.
     """
 
     def __init__(

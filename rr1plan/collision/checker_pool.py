@@ -12,12 +12,12 @@ _POOL = "collision checkers"
 
 
 @contextmanager
-def borrowed_checker(
+def checker_from_pool(
     scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0
 ) -> Iterator[CollisionChecker]:
     """A checker that no one else uses inside the block; its counters go on from earlier use.
 
-    Checkers keep scratch memory, so each is lent to one caller at a time: threads that plan at once in one scene
+    Checkers keep scratch memory, so each is used by one caller at a time: threads that plan at once in one scene
     get one each. They live as long as the scene, which is immutable, and are neither pickled nor copied with it.
 
     Args:
@@ -34,11 +34,11 @@ def borrowed_checker(
     try:
         yield checker
     finally:
-        release_checker(checker, scene)
+        release_checker(checker)
 
 
 def acquire_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> CollisionChecker:
-    """What `borrowed_checker` lends, to be given back whatever happens.
+    """A checker from the pool, to be released whatever happens; prefer `checker_from_pool`.
 
     Args:
         scene: The scene.
@@ -56,11 +56,6 @@ def acquire_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> Colli
         return CollisionChecker(scene, arms, margin=margin)
 
 
-def release_checker(checker: CollisionChecker, scene: Scene) -> None:
-    """Let others have a checker that was taken.
-
-    Args:
-        checker: It.
-        scene: For which it was taken.
-    """
-    scene.kept.setdefault((_POOL, checker.arms, checker.margin), []).append(checker)
+def release_checker(checker: CollisionChecker) -> None:
+    """Put a checker back into the pool of its scene."""
+    checker.scene.kept.setdefault((_POOL, checker.arms, checker.margin), []).append(checker)

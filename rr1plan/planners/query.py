@@ -108,7 +108,7 @@ class Query:
         return self
 
     def __exit__(self, *_: object) -> None:
-        release_checker(self.motion, self._scene)
+        release_checker(self.motion)
 
     def refusal(self) -> PlanResult | None:
         """The answer to a problem without a usable start or goal, or whose start is a goal."""

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 
 from rr1plan.checks import Seed, of_kind, whole_number
-from rr1plan.collision.checker_pool import borrowed_checker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners import tree_search
@@ -79,7 +79,7 @@ class Roadmap:
             InputError: less than one, or no whole number.
         """
         samples = checked_samples(samples)
-        with self._lock, borrowed_checker(self.scene, self.arms) as motion:
+        with self._lock, checker_from_pool(self.scene, self.arms) as motion:
             self._graph.sample(self._graph.samples + samples, motion, lambda: True)
 
     def plan(

@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.collision.checker_pool import borrowed_checker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.formats.contact_bands import ContactBand, contact_bands
 from rr1plan.formats.link_contacts import LinkBodies, Pair
 from rr1plan.planners.collision_messages import describe_collision
@@ -112,12 +112,12 @@ class _HintSearch:
         yield self._describe(pairs)
 
     def _goals(self) -> Array:
-        with borrowed_checker(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
+        with checker_from_pool(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
             return GoalSearch(self._problem, motions, self._seed).find().configurations
 
     def _ends_in_contact(self, goals: Array) -> Iterator[str]:
         """An end that no edge can leave because it all but touches."""
-        with borrowed_checker(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
+        with checker_from_pool(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
             checker = motions
             if checker.clearance(self._problem.start, _TOUCH) < _TOUCH:
                 near = describe_collision(checker, self._problem.start)

@@ -12,7 +12,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import MotionChecker
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision.shelf import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
 from rr1plan.planners import RrtConnect, tree_search
@@ -86,16 +86,16 @@ def test_a_seed_of_any_size_will_do(cage):
 
 def test_checkers_are_lent_to_one_at_a_time_and_used_again(cage):
     scene = cage.scene.with_padding(0.001)
-    with borrowed_checker(scene) as one, borrowed_checker(scene) as other:
+    with checker_from_pool(scene) as one, checker_from_pool(scene) as other:
         assert one is not other
-    with borrowed_checker(scene) as again:
+    with checker_from_pool(scene) as again:
         assert again in (one, other)
 
 
 def test_what_is_kept_with_a_scene_is_not_pickled(cage):
     scene = cage.scene.with_padding(0.001)
     before = len(pickle.dumps(scene))
-    with borrowed_checker(scene):
+    with checker_from_pool(scene):
         pass
     assert len(pickle.dumps(scene)) == before
     assert pickle.loads(pickle.dumps(scene)).kept == {}
@@ -114,7 +114,7 @@ def test_goals_that_cannot_be_got_to_are_followed_by_others(planner):
     problem = shut_in()
     budget = Budget(seconds=np.inf, iterations=20_000 if planner == "rrt_connect" else 8_000)
     for seed in (0, 1, 3):
-        with borrowed_checker(problem.scene) as motion:
+        with checker_from_pool(problem.scene) as motion:
             first = GoalSearch(problem, motion, seed).find().configurations
         assert len(first) > 0
         assert (np.abs(np.angle(np.exp(1j * first[:, 0]))) > 0.8).all()
@@ -122,7 +122,7 @@ def test_goals_that_cannot_be_got_to_are_followed_by_others(planner):
         assert results[0].status is PlanStatus.SOLVED
         assert abs(results[0].path.waypoints[-1, 0]) < 0.8
         np.testing.assert_array_equal(results[0].path.waypoints, results[1].path.waypoints)
-        with borrowed_checker(problem.scene) as motion:
+        with checker_from_pool(problem.scene) as motion:
             assert motion.path_is_free(results[0].path.waypoints)
 
 
