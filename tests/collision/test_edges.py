@@ -180,7 +180,7 @@ def test_turns_without_end_and_joints_beyond_their_limits_are_swept(odd):
             assert motion.edge_is_free(q0, q1) == motion.edge_is_free_slowly(q0, q1)
 
 
-def test_resting_contacts_block_every_edge_of_the_sweep(planar):
+def test_static_contacts_block_every_edge_of_the_sweep(planar):
     scene = Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0, 0])
     checker = CollisionChecker(scene.with_obstacle("b", Sphere(0.1), [3.4, 0, 0]), ["l"])
     assert not MotionChecker(checker).edge_is_free([0, 0], [0.1, 0])

@@ -247,7 +247,7 @@ def test_an_attached_object_moves_with_its_link_and_may_touch_it(planar):
     assert {"post", "box"} in [{c.a, c.b} for c in held.contacts([np.pi / 2, 0.0])]
 
 
-def test_a_resting_arm_stands_where_the_scene_has_it(planar):
+def test_an_arm_that_stands_still_is_where_the_scene_has_it(planar):
     scene = Scene().with_arm("l", planar).with_arm("r", planar, [1.4, 0, 0], q=[np.pi / 2, 0])
     checker = CollisionChecker(scene, ["l"])
     assert checker.joint_names == ("l/shoulder", "l/elbow")
@@ -256,15 +256,21 @@ def test_a_resting_arm_stands_where_the_scene_has_it(planar):
     assert not turned.is_free([0.0, 0.0])
 
 
-def test_contacts_that_no_joint_can_undo_are_found_and_named(planar):
-    scene = (
-        Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0, 0]).with_obstacle("b", Sphere(0.1), [3.4, 0, 0])
-    )
+@pytest.mark.parametrize("away", [1.9, 3.0])
+def test_contacts_that_no_joint_can_undo_are_found_and_named(planar, away):
+    scene = Scene().with_arm("l", planar).with_arm("r", planar, [away, 0, 0])
+    scene = scene.with_obstacle("b", Sphere(0.1), [away + 0.4, 0, 0])
     checker = CollisionChecker(scene, ["l"])
     assert not checker.is_free([0.0, 0.0])
-    assert checker.contacts([0.0, 0.0])[0].a == "r/upper"
-    assert checker.nearest([0.0, 0.0]).distance < 0
-    assert checker.distances([0.0, 0.0]).min() == pytest.approx(checker.nearest([0.0, 0.0]).distance)
+    assert not checker.static_is_free
+    assert checker.static_contacts == (("r/upper", "b"),)
+    (contact,) = checker.contacts([0.0, 0.0])
+    assert (contact.a, contact.b) == ("r/upper", "b")
+    assert contact.depth > 0.02
+    # What is nearest is about the arms that move, those out of reach included.
+    nearest = checker.nearest([0.0, 0.0])
+    assert nearest.pair == ("l/lower", "r/upper")
+    assert nearest.distance == pytest.approx(away - 0.94, abs=1e-6)
 
 
 def test_without_anything_to_touch_everything_is_free(planar):
