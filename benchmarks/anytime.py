@@ -24,7 +24,7 @@ from picture import draw_race
 from shared import heading, make_parser, number, pin_to_core, save, table, track
 
 import rr1plan as rp
-from rr1plan.collision.shelf import checker_from_pool
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
 from rr1plan.planners import planner_table
 

@@ -24,7 +24,7 @@ from shared import heading, make_parser, number, pin_to_core, save, spread, tabl
 
 import rr1plan as rp
 from rr1plan.checks import Array
-from rr1plan.collision.shelf import checker_from_pool
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.kinematics import Kinematics
 from rr1plan.planners.goals import GoalSearch
 from rr1plan.problem import PoseGoal, Problem
@@ -97,7 +97,7 @@ def _ask(robot: rp.Robot, args: argparse.Namespace) -> tuple[Found, Found, Found
             problem = Problem(scene, start, goal)
             free = _clock(goals, lambda p, seed: GoalSearch(p, motion, seed).find().configurations, problem, i)
             wrong += sum(not _reaches(kinematics, goal, q) for q in [*solutions, *free])
-            wrong += sum(not motion.checker.is_free(q) for q in free)
+            wrong += sum(not motion.is_free(q) for q in free)
             if i < args.plain:
                 solutions = _clock(plain, solve_plainly, kinematics, goal, i)
                 wrong += sum(not _reaches(kinematics, goal, q) for q in solutions)

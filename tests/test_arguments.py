@@ -90,12 +90,12 @@ _LABELS = {("transforms.as_pose", "name"), ("Robot.configuration", "name")}
 def calls(folder: Path) -> dict[str, Call]:
     """Public functions by name, each with arguments that it takes."""
     robot = rp.load_robot("planar2r")
-    scene = rp.Scene().with_arm("arm", robot).with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), [0, 0, 3])
+    scene = rp.Scene().with_arm("arm", robot).with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), [0, 0, 0.5])
     problem = rp.Problem(scene, "home", [0.5, 0.5])
     motion = rp.plan_motion(problem, rng=0)
     path, trajectory = motion.path, motion.trajectory
     checker = rp.CollisionChecker(scene)
-    edges, kinematics = rp.MotionChecker(checker), rp.Kinematics(scene)
+    edges, kinematics = checker, rp.Kinematics(scene)
     q, T, names, budget = np.zeros(2), transforms.identity(), scene.joint_names(), rp.Budget(0.2)
     cover = next(iter(rp.cover_with_spheres(robot).values()))
     base, link = (f"arm/{robot.links[k].name}" for k in (0, 1))
@@ -122,7 +122,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"problems": [problem], "executor": InThisThread(), "workers": None, "rng": 0, "full": False}
             | {"planner": "rrt_connect", "retiming": "blend", "budget": budget, "progress": None},
         ),
-        "CollisionChecker": (rp.CollisionChecker, {"scene": scene, "arms": None}),
+        "CollisionChecker": (rp.CollisionChecker, {"scene": scene, "arms": None, "margin": 0.01}),
         **{
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"q": q})
             for verb in (
@@ -134,16 +134,16 @@ def calls(folder: Path) -> dict[str, Call]:
         "CollisionChecker.solid_distances": (checker.solid_distances, {"q": q, "pairs": None}),
         "CollisionChecker.solid_distance": (checker.solid_distance, {"q": q, "pair": 0}),
         "ElementCover.at": (cover.at, {"level": 0}),
-        "MotionChecker": (rp.MotionChecker, {"checker": scene, "arms": None, "tolerance": 1e-6}),
+        "CollisionChecker": (rp.CollisionChecker, {"checker": scene, "arms": None, "tolerance": 1e-6, "margin": 0.01}),
         **{
-            f"MotionChecker.{verb}": (getattr(edges, verb), {"q0": q, "q1": q + 0.1})
+            f"CollisionChecker.{verb}": (getattr(edges, verb), {"q0": q, "q1": q + 0.1})
             for verb in ("edge_is_free", "edge_is_free_slowly", "first_contact")
         },
-        "MotionChecker.is_free": (edges.is_free, {"q": q}),
-        "MotionChecker.is_free_but_for": (edges.is_free_but_for, {"q": q, "arms": frozenset({"arm"})}),
-        "MotionChecker.path_is_free": (edges.path_is_free, {"waypoints": [q, q + 0.1]}),
+        "CollisionChecker.is_free": (edges.is_free, {"q": q}),
+        "CollisionChecker.is_free_but_for": (edges.is_free_but_for, {"q": q, "arms": frozenset({"arm"})}),
+        "CollisionChecker.path_is_free": (edges.path_is_free, {"waypoints": [q, q + 0.1]}),
         **{
-            f"MotionChecker.{verb}": (getattr(edges, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
+            f"CollisionChecker.{verb}": (getattr(edges, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
             for verb in ("polynomial_is_free", "polynomial_is_free_slowly")
         },
         "cover_with_spheres": (rp.cover_with_spheres, {"thing": robot}),
@@ -280,6 +280,7 @@ def calls(folder: Path) -> dict[str, Call]:
             | {"velocity_scale": 1.0, "acceleration_scale": 1.0, "max_blend": 1.0},
         ),
         "Problem.in_scene": (problem.in_scene, {"scene": scene}),
+        "Problem.with_margin": (problem.with_margin, {"distance": 0.01}),
         "scene_differences": (rp.scene_differences, {"before": scene, "after": scene}),
         "Robot.configuration": (robot.configuration, {"value": "home", "name": "x"}),
         "Robot.joint": (robot.joint, {"name": "joint1"}),

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import MotionChecker
-from rr1plan.collision.shelf import checker_from_pool
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
 from rr1plan.planners import RrtConnect, tree_search
@@ -45,7 +45,7 @@ def test_neither_chunks_nor_room_change_the_path(cage, monkeypatch):
 
 def test_every_edge_of_both_trees_is_free_and_short(cage):
     result = RrtConnect(tree=True, range=0.4).plan(cage, COUNTED, rng=2)
-    is_free = MotionChecker(cage.scene).edge_is_free_slowly
+    is_free = CollisionChecker(cage.scene).edge_is_free_slowly
     vertices, edges = result.tree.vertices, result.tree.edges
     # Two trees and the edge that joins them are one tree.
     assert len(edges) == len(vertices) - 1
@@ -182,7 +182,7 @@ def test_threads_that_plan_at_once_in_one_scene_have_the_answers_of_one(cage):
 
     def answer(seed):
         path = RrtConnect().plan(cage, COUNTED, rng=seed).path_or_raise()
-        shorter = rp.shorten(path, MotionChecker(cage.scene), rng=seed)
+        shorter = rp.shorten(path, CollisionChecker(cage.scene), rng=seed)
         return path.waypoints.tobytes(), shorter.waypoints.tobytes(), rp.retiming.retime(shorter, cage.scene).duration
 
     expected = [answer(seed) for seed in range(8)]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.contact_cells import ContactCells
 from rr1plan.formats.convex import convex_hull
 from rr1plan.library import load_problems
@@ -205,7 +205,7 @@ def shape_in(library: Any, shape: Shape) -> Any:
 @pytest.mark.parametrize("seed", range(12))
 def test_no_planner_finds_a_path_through_certified_cells_or_against_a_proof(seed: int) -> None:
     scene, rng = a_scene(1000 + seed)
-    motions = MotionChecker(scene)
+    motions = CollisionChecker(scene)
     free = [q for q in somewhere(scene, rng, 60) if motions.is_free(q)]
     for a, b in zip(free[:4:2], free[1:4:2], strict=True):
         result = rp.make_planner("rrt_connect").plan(rp.Problem(scene, a, b), rp.Budget(iterations=400), rng=0)
