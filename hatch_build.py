@@ -4,8 +4,9 @@
 
 The compiler is `ziglang`, a wheel that needs nothing else on the machine, or that of the environment variable CC. One
 library is made for each level of the processor, and the right one is chosen at run time (`rr1plan/kernels/library.py`).
-From the planners' kernels comes a WebAssembly module too, `core.wasm`, always with ziglang: few other compilers have that
-target. Where CC is set and ziglang cannot make the module, it is left out with a warning; only pages need it.
+The planners' kernels are also compiled to a WebAssembly module, `core.wasm`, which only pages need. That is always done
+by ziglang, because few other compilers have the target. With CC set and no ziglang that works, a warning says that the
+module is not built.
 """
 
 from __future__ import annotations
@@ -50,6 +51,20 @@ _SYSTEMS = {
 }
 
 
+def _binding_sources() -> ModuleType:
+    """`rr1plan.binding.sources`, without the package, whose requirements are not there while it is built."""
+    spec = importlib.util.spec_from_file_location("_sources", ROOT / "rr1plan/binding/sources.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["_sources"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+_SOURCES = _binding_sources()
+
+
 def machine() -> str:
     """The processor of this machine as compilers call it."""
     name = platform.machine().lower()
@@ -88,7 +103,7 @@ def compile_kernels(unit: Path, out: Path, *flags: str, compiler: list[str] | No
     Raises:
         RuntimeError: it failed; with what the compiler wrote.
     """
-    sources = _binding_sources().KernelSources(unit)
+    sources = _SOURCES.KernelSources(unit)
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / out.name
@@ -103,7 +118,7 @@ def compile_kernels(unit: Path, out: Path, *flags: str, compiler: list[str] | No
         swap.replace(out)
 
 
-def build_all(warn: Callable[[str], None]) -> list[Path]:
+def build_all(warn: Callable[[str], object]) -> list[Path]:
     """Compile the variants for this machine's kind of processor, and `core.wasm`.
 
     Args:
@@ -131,7 +146,7 @@ def build_all(warn: Callable[[str], None]) -> list[Path]:
     except RuntimeError as error:
         if not own_compiler():
             raise
-        warn(f"core.wasm is not built: CC is set, and ziglang, which makes it, does not work: {error}")
+        warn(f"core.wasm is not built: CC is set, and ziglang does not work: {error}")
     return files
 
 
@@ -158,17 +173,6 @@ class KernelsHook(BuildHookInterface):
         build_data["tag"] = wheel_tag()
 
 
-def _binding_sources() -> ModuleType:
-    """`rr1plan.binding.sources`, without the package, whose requirements are not there while it is built."""
-    spec = importlib.util.spec_from_file_location("_sources", ROOT / "rr1plan/binding/sources.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["_sources"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 if __name__ == "__main__":
-    built = build_all(lambda text: sys.stderr.write(f"warning: {text}\n") and None)
+    built = build_all(lambda text: sys.stderr.write(f"warning: {text}\n"))
     sys.stdout.writelines(f"{file}\n" for file in built)

@@ -137,11 +137,11 @@ class _Memory:
         inside = address - region.address
         if index < 0 or (inside and address >= region.end):
             raise TypeError(f"{name} leads to memory that is not known; pass the array of {kind} there as a root too")
-        size, wasm_size = (self._sources.item_size(region.kind, wasm=wasm) for wasm in (False, True))
-        if size != wasm_size:
-            if inside % size or kind != region.kind:
+        if self._has_pointers(region.kind):
+            item, rest = divmod(inside, self._sources.item_size(region.kind))
+            if rest or kind != region.kind:
                 raise TypeError(f"{name} leads into the middle of a {region.kind}")
-            inside = inside // size * wasm_size
+            inside = item * self._sources.item_size(region.kind, wasm=True)
         return self._offsets[region.address] + inside
 
     def _append(self, kind: str, data: bytes) -> None:

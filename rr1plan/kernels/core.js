@@ -21,6 +21,9 @@ const NUMBERS = {
 };
 const PAGE = 65536;
 const ALIGNMENT = 64; // of vectors of eight numbers
+// Of structs and arrays: their C type and address. No field of a struct can have these names.
+const KIND = Symbol("kind");
+const ADDRESS = Symbol("address");
 
 /** Start a module; `module` is an ArrayBuffer or a view of one. */
 export async function load(module) {
@@ -49,9 +52,9 @@ class Core {
     return this.#exports.memory.buffer;
   }
 
-  /** What a name of the module stands for: the address of data. */
-  addressOf(name) {
-    return this.#exports[name].value;
+  /** The address of a struct or an array, or of data that the module exports by a name. */
+  addressOf(given) {
+    return typeof given === "string" ? this.#exports[given].value : given[ADDRESS];
   }
 
   /**
@@ -155,9 +158,9 @@ class Core {
   #pointer(kind, given, name) {
     if (given === null) return 0;
     if (Number.isInteger(given)) return given;
-    if (Array.isArray(given) || ArrayBuffer.isView(given)) return this.array(kind, given).address;
-    if (given?.kind !== kind) throw new TypeError(`${name}: ${given?.kind ?? typeof given} is no ${kind}`);
-    return given.address;
+    if (Array.isArray(given) || ArrayBuffer.isView(given)) return this.array(kind, given)[ADDRESS];
+    if (given?.[KIND] !== kind) throw new TypeError(`${name}: ${given?.[KIND] ?? typeof given} is no ${kind}`);
+    return given[ADDRESS];
   }
 
   /**
@@ -168,11 +171,11 @@ class Core {
     const core = this;
     class Struct {
       constructor(address) {
-        Object.defineProperty(this, "address", { value: address });
+        this[ADDRESS] = address;
         Object.preventExtensions(this); // to set a field that does not exist is an error
       }
     }
-    Object.defineProperty(Struct.prototype, "kind", { value: kind });
+    Struct.prototype[KIND] = kind;
     for (const [name, [fieldKind, offset, count, pointer]] of Object.entries(fields)) {
       const access = pointer
         ? core.#pointerAccess(fieldKind, offset, `${kind}.${name}`)
@@ -188,11 +191,11 @@ class Core {
     const core = this;
     return {
       get() {
-        return new DataView(core.buffer).getUint32(this.address + offset, true);
+        return new DataView(core.buffer).getUint32(this[ADDRESS] + offset, true);
       },
       set(given) {
         const address = core.#pointer(kind, given, name);
-        new DataView(core.buffer).setUint32(this.address + offset, address, true);
+        new DataView(core.buffer).setUint32(this[ADDRESS] + offset, address, true);
       },
     };
   }
@@ -204,10 +207,10 @@ class Core {
     const decode = kind === "uint64_t" ? (number) => number : Number;
     return {
       get() {
-        return decode(new Numbers(core.buffer, this.address + offset, 1)[0]);
+        return decode(new Numbers(core.buffer, this[ADDRESS] + offset, 1)[0]);
       },
       set(given) {
-        new Numbers(core.buffer, this.address + offset, 1)[0] = encode(given);
+        new Numbers(core.buffer, this[ADDRESS] + offset, 1)[0] = encode(given);
       },
     };
   }
@@ -216,8 +219,8 @@ class Core {
     const core = this;
     return {
       get() {
-        if (NUMBERS[kind] || count > 1) return new CoreArray(core, kind, this.address + offset, count).values;
-        return core.at(kind, this.address + offset);
+        if (NUMBERS[kind] || count > 1) return new CoreArray(core, kind, this[ADDRESS] + offset, count).values;
+        return core.at(kind, this[ADDRESS] + offset);
       },
     };
   }
@@ -229,16 +232,19 @@ class CoreArray {
 
   constructor(core, kind, address, length) {
     this.#core = core;
-    Object.assign(this, { kind, address, length });
+    this[KIND] = kind;
+    this[ADDRESS] = address;
+    this.length = length;
   }
 
   /** A typed array of numbers, to be taken anew once memory has been allocated; or an array of structs. */
   get values() {
-    if (NUMBERS[this.kind]) {
-      const [Numbers, each] = NUMBERS[this.kind];
-      return new Numbers(this.#core.buffer, this.address, this.length * each);
+    const kind = this[KIND], first = this[ADDRESS];
+    if (NUMBERS[kind]) {
+      const [Numbers, each] = NUMBERS[kind];
+      return new Numbers(this.#core.buffer, first, this.length * each);
     }
-    const { size } = this.#core.declarations.structs[this.kind];
-    return Array.from({ length: this.length }, (_, i) => this.#core.at(this.kind, this.address + i * size));
+    const { size } = this.#core.declarations.structs[kind];
+    return Array.from({ length: this.length }, (_, i) => this.#core.at(kind, first + i * size));
   }
 }
