@@ -84,18 +84,18 @@ class Core {
     }
   }
 
-  /** An array of numbers or structs: a count, which gives zeros, or the numbers. */
+  /** An array: so many zeroed items, or the given numbers. */
   array(kind, values) {
-    const count = typeof values === "number" ? values : values.length;
-    const made = new CoreArray(this, kind, this.#allocate(count * this.#sizeOf(kind)), count);
-    if (typeof values !== "number") {
-      const view = made.values;
-      if (ArrayBuffer.isView(values) && values.constructor !== view.constructor) {
-        throw new TypeError(`a ${values.constructor.name} is no array of ${kind}`);
-      }
-      const convert = view instanceof BigInt64Array || view instanceof BigUint64Array ? BigInt : Number;
-      view.set(ArrayBuffer.isView(values) ? values : Array.from(values, convert));
+    if (typeof values === "number") {
+      return new CoreArray(this, kind, this.#allocate(values * this.#sizeOf(kind)), values);
     }
+    const [Numbers, each] = NUMBERS[kind] ?? [];
+    if (!Numbers || (ArrayBuffer.isView(values) && values.constructor !== Numbers)) {
+      throw new TypeError(`${values.constructor.name} is no array of ${kind}`);
+    }
+    const made = this.array(kind, values.length / each);
+    const convert = Numbers === BigInt64Array || Numbers === BigUint64Array ? BigInt : Number;
+    made.values.set(ArrayBuffer.isView(values) ? values : Array.from(values, convert));
     return made;
   }
 

@@ -92,6 +92,7 @@ export function errors(core, image) {
     missing: () => core.call("rr1_certify_edge", scene, scratch, [0, 0], undefined),
     number: () => core.call("rr1_sine_cosine", new Float32Array(2), 2, core.array("double", 2), core.array("double", 2)),
     array: () => core.call("rr1_draw_uniform", core.array("int64_t", 1)),
+    rows: () => core.call("rr1_certify_edge", [1, 2], scratch, [0, 0], [0, 0]),
     field: () => core.struct("Trees", { capacities: 1 }),
     pointer: () => core.struct("Trees", { path: core.array("float", 1) }),
     kind: () => core.array("Nothing", 1),
