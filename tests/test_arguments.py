@@ -154,7 +154,14 @@ def calls(folder: Path) -> dict[str, Call]:
         "convex_pieces": (rp.convex_pieces, {"mesh": mesh, "seconds": 5.0, "progress": None}),
         "load_motion": (
             rp.load_motion,
-            {"file": folder / "m.json", "scene": None, "torque_limits": False, "jerk_limits": False, "progress": None},
+            {
+                "file": folder / "m.json",
+                "scene": None,
+                "topic": None,
+                "torque_limits": False,
+                "jerk_limits": False,
+                "progress": None,
+            },
         ),
         "load_joint_trajectory": (rp.load_joint_trajectory, {"file": folder / "j.yaml", "topic": None}),
         "save_motion": (
@@ -238,7 +245,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Budget": (rp.Budget, {"seconds": 1.0, "iterations": None}),
         "cspace": (
             rp.cspace,
-            {"scene": scene, "resolution": 8} | dict.fromkeys(("problem", "result", "arm", "joints", "progress")),
+            {"scene": scene, "resolution": 8} | dict.fromkeys(("problem", "result", "arm", "joints", "at", "progress")),
         ),
         "save_html": (rp.save_html, {"file": folder / "o.html", "scene": scene, "play": True} | shown),
         "show": (shown_page, {"scene": scene, "port": None, "open_browser": False, "quiet": True} | shown),
@@ -425,11 +432,15 @@ def test_no_argument_is_forgotten(table: dict[str, Call]) -> None:
     assert not missing
 
 
+@pytest.fixture
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some wrong values are names of files that may be written."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.mark.parametrize("name", NAMES)
-def test_every_argument_is_checked(
-    name: str, table: dict[str, Call], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)  # some wrong values are names of files that may be written
+@pytest.mark.usefixtures("_in_an_empty_folder")
+def test_every_argument_is_checked(name: str, table: dict[str, Call]) -> None:
     function, right = table[name]
     if name != "screenshot":
         function(**right)
@@ -461,6 +472,7 @@ KINDS |= {"budget": rp.Budget, "path": rp.Path, "report": rp.Report}
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.usefixtures("_in_an_empty_folder")
 def test_a_value_of_another_kind_is_never_taken(name: str, table: dict[str, Call]) -> None:
     function, right = table[name]
     for argument in set(right) & {*KINDS, "progress", "accept"}:
