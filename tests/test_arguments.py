@@ -95,7 +95,7 @@ def calls(folder: Path) -> dict[str, Call]:
     motion = rp.plan_motion(problem, rng=0)
     path, trajectory = motion.path, motion.trajectory
     checker = rp.CollisionChecker(scene)
-    edges, kinematics = checker, rp.Kinematics(scene)
+    kinematics = rp.Kinematics(scene)
     q, T, names, budget = np.zeros(2), transforms.identity(), scene.joint_names(), rp.Budget(0.2)
     cover = next(iter(rp.cover_with_spheres(robot).values()))
     base, link = (f"arm/{robot.links[k].name}" for k in (0, 1))
@@ -122,11 +122,11 @@ def calls(folder: Path) -> dict[str, Call]:
             {"problems": [problem], "executor": InThisThread(), "workers": None, "rng": 0, "full": False}
             | {"planner": "rrt_connect", "retiming": "blend", "budget": budget, "progress": None},
         ),
-        "CollisionChecker": (rp.CollisionChecker, {"scene": scene, "arms": None, "margin": 0.01}),
+        "CollisionChecker": (rp.CollisionChecker, {"scene": scene, "arms": None, "margin": 0.01, "tolerance": 1e-6}),
         **{
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"q": q})
             for verb in (
-                *("checked", "contacts", "distances", "is_free", "limit_violations", "nearest"),
+                *("checked", "contacts", "distances", "is_free", "is_free_slowly", "limit_violations", "nearest"),
                 "within_limits",
             )
         },
@@ -134,16 +134,14 @@ def calls(folder: Path) -> dict[str, Call]:
         "CollisionChecker.solid_distances": (checker.solid_distances, {"q": q, "pairs": None}),
         "CollisionChecker.solid_distance": (checker.solid_distance, {"q": q, "pair": 0}),
         "ElementCover.at": (cover.at, {"level": 0}),
-        "CollisionChecker": (rp.CollisionChecker, {"checker": scene, "arms": None, "tolerance": 1e-6, "margin": 0.01}),
         **{
-            f"CollisionChecker.{verb}": (getattr(edges, verb), {"q0": q, "q1": q + 0.1})
+            f"CollisionChecker.{verb}": (getattr(checker, verb), {"q0": q, "q1": q + 0.1})
             for verb in ("edge_is_free", "edge_is_free_slowly", "first_contact")
         },
-        "CollisionChecker.is_free": (edges.is_free, {"q": q}),
-        "CollisionChecker.is_free_but_for": (edges.is_free_but_for, {"q": q, "arms": frozenset({"arm"})}),
-        "CollisionChecker.path_is_free": (edges.path_is_free, {"waypoints": [q, q + 0.1]}),
+        "CollisionChecker.is_free_but_for": (checker.is_free_but_for, {"q": q, "arms": frozenset({"arm"})}),
+        "CollisionChecker.path_is_free": (checker.path_is_free, {"waypoints": [q, q + 0.1]}),
         **{
-            f"CollisionChecker.{verb}": (getattr(edges, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
+            f"CollisionChecker.{verb}": (getattr(checker, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
             for verb in ("polynomial_is_free", "polynomial_is_free_slowly")
         },
         "cover_with_spheres": (rp.cover_with_spheres, {"thing": robot}),

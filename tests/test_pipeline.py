@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import motion as motion_checkers
+from rr1plan.collision import checker as checkers
 from rr1plan.pipeline import affordable_margin
 
 
@@ -35,7 +35,7 @@ def test_a_scene_is_set_up_once(problem: rp.Problem, monkeypatch: pytest.MonkeyP
     fresh = rp.Problem(scene, problem.start, dict(problem.goal))
     rp.set_up(fresh)
     made = []
-    monkeypatch.setattr(motion_checkers, "build_edge_tables", lambda *_: made.append(None))
+    monkeypatch.setattr(checkers, "build_edge_tables", lambda *_: made.append(None))
     assert rp.plan(fresh, rng=0).solved
     assert made == []
     with pytest.raises(rp.InputError, match="problem is of type Scene"):

@@ -98,10 +98,26 @@ class CollisionChecker(CoalChecker):
         """What compiled planners hand to the certified edge: addresses of the tables and the scratch memory."""
         return self._kernel.context
 
+    def memory_image(self) -> bytes:
+        """The collision tables and fresh scratch memory for `core.wasm`, where pages certify edges by themselves.
+
+        Equal scenes have equal images. `rr1plan/kernels/core.js` places one in memory, with the names `scene` and
+        `scratch`.
+
+        Raises:
+            InputError: two elements that do not move are in contact, which no kernel looks at.
+        """
+        if not self.static_is_free:
+            raise InputError(f"no edge is free: {' and '.join(self._names(-1))} are in contact, and neither moves")
+        return self._make_kernel(ExactKernel(self.tables, self.nq)).memory_image()
+
     @cached_property
     def _kernel(self) -> EdgeKernel:
+        return self._make_kernel(self.exact_kernel)
+
+    def _make_kernel(self, exact: ExactKernel) -> EdgeKernel:
         tables = build_edge_tables(self, self.tables, self.tolerance)
-        return EdgeKernel(tables, self.exact_kernel, self.nq, self.tolerance)
+        return EdgeKernel(tables, exact, self.nq, self.tolerance)
 
     def is_free(self, q: Any) -> bool:
         """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.

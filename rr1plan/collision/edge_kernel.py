@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision.kernel_tables import EdgeTables, ExactTables
 from rr1plan.kernels.library import CStruct, address_of, constants, load_library, slab, zeroed
+from rr1plan.kernels.wasm import memory_image
 
 # Intervals of one edge, and those left open, that are kept before the whole edge goes to the exact kernel.
 _INTERVALS = 512
@@ -329,6 +330,10 @@ class EdgeKernel:
         begins, ends = np.ascontiguousarray(begins), np.ascontiguousarray(ends)
         self._library.rr1_certify_edges(*self.context, begins, ends, len(begins), statuses)
         return statuses
+
+    def memory_image(self) -> bytes:
+        """The scene's tables and the scratch memory for `core.wasm`, named `scene` and `scratch`."""
+        return memory_image(scene=self._scene, scratch=self._scratch)
 
     def scratch_bytes(self) -> bytes:
         """All directions and frames that the last calls left behind, to compare libraries by."""

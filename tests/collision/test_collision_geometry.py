@@ -268,10 +268,10 @@ def test_motions_are_proven_without_a_word_from_coal(cluttered, monkeypatch):
     def asked(*_):
         raise AssertionError("Coal was asked")
 
-    monkeypatch.setattr("rr1plan.collision.exact.CoalPairs", asked)
+    monkeypatch.setattr("rr1plan.collision.coal_checker.CoalPairs", asked)
     motions = CollisionChecker(cluttered)
     q = np.array([0.0, 0.4, 0.8, 0.0, 0.5, 0.0])
     assert motions.edge_is_free(q, q)
     assert motions.clearance(q, 0.001) == 0.001
     with pytest.raises(AssertionError, match="Coal was asked"):
-        motions.is_free(q)
+        motions.is_free_slowly(q)

@@ -187,13 +187,13 @@ def test_static_contacts_block_every_edge_of_the_sweep(planar):
 
 
 def test_without_anything_to_touch_the_sweep_is_free(planar):
-    motion = CollisionChecker(CollisionChecker(Scene().with_arm("p", planar)))
+    motion = CollisionChecker(Scene().with_arm("p", planar))
     assert motion.edge_is_free([0, 0], [100.0, -50.0])
     assert motion.done.exact_edges == 0
 
 
 def test_the_sweep_refuses_what_is_no_configuration(planar):
-    motion = CollisionChecker(CollisionChecker(Scene().with_arm("p", planar)))
+    motion = CollisionChecker(Scene().with_arm("p", planar))
     with pytest.raises(InputError):
         motion.edge_is_free([0, np.nan], [1, 1])
 
