@@ -238,7 +238,7 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "shorten": (
             rp.shorten,
-            {"path": path, "checker": edges, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
+            {"path": path, "checker": checker, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
         ),
         "Budget": (rp.Budget, {"seconds": 1.0, "iterations": None}),
         "cspace": (
@@ -274,7 +274,7 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "retime": (
             rp.retime,
-            {"path": path, "scene": scene, "method": "blend", "checker": edges, "torque_limits": False}
+            {"path": path, "scene": scene, "method": "blend", "checker": checker, "torque_limits": False}
             | {"velocity_scale": 1.0, "acceleration_scale": 1.0, "max_blend": 1.0},
         ),
         "Problem.in_scene": (problem.in_scene, {"scene": scene}),

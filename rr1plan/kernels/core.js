@@ -1,7 +1,7 @@
 // The planners' kernels (core.wasm) for JavaScript, in pages and in Node.
 //
 //     const core = await load(module);                 // the bytes of core.wasm
-//     const { scene, scratch } = core.place(image);    // tables made by Python's `MotionChecker.memory_image`
+//     const { scene, scratch } = core.place(image);    // tables made by Python's `CollisionChecker.memory_image`
 //     core.call("rr1_certify_edge", scene, scratch, [0, 0], [1, 2]) === core.constants.EDGE_FREE
 //     scratch.result.fraction                          // fields of structs, as the C headers have them
 //

@@ -1,7 +1,7 @@
 """The planners' kernels for JavaScript: `core.wasm`, its binding `core.js`, and memory for it.
 
 A page that plans by itself gets three things from here: the module, the text of the binding, and a memory image of the
-tables of its scene (`MotionChecker.memory_image`).
+tables of its scene (`CollisionChecker.memory_image`).
 """
 
 from __future__ import annotations
