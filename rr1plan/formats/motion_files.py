@@ -45,13 +45,12 @@ def read_motion(file: _File, scene: Scene | None = None, topic: str | None = Non
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """
     path = file_path(file)
+    if path.suffix in (".json", ".csv"):
+        refuse_topic(path, topic)
+        return read_plan_file(path, scene) if path.suffix == ".json" else SavedMotion(trajectory=load_csv(path))
     if path.suffix in (*YAML_SUFFIXES, *BAG_SUFFIXES) or path.is_dir():
         return SavedMotion(trajectory=load_joint_trajectory(path, topic))
     refuse_topic(path, topic)
-    if path.suffix == ".json":
-        return read_plan_file(path, scene)
-    if path.suffix == ".csv":
-        return SavedMotion(trajectory=load_csv(path))
     raise FormatError(
         f"has the suffix {path.suffix!r}, expected a motion: {', '.join(SUFFIXES)}, or a bag's folder", file
     )
