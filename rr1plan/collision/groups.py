@@ -69,8 +69,12 @@ def families_of(meetings: _INTS, group: _INTS) -> tuple[_INTS, _INTS]:
     """
     if not len(meetings):
         return meetings, np.zeros((0, 5), np.int64)
-    keys = np.column_stack([group[meetings[:, 0]], group[meetings[:, 1]], meetings[:, 2]])
-    families, number = np.unique(keys, axis=0, return_inverse=True)
-    order = np.argsort(number.ravel(), kind="stable")
-    ends = np.cumsum(np.bincount(number.ravel(), minlength=len(families)))
-    return meetings[order], np.column_stack([families, np.concatenate([[0], ends[:-1]]), ends])
+    one, two, shared = group[meetings[:, 0]], group[meetings[:, 1]], meetings[:, 2]
+    # One number for each pair of groups and the joints that move both, in their order.
+    sizes = int(group.max()) + 1, int(shared.max()) + 1
+    keys = (one * sizes[0] + two) * sizes[1] + shared
+    order = np.argsort(keys, kind="stable")
+    begins = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    first = order[begins]
+    ends = np.append(begins[1:], len(order))
+    return meetings[order], np.column_stack([one[first], two[first], shared[first], begins, ends])

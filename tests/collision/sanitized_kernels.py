@@ -15,7 +15,7 @@ import rr1plan as rp
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from concave_meshes import mug, soup
 
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel, ExactKernel
 from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.kernels.library import LIBRARY, load_library
@@ -68,7 +68,7 @@ def plans():
         problem = rp.load_problems(scene)[name]
         path = RrtConnect().plan(problem, COUNTED, rng=3).path_or_raise()
         yield path.waypoints.tobytes()
-        shorter = shorten(path, MotionChecker(problem.scene, problem.arms), rng=1, iterations=40)
+        shorter = shorten(path, CollisionChecker(problem.scene, problem.arms), rng=1, iterations=40)
         yield shorter.waypoints.tobytes()
         for part in (path, shorter):
             motion = rp.retiming.retime(part, problem.scene)

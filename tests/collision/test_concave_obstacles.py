@@ -9,7 +9,7 @@ import pytest
 from concave_meshes import angle_block, half_shell, joined, mug, open_bowl, soup, terrain, torus
 
 import rr1plan as rp
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.formats.convex import convex_hull
 from rr1plan.robot import Geometry, Joint, Link
 from rr1plan.transforms import pose
@@ -91,7 +91,7 @@ def test_a_ball_is_as_far_as_the_nearest_of_all_triangles(name):
     want = to_triangles(points, mesh.vertices[mesh.faces]) - radius
     for point, distance in zip(points @ place[:3, :3].T + place[:3, 3], want, strict=True):
         found = checker.distances(point)[0]
-        assert checker.is_free(point) == (found > 0.0)
+        assert checker.is_free_slowly(point) == (found > 0.0)
         if found > 0.0:
             assert found == pytest.approx(distance, abs=1e-9)
             assert checker.clearance(point) == pytest.approx(distance, abs=1e-9)
@@ -114,7 +114,7 @@ def test_python_fcl_finds_the_same_bodies_free(name, shape):
         rp.Cylinder: lambda s: fcl.Cylinder(s.radius, s.length),
     }[type(shape)](shape)
     scene = scene_with(shape, mesh, turned=True)
-    checker, motion = CollisionChecker(scene), MotionChecker(scene)
+    checker = CollisionChecker(scene)
     rng = np.random.default_rng(1)
     low, high = mesh.vertices.min(axis=0) - 0.03, mesh.vertices.max(axis=0) + 0.03
     answers = []
@@ -124,8 +124,8 @@ def test_python_fcl_finds_the_same_bodies_free(name, shape):
         placed = fcl.CollisionObject(other, fcl.Transform(T[:3, :3], T[:3, 3]))
         request = fcl.CollisionRequest()
         touches = fcl.collide(placed, fcl.CollisionObject(surface), request, fcl.CollisionResult()) > 0
-        free, clearance = motion.is_free(q), checker.clearance(q)
-        assert free == checker.is_free(q)
+        free, clearance = checker.is_free(q), checker.clearance(q)
+        assert free == checker.is_free_slowly(q)
         assert free == (clearance > 0.0)
         # What is wholly inside touches no triangle; what is this near may be seen either way.
         if clearance != -np.inf and abs(clearance) > 1e-6:
@@ -137,11 +137,11 @@ def test_python_fcl_finds_the_same_bodies_free(name, shape):
 def test_padding_counts_from_the_triangles():
     scene = scene_with(rp.Sphere(0.01), terrain(10, height=0.0))
     for padding in (0.0, 0.02):
-        motion = MotionChecker(scene.with_padding(padding))
+        checker = CollisionChecker(scene.with_padding(padding))
         for gap, free in ((-1e-4, False), (1e-4, True)):
             q = np.array([0.02, -0.07, 0.01 + padding + gap])
-            assert motion.is_free(q) == motion.checker.is_free(q) == free
-            assert motion.edge_is_free(q, q + [0.3, 0.1, 0.0]) == free
+            assert checker.is_free(q) == checker.is_free_slowly(q) == free
+            assert checker.edge_is_free(q, q + [0.3, 0.1, 0.0]) == free
 
 
 def test_an_arm_that_rests_in_a_mesh_blocks_all_motion(planar):
@@ -152,10 +152,9 @@ def test_an_arm_that_rests_in_a_mesh_blocks_all_motion(planar):
         (terrain(6, height=0.0), [3.3, 0.0, -0.019], False),
         (torus(2.0, 1.2, 24, 12), [1.3, 0.0, 0.0], False),
     ):
-        motion = MotionChecker(scene.with_obstacle("mesh", mesh, place), ["l"])
-        assert motion.checker.resting_is_free == free
-        assert not free or motion.checker.clearance([2.0, 0.0]) == pytest.approx(0.001, abs=1e-9)
-        assert motion.edge_is_free([2.0, 0.0], [2.1, 0.0]) == free
+        checker = CollisionChecker(scene.with_obstacle("mesh", mesh, place), ["l"])
+        assert checker.static_is_free == free
+        assert checker.edge_is_free([2.0, 0.0], [2.1, 0.0]) == free
 
 
 # ---- inside ----------------------------------------------------------------------------------------
@@ -165,13 +164,12 @@ def holds(mesh, point):
     """Whether a tiny ball at a point is in contact; kernel, Coal and the referee say the same."""
     scene = scene_with(rp.Sphere(1e-4), mesh)
     checker, q = CollisionChecker(scene), np.array(point, dtype=float)
-    free = checker.is_free(q)
+    free = checker.is_free_slowly(q)
     assert (checker.clearance(q) > 0.0) == free
     assert (checker.distances(q)[0] > 0.0) == free
-    motion = MotionChecker(checker)
-    assert motion.is_free(q) == free
-    assert motion.edge_is_free(q, q + 1e-5) == free
-    assert motion.edge_is_free_slowly(q, q + 1e-5) == free
+    assert checker.is_free(q) == free
+    assert checker.edge_is_free(q, q + 1e-5) == free
+    assert checker.edge_is_free_slowly(q, q + 1e-5) == free
     move = rp.Trajectory(scene.joint_names(), np.array([0.0, 1.0]), np.array([[q, np.full(3, 1e-5)]]))
     assert all(violation.kind != "collision" for violation in rp.validate(move, scene).violations) == free
     return not free
@@ -257,65 +255,64 @@ def test_edges_that_are_certified_are_free_at_every_sample_and_others_are_not(na
     mesh = MESHES[name]
     larger = rp.Mesh(mesh.vertices * (0.5 / np.ptp(mesh.vertices, axis=0).max()), mesh.faces)
     scene = rp.Scene().with_arm("arm", six).with_obstacle("mesh", larger, pose([0.3, 0.2, 0.35], rpy=[0.4, 0.2, 1.0]))
-    motion = MotionChecker(scene)
+    checker = CollisionChecker(scene)
     rng = np.random.default_rng(5)
     found = {True: 0, False: 0}
     for q in rng.uniform(-2.2, 2.2, (400, 6)):
-        if not motion.is_free(q):
+        if not checker.is_free(q):
             continue
         step = rng.normal(size=6)
         step *= rng.uniform(0.02, 1.0) / np.linalg.norm(step)
-        free = motion.edge_is_free(q, q + step)
+        free = checker.edge_is_free(q, q + step)
         found[free] += 1
-        assert free == motion.edge_is_free_slowly(q, q + step)
+        assert free == checker.edge_is_free_slowly(q, q + step)
         if free:
-            assert all(motion.checker.is_free(q + t * step) for t in rng.uniform(0.0, 1.0, 12))
+            assert all(checker.is_free_slowly(q + t * step) for t in rng.uniform(0.0, 1.0, 12))
         else:
-            contact = motion.first_contact(q, q + step)
-            assert not motion.checker.is_free(contact.q) or motion.checker.clearance(contact.q) < 2e-6
+            contact = checker.first_contact(q, q + step)
+            assert not checker.is_free_slowly(contact.q) or checker.clearance(contact.q) < 2e-6
     assert min(found.values()) > 5
 
 
 @pytest.mark.parametrize("distance", [0.05, 1.0, 8.0])
 def test_nothing_slips_through_a_surface_without_thickness(distance):
     """Both ends are free, the surface is between them, and only its edges can be passed."""
-    motion = MotionChecker(scene_with(rp.Sphere(0.001), terrain(20)))
+    checker = CollisionChecker(scene_with(rp.Sphere(0.001), terrain(20)))
     rng = np.random.default_rng(6)
     for x, y in rng.uniform(-0.48, 0.48, (60, 2)):
         q0 = np.array([x, y, 0.1 + distance])
         q1 = np.array([*rng.uniform(-0.48, 0.48, 2), -0.1 - distance])
-        assert motion.is_free(q0)
-        assert motion.is_free(q1)
-        assert not motion.edge_is_free(q0, q1)
-        assert not motion.edge_is_free_slowly(q0, q1)
-        assert motion.edge_is_free(q0, q0 + [1.5, 0.0, 0.0])
+        assert checker.is_free(q0)
+        assert checker.is_free(q1)
+        assert not checker.edge_is_free(q0, q1)
+        assert not checker.edge_is_free_slowly(q0, q1)
+        assert checker.edge_is_free(q0, q0 + [1.5, 0.0, 0.0])
 
 
 def test_a_way_through_the_hole_of_a_ring_is_free():
-    motion = MotionChecker(scene_with(rp.Capsule(0.01, 0.2), torus(0.05, 0.02, 48, 24)))
-    assert motion.edge_is_free([0.0, 0.0, -0.5], [0.0, 0.0, 0.5])
-    assert motion.edge_is_free([0.015, 0.0, -0.5], [0.0, 0.015, 0.5])
-    assert not motion.edge_is_free([0.025, 0.0, -0.5], [0.025, 0.0, 0.5])
+    checker = CollisionChecker(scene_with(rp.Capsule(0.01, 0.2), torus(0.05, 0.02, 48, 24)))
+    assert checker.edge_is_free([0.0, 0.0, -0.5], [0.0, 0.0, 0.5])
+    assert checker.edge_is_free([0.015, 0.0, -0.5], [0.0, 0.015, 0.5])
+    assert not checker.edge_is_free([0.025, 0.0, -0.5], [0.025, 0.0, 0.5])
 
 
 @pytest.mark.parametrize(("gap", "free"), [(1e-5, True), (3e-6, True), (-1e-6, False)])
 def test_sliding_along_a_flat_surface_of_many_triangles(gap, free):
-    motion = MotionChecker(scene_with(rp.Box((0.05, 0.04, 0.02)), terrain(40, height=0.0)))
+    checker = CollisionChecker(scene_with(rp.Box((0.05, 0.04, 0.02)), terrain(40, height=0.0)))
     q = np.array([-0.3, -0.2, 0.01 + gap])
-    assert motion.edge_is_free(q, q + [0.6, 0.4, 0.0]) == free
-    assert motion.edge_is_free_slowly(q, q + [0.6, 0.4, 0.0]) == free
+    assert checker.edge_is_free(q, q + [0.6, 0.4, 0.0]) == free
+    assert checker.edge_is_free_slowly(q, q + [0.6, 0.4, 0.0]) == free
 
 
 def test_triangles_without_an_area_are_points_and_lines():
     line = rp.Mesh(np.array([[0, 0, 0], [1, 0, 0], [0.5, 0, 0], [0.2, 0.3, 0.0]]), [[0, 1, 2], [3, 3, 3]])
     checker = CollisionChecker(scene_with(rp.Sphere(0.05), line))
-    motion = MotionChecker(checker)
     for q, want in (([0.4, 0.03, 0.09], 0.0949), ([0.2, 0.3, 0.1], 0.1), ([1.3, 0.0, 0.4], 0.5)):
         assert checker.clearance(q) == pytest.approx(want - 0.05, abs=1e-4)
         assert checker.distances(q)[0] == pytest.approx(want - 0.05, abs=1e-4)
-    assert not motion.edge_is_free([0.4, -0.5, 0.03], [0.4, 0.5, 0.03])
-    assert not motion.edge_is_free([0.2, 0.3, 0.5], [0.2, 0.3, -0.5])
-    assert motion.edge_is_free([0.2, 0.5, 0.06], [0.4, -0.5, 0.06])
+    assert not checker.edge_is_free([0.4, -0.5, 0.03], [0.4, 0.5, 0.03])
+    assert not checker.edge_is_free([0.2, 0.3, 0.5], [0.2, 0.3, -0.5])
+    assert checker.edge_is_free([0.2, 0.5, 0.06], [0.4, -0.5, 0.06])
 
 
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 64, 65, 513])
@@ -341,40 +338,39 @@ def test_meshes_in_one_scene_and_parts_of_one_obstacle_are_told_apart():
     two = (Geometry("low", ring, pose([0, 0, 2.0])), Geometry("post", rp.Box((0.1, 0.1, 0.1)), pose([2, 0, 2.0])))
     scene = scene.with_obstacle("both", (*two, Geometry("high", ground, pose([0, 0, 4.0]))))
     checker = CollisionChecker(scene)
-    motion = MotionChecker(checker)
     for at, names in (
         ([0.2, 0.0, 1.0], {"ring"}), ([0.0, 0.0, 1.0], set()), ([0.2, 0.0, 2.0], {"both"}), ([2.0, 0.0, 2.0], {"both"}),
     ):  # fmt: skip
         assert {contact.b for contact in checker.contacts(at)} == names
-        assert motion.is_free(at) == (not names)
+        assert checker.is_free(at) == (not names)
     for height, name in ((-1.0, "ground"), (4.0, "both")):
         ends = np.array([[0.1, 0.05, height - 0.3], [0.1, 0.05, height + 0.3]])
-        assert motion.first_contact(*ends).pair == ("arm/l3", name)
+        assert checker.first_contact(*ends).pair == ("arm/l3", name)
 
 
 def test_a_moved_mesh_is_checked_where_it_is():
     scene = scene_with(rp.Sphere(0.01), torus())
-    assert not MotionChecker(scene).is_free([0.2, 0.0, 0.0])
+    assert not CollisionChecker(scene).is_free([0.2, 0.0, 0.0])
     moved = scene.without_obstacle("mesh").with_obstacle("mesh", torus(), pose([0.0, 0.0, 0.5], rpy=[np.pi / 2, 0, 0]))
-    motion = MotionChecker(moved)
-    assert motion.is_free([0.0, 0.2, 0.0])
-    assert not motion.is_free([0.0, 0.0, 0.7])
+    checker = CollisionChecker(moved)
+    assert checker.is_free([0.0, 0.2, 0.0])
+    assert not checker.is_free([0.0, 0.0, 0.7])
 
 
 def test_a_mug_is_planned_into_and_the_motion_is_proven():
     cup = mug(24, 6)
     scene = scene_with(rp.Capsule(0.006, 0.03), cup)
     outside, within = [0.07, -0.05, 0.06], [0.005, 0.0, 0.04]
-    assert not MotionChecker(scene).edge_is_free(outside, within)
+    assert not CollisionChecker(scene).edge_is_free(outside, within)
     found = rp.plan_motion(rp.Problem(scene, outside, within), rng=0)
     assert found.solved
     checker = CollisionChecker(scene)
     _, q = found.trajectory.sample(0.002)
-    assert all(checker.is_free(one) for one in q)
+    assert all(checker.is_free_slowly(one) for one in q)
 
 
 def test_a_flat_mesh_is_an_obstacle_too():
     flat = rp.Mesh(np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]), np.array([(0, 1, 2), (1, 3, 2)]))
-    motion = MotionChecker(scene_with(rp.Sphere(0.1), flat))
-    assert not motion.edge_is_free([0.5, 0.5, 0.5], [0.5, 0.5, -0.5])
-    assert motion.edge_is_free([1.2, 0.5, 0.5], [1.2, 0.5, -0.5])
+    checker = CollisionChecker(scene_with(rp.Sphere(0.1), flat))
+    assert not checker.edge_is_free([0.5, 0.5, 0.5], [0.5, 0.5, -0.5])
+    assert checker.edge_is_free([1.2, 0.5, 0.5], [1.2, 0.5, -0.5])
