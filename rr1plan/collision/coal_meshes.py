@@ -10,7 +10,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.mesh_trees import orientations_of
-from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from rr1plan.shapes import Mesh
 
 # Far below a micrometre, as a share of a mesh's size.
 _A_LITTLE = 1e-12
@@ -30,17 +30,6 @@ def surface_of(mesh: Mesh) -> Any:
     surface.addSubModel(vertices, triangles)
     surface.endModel()
     return surface
-
-
-def point_in(shape: Shape) -> Array | None:
-    """A point of a convex shape in its frame, shape (3,); None for a shape without a middle."""
-    match shape:
-        case Box() | Sphere() | Capsule() | Cylinder():
-            return np.zeros(3)
-        case Mesh(convex=True):
-            return np.asarray(shape.vertices[0])
-        case _:
-            return None
 
 
 def holds_point(mesh: Mesh, point: Array) -> bool:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import Solid
-from rr1plan.collision.coal_meshes import holds_point, point_in
-from rr1plan.collision.solids import coal_geometry, is_concave
+from rr1plan.collision.coal_meshes import holds_point
+from rr1plan.collision.solids import coal_geometry, is_concave, occupied_cells
 from rr1plan.model import SceneModel
-from rr1plan.shapes import Mesh
+from rr1plan.shapes import HalfSpace, Mesh, PointCloud, Shape
 
 # Coal's distances of cylinders are this sharp, not 1e-5 m as with its own default.
 _GJK_TOLERANCE = 1e-10
@@ -99,25 +99,25 @@ class CoalPairs:
         return self.distance(pair)[0] <= float(self._padding[pair])
 
     def _is_inside(self, hollow: _Hollow) -> bool:
-        """Whether a point of the solid, and so all of one that does not touch the surface, is inside the mesh."""
-        world = self._scratch.oMg[hollow.solid].act(hollow.point)
-        return holds_point(hollow.mesh, self._scratch.oMg[hollow.surface].actInv(world))
+        """Whether a point of the solid, and so all of what does not touch the surface, is inside the mesh."""
+        placed = self._scratch.oMg[hollow.surface].actInv(self._scratch.oMg[hollow.solid])
+        return any(holds_point(hollow.mesh, placed.act(point)) for point in hollow.points)
 
 
 class _Hollow(NamedTuple):
-    """A pair of a convex solid and a mesh that is not convex.
+    """A pair of a solid and a mesh that is not convex.
 
     Args:
         pair: Its number.
         solid: Number of the solid.
-        point: A point of that in its frame, shape (3,).
+        points: A point of each of its connected parts in its frame, shape (n, 3).
         surface: Number of the mesh among the solids.
         mesh: The mesh.
     """
 
     pair: int
     solid: int
-    point: Array
+    points: Array
     surface: int
     mesh: Mesh
 
@@ -125,9 +125,22 @@ class _Hollow(NamedTuple):
 def _hollow_pairs(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Iterator[_Hollow]:
     for pair, (i, j) in enumerate(pairs.tolist()):
         for solid, surface in ((i, j), (j, i)):
-            mesh, point = solids[surface].shape, point_in(solids[solid].shape)
-            if is_concave(mesh) and point is not None:
-                yield _Hollow(pair, solid, point, surface, mesh)
+            mesh = solids[surface].shape
+            if is_concave(mesh):
+                yield _Hollow(pair, solid, _points_in(solids[solid].shape), surface, mesh)
+
+
+def _points_in(shape: Shape) -> Array:
+    """A point of a convex shape, of each cell of a cloud, and none of a half-space, which is never inside."""
+    match shape:
+        case PointCloud():
+            return occupied_cells(shape)
+        case Mesh():
+            return np.asarray(shape.vertices[:1])
+        case HalfSpace():
+            return np.zeros((0, 3))
+        case _:
+            return np.zeros((1, 3))
 
 
 def _geometry_model(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Any:

@@ -249,7 +249,9 @@ class _SurfaceInterior:
         found, vectors = self._measured(points)
         # Inwards is towards the surface from outside, away from it from inside.
         share = (found - depth) / np.maximum(np.abs(found), _TINY)
-        return np.asarray(points + np.where((found < depth) & (found != 0.0), share * np.sign(found), 0.0)[:, None] * vectors)
+        return np.asarray(
+            points + np.where((found < depth) & (found != 0.0), share * np.sign(found), 0.0)[:, None] * vectors
+        )
 
 
 class _CloudInterior:

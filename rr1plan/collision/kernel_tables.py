@@ -20,7 +20,8 @@ class ExactTables(NamedTuple):
         joints: Parent, 1 for prismatic, column (or -1), 1 if anything drives it or a joint above it; row 0 is the
             world, shape (n, 4).
         joint_values: T_parent_joint (12), axis (3), gain, offset; shape (n, 17).
-        bodies: Kind, joint, first and last corner (of a mesh its number), first and last entry of its chain; shape (b, 6).
+        bodies: Kind, joint, first and last corner (of a mesh its number), first and last entry of its chain;
+            shape (b, 6).
         body_values: T_joint_body (12), center of its ball in the joint's frame (3), radius of the ball,
             radius around the core, center (3) and half sizes (3) of its box in its own frame, size (3;
             a half-space's normal), a half-space's offset; shape (b, 27).

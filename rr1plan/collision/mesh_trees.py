@@ -108,11 +108,10 @@ def _grouped(low: Array, high: Array, count: int) -> tuple[Array, Array, Array]:
     """Boxes (n, 3) of which each eight make a node: the boxes of these, and their rows, shape (count, 48)."""
     ends = np.full((2, count * LANES, 3), _NOWHERE)
     ends[0, : len(low)], ends[1, : len(high)] = low, high
-    ends = ends.reshape(2, count, LANES, 3)
-    there = ends[0, :, :, :1] < _NOWHERE
-    outer = np.where(there, ends[1], -_NOWHERE)
-    rows = ends.transpose(1, 0, 3, 2).reshape(count, 48)
-    return ends[0].min(axis=1), outer.max(axis=1), rows
+    lows, highs = ends.reshape(2, count, LANES, 3)
+    outer = np.where(lows < _NOWHERE, highs, -_NOWHERE)
+    rows = np.concatenate([lows.transpose(0, 2, 1), highs.transpose(0, 2, 1)], axis=1).reshape(count, 48)
+    return lows.min(axis=1), outer.max(axis=1), rows
 
 
 def _in_order(points: Array) -> _INTS:
@@ -138,7 +137,7 @@ def _in_order(points: Array) -> _INTS:
 
 
 def orientations_of(mesh: Mesh) -> _INTS:
-    """Which triangles of a mesh enclose something: 1 as they are, -1 turned round, 0 for an open surface, shape (t,)."""
+    """Which triangles enclose something: 1 as they are, -1 turned round, 0 for an open surface, shape (t,)."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -162,7 +161,7 @@ def orientations_of(mesh: Mesh) -> _INTS:
     def closed(turns: _INTS) -> NDArray[np.bool_]:
         """Which parts run along each of their edges as often in one direction as in the other."""
         balance = np.bincount(edge, weights=direction * turns[triangle])
-        return np.bincount(part_of_edge, weights=balance != 0, minlength=number) == 0
+        return np.asarray(np.bincount(part_of_edge, weights=balance != 0, minlength=number) == 0)
 
     turns = np.ones(count, np.int64)
     whole = closed(turns)

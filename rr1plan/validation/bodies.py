@@ -235,7 +235,9 @@ class Bodies:
         What crosses no surface stays inside or outside.
         """
         closed = np.array([s.surface is not None and s.surface.is_closed for s in self.solids], dtype=np.bool_)
-        items = np.flatnonzero(closed[self.b] & (self.forms[self.a] == CONVEX)) if closed.any() else np.zeros(0, np.intp)
+        items = (
+            np.flatnonzero(closed[self.b] & (self.forms[self.a] == CONVEX)) if closed.any() else np.zeros(0, np.intp)
+        )
         if not len(items):
             return items
         motion = self.motion

@@ -1,6 +1,6 @@
 """The collision certificate as a whole: the compiled search first, Coal for what it leaves.
 
-The search settles pairs of convex shapes, and of one with a half-space or with a mesh that is not convex. Coal gets every
+The search settles pairs of convex shapes, and of one with a half-space or a mesh that is not convex. Coal gets every
 pair of elements in which the search met contact or could not tell, once more from the start, clouds, and pairs of which
 neither shape is convex.
 """

@@ -1,7 +1,7 @@
 """Shapes as the referee sees them: their bounds, their support functions and what Coal makes of them.
 
-A mesh that is not convex is its triangles and what its closed parts enclose, a point cloud the union of the cells of its
-grid (an octree's leaves).
+A mesh that is not convex is its triangles and what its closed parts enclose, a point cloud the union of the cells of
+its grid (an octree's leaves).
 """
 
 from __future__ import annotations

@@ -122,7 +122,9 @@ class Surface:
         """Faces of closed parts agree about the outside: each edge is run along as often to and fro."""
         faces = self._faces[self._closed]
         begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-        _, edge = np.unique(np.minimum(begin, end) * (1 + self._faces.max()) + np.maximum(begin, end), return_inverse=True)
+        _, edge = np.unique(
+            np.minimum(begin, end) * (1 + self._faces.max()) + np.maximum(begin, end), return_inverse=True
+        )
         return bool((np.bincount(edge, weights=np.sign(end - begin)) == 0).all())
 
     def holds(self, point: Array) -> bool:

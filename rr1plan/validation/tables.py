@@ -36,7 +36,8 @@ class Setting:
         joints: The moving joints, shape (j, 3).
         links: Poses of all links, those that move anywhere, shape (links, 12).
         bodies: Its bodies and pairs.
-        searched: Which pairs of shapes the compiled search takes, shape (k,): both convex, or one a half-space or surface.
+        searched: Which pairs of shapes the compiled search takes, shape (k,): both convex, or one a half-space
+            or a surface.
         kinds: Kinds of the bodies, shape (b, 6).
         sizes: Sizes and places of the bodies on their links, shape (b, 23); of a half-space its world plane.
         corners: Corners of all hulls and surfaces, shape (4, n).

@@ -1,6 +1,7 @@
 """Kernels of a library with sanitizers, compared with the one that ships; run by `test_edge_kernel.py`.
 
-Scenes of edges hold all kinds of bodies and obstacles, meshes that are not convex among them, padding, something held, and two arms.
+Scenes of edges hold all kinds of bodies and obstacles, meshes that are not convex among them, padding, something held,
+and two arms.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ def to_triangles(points, triangles):
     """Distance of points (n, 3) to the nearest of triangles (m, 3, 3), one by one, by barycentric coordinates."""
     best = np.full(len(points), np.inf)
     for a, b, c in triangles:
-        for k, (p, q) in enumerate(((a, b), (b, c), (c, a))):
+        for p, q in ((a, b), (b, c), (c, a)):
             along = np.clip((points - p) @ (q - p) / max((q - p) @ (q - p), 1e-300), 0.0, 1.0)
             best = np.minimum(best, np.linalg.norm(points - p - along[:, None] * (q - p), axis=1))
         u, v = b - a, c - a
@@ -131,7 +131,7 @@ def test_python_fcl_finds_the_same_bodies_free(name, shape):
         if clearance != -np.inf and abs(clearance) > 1e-6:
             assert free != touches
         answers.append(free)
-    assert 0 < sum(answers)
+    assert sum(answers) > 0
 
 
 def test_padding_counts_from_the_triangles():
@@ -141,7 +141,7 @@ def test_padding_counts_from_the_triangles():
         for gap, free in ((-1e-4, False), (1e-4, True)):
             q = np.array([0.02, -0.07, 0.01 + padding + gap])
             assert checker.is_free(q) == checker.is_free_slowly(q) == free
-            assert checker.edge_is_free(q, q + [0.3, 0.1, 0.0]) == free
+            assert checker.edge_is_free(q, q + np.array([0.3, 0.1, 0.0])) == free
 
 
 def test_an_arm_that_rests_in_a_mesh_blocks_all_motion(planar):
@@ -286,7 +286,7 @@ def test_nothing_slips_through_a_surface_without_thickness(distance):
         assert checker.is_free(q1)
         assert not checker.edge_is_free(q0, q1)
         assert not checker.edge_is_free_slowly(q0, q1)
-        assert checker.edge_is_free(q0, q0 + [1.5, 0.0, 0.0])
+        assert checker.edge_is_free(q0, q0 + np.array([1.5, 0.0, 0.0]))
 
 
 def test_a_way_through_the_hole_of_a_ring_is_free():
@@ -300,8 +300,8 @@ def test_a_way_through_the_hole_of_a_ring_is_free():
 def test_sliding_along_a_flat_surface_of_many_triangles(gap, free):
     checker = CollisionChecker(scene_with(rp.Box((0.05, 0.04, 0.02)), terrain(40, height=0.0)))
     q = np.array([-0.3, -0.2, 0.01 + gap])
-    assert checker.edge_is_free(q, q + [0.6, 0.4, 0.0]) == free
-    assert checker.edge_is_free_slowly(q, q + [0.6, 0.4, 0.0]) == free
+    assert checker.edge_is_free(q, q + np.array([0.6, 0.4, 0.0])) == free
+    assert checker.edge_is_free_slowly(q, q + np.array([0.6, 0.4, 0.0])) == free
 
 
 def test_triangles_without_an_area_are_points_and_lines():

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from concave_meshes import half_shell, soup, terrain, torus
 
 import rr1plan as rp
@@ -64,7 +63,18 @@ def worlds(cluttered, odd, six):
     }
 
 
-WORLDS = ("triangles", "triangles, padded", "cluttered", "padded", "strange", "strange, padded", "holding", "two arms", "rr1 pair", "planar")
+WORLDS = (
+    "triangles",
+    "triangles, padded",
+    "cluttered",
+    "padded",
+    "strange",
+    "strange, padded",
+    "holding",
+    "two arms",
+    "rr1 pair",
+    "planar",
+)
 
 
 def kernel_of(checker, library=None, queue_size=None):

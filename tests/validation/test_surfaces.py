@@ -119,7 +119,9 @@ def test_a_body_that_enters_a_closed_mesh_and_leaves_it_is_found(slider: Make, q
 @pytest.mark.parametrize("speed", [0.1, 100.0])
 def test_no_triangle_is_too_thin_or_too_fast(speed: float, slider: Make, quintic: Make) -> None:
     upright = pose([1.0, 0.05, -0.03], rpy=[0.0, np.pi / 2, 0.0])
-    scene = rp.Scene().with_arm("arm", slider(rp.Sphere(0.001))).with_obstacle("sheet", terrain(30, height=0.0), upright)
+    scene = (
+        rp.Scene().with_arm("arm", slider(rp.Sphere(0.001))).with_obstacle("sheet", terrain(30, height=0.0), upright)
+    )
     seconds = 2.0 / speed
     report = rp.validate(quintic(scene.joint_names(), [0.0], [2.0], seconds), scene)
     assert [violation.kind for violation in report.violations] == ["collision"]
