@@ -374,3 +374,32 @@ def test_a_flat_mesh_is_an_obstacle_too():
     checker = CollisionChecker(scene_with(rp.Sphere(0.1), flat))
     assert not checker.edge_is_free([0.5, 0.5, 0.5], [0.5, 0.5, -0.5])
     assert checker.edge_is_free([1.2, 0.5, 0.5], [1.2, 0.5, -0.5])
+
+
+def test_what_a_link_that_stands_still_sees_of_a_mesh_is_coals_too(planar):
+    """Clouds and half-spaces on a base, beside a mesh: a cell of a cloud may be wholly inside it."""
+    ring = torus()
+    for shape, touches in (
+        (rp.PointCloud([[0.2, 0.0, 0.0], [2.0, 2.0, 2.0]], 0.01), True),
+        (rp.PointCloud([[0.0, 0.0, 0.0], [2.0, 2.0, 2.0]], 0.01), False),
+        (rp.HalfSpace((0.0, 0.0, 1.0), -0.05), True),
+        (rp.HalfSpace((0.0, 0.0, 1.0), -0.07), False),
+    ):
+        foot = Link("foot", collisions=(Geometry("g", shape),))
+        robot = gantry(rp.Sphere(0.01))
+        joints = (Joint("stand", "fixed", "l0", "foot"), *robot.joints)
+        never = frozenset({frozenset({"foot", "l3"}), frozenset({"foot", "l0"})})
+        robot = rp.Robot(
+            "footed", (robot.links[0], foot, *robot.links[1:]), joints, robot.joint_names, robot.limits,
+            {"home": np.zeros(3)}, {}, never, "l1",
+        )  # fmt: skip
+        scene = rp.Scene().with_arm("arm", robot).with_obstacle("ring", ring)
+        assert CollisionChecker(scene).static_is_free != touches
+
+
+def test_the_clearance_to_a_cloud_is_that_to_its_nearest_cell():
+    cloud = rp.PointCloud(np.array([[0.5, 0.0, 0.0], [0.2, 0.0, 0.0], [0.35, 0.0, 0.0]]), 0.02)
+    checker = CollisionChecker(scene_with(rp.Sphere(0.05), cloud))
+    for x in (0.0, 0.9, -0.4):
+        q = np.array([x, 0.0, 0.01])
+        assert checker.clearance(q) == pytest.approx(checker.distances(q)[0], abs=1e-9)
