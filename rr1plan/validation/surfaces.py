@@ -129,13 +129,17 @@ class Surface:
 
     def holds(self, point: Array) -> bool:
         """Whether a point (3,) that is not on the surface is inside."""
-        if not self.is_closed:
+        corners, low, high = self._closed_corners
+        if (point < low).any() or (point > high).any():
             return False
-        corners = self._corners[self._closed] - point
-        if (corners.min(axis=(0, 1)) > 0.0).any() or (corners.max(axis=(0, 1)) < 0.0).any():
-            return False
-        a, b, c = corners.swapaxes(0, 1)
+        a, b, c = corners - point
         return _winds_around(a, b, c) if self._winds else _crosses_oddly(a, b, c)
+
+    @cached_property
+    def _closed_corners(self) -> tuple[Array, Array, Array]:
+        """First, second and third corners of closed parts, shape (3, m, 3), and the ends of the box around them [m]."""
+        corners = np.ascontiguousarray(self._corners[self._closed].swapaxes(0, 1))
+        return corners, corners.min(axis=(0, 1), initial=np.inf), corners.max(axis=(0, 1), initial=-np.inf)
 
 
 def _winds_around(a: Array, b: Array, c: Array) -> bool:

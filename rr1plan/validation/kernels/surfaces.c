@@ -1,7 +1,16 @@
 // How near a convex body comes to the triangles of a surface.
 //
 // Nodes are looked at in order, each before those below it; one that is too far away is left with all of them. The
-// search of `gjk.c` finds the distance to a triangle, and what its direction proves holds for a whole interval.
+// search of `gjk.c` finds the distance to a triangle, and what its direction proves holds for a whole interval. The planes
+// that separated the body from the last triangles separate it from most others.
+
+enum { MOST_PLANES = 4 };
+
+// All points of a body are below `edge` along a unit direction [m].
+typedef struct {
+    Direction normal;
+    double edge;
+} BodyPlane;
 
 // A body and a triangle of the surface in the frame of the surface.
 typedef struct {
@@ -11,6 +20,9 @@ typedef struct {
     RefereeBodies all;
     double off;       // rounding of the body and distance to keep [m]
     double rounding;  // of coordinates [m]
+    double padding;   // distance to keep [m]
+    BodyPlane planes[MOST_PLANES];
+    int64_t plane_count;  // found so far; the last ones are kept
 } SurfacePair;
 
 static inline int is_surface(const RefereeSearch *s, int64_t b) {
@@ -48,8 +60,40 @@ static void place_in_surface(const RefereeSearch *s, int64_t k, SurfacePair *pai
                                 .corners = s->bodies->corners,
                                 .body_count = 2,
                                 .corner_count = s->bodies->corner_count};
-    pair->off = pair->sizes[0].rounding + s->padding[k];
+    pair->padding = s->padding[k];
+    pair->off = pair->sizes[0].rounding + pair->padding;
+    pair->plane_count = 0;
     pair->rounding = RELATIVE_ROUNDING * (far + pair->sizes[0].radius + s->bodies->sizes[b].radius);
+}
+
+static void add_plane(SurfacePair *pair, Direction d) {
+    const double *origin = pair->placed[0].origin;
+    double edge = body_reach(&pair->all, pair->placed, 0, d) + d.x * origin[0] + d.y * origin[1] + d.z * origin[2];
+    pair->planes[pair->plane_count++ % MOST_PLANES] = (BodyPlane){d, edge};
+}
+
+// The number and the direction that are remembered of the nearest triangle: that is where the next search begins.
+static void remember_triangle(RefereeSearch *s, int64_t k, int64_t triangle, Direction d) {
+    s->directions[k] = (KnownDirection){d.x, d.y, d.z, 1.0 + (double)triangle};
+}
+
+static inline int64_t remembered_triangle(const RefereeSearch *s, int64_t k) {
+    return (int64_t)s->directions[k].known - 1;
+}
+
+// Lower bound of the clearance of a triangle by the planes known [m].
+static double beyond_planes(const RefereeSearch *s, const SurfacePair *pair, int64_t first) {
+    const double *x = s->bodies->corners + first, *y = x + s->bodies->corner_count, *z = y + s->bodies->corner_count;
+    double best = -1e300;
+    int64_t count = pair->plane_count < MOST_PLANES ? pair->plane_count : MOST_PLANES;
+    for (int64_t i = 0; i < count; i++) {
+        const BodyPlane *plane = &pair->planes[i];
+        Direction d = plane->normal;
+        double least = 1e300;
+        for (int c = 0; c < 3; c++) least = lesser(least, d.x * x[c] + d.y * y[c] + d.z * z[c]);
+        best = greater(best, least - plane->edge);
+    }
+    return best - pair->padding - pair->rounding;
 }
 
 // Bounds of the clearance of a triangle [m]; see `bound_clearance`.
@@ -63,6 +107,7 @@ static Separation triangle_clearance(const RefereeSearch *s, int64_t k, SurfaceP
         pair->placed[1].middle[i] = (row[0] + row[1] + row[2]) / 3.0;
     }
     Separation found = separate(&pair->all, pair->placed, 0, 1, &state, base + pair->off, enough + pair->off);
+    if (found.lower > 0.0) add_plane(pair, found.direction);
     found.upper -= pair->off;
     found.lower -= pair->off;
     return found;
@@ -76,7 +121,15 @@ static double node_clearance(const RefereeSearch *s, const SurfacePair *pair, in
         double out = fabs(pair->placed[0].middle[i] - box->center[i]) - box->half[i];
         if (out > 0.0) total += out * out;
     }
-    return greater(around, sqrt(total) - pair->sizes[0].radius) - pair->off + pair->sizes[0].rounding - pair->rounding;
+    around = greater(around, sqrt(total) - pair->sizes[0].radius);
+    int64_t count = pair->plane_count < MOST_PLANES ? pair->plane_count : MOST_PLANES;
+    for (int64_t i = 0; i < count; i++) {
+        Direction d = pair->planes[i].normal;
+        double low = d.x * box->center[0] + d.y * box->center[1] + d.z * box->center[2] -
+                     (fabs(d.x) * box->half[0] + fabs(d.y) * box->half[1] + fabs(d.z) * box->half[2]);
+        around = greater(around, low - pair->planes[i].edge);
+    }
+    return around - pair->padding - pair->rounding;
 }
 
 // Bounds of the clearance of a pair [m]; see `bound_clearance`. The nearest triangle is remembered.
@@ -84,10 +137,9 @@ static ClearanceBounds surface_clearance(RefereeSearch *s, int64_t k, double bas
     const RefereeBody *surface = &s->bodies->bodies[s->pairs[k].b];
     SurfacePair pair;
     place_in_surface(s, k, &pair);
-    KnownDirection *known = &s->directions[k];
     ClearanceBounds bounds = {1e300, 1e300};
-    int64_t root = surface->corner_count, nearest = (int64_t)known->x;
-    if (known->known > 0.0) {
+    int64_t root = surface->corner_count, nearest = remembered_triangle(s, k);
+    if (nearest >= 0) {
         Separation found = triangle_clearance(s, k, &pair, nearest, base, enough);
         bounds = (ClearanceBounds){found.upper, found.lower};
     }
@@ -101,17 +153,22 @@ static ClearanceBounds surface_clearance(RefereeSearch *s, int64_t k, double bas
             continue;
         }
         for (int64_t t = node->first; t < node->last; t++) {
-            Separation found = triangle_clearance(s, k, &pair, t, base, lesser(enough, bounds.upper));
+            limit = lesser(enough, bounds.upper);
+            bound = beyond_planes(s, &pair, surface->first_corner + 3 * t);
+            if (bound >= limit) {
+                bounds.lower = lesser(bounds.lower, bound);
+                continue;
+            }
+            Separation found = triangle_clearance(s, k, &pair, t, base, limit);
             if (found.upper < bounds.upper) {
                 bounds.upper = found.upper;
-                nearest = t;
+                remember_triangle(s, k, t, found.direction);
             }
             bounds.lower = lesser(bounds.lower, found.lower);
             if (!(bounds.upper > s->touch)) return bounds;
         }
         i++;
     }
-    *known = (KnownDirection){(double)nearest, 0.0, 0.0, 1.0};
     bounds.lower -= pair.rounding;
     return bounds;
 }
@@ -149,13 +206,14 @@ static IntervalClearance surface_interval(RefereeSearch *s, int64_t k, double ti
     const RefereePair *of = &s->pairs[k];
     SurfacePair pair;
     place_in_surface(s, k, &pair);
-    KnownDirection *known = &s->directions[k];
-    int64_t root = s->bodies->bodies[of->b].corner_count;
+    const RefereeBody *surface = &s->bodies->bodies[of->b];
+    int64_t root = surface->corner_count, known = remembered_triangle(s, k);
     double least = 1e300, nearest = 1e300;
+    if (known >= 0) add_plane(&pair, (Direction){s->directions[k].x, s->directions[k].y, s->directions[k].z});
     s->search_count++;
     // The triangle that was nearest last comes first: it is the most likely to leave the pair open.
-    for (int64_t i = known->known > 0.0 ? -1 : 0; i < s->bodies->nodes[root].next;) {
-        SurfaceNode node = {i + 1, (int64_t)known->x, (int64_t)known->x + 1};
+    for (int64_t i = known >= 0 ? -1 : 0; i < s->bodies->nodes[root].next;) {
+        SurfaceNode node = {i + 1, known, known + 1};
         double need = greater(0.0, s->smallest[of->group] - s->tolerance);
         if (i >= 0) {
             node = s->bodies->nodes[root + i];
@@ -167,14 +225,19 @@ static IntervalClearance surface_interval(RefereeSearch *s, int64_t k, double ti
             }
         }
         for (int64_t t = node.first; t < node.last; t++) {
+            double bound = beyond_planes(s, &pair, surface->first_corner + 3 * t) - approach;
+            if (bound > need) {
+                least = lesser(least, bound);
+                continue;
+            }
             Separation found = triangle_clearance(s, k, &pair, t, need, need + approach);
             if (note_clearance(s, k, found.upper, time)) return (IntervalClearance){0.0, 1};
             if (found.upper < nearest) {
                 nearest = found.upper;
-                *known = (KnownDirection){(double)t, 0.0, 0.0, 1.0};
+                remember_triangle(s, k, t, found.direction);
             }
             need = greater(0.0, s->smallest[of->group] - s->tolerance);
-            double bound = found.lower - pair.rounding - approach;
+            bound = found.lower - pair.rounding - approach;
             if (bound <= need) {
                 double steady = steady_triangle_gap(s, k, &pair, half, found.direction) - pair.rounding - error;
                 bound = greater(bound, steady);
