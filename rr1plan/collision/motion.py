@@ -280,10 +280,7 @@ class MotionChecker:
         return self._kernel.certify_curve(curve, duration)
 
     def _names(self, pair: int) -> tuple[str, str]:
-        if pair >= 0:
-            return self.checker.pairs[self.checker.solid_owner[pair]]
-        contact = self.checker.contacts(np.zeros(self.checker.nq))[0]
-        return contact.a, contact.b
+        return self.checker.pairs[self.checker.solid_owner[pair]] if pair >= 0 else self.checker.static_contacts[0]
 
 
 def _check_reach(curve: Array, duration: float) -> None:
