@@ -131,6 +131,7 @@ def calls(folder: Path) -> dict[str, Call]:
             )
         },
         "CollisionChecker.clearance": (checker.clearance, {"q": q, "most": 1.0}),
+        "CollisionChecker.moving_clearance": (checker.moving_clearance, {"q": q, "most": 1.0}),
         "CollisionChecker.solid_distances": (checker.solid_distances, {"q": q, "pairs": None}),
         "CollisionChecker.solid_distance": (checker.solid_distance, {"q": q, "pair": 0}),
         "ElementCover.at": (cover.at, {"level": 0}),
