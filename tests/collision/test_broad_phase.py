@@ -89,7 +89,7 @@ def test_answers_are_those_of_a_checker_that_leaves_nothing_out(first, arms_at_r
         assert sorted(whole.pairs) == sorted(moving)
         assert set(some.pairs) <= set(whole.pairs)
         left_out += len(whole.pairs) - len(some.pairs)
-        motions = CollisionChecker(some), CollisionChecker(whole)
+        motions = some, whole
         begins = configurations(scene, arms, 12, seed)
         ends = begins + np.random.default_rng(seed).normal(size=begins.shape) * 0.2
         for q0, q1 in zip(begins, ends, strict=True):
@@ -150,16 +150,16 @@ def test_a_margin_is_a_wider_padding_of_what_moves(margin, arms_at_random, confi
     for seed in (0, 2, 3, 4, 5, 7, 13, 24, 25, 29, 36, 39):
         scene, arms = arms_at_random(seed)
         own, padded = CollisionChecker(scene, arms, margin=margin), CollisionChecker(scene.with_margin(margin), arms)
-        if not padded.checker.static_is_free:
+        if not padded.static_is_free:
             continue
         begins = configurations(scene, arms, 10, seed)
         ends = begins + np.random.default_rng(seed).normal(size=begins.shape) * 0.2
         for q0, q1 in zip(begins, ends, strict=True):
             compared += 1
-            assert own.checker.is_free(q0) == padded.checker.is_free(q0)
             assert own.is_free(q0) == padded.is_free(q0)
-            assert named(own.checker.contacts(q0)) == named(padded.checker.contacts(q0))
-            gaps = own.checker.moving_clearance(q0), padded.checker.moving_clearance(q0)
+            assert own.is_free(q0) == padded.is_free(q0)
+            assert named(own.contacts(q0)) == named(padded.contacts(q0))
+            gaps = own.moving_clearance(q0), padded.moving_clearance(q0)
             assert gaps[0] == pytest.approx(gaps[1], abs=1e-9)
             assert own.edge_is_free(q0, q1) == padded.edge_is_free(q0, q1)
             curve = np.array([q0, q1 - q0, 0.1 * (q1 - q0)])
