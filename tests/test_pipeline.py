@@ -119,7 +119,7 @@ def test_a_margin_counts_what_the_arm_can_never_reach() -> None:
 def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
     tip = scene.link_poses({"arm": np.zeros(2)})["arm/tool"][:3, 3]
-    scene = scene.with_obstacle("ball", rp.Sphere(0.05), tip + [0.0, 0.0, 0.15])
+    scene = scene.with_obstacle("ball", rp.Sphere(0.05), tip + np.array([0.0, 0.0, 0.15]))
     near = rp.PoseGoal("tool", tip, position_tolerance=1e-3)
     clear = rp.CollisionChecker(scene).clearance([0.0, 0.0])
     assert 0.01 < clear < 0.15

@@ -210,10 +210,8 @@ class EveryPair:
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         request.gjk_tolerance = 1e-10
         there = {
-            name: [
-                (coal.Transform3s(T[:3, :3].copy(), T[:3, 3].copy()), solid) for T, solid in self._placed(poses, name)
-            ]
-            for name in self._parts
+            name: [(_transform(poses[name] @ T), solid) for T, solid in parts]
+            for name, (_, parts) in self._parts.items()
         }
         found = np.full(len(self.pairs), np.inf)
         for i, (a, b) in enumerate(self.pairs):
@@ -227,8 +225,9 @@ class EveryPair:
         poses = self.scene.link_poses(self.scene.split(np.asarray(q, float), self.arms))
         return {name: np.eye(4) if link is None else poses[link] for name, (link, _) in self._parts.items()}
 
-    def _placed(self, poses, name):
-        return [(poses[name] @ T, solid) for T, solid in self._parts[name][1]]
+
+def _transform(T):
+    return coal.Transform3s(T[:3, :3].copy(), T[:3, 3].copy())
 
 
 def _differ(one, two, a, b):

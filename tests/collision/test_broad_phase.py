@@ -1,4 +1,4 @@
-"""What a checker leaves out changes no answer: scenes of many arms against Coal on every pair, and against themselves."""
+"""What a checker leaves out changes no answer: scenes of many arms against Coal on every pair."""
 
 from __future__ import annotations
 
