@@ -83,7 +83,7 @@ def crowd(six, odd, scara):
     for i, robot in enumerate((six, odd, scara, odd, six)):
         scene = scene.with_arm(f"arm{i}", robot, pose([1.0 * i, 0.2 * i, 0.1 * i], rpy=[0.1, 0.05 * i, 0.7 * i]))
     scene = scene.with_obstacle("rod", Box((0.02, 0.02, 0.3)))
-    return scene.attach("rod", "arm3", pose=pose([0.0, 0.1, 0.2]))
+    return scene.attach("rod", "arm3", pose=pose([0.0, -0.1, 0.2]))
 
 
 def alone(scene, *names):
