@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -18,7 +17,7 @@ from rr1plan.shapes import HalfSpace, Shape
 from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.motion import Frames, SceneMotion
 from rr1plan.validation.native import CENTER
-from rr1plan.validation.polynomials import Index
+from rr1plan.validation.polynomials import Index, Mask
 from rr1plan.validation.solids import Solid, solid, support
 
 CONVEX, CONCAVE, HALF_SPACE = 1, 2, 3
@@ -115,7 +114,12 @@ class Placed(NamedTuple):
 
 
 class Bodies:
-    """All shapes of a scene as solids on their links, and the pairs of shapes to check.
+    """The shapes of some pairs of elements as solids on their links, and the pairs of shapes to check.
+
+    Args:
+        scene: The scene.
+        motion: The motion of at least the arms that the pairs are about.
+        pairs: Names of the elements of each pair.
 
     Attributes:
         a, b: Bodies of each pair of shapes, shape (k,).
@@ -123,8 +127,6 @@ class Bodies:
         padding: Distance to keep, for each pair of elements [m].
         own: Whether one arm owns both elements (its links, and what it holds), for each pair of elements.
         solids: The bodies.
-        core_rows: What the compiled search knows of them, of `ElementBodies`.
-        sizes: The same.
         forms: Their forms, shape (b,).
         link: Number of the link of each body, shape (b,).
         local_rotation, local_origin, local_center: Pose of each shape's frame and centre of its bounding ball
@@ -135,38 +137,28 @@ class Bodies:
         InputError: a half-space on a link that moves, or two half-spaces to keep apart.
     """
 
-    def __init__(self, scene: Scene, motion: SceneMotion) -> None:
-        self.motion = motion
-        self.padding = scene.checked_padding
-        self.asked = 0
-        self._names, self._index = scene.element_names, scene.checked_index
-        owners = [scene.owner(name) for name in self._names]
-        numbered = np.array([owners.index(owner) for owner in owners], dtype=np.intp)
-        self.own = np.equal(*numbered[self._index].T)
-        checked = np.zeros(len(self._names), dtype=np.bool_)
-        checked[self._index] = True
-        pairs = zip(self._names, checked.tolist(), strict=True)
-        elements = [self._element(scene, name) if there else (0, _NO_BODIES) for name, there in pairs]
+    def __init__(self, scene: Scene, motion: SceneMotion, pairs: Sequence[tuple[str, str]]) -> None:
+        self.motion, self.pairs = motion, tuple(pairs)
+        self.padding = np.array([scene.padding_of(a, b) for a, b in self.pairs], dtype=np.float64)
+        self.own = np.array([scene.owner(a) == scene.owner(b) for a, b in self.pairs], dtype=np.bool_)
+        self.calls = 0
+        places: dict[str, int] = {}
+        index = [[places.setdefault(name, len(places)) for name in pair] for pair in self.pairs]
+        self._index = np.array(index, dtype=np.intp).reshape(-1, 2)
+        elements = [self._element(scene, name) for name in places]
         counts = np.array([len(found.solids) for _, found in elements], dtype=np.intp)
         self._stack(elements, counts)
         self._pair_up(counts)
         self._classify()
 
-    def names(self, k: int) -> tuple[str, str]:
-        """The two elements of a pair."""
-        a, b = self._index[k].tolist()
-        return self._names[a], self._names[b]
-
-    def along(self, motion: SceneMotion) -> Bodies:
-        """The same bodies along another motion of the same columns, with nothing asked so far."""
-        other = copy(self)
-        other.motion, other.asked = motion, 0
-        other.__dict__.pop("meter", None)
-        return other
+    @property
+    def searched(self) -> Mask:
+        """Pairs that the compiled search decides: of two convex shapes, or one and a half-space, shape (k,)."""
+        return np.asarray((self._kind_a == CONVEX) & (self._kind_b != CONCAVE))
 
     @cached_property
     def meter(self) -> DistanceMeter:
-        """Who asks Coal."""
+        """Coal's distances."""
         return DistanceMeter()
 
     def _element(self, scene: Scene, name: str) -> tuple[int, ElementBodies]:
@@ -188,7 +180,7 @@ class Bodies:
     def _stack(self, elements: list[tuple[int, ElementBodies]], counts: Index) -> None:
         """Arrays over all bodies."""
         rows = ElementBodies.joined([found for _, found in elements])
-        self.solids, self.forms, self.core_rows, self.sizes = rows.solids, rows.forms, rows.cores, rows.sizes
+        self.solids, self.forms = rows.solids, rows.forms
         self.link = np.repeat(np.array([number for number, _ in elements], dtype=np.intp), counts)
         self.radius, self.half = rows.radius, rows.half
         self.local_rotation, self.local_origin, self.local_center = rows.rotation, rows.origin, rows.center
@@ -215,7 +207,7 @@ class Bodies:
         self._kind_a, self._kind_b = self.forms[self.a], self.forms[self.b]
         both = np.flatnonzero(self._kind_a == HALF_SPACE)
         if len(both):
-            names = self.names(int(self.pair[both[0]]))
+            names = self.pairs[int(self.pair[both[0]])]
             raise InputError(f"{names[0]!r} and {names[1]!r} are both half-spaces, which cannot be kept apart")
         # A joint that carries both bodies does not move one against the other.
         self._only_a = self._in_chain[self.a] * (1.0 - np.take_along_axis(self.moved[self.b], self._chain[self.a], 1))
@@ -308,7 +300,7 @@ class Bodies:
             The value found, and a proven lower bound of it.
         """
         value, proven = np.empty(len(item)), np.empty(len(item))
-        self.asked += len(item)
+        self.calls += len(item)
         groups = np.where(self._kind_b[item] == 3, 3, np.maximum(self._kind_a[item], self._kind_b[item]))
         for kind, measure in ((1, self._convex), (2, self._compound), (3, self._over_plane)):
             at = np.flatnonzero(groups == kind)

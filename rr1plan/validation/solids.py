@@ -16,7 +16,7 @@ from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.validation.clouds import CellBlocks
-from rr1plan.validation.native import BOUND, BOX, CENTER, CYLINDER, HALF, HULL, PLANE, RADIUS, ROUND
+from rr1plan.validation.native import BOUND, BOX, CENTER, CONCAVE, CYLINDER, HALF, PLANE, RADIUS, ROUND
 from rr1plan.validation.support_tables import Core, hull_core
 
 
@@ -54,13 +54,11 @@ class Solid:
             return Core(CYLINDER)
         if isinstance(shape, HalfSpace):
             return Core(PLANE)
-        if not self.convex:
-            return Core(HULL)
-        return hull_core(self.points)
+        return hull_core(self.points) if self.convex else Core(CONCAVE)
 
     @cached_property
     def sizes(self) -> Array:
-        """What the compiled search asks of its size, in columns `HALF` to `BOUND`, shape (8,); none of a half-space."""
+        """What the compiled search reads of its size, in columns `HALF` to `BOUND`, shape (8,)."""
         sizes, shape = np.zeros(CENTER), self.shape
         if isinstance(shape, Box):
             sizes[HALF:ROUND] = self.half
@@ -70,6 +68,8 @@ class Solid:
             sizes[ROUND] = shape.radius
         elif isinstance(shape, Capsule):
             sizes[HALF + 2], sizes[ROUND] = 0.5 * shape.length, shape.radius
+        elif isinstance(shape, HalfSpace):
+            sizes[HALF:ROUND], sizes[ROUND] = shape.normal, shape.offset
         sizes[RADIUS], sizes[BOUND:CENTER] = self.radius, self.half
         return sizes
 
