@@ -149,7 +149,6 @@ class Search:
             "owner_slices": ("BoundingBox", slices * owners),
             "owner_sweeps": ("BoundingBox", owners),
             "slices": ("TimeInterval", slices),
-            "movers": ("int64_t", bodies),
             "intervals": ("TimeInterval", sizes["SEARCH_DEPTH"]),
             "elements": ("ElementPair", room + GROUPS + 1),
             "directions": ("KnownDirection", room + GROUPS + 1),
@@ -165,7 +164,7 @@ class Search:
             columns=("ColumnMotion", columns + len(arrangement.postures)),
             states=("JointState", arrangement.fields["joint_count"] + 1),
             sweeps=("Sweep", bodies * arrangement.fields["sweep_stride"]),
-            used=("int64_t", bodies),
+            placed_on=("int64_t", bodies),
         )
         self.tables["columns"].view(np.float64)[columns:, 0] = arrangement.postures
         self.struct = RefereeStruct(
@@ -290,6 +289,10 @@ class _Group:
     ends: list[tuple[int, int]] = field(default_factory=list)
 
 
+# Places of two elements in the scene, their names, and whether one arm owns both.
+_Row = tuple[tuple[int, int], tuple[str, str], bool]
+
+
 class _Rest:
     """What the search found, and what Coal finds of what it left.
 
@@ -304,7 +307,7 @@ class _Rest:
         self._scene, self._search, self._motion, self._aim = scene, search, motion, aim
         self._statistics = search.statistics
         self._cancelled = search.cancelled
-        self._contacts: list[tuple[tuple[int, ...], Contact]] = []
+        self._contacts: dict[tuple[int, int], Contact] = {}
         self._nearest = [self._named(search.nearest(group)) for group in range(GROUPS)]
         self._proven = search.proven
         self._ends = [self._named(end) for end in search.ends]
@@ -320,7 +323,7 @@ class _Rest:
         if tell is not None and not self._cancelled and not groups:
             self._cancelled = tell(1.0) is False
         return CollisionProof(
-            [contact for _, contact in sorted(self._contacts, key=lambda row: row[0])],
+            self._sorted_contacts(),
             self._nearest,
             self._proven,
             self._ends,
@@ -330,7 +333,7 @@ class _Rest:
 
     # ---- names ------------------------------------------------------------------------
 
-    def _pair(self, elements: tuple[int, int]) -> tuple[tuple[int, ...], tuple[str, str], bool]:
+    def _pair(self, elements: tuple[int, int]) -> _Row:
         """Places of two elements in the scene in order, their names, and whether one arm owns both."""
         (i, a, one), (j, b, two) = sorted(self._scene.element(self._search.arrangement, e) for e in elements)
         return (i, j), (a, b), one == two
@@ -343,9 +346,17 @@ class _Rest:
     def _add_undecided(self) -> None:
         for elements, (mark, seen, when) in self._search.left.items():
             if mark != LEFT:
-                order, names, own = self._pair(elements)
-                seen = seen if seen < 1e300 else np.inf
-                self._contacts.append((order, Contact(names, seen, when, np.inf, own)))
+                _, names, own = self._pair(elements)
+                self._contacts[elements] = Contact(names, seen if seen < 1e300 else np.inf, when, np.inf, own)
+
+    def _sorted_contacts(self) -> list[Contact]:
+        """The contacts in the order of the scene's elements, those of arms in equal postures too."""
+        rows = []
+        for elements, contact in self._contacts.items():
+            for twin in (elements, *self._scene.twins_of(self._search.arrangement, elements)):
+                order, names, _ = self._pair(twin)
+                rows.append((order, contact._replace(pair=names)))
+        return [contact for _, contact in sorted(rows, key=lambda row: row[0])]
 
     def _groups(self) -> dict[tuple[int, int], _Group]:
         """The pairs of elements that Coal decides, by owners."""
@@ -387,10 +398,13 @@ class _Rest:
             for e in np.flatnonzero(near | at_end | ~(gap.min(axis=0) > need[OWN])).tolist():
                 if e in done or self._padding(c, e) < 0.0:
                     continue
+                elements = min(c, e), max(c, e)
                 if self._owner(e) == own:
-                    yield (c, e), True
+                    # Of arms in the same posture one is enough.
+                    if self._scene.own_pairs_count(search.arrangement, c):
+                        yield elements, True
                 elif near[e] or at_end[e]:
-                    yield (c, e), bool(near[e])
+                    yield elements, bool(near[e])
 
     def _padding(self, a: int, b: int) -> float:
         return self._scene.padding_between(self._search.arrangement, a, b)
@@ -410,7 +424,7 @@ class _Rest:
         most = max(self._aim.most - int(self._statistics["distances"]), self._aim.most // 10)
         certificate = Certificate(motion, bodies, self._aim.tolerance, most, tell, items[~searched & decided], known)
         found = certificate.run()
-        self._add_findings(found, rows)
+        self._add_findings(found, numbers, rows)
         rest = items[~searched & ~decided]
         ends = [*found.ends, *(certificate.nearest(motion.breaks[[0, -1]], rest) if len(rest) else ())]
         for i, (clearance, pair, time) in enumerate(ends):
@@ -426,18 +440,18 @@ class _Rest:
         names = tuple(self._motion.joint_names[i] for i in columns)
         return SceneMotion(arms, names, self._motion.breaks, self._motion.coefficients[:, :, columns])
 
-    def _add_findings(self, found: Findings, rows: list[tuple[tuple[int, ...], tuple[str, str], bool]]) -> None:
+    def _add_findings(self, found: Findings, numbers: list[tuple[int, int]], rows: list[_Row]) -> None:
         for name, count in found.statistics.items():
             self._statistics[name] += count
         self._cancelled |= found.cancelled
-        for k, (order, names, own) in enumerate(rows):
+        for k, (_, names, own) in enumerate(rows):
             group = OWN if own else OTHERS
             seen, time, first = float(found.clearance[k]), float(found.time[k]), float(found.first_contact[k])
             self._proven[group] = min(self._proven[group], float(found.proven[k]))
             if np.isfinite(seen):
                 self._nearest[group] = _lesser(self._nearest[group], Nearest(seen, names, time))
             if np.isfinite(first) or found.undecided[k]:
-                self._contacts.append((order, Contact(names, seen, time, first, own)))
+                self._contacts[numbers[k]] = Contact(names, seen, time, first, own)
 
 
 def _lesser(one: Nearest | None, two: Nearest) -> Nearest:

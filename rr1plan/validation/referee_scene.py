@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -32,6 +32,8 @@ class Arrangement:
         moving: How many of them move.
         columns_of_arm: Columns of each arm that moves, by its name.
         fields: Fields of `RefereeSearch` that are the same for all motions of these columns.
+        twins: Arms that stand still and have the same own pairs in the same posture: by the first of them, the others;
+            by places in that order.
         first_element: Number of the first element of each arm in that order and of the obstacles, shape (n + 1,).
         owner_bodies: Bodies of each owner in that order: the arms and then the obstacles, shape (owners,).
         link_count, body_count, element_count: How many there are.
@@ -44,6 +46,7 @@ class Arrangement:
     moving: int
     columns_of_arm: Mapping[str, list[int]]
     fields: dict[str, Any]
+    twins: Mapping[int, list[int]]
     first_element: Table
     owner_bodies: Table
     link_count: int
@@ -64,7 +67,7 @@ class RefereeScene:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.names = list(scene.arms)
+        self.names, self._obstacles = list(scene.arms), list(scene.obstacles)
         self._held: dict[str, list[str]] = {}
         for name, thing in scene.attachments.items():
             self._held.setdefault(thing.arm, []).append(name)
@@ -104,10 +107,10 @@ class RefereeScene:
         arms = len(self.names)
         obstacles = self._link_starts[arms]
         if owner >= arms:
-            name = list(self.scene.obstacles)[owner - arms]
+            name = self._obstacles[owner - arms]
             return Elements(name, {name: 0}, np.array([obstacles + owner - arms]))
         name, links = self.names[owner], self.models[self.model_of[owner]].links
-        held, attached = self._held.get(name, []), obstacles + len(self.scene.obstacles)
+        held, attached = self._held.get(name, []), obstacles + len(self._obstacles)
         names = [*(f"{name}/{link}" for link in links), *held]
         order = [*(self._link_starts[owner] + i for i in range(len(links)))]
         order += [attached + self._attachment_order[thing] for thing in held]
@@ -116,14 +119,36 @@ class RefereeScene:
     def element(self, arrangement: Arrangement, number: int) -> tuple[int, str, str]:
         """Place among all elements of the scene, name and owner of an element of the search."""
         owner, local = self._locate(arrangement, number)
-        found = self.elements(owner)
-        return int(found.order[local]), list(found.index)[local], found.owner
+        arms = len(self.names)
+        if owner >= arms:
+            name = self._obstacles[owner - arms]
+            return int(self._link_starts[arms]) + owner - arms, name, name
+        arm, links = self.names[owner], self.models[self.model_of[owner]].links
+        if local < len(links):
+            return int(self._link_starts[owner]) + local, f"{arm}/{links[local]}", arm
+        thing = self._held[arm][local - len(links)]
+        return int(self._link_starts[arms]) + len(self._obstacles) + self._attachment_order[thing], thing, arm
 
     def _locate(self, arrangement: Arrangement, number: int) -> tuple[int, int]:
         """Owner of an element of the search, and which of the owner's elements it is."""
         place = int(np.searchsorted(arrangement.first_element, number, side="right")) - 1
         local, arms = number - int(arrangement.first_element[place]), len(self.names)
         return (int(arrangement.arms[place]), local) if place < arms else (arms + local, 0)
+
+    def own_pairs_count(self, arrangement: Arrangement, element: int) -> bool:
+        """Whether own pairs of an element's arm are to be decided, and not those of one in the same posture."""
+        place = int(np.searchsorted(arrangement.first_element, element, side="right")) - 1
+        return place < arrangement.moving or place in arrangement.twins
+
+    def twins_of(self, arrangement: Arrangement, elements: tuple[int, int]) -> Iterator[tuple[int, int]]:
+        """The same pair of elements of the other arms that stand still in the same posture as theirs."""
+        places = [int(np.searchsorted(arrangement.first_element, e, side="right")) - 1 for e in elements]
+        if places[0] != places[1]:
+            return
+        start = int(arrangement.first_element[places[0]])
+        for twin in arrangement.twins.get(places[0], ()):
+            first = int(arrangement.first_element[twin])
+            yield first + elements[0] - start, first + elements[1] - start
 
     def owner_of(self, arrangement: Arrangement, number: int) -> int:
         """Number of the owner of an element of the search."""
@@ -228,12 +253,14 @@ class RefereeScene:
         bases = np.concatenate([bases[:, :, :3].reshape(-1, 9), bases[:, :, 3]], axis=1)
         obstacle_bodies = np.diff(self.models[-1].element_bodies)
         self._check_moving_planes(moving, order)
+        twins = self._twins(order, len(moving))
         fields: dict[str, Any] = {
             "models": self._model_rows,
             "arms": np.ascontiguousarray(arms),
             "arm_columns": np.concatenate([np.array(columns, dtype=np.int64), standing]),
             "bases": np.concatenate([bases, world[None]]),
-            "own_arms": self._own_arms(order, len(moving)),
+            "own_arms": np.array(list(twins), dtype=np.int64),
+            "own_arm_count": len(twins),
             "moving_count": len(moving),
             "standing_count": len(still),
             "owner_count": len(order) + len(obstacle_bodies),
@@ -243,7 +270,6 @@ class RefereeScene:
             "most_padding": max((scene.padding, *scene.pair_padding.values())),
             "sweep_stride": 1 + max(model.depth for model in self.models),
         }
-        fields["own_arm_count"] = len(fields["own_arms"])
         fields |= self._rule_rows(order)
         postures = [scene.arms[name].q for name in still]
         return Arrangement(
@@ -252,6 +278,7 @@ class RefereeScene:
             len(moving),
             columns_of_arm,
             fields,
+            twins,
             first[:-1, _ELEMENTS],
             np.concatenate([counts[:-1, _BODIES], obstacle_bodies]),
             int(total[_LINKS]),
@@ -276,14 +303,14 @@ class RefereeScene:
                 element = list(self.elements(self._owner_numbers[name]).index)[i]
                 raise InputError(f"{element!r} moves and has a half-space for a shape; expected a bounded shape")
 
-    def _own_arms(self, order: Table, moving: int) -> Table:
-        """Standing arms that differ in what their own pairs depend on: model, posture and rules."""
+    def _twins(self, order: Table, moving: int) -> dict[int, list[int]]:
+        """Arms that stand still, by what their own pairs depend on: model, posture and rules."""
         rules = {one: paddings.tobytes() for (one, two), paddings in self.rules.items() if one == two}
-        found: dict[tuple[int, bytes, bytes], int] = {}
+        found: dict[tuple[int, bytes, bytes], list[int]] = {}
         for place, arm in enumerate(order[moving:].tolist(), start=moving):
             key = int(self.model_of[arm]), self.scene.arms[self.names[arm]].q.tobytes(), rules.get(arm, b"")
-            found.setdefault(key, place)
-        return np.array(list(found.values()), dtype=np.int64)
+            found.setdefault(key, []).append(place)
+        return {first: others for first, *others in found.values()}
 
     def _rule_rows(self, order: Table) -> dict[str, Any]:
         """The rules in the order of the arms."""

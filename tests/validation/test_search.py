@@ -18,17 +18,12 @@ from rr1plan.robot import Geometry, Mimic
 from rr1plan.scene import Obstacle
 from rr1plan.transforms import pose
 from rr1plan.validation.arm_tables import ArmTables, obstacle_tables
-from rr1plan.validation.bodies import Bodies
-from rr1plan.validation.certificate import Certificate, Findings
 from rr1plan.validation.meter import DistanceMeter
-from rr1plan.validation.motion import SceneMotion, TimedColumns
 from rr1plan.validation.native import RefereeStruct, load_library
-from rr1plan.validation.proof import Aim, CollisionProof, prove
-from rr1plan.validation.referee_scene import referee_scene
+from rr1plan.validation.proof import CollisionProof
 from rr1plan.validation.solids import Solid, support
 
 Make = Callable[..., Any]
-MOST = 400_000
 # How much Coal's distance of two convex shapes may be too large [m].
 COAL = 2e-5
 ROUNDING = 1e-9
@@ -220,27 +215,8 @@ def wander(scene: rp.Scene, rng: np.random.Generator, reach: float) -> rp.Trajec
     return rp.Trajectory(scene.joint_names(), np.concatenate([[0.0], np.cumsum(widths)]), c / scale[:, :, None])
 
 
-def quick(scene: rp.Scene, move: rp.Trajectory, tolerance: float = 2e-4, clearance: bool = True) -> CollisionProof:
-    motion = TimedColumns(move.joint_names, move.breaks, move.coefficients)
-    return prove(referee_scene(scene), motion, Aim(tolerance, MOST, clearance))
-
-
-def slow(scene: rp.Scene, move: rp.Trajectory, tolerance: float = 2e-4) -> Findings:
-    """All pairs by Coal, one after the other, in the order of `scene.checked_pairs`."""
-    motion = SceneMotion(scene.arms, move.joint_names, move.breaks, move.coefficients)
-    return Certificate(motion, Bodies(scene, motion, scene.checked_pairs), tolerance, MOST).run()
-
-
-Pair = tuple[str, str]
-
-
-def hits(found: CollisionProof) -> list[Pair]:
+def hits(found: CollisionProof) -> list[tuple[str, str]]:
     return [contact.pair for contact in found.contacts]
-
-
-def slow_hits(scene: rp.Scene, found: Findings) -> list[Pair]:
-    hit = np.isfinite(found.first_contact) | found.undecided
-    return [pair for pair, met in zip(scene.checked_pairs, hit, strict=True) if met]
 
 
 KINDS = {
@@ -259,7 +235,7 @@ SEEDS = 12
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_search_and_the_slow_certificate_say_the_same_and_samples_do_not_object(
-    kind: str, chain: Make, shape: Make
+    kind: str, chain: Make, shape: Make, proof_of: Make, all_pairs: Make
 ) -> None:
     verdicts = []
     count = SEEDS // 2 if kind.startswith("rr1") else SEEDS
@@ -267,9 +243,9 @@ def test_the_search_and_the_slow_certificate_say_the_same_and_samples_do_not_obj
         rng = np.random.default_rng(seed)
         scene = scene_of(kind, rng, chain, shape)
         move = wander(scene, rng, KINDS[kind] * (0.1, 0.5, 1.0)[seed % 3])
-        fast, sure = quick(scene, move), slow(scene, move)
-        assert hits(fast) == slow_hits(scene, sure), seed
-        assert hits(quick(scene, move, clearance=False)) == hits(fast), seed
+        fast, sure = proof_of(scene, move), all_pairs(scene, move)
+        assert hits(fast) == sure.hits, seed
+        assert hits(proof_of(scene, move, clearance=False)) == hits(fast), seed
         verdicts.append(bool(fast.contacts))
         if not verdicts[-1]:
             the_smallest_clearances_agree(scene, fast, sure)
@@ -282,8 +258,8 @@ def own_pairs(scene: rp.Scene) -> Array:
     return np.array([scene.owner(a) == scene.owner(b) for a, b in scene.checked_pairs])
 
 
-def the_smallest_clearances_agree(scene: rp.Scene, fast: CollisionProof, sure: Findings) -> None:
-    """Those with the surroundings and those of an arm's own on the whole motion, and the first at its ends."""
+def the_smallest_clearances_agree(scene: rp.Scene, fast: CollisionProof, sure: Any) -> None:
+    """Those with the surroundings and those of an arm's own."""
     own = own_pairs(scene)
     for group, members in enumerate((~own, own)):
         nearest = fast.nearest[group]
@@ -291,7 +267,7 @@ def the_smallest_clearances_agree(scene: rp.Scene, fast: CollisionProof, sure: F
             assert nearest is None
             continue
         assert nearest is not None
-        assert nearest.clearance == pytest.approx(sure.clearance[members].min(), abs=2e-4 + COAL)
+        assert nearest.clearance == pytest.approx(sure.smallest[group], abs=2e-4 + COAL)
         assert nearest.pair in [pair for pair, member in zip(scene.checked_pairs, members, strict=True) if member]
         assert 0.0 < fast.proven[group] <= nearest.clearance
         assert fast.proven[group] >= nearest.clearance - 2e-4 - ROUNDING
@@ -319,23 +295,27 @@ def no_sample_objects(scene: rp.Scene, move: rp.Trajectory, found: CollisionProo
 
 
 @pytest.mark.parametrize("kind", ["sliding", "two arms", "half-space"])
-def test_the_smallest_clearance_is_where_padding_turns_free_into_contact(kind: str, chain: Make, shape: Make) -> None:
+def test_the_smallest_clearance_is_where_padding_turns_free_into_contact(
+    kind: str, chain: Make, shape: Make, proof_of: Make
+) -> None:
     turned = 0
     for seed in range(8):
         rng = np.random.default_rng(1000 + seed)
         scene = scene_of(kind, rng, chain, shape)
         move = wander(scene, rng, 0.1)
-        found = quick(scene, move, 1e-5)
+        found = proof_of(scene, move, 1e-5)
         if found.contacts:
             continue
         clearance = min(nearest.clearance for nearest in found.nearest if nearest is not None)
-        assert not quick(scene.with_padding(min(found.proven) - 2e-6), move).contacts
-        assert quick(scene.with_padding(clearance + 1e-6), move).contacts
+        assert not proof_of(scene.with_padding(min(found.proven) - 2e-6), move).contacts
+        assert proof_of(scene.with_padding(clearance + 1e-6), move).contacts
         turned += 1
     assert turned >= 3
 
 
-def test_an_arm_without_a_column_is_hit_where_it_rests(chain: Make, shape: Make) -> None:
+def test_an_arm_without_a_column_is_hit_where_it_rests(
+    chain: Make, shape: Make, proof_of: Make, all_pairs: Make
+) -> None:
     verdicts = []
     for seed in range(SEEDS):
         rng = np.random.default_rng(seed)
@@ -346,8 +326,8 @@ def test_an_arm_without_a_column_is_hit_where_it_rests(chain: Make, shape: Make)
         still = whole.coefficients.copy()
         still[:, :, n:] = 0.0
         still[:, 0, n:] = scene.configuration()[n:]
-        fast = hits(quick(scene, move))
-        assert fast == slow_hits(scene, slow(scene, rp.Trajectory(whole.joint_names, whole.breaks, still)))
+        fast = hits(proof_of(scene, move))
+        assert fast == all_pairs(scene, rp.Trajectory(whole.joint_names, whole.breaks, still)).hits
         verdicts.append(bool(fast))
     assert 0 < sum(verdicts) < SEEDS
 
@@ -358,23 +338,23 @@ def test_an_arm_without_a_column_is_hit_where_it_rests(chain: Make, shape: Make)
 @pytest.mark.parametrize("thin", [rp.Box((0.001, 1.0, 1.0)), rp.Capsule(0.0002, 1.0), rp.Cylinder(0.0002, 1.0)])
 @pytest.mark.parametrize("body", [rp.Sphere(0.0005), rp.Box((0.001, 0.4, 0.001)), rp.Cylinder(0.0005, 0.01)])
 def test_a_plate_or_a_needle_that_is_crossed_at_once_is_found(
-    thin: Any, body: Any, slider: Make, quintic: Make
+    thin: Any, body: Any, slider: Make, quintic: Make, proof_of: Make
 ) -> None:
     for seed in range(5):
         rng = np.random.default_rng(seed)
         at = rng.uniform(-3.0, 3.0)
         scene = rp.Scene().with_arm("arm", slider(body)).with_obstacle("thin", thin, [at, 0.0, 0.0])
         move = quintic(["arm/slide"], [-5.0], [5.0], 10.0 ** rng.uniform(-4.0, 0.0))
-        found = quick(scene, move)
+        found = proof_of(scene, move)
         (contact,) = found.contacts
         assert np.isfinite(contact.first)
         assert contact.clearance < -1e-4
         assert float(move(contact.time)[0]) == pytest.approx(at, abs=0.006)
         past = scene.without_obstacle("thin").with_obstacle("thin", thin, [at, 0.72, 0.0])
-        assert not quick(past, move).contacts
+        assert not proof_of(past, move).contacts
 
 
-def test_a_needle_crossed_by_the_turning_tip_of_an_arm_is_found(gripper: Make, quintic: Make) -> None:
+def test_a_needle_crossed_by_the_turning_tip_of_an_arm_is_found(gripper: Make, quintic: Make, proof_of: Make) -> None:
     for seed in range(10):
         rng = np.random.default_rng(seed)
         angle = rng.uniform(0.3, 2.5)
@@ -384,6 +364,6 @@ def test_a_needle_crossed_by_the_turning_tip_of_an_arm_is_found(gripper: Make, q
         met = scene.with_obstacle("needle", rp.Capsule(0.0002, 0.4), turn @ pose([0.5, 0.05, 0.0]))
         missed = scene.with_obstacle("needle", rp.Capsule(0.0002, 0.4), turn @ pose([0.5, 0.0, 0.0]))
         move = quintic(["arm/turn"], [0.0], [3.0], 0.001)
-        deepest = min(quick(met, move).contacts, key=lambda contact: contact.clearance)
+        deepest = min(proof_of(met, move).contacts, key=lambda contact: contact.clearance)
         assert float(move(deepest.time)[0]) == pytest.approx(angle, abs=0.003)
-        assert not quick(missed, move).contacts
+        assert not proof_of(missed, move).contacts

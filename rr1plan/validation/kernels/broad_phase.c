@@ -201,13 +201,6 @@ static inline void note_proven(RefereeSearch *s, int64_t group, double bound) {
     s->proven[group] = lesser(s->proven[group], bound);
 }
 
-static void add_mover(RefereeSearch *s, int64_t arm, int64_t body) {
-    int64_t index = s->arms[arm].first_body + body;
-    if (arm >= s->moving_count || s->used[index] == s->chunk) return;
-    s->used[index] = s->chunk;
-    s->movers[s->mover_count++] = index;
-}
-
 // Add all pairs of bodies of two elements to the chunk.
 static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64_t eb, double padding) {
     const RefereeModel *model_a = model_of(s, one.arm), *model_b = model_of(s, two.arm);
@@ -217,8 +210,6 @@ static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64
         if (is_concave(model_a, a)) continue;
         for (int64_t b = in_b[0]; b < in_b[1]; b++) {
             if (is_concave(model_b, b)) continue;
-            add_mover(s, one.arm, a);
-            add_mover(s, two.arm, b);
             set_pair(s, s->pair_count++, one.arm, a, two.arm, b, elements, padding);
         }
     }

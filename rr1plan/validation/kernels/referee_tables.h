@@ -272,7 +272,7 @@ typedef struct {
     PlacedBody *placed;
     Sweep *sweeps;          // shape (bodies, sweep_stride)
     int64_t sweep_stride;   // longest chain + 1
-    int64_t *used;          // of each body: the chunk that needs it
+    int64_t *placed_on;     // of each body: number of the interval on which it was placed last
     double *terms_scratch;  // shape (terms,)
     BoundingBox *element_boxes;  // at one time, shape (element_count,)
     BoundingBox *owner_boxes;    // shape (owner_count,)
@@ -287,19 +287,15 @@ typedef struct {
     GjkState *gjk;               // the same
     KnownDirection *directions;  // the same
     int64_t *items;              // shape (pair_room * SEARCH_DEPTH,)
-    int64_t *movers;             // bodies of the chunk that move, shape (bodies,)
     TimeInterval *intervals;     // shape (SEARCH_DEPTH,)
     int64_t pair_room;
     int64_t pair_count;
     int64_t element_pair_count;
-    int64_t chunk;          // number of the chunk
     int64_t chunk_arms[2];  // arms of it that move, -1: none
-    int64_t first_movers[2];  // of `movers`, those of each
-    int64_t mover_count;
     int64_t chunk_searches;
-    int64_t chunk_slices;    // mask of the slices that are to be searched
-    int64_t whole;           // the whole motion is to be searched, not slices of it
-    int64_t open;            // intervals that are open
+    int64_t chunk_slices;  // mask of the slices that are to be searched
+    int64_t whole;         // the whole motion is to be searched at once, not slices of it
+    int64_t open;          // intervals that are open
     // Where the search is.
     int64_t stage;
     int64_t arm;      // whose pairs are next

@@ -110,19 +110,13 @@ static void halve_interval(RefereeSearch *s, int64_t top, int64_t left) {
     s->open = top + 2;
 }
 
-// Place the bodies of the chunk that move, and find how far they get within an interval.
-static void pose_chunk(RefereeSearch *s, const TimeInterval *interval, IntervalMiddle middle) {
-    int64_t next = 0;
-    for (int i = 0; i < 2 && s->chunk_arms[i] >= 0; i++) {
-        int64_t arm = s->chunk_arms[i], first = s->arms[arm].first_body;
-        pose_links(s, arm, interval, middle);
-        add_velocities(s, arm);
-        // Bodies of the first arm come first.
-        for (; next < s->first_movers[i]; next++) {
-            place_body(s, arm, s->movers[next] - first);
-            sweep_body(s, arm, s->movers[next] - first);
-        }
-    }
+// Place a body in the middle of the interval, and find how far it gets within it, if that is not done yet.
+static inline void place_swept(RefereeSearch *s, int64_t arm, int64_t body) {
+    int64_t index = s->arms[arm].first_body + body;
+    if (arm >= s->moving_count || s->placed_on[index] == s->interval_count) return;
+    s->placed_on[index] = s->interval_count;
+    place_body(s, arm, body);
+    sweep_body(s, arm, body);
 }
 
 // Take the last open interval, settle the pairs that can be settled, and open its halves for the others.
@@ -131,18 +125,24 @@ static void visit_interval(RefereeSearch *s) {
     const TimeInterval interval = s->intervals[top];
     IntervalMiddle at = middle_of(s, &interval);
     s->interval_count++;
-    pose_chunk(s, &interval, at);
-    // Too short to be halved, or nothing moves.
-    int point = at.width <= 4e-16 * greater(1.0, fabs(at.finish)) || s->chunk_arms[0] < 0;
+    for (int i = 0; i < 2 && s->chunk_arms[i] >= 0; i++) {
+        pose_links(s, s->chunk_arms[i], &interval, at);
+        add_velocities(s, s->chunk_arms[i]);
+    }
+    // Too short to be halved.
+    int point = at.width <= 4e-16 * greater(1.0, fabs(at.finish));
     int64_t left = interval.low, settled = 0;
     for (int64_t i = interval.low; i < interval.high; i++) {
         int64_t k = s->items[i];
-        ElementPair *elements = &s->elements[s->pairs[k].elements];
+        const RefereePair *pair = &s->pairs[k];
+        ElementPair *elements = &s->elements[pair->elements];
         if (elements->mark == PAIR_LEFT) continue;
         s->check_count++;
+        place_swept(s, pair->arm_a, pair->body_a);
+        place_swept(s, pair->arm_b, pair->body_b);
         IntervalClearance clearance = interval_clearance(s, k, at.time, at.half, at.single);
         if (clearance.settled) {
-            note_proven(s, s->pairs[k].group, clearance.least);
+            note_proven(s, pair->group, clearance.least);
             settled++;
         } else if (point || top + 2 >= SEARCH_DEPTH) {
             elements->mark = PAIR_LEFT;
@@ -159,29 +159,10 @@ static void visit_interval(RefereeSearch *s) {
 // ---- chunks ------------------------------------------------------------------------------------
 
 static void begin_chunk(RefereeSearch *s, int64_t one, int64_t two) {
-    s->chunk++;
     s->chunk_arms[0] = one;
     s->chunk_arms[1] = two;
-    s->pair_count = s->element_pair_count = s->mover_count = s->chunk_searches = s->chunk_slices = 0;
+    s->pair_count = s->element_pair_count = s->chunk_searches = s->chunk_slices = 0;
     s->decided = 0.0;
-}
-
-// Bodies of the chunk's first arm before those of the second.
-static void sort_movers(RefereeSearch *s) {
-    int64_t count = 0;
-    for (int i = 0; i < 2; i++) {
-        int64_t arm = s->chunk_arms[i];
-        if (arm >= 0) {
-            int64_t first = s->arms[arm].first_body, stop = first + model_of(s, arm)->bodies->body_count;
-            for (int64_t n = count; n < s->mover_count; n++) {
-                int64_t body = s->movers[n];
-                if (body < first || body >= stop) continue;
-                s->movers[n] = s->movers[count];
-                s->movers[count++] = body;
-            }
-        }
-        s->first_movers[i] = count;
-    }
 }
 
 // Open the next interval that the chunk starts from; whether there was one.
@@ -189,6 +170,8 @@ static int open_slice(RefereeSearch *s) {
     if (!s->chunk_slices) return 0;
     if (s->whole) {
         s->intervals[0] = whole_motion(s);
+        // Where nothing moves, the first instant is enough.
+        if (s->chunk_arms[0] < 0) s->intervals[0] = (TimeInterval){0, 1, 0, 0, 0.0, 0.0};
         s->chunk_slices = 0;
     } else {
         int64_t slice = 0;
@@ -196,7 +179,6 @@ static int open_slice(RefereeSearch *s) {
         s->intervals[0] = s->slices[slice];
         s->chunk_slices ^= (int64_t)1 << slice;
     }
-    // From the last to the first, as halves are.
     for (int64_t k = 0; k < s->pair_count; k++) s->items[k] = k;
     s->intervals[0].low = 0;
     s->intervals[0].high = s->pair_count;
@@ -267,17 +249,13 @@ static void next_moving_chunk(RefereeSearch *s) {
             s->pass = PASS_MOVING;
             s->partner = arm + 1;
         }
-        sort_movers(s);
         return;
     }
     while (s->partner < moving) {
         begin_chunk(s, arm, s->partner);
         s->whole = 0;
         add_pairs(s, arm, s->partner++);
-        if (s->pair_count) {
-            sort_movers(s);
-            return;
-        }
+        if (s->pair_count) return;
     }
     s->pass = PASS_STANDING;
     s->partner = 0;
