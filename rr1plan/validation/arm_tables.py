@@ -19,7 +19,18 @@ from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.scene import Attachment, Obstacle
 from rr1plan.validation.bodies import ElementBodies, element_bodies
 from rr1plan.validation.motion import Drive, drives
-from rr1plan.validation.native import AXIS, CONCAVE, GAIN, OFFSET, PLANE, SHAPE, SHIFT, SLIDES, TURNS, RefereeStruct
+from rr1plan.validation.native import (
+    AXIS,
+    GAIN,
+    OFFSET,
+    PLANE,
+    SHAPE,
+    SHAPE_CONCAVE,
+    SHIFT,
+    SLIDES,
+    TURNS,
+    RefereeStruct,
+)
 
 Table = NDArray[np.int64]
 
@@ -121,12 +132,11 @@ def _build(content: _Content) -> ArmTables:
     links = tuple(link.name for link in robot.links if link.collisions)
     elements = [(link.name, link.collisions, np.eye(4)) for link in robot.links if link.collisions]
     elements += [(held.link, held.geometries, np.frombuffer(held.pose).reshape(4, 4)) for held in content.held]
-    parts = [
-        (carriers[link][0], element_bodies(geometries, np.ascontiguousarray(carriers[link][1] @ T).tobytes()))
-        for link, geometries, T in elements
-    ]
+    parts = [element_bodies(geometries, carriers[link][1] @ T) for link, geometries, T in elements]
     base = links.index(robot.base) if robot.base in links else -1
-    return _tables(links, joints, frames, chains, parts, base, _own_checked(links, content), len(columns))
+    rows, counts = ElementBodies.joined(parts), [len(part.solids) for part in parts]
+    on = [carriers[link][0] for link, _, _ in elements]
+    return _tables(links, joints, frames, chains, rows, counts, on, base, _own_checked(links, content), len(columns))
 
 
 def _origin_at(joint: Joint, value: float) -> Array:
@@ -170,9 +180,14 @@ def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]
 
 def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
     """The model of all obstacles of a scene: elements of a single link at the world's origin."""
-    parts = [(0, element_bodies(obstacle.geometries, obstacle.pose.tobytes())) for obstacle in obstacles]
-    count = len(parts)
-    return _tables((), [], [], [()], parts, -1, np.zeros((count, count), dtype=np.uint8), 0)
+    obstacles = tuple(obstacles)
+    counts = [len(obstacle.geometries) for obstacle in obstacles]
+    poses = np.array([obstacle.pose for obstacle in obstacles]).reshape(-1, 4, 4)
+    geometries = [geometry for obstacle in obstacles for geometry in obstacle.geometries]
+    local = np.array([geometry.pose for geometry in geometries]).reshape(-1, 4, 4)
+    rows = ElementBodies.of([geometry.shape for geometry in geometries], poses.repeat(counts, axis=0) @ local)
+    checked = np.zeros((len(counts), len(counts)), dtype=np.uint8)
+    return _tables((), [], [], [()], rows, counts, [0] * len(counts), -1, checked, 0)
 
 
 def _tables(
@@ -180,16 +195,16 @@ def _tables(
     joints: list[tuple[int, int, int]],
     frames: list[Array],
     chains: list[tuple[int, ...]],
-    parts: list[tuple[int, ElementBodies]],
+    rows: ElementBodies,
+    counts: list[int],
+    carriers: list[int],
     base: int,
     own_checked: NDArray[np.uint8],
     columns: int,
 ) -> ArmTables:
-    """A model of elements, each the link that carries it and its bodies."""
-    rows = ElementBodies.joined([bodies for _, bodies in parts])
-    counts = np.array([len(bodies.solids) for _, bodies in parts], dtype=np.int64)
-    first = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
-    link = np.repeat(np.array([carrier for carrier, _ in parts], dtype=np.int64), counts)
+    """A model of elements, of each of which the number of bodies and the link that carries them are given."""
+    first = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts, dtype=np.int64)])
+    link = np.repeat(np.array(carriers, dtype=np.int64), counts)
     kind, corner_count, corner_columns = rows.cores.T
     depth = np.array([len(chain) for chain in chains], dtype=np.int64)[link]
     kinds = np.stack(
@@ -213,22 +228,22 @@ def _tables(
         bodies=bodies,
         chains=np.array([joint for i in link.tolist() for joint in chains[i]], dtype=np.int64),
         element_bodies=first,
-        element_count=len(parts),
+        element_count=len(counts),
         base_element=base,
         own_checked=own_checked,
     )
-    of_element = np.repeat(np.arange(len(parts)), counts)
+    of_element = np.repeat(np.arange(len(counts)), counts)
     shapes = kinds[:, SHAPE]
     has_plane, has_concave, carried = (
-        np.bincount(of_element[mask], minlength=len(parts)) > 0
-        for mask in (shapes == PLANE, shapes == CONCAVE, depth > 0)
+        np.bincount(of_element[mask], minlength=len(counts)) > 0
+        for mask in (shapes == PLANE, shapes == SHAPE_CONCAVE, depth > 0)
     )
     return ArmTables(
         links,
         rows,
         bodies,
         struct,
-        np.array([columns, len(chains), len(joints), len(kinds), len(parts)], dtype=np.int64),
+        np.array([columns, len(chains), len(joints), len(kinds), len(counts)], dtype=np.int64),
         int(depth.max(initial=0)),
         first,
         has_plane,

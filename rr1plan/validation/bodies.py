@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,9 +18,10 @@ from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.motion import Frames, SceneMotion
 from rr1plan.validation.native import CENTER
 from rr1plan.validation.polynomials import Index, Mask
-from rr1plan.validation.solids import Solid, solid, support
+from rr1plan.validation.solids import CONCAVE, CONVEX, HALF_SPACE, Solid, solid, support
 
-CONVEX, CONCAVE, HALF_SPACE = 1, 2, 3
+# Numbers in `Solid.row`.
+_ROW = 11 + CENTER
 _IDENTITY = np.eye(4)
 # Rounding of the distances between axes and bodies computed here [m].
 _REACH_ROUNDING = 1e-7
@@ -55,20 +56,20 @@ class ElementBodies:
     def of(shapes: Sequence[Shape], poses: Array) -> ElementBodies:
         """The bodies of shapes at poses (b, 4, 4)."""
         solids = tuple(solid(shape) for shape in shapes)
+        rows = np.array([s.row for s in solids]).reshape(-1, _ROW)
+        form, radius, half, centers, cores, sizes = np.split(rows, (1, 2, 5, 8, 11), axis=1)
         rotation, origin = poses[:, :3, :3], poses[:, :3, 3]
-        centers = np.array([s.center for s in solids]).reshape(-1, 3)
         center = np.einsum("bij,bj->bi", rotation, centers) + origin
-        own = np.array([s.sizes for s in solids]).reshape(-1, CENTER)
         return ElementBodies(
             solids,
-            np.array([_form(s) for s in solids], dtype=np.intp),
-            np.array([s.radius for s in solids], dtype=np.float64),
-            np.array([s.half for s in solids], dtype=np.float64).reshape(-1, 3),
+            form[:, 0].astype(np.intp),
+            radius[:, 0],
+            half,
             rotation,
             origin,
             center,
-            np.array([s.core.row for s in solids], dtype=np.intp).reshape(-1, 3),
-            np.concatenate([own, center, rotation.reshape(-1, 9), origin], axis=1),
+            cores.astype(np.intp),
+            np.concatenate([sizes, center, rotation.reshape(-1, 9), origin], axis=1),
         )
 
     @staticmethod
@@ -82,21 +83,10 @@ class ElementBodies:
 _NO_BODIES = ElementBodies.of((), np.zeros((0, 4, 4)))
 
 
-@lru_cache(maxsize=1024)
-def element_bodies(geometries: tuple[Geometry, ...], pose: bytes) -> ElementBodies:
-    """The bodies of an element's geometries on its link; the links of a robot have the same in every scene.
-
-    Args:
-        geometries: The geometries.
-        pose: T_link_element as bytes, shape (4, 4).
-    """
-    T = np.frombuffer(pose).reshape(4, 4)
+def element_bodies(geometries: tuple[Geometry, ...], T: Array) -> ElementBodies:
+    """The bodies of an element's geometries on its link, with T_link_element (4, 4)."""
     poses = np.array([T @ g.pose for g in geometries]).reshape(-1, 4, 4)
     return ElementBodies.of([g.shape for g in geometries], poses)
-
-
-def _form(body: Solid) -> int:
-    return CONVEX if body.convex else CONCAVE if np.isfinite(body.radius) else HALF_SPACE
 
 
 class Placed(NamedTuple):
@@ -172,7 +162,7 @@ class Bodies:
         else:
             arm, part = name.split("/", 1)
             parts = scene.arms[arm].robot.link(part).collisions
-        number, found = self.motion.links[link], element_bodies(parts, pose.tobytes())
+        number, found = self.motion.links[link], element_bodies(parts, pose)
         if (found.forms == HALF_SPACE).any() and self.motion.movers[number].any():
             raise InputError(f"{name!r} moves and has a half-space for a shape; expected a bounded shape")
         return number, found

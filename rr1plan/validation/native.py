@@ -45,7 +45,7 @@ def _columns(struct: str, *fields: str) -> tuple[int, ...]:
 
 _C = SOURCES.constants
 # What a shape is to the kernels; see `referee_tables.h`.
-HULL, BOX, CYLINDER, PLANE, TABLE, CONCAVE = (
+HULL, BOX, CYLINDER, PLANE, TABLE, SHAPE_CONCAVE = (
     _C[f"SHAPE_{n}"] for n in ("HULL", "BOX", "CYLINDER", "PLANE", "TABLE", "CONCAVE")
 )
 # Cells of directions: on each face of a cube SIDE by SIDE.

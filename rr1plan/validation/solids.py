@@ -16,8 +16,10 @@ from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.validation.clouds import CellBlocks
-from rr1plan.validation.native import BOUND, BOX, CENTER, CONCAVE, CYLINDER, HALF, PLANE, RADIUS, ROUND
+from rr1plan.validation.native import BOUND, BOX, CENTER, CYLINDER, HALF, PLANE, RADIUS, ROUND, SHAPE_CONCAVE
 from rr1plan.validation.support_tables import Core, hull_core
+
+CONVEX, CONCAVE, HALF_SPACE = 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,7 @@ class Solid:
             return Core(CYLINDER)
         if isinstance(shape, HalfSpace):
             return Core(PLANE)
-        return hull_core(self.points) if self.convex else Core(CONCAVE)
+        return hull_core(self.points) if self.convex else Core(SHAPE_CONCAVE)
 
     @cached_property
     def sizes(self) -> Array:
@@ -73,6 +75,16 @@ class Solid:
         sizes[RADIUS], sizes[BOUND:CENTER] = self.radius, self.half
         return sizes
 
+    @property
+    def form(self) -> int:
+        """`CONVEX`, `CONCAVE` (a cloud too) or `HALF_SPACE`."""
+        return CONVEX if self.convex else CONCAVE if np.isfinite(self.radius) else HALF_SPACE
+
+    @cached_property
+    def row(self) -> Array:
+        """Its form, radius, half edges, center, `core.row` and `sizes`, one after the other, shape (19,)."""
+        return np.concatenate([[self.form, self.radius], self.half, self.center, self.core.row, self.sizes])
+
     @cached_property
     def geometry(self) -> Any:
         """Its Coal geometry; a half-space and a point cloud have none.
@@ -87,8 +99,11 @@ def solid(shape: Shape) -> Solid:
     """The solid of a shape."""
     if isinstance(shape, Mesh):
         return _mesh_solid(shape)
-    if isinstance(shape, PointCloud):
-        return _cloud_solid(shape)
+    return _cloud_solid(shape) if isinstance(shape, PointCloud) else _primitive_solid(shape)
+
+
+@lru_cache(maxsize=4096)
+def _primitive_solid(shape: Box | Sphere | Cylinder | Capsule | HalfSpace) -> Solid:
     zero, none = np.zeros(3), np.zeros((0, 3))
     if isinstance(shape, HalfSpace):
         return Solid(shape, zero, np.full(3, np.inf), np.inf, none, convex=False)
