@@ -120,14 +120,20 @@ static inline const BoundingBox *slice_box(const BoundingBox *boxes, int64_t cou
     return &boxes[(moves ? slice * count : 0) + index];
 }
 
-// Of the slices in a mask those on which what is in two boxes comes within a distance [m].
+// Of the slices in a mask those on which what is in two boxes comes within a distance [m]. `apart` becomes the smallest
+// distance on the others, if that is less.
 static int64_t near_slices(const RefereeSearch *s, const BoundingBox *boxes, int64_t count, int64_t a, int a_moves,
-                           int64_t b, int b_moves, double distance, int64_t mask) {
+                           int64_t b, int b_moves, double distance, int64_t mask, double *apart) {
     int64_t near = 0;
     for (int64_t slice = 0; slice < s->slice_count; slice++) {
         if (!(mask >> slice & 1)) continue;
         const BoundingBox *one = slice_box(boxes, count, a, a_moves, slice);
-        if (!(box_separation(one, slice_box(boxes, count, b, b_moves, slice)) > distance)) near |= (int64_t)1 << slice;
+        double gap = box_separation(one, slice_box(boxes, count, b, b_moves, slice));
+        if (gap > distance) {
+            *apart = lesser(*apart, gap);
+        } else {
+            near |= (int64_t)1 << slice;
+        }
     }
     return near;
 }
@@ -217,39 +223,42 @@ static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64
     s->elements[s->element_pair_count++] = (ElementPair){one.index + ea, two.index + eb, PAIR_FREE, 1e300, 0.0};
 }
 
+// The slices on which an owner comes near one that is no earlier.
+static int64_t near_owners(RefereeSearch *s, int64_t i, int64_t j, double need) {
+    int a_moves = i < s->moving_count, b_moves = j < s->moving_count;
+    int64_t mask = a_moves || b_moves ? ((int64_t)1 << s->slice_count) - 1 : 1;
+    if (i == j) return mask;
+    double far = need + s->most_padding, apart = box_separation(&s->owner_sweeps[i], &s->owner_sweeps[j]);
+    if (apart > far) {
+        mask = 0;
+    } else {
+        apart = INFINITY;
+        mask = near_slices(s, s->owner_slices, s->owner_count, i, a_moves, j, b_moves, far, mask, &apart);
+    }
+    note_proven(s, GROUP_OTHERS, apart - s->most_padding);
+    return mask;
+}
+
 // Add the pairs of two owners that can come near to the chunk, the first owner no later than the second.
 static void add_pairs(RefereeSearch *s, int64_t i, int64_t j) {
     Owner one = owner_of(s, i), two = owner_of(s, j);
-    int own = i == j, a_moves = i < s->moving_count, b_moves = j < s->moving_count;
-    int64_t group = own ? GROUP_OWN : GROUP_OTHERS, mask = ((int64_t)1 << s->slice_count) - 1;
-    double need = needed_clearance(s, group), far = need + s->most_padding;
-    if (!a_moves && !b_moves) mask = 1;
-    if (!own) {
-        if (!(box_separation(&s->owner_sweeps[i], &s->owner_sweeps[j]) > far)) {
-            mask = near_slices(s, s->owner_slices, s->owner_count, i, a_moves, j, b_moves, far, mask);
-        } else {
-            mask = 0;
-        }
-    }
-    if (!mask) {
-        note_proven(s, group, need);
-        return;
-    }
+    int a_moves = i < s->moving_count, b_moves = j < s->moving_count;
+    double need = needed_clearance(s, i == j ? GROUP_OWN : GROUP_OTHERS);
+    int64_t mask = near_owners(s, i, j, need);
+    if (!mask) return;
     const double *paddings = find_paddings(s, i, j);
     for (int64_t ea = 0; ea < one.count; ea++) {
-        for (int64_t eb = own ? ea + 1 : 0; eb < two.count; eb++) {
-            double padding = padding_between(s, one, ea, two, eb, paddings);
+        for (int64_t eb = i == j ? ea + 1 : 0; eb < two.count; eb++) {
+            double padding = padding_between(s, one, ea, two, eb, paddings), apart = INFINITY;
             if (padding < 0.0) continue;
             int64_t near = mask;
-            if (!own)
+            if (i != j)
                 near = near_slices(s, s->element_slices, s->element_count, one.index + ea, a_moves, two.index + eb,
-                                   b_moves, need + padding, mask);
-            if (near) {
-                s->chunk_slices |= near;
-                add_bodies(s, one, ea, two, eb, padding);
-            } else {
-                note_proven(s, group, need);
-            }
+                                   b_moves, need + padding, mask, &apart);
+            note_proven(s, GROUP_OTHERS, apart - padding);
+            if (!near) continue;
+            s->chunk_slices |= near;
+            add_bodies(s, one, ea, two, eb, padding);
         }
     }
 }
