@@ -217,9 +217,13 @@ def _no_motion(ledger: Ledger) -> Report:
 def _check_reach(ledger: Ledger, trajectory: Trajectory) -> bool:
     """No position is so large that nothing can be reckoned with it."""
     widths = np.diff(trajectory.breaks) if len(trajectory.breaks) > 1 else np.zeros(1)
-    powers = np.arange(trajectory.coefficients.shape[1])
+    power, reach = np.ones(len(widths)), np.zeros(trajectory.coefficients.shape[::2])
     with np.errstate(over="ignore", invalid="ignore"):
-        reach = (np.abs(trajectory.coefficients) * (widths[:, None] ** powers)[:, :, None]).sum(axis=1).max(axis=0)
+        # Power by power: the coefficients of many arms may fill most of the memory.
+        for terms in trajectory.coefficients.swapaxes(0, 1):
+            reach += np.abs(terms) * power[:, None]
+            power = power * widths
+        reach = reach.max(axis=0)
     for name, value in zip(trajectory.joint_names, reach.tolist(), strict=True):
         if not value <= _FARTHEST:
             message = f"{name} has terms that add up to more than {_FARTHEST:.0e}, which is no motion of an arm"

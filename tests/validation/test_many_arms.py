@@ -145,6 +145,20 @@ def test_balls_that_pass_each_other_touch_for_an_instant(depth: float, count: in
         assert 0.0 < report.margins["clearance_proven"].value <= -depth
 
 
+def test_a_large_padding_of_two_arms_counts_beside_others_that_are_nearer(slider: Make, quintic: Make) -> None:
+    scene = sliders(slider, 9, 0.3)
+    move = quintic(scene.joint_names(), np.zeros(9), np.full(9, 0.1))
+    least = validate(move, scene.with_padding(0.75, "arm1", "arm4")).margins["clearance"]
+    assert least.value == pytest.approx(0.05, abs=1e-9)
+    assert set(least.subject) == {"arm1/carriage", "arm4/carriage"}
+    for padding, certified in ((0.79, True), (0.81, False)):
+        padded = scene.with_padding(padding, "arm1", "arm4")
+        for names in (scene.joint_names(), ("arm1/slide", "arm4/slide")):
+            part = quintic(names, np.zeros(len(names)), np.full(len(names), 0.1))
+            assert validate(part, padded).certified is certified
+        assert validate(rp.Trajectory.rest(("arm0/slide",), [0.0]), padded).certified is certified
+
+
 def test_the_base_of_an_arm_counts(slider: Make, quintic: Make) -> None:
     scene = sliders(slider, 20, 0.3)
     names = scene.joint_names()
