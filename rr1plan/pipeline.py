@@ -233,7 +233,7 @@ def plan_motion(
         result = plan(roomy, planner, budget, generator, progress)
         if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
             margin = 0.0
-            result = plan(problem, planner, budget, generator, progress)
+            result = plan(problem.with_margin(0.0), planner, budget, generator, progress)
     if result.path is None:
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
@@ -301,12 +301,11 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     margin = finite_number("margin", margin)
     if margin < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
-    with checker_from_pool(problem.scene, problem.arms) as motions:
-        kernel = motions.exact_kernel
-        clearance = kernel.least_clearance(problem.start, 2.0 * margin)
+    with checker_from_pool(problem.scene, problem.arms) as checker:
+        clearance = checker.moving_clearance(problem.start, 2.0 * margin)
         goals = joint_goals(problem)
         if goals is not None:
-            clearance = min(clearance, max(kernel.least_clearance(q, clearance) for q in goals))
+            clearance = min(clearance, max(checker.moving_clearance(q, clearance) for q in goals))
     return next((part for part in (margin * 0.5**k for k in range(6)) if 2.0 * part <= clearance), 0.0)
 
 

@@ -52,9 +52,6 @@ class PoseGoal(Value):
         position_tolerance: [m].
         orientation_tolerance: [rad].
 
-    Attributes:
-        margin: Distance to keep beyond the scene's padding [m]: 0, or what `with_margin` set.
-
     After construction `position` is (3,) and `quaternion` a unit quaternion or None.
 
     Raises:
@@ -210,7 +207,7 @@ class Problem(Value):
             order = [old.index(name) for name in new]
             start[arm] = postures[arm][order]
             goal[arm] = [JointGoal(g.q[order]) if isinstance(g, JointGoal) else g for g in self.goal[arm]]
-        return Problem(scene, start, goal, self.arms)
+        return Problem(scene, start, goal, self.arms).with_margin(self.margin)
 
     def _moving_arms(self) -> tuple[str, ...]:
         if self.arms is not None:

@@ -131,6 +131,7 @@ def calls(folder: Path) -> dict[str, Call]:
             )
         },
         "CollisionChecker.clearance": (checker.clearance, {"q": q, "most": 1.0}),
+        "CollisionChecker.moving_clearance": (checker.moving_clearance, {"q": q, "most": 1.0}),
         "CollisionChecker.solid_distances": (checker.solid_distances, {"q": q, "pairs": None}),
         "CollisionChecker.solid_distance": (checker.solid_distance, {"q": q, "pair": 0}),
         "ElementCover.at": (cover.at, {"level": 0}),
@@ -345,12 +346,12 @@ def calls(folder: Path) -> dict[str, Call]:
         "Trajectory.stretched": (trajectory.stretched, {"factor": 2.0}),
         "certify_path": (
             rp.certify_path,
-            {"path": path, "scene": scene, "clearance_tolerance": 2e-4, "progress": None},
+            {"path": path, "scene": scene, "clearance": True, "clearance_tolerance": 2e-4, "progress": None},
         ),
         "validate": (
             rp.validate,
             {"trajectory": trajectory, "scene": scene, "problem": None, "torque_limits": False}
-            | {"jerk_limits": False, "clearance_tolerance": 2e-4, "progress": None},
+            | {"jerk_limits": False, "clearance": True, "clearance_tolerance": 2e-4, "progress": None},
         ),
         "playback.save_mjcf": (playback.save_mjcf, {"file": folder / "o.xml", "scene": scene}),
         "playback.save_rosbag": (

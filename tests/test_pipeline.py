@@ -104,6 +104,31 @@ def test_a_margin_is_one_that_the_goal_has_too() -> None:
     assert motion.margin == affordable_margin(one, margin)
 
 
+def test_a_margin_counts_what_the_arm_can_never_reach() -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    straight = rp.Problem(scene, [0.0, 0.0], [2.0, 0.0])
+    tip = float(scene.link_poses({"arm": np.zeros(2)})["arm/tool"][0, 3])
+    problem = straight.in_scene(scene.with_obstacle("ball", rp.Sphere(0.1), [tip + 0.5, 0.0, 0.0]))
+    clearance = rp.CollisionChecker(problem.scene).clearance(problem.start)
+    assert 0.2 < clearance < 0.41
+    assert affordable_margin(problem, 0.8 * clearance) == pytest.approx(0.4 * clearance)
+    assert affordable_margin(problem, 1.5 * clearance) == pytest.approx(0.375 * clearance)
+    assert rp.plan_motion(problem, margin=1.5 * clearance, rng=0).solved
+
+
+def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    tip = scene.link_poses({"arm": np.zeros(2)})["arm/tool"][:3, 3]
+    scene = scene.with_obstacle("ball", rp.Sphere(0.05), tip + np.array([0.0, 0.0, 0.15]))
+    near = rp.PoseGoal("tool", tip, position_tolerance=1e-3)
+    clear = rp.CollisionChecker(scene).clearance([0.0, 0.0])
+    assert 0.01 < clear < 0.15
+    for problem in (rp.Problem(scene, [2.0, 0.5], near), rp.Problem(scene, [2.0, 0.5], near).with_margin(0.2)):
+        motion = rp.plan_motion(problem, margin=0.2, rng=0)
+        assert motion.solved
+        assert motion.margin == 0.0
+
+
 def test_setting_up_is_not_at_the_expense_of_the_budget(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is made once may take longer than a budget: tables of a new scene, code that is not compiled yet."""
     make = rp.CollisionChecker.set_up

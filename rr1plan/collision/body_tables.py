@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import Solid
+from rr1plan.collision.enclosing_ball import around_points
 from rr1plan.collision.mesh_trees import box_of_mesh
 from rr1plan.collision.solids import occupied_cells
 from rr1plan.kernels.library import constants
@@ -156,16 +157,13 @@ def _surface(mesh: Mesh) -> _Core:
 
 def _corners(mesh: Mesh) -> _Core:
     points = np.array(mesh.vertices)
+    ball = around_points(points)
     low, high = points.min(axis=0), points.max(axis=0)
     return _made(
-        _KIND["BODY_CORNERS"], np.zeros(3), 0.0, _ball(points), (0.5 * (low + high), 0.5 * (high - low)), points
+        _KIND["BODY_CORNERS"],
+        np.zeros(3),
+        0.0,
+        (ball[:3], float(ball[3])),
+        (0.5 * (low + high), 0.5 * (high - low)),
+        points,
     )
-
-
-def _ball(points: Array) -> tuple[Array, float]:
-    """A ball around points, a little larger than the least (Badoiu and Clarkson 2003)."""
-    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    for step in range(2, 100):
-        farthest = points[np.argmax(np.linalg.norm(points - center, axis=1))]
-        center = center + (farthest - center) / step
-    return center, float(np.linalg.norm(points - center, axis=1).max()) * (1.0 + 1e-12)

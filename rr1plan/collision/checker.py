@@ -288,10 +288,7 @@ class CollisionChecker(CoalChecker):
         return self._kernel.certify_curve(curve, duration)
 
     def _names(self, pair: int) -> tuple[str, str]:
-        if pair >= 0:
-            return self.pairs[self.solid_owner[pair]]
-        contact = self.contacts(np.zeros(self.nq))[0]
-        return contact.a, contact.b
+        return self.pairs[self.solid_owner[pair]] if pair >= 0 else self.static_contacts[0]
 
 
 def _check_reach(curve: Array, duration: float) -> None:

@@ -214,6 +214,21 @@ class CoalChecker:
         least = self.exact_kernel.least_clearance(q, self._static_clearance(most))
         return least if least <= self._left_out else self._whole.clearance(q, most)
 
+    def moving_clearance(self, q: Any, most: float = np.inf) -> float:
+        """Like `clearance`, of the pairs that move against each other.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+            most: What is more is not looked at [m].
+
+        Raises:
+            InputError: wrong shape or not finite, or elements that cannot be measured against each other.
+        """
+        q = self.checked(q)
+        most = most if type(most) is float and most > 0.0 else finite_number("most", most)
+        least = self.exact_kernel.least_clearance(q, most)
+        return least if least <= self._left_out else self._whole.moving_clearance(q, most)
+
     # ---- for the kernels -----------------------------------------------------------
 
     @cached_property

@@ -12,7 +12,8 @@ from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.arm_tables import ArmTables, arm_tables, joint_motion, moved
 from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, extremes
-from rr1plan.collision.groups import ball_around, group_rows
+from rr1plan.collision.enclosing_ball import ball_reach, enclosing_ball
+from rr1plan.collision.groups import group_rows
 from rr1plan.collision.spheres import SphereCover, cover
 from rr1plan.transforms import rotation_about
 
@@ -195,7 +196,10 @@ def _group(
             continue
         within = np.setdiff1d(np.arange(balls[0], bodies[last - 1, 2]), balls)
         groups[g, 1] = len(spheres) + len(rows) - 1
-        rows.append(np.array([[*ball_around(spheres[within, :4], spheres[balls, :4]), _NOTHING, 0.0]]))
+        ball = enclosing_ball(spheres[within, :4])
+        # The balls around the bodies are known to hold them too.
+        ball[3] = min(ball[3], ball_reach(spheres[balls, :4], ball[:3]).max() * (1.0 + 1e-9))
+        rows.append(np.array([[*ball, _NOTHING, 0.0]]))
     return bodies, groups, np.concatenate(rows), chain, reach
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,10 +110,11 @@ def _own_contacts(scene: Scene, name: str, geometry: ArmGeometry) -> Iterator[Co
     if any(both & elements for both in (*scene.allowed, *scene.pair_padding)):
         yield from _contacts_between(scene, (name,), {name: geometry})
         return
-    kept: dict[tuple[bytes, float], tuple[Contact, ...]] = geometry.kept.setdefault("own contacts", {})
-    key = (arm.q.tobytes(), scene.padding)
+    held = {n: thing for n, thing in scene.attachments.items() if thing.arm == name}
+    kept: dict[tuple[Any, ...], tuple[Contact, ...]] = geometry.kept.setdefault("own contacts", {})
+    # What a held object may touch is a rule, and no part of the geometry.
+    key = (arm.q.tobytes(), scene.padding, *(thing.touch for thing in held.values()))
     if key not in kept:
-        held = {n: thing for n, thing in scene.attachments.items() if thing.arm == name}
         alone = Scene({name: Arm(arm.robot, identity(), arm.q)}, {}, held, padding=scene.padding)
         kept[key] = tuple(
             Contact(_local(c.a, name), _local(c.b, name), c.depth, c.point)

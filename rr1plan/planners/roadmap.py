@@ -98,7 +98,7 @@ class Roadmap:
             progress: Called about ten times a second; it may return False to cancel.
 
         Raises:
-            InputError: a problem in another scene or for other arms.
+            InputError: a problem in another scene, for other arms or with a margin.
         """
         check_question(problem, budget, progress)
         self._check_fits(problem)
@@ -111,6 +111,11 @@ class Roadmap:
             raise InputError(
                 f"the problem moves {', '.join(problem.arms)}, but the roadmap is for {', '.join(self.arms)}; "
                 "build one for these arms"
+            )
+        if problem.margin != 0.0:
+            raise InputError(
+                f"the problem keeps a margin of {problem.margin:g} m, but the roadmap was built without; "
+                "build one for the scene with that margin (Scene.with_margin) and ask without"
             )
         if problem.scene is self.scene:
             return

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,11 +16,12 @@ from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
 from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.motion import Frames, SceneMotion
-from rr1plan.validation.native import CENTER
-from rr1plan.validation.polynomials import Index
-from rr1plan.validation.solids import Solid, solid, support
+from rr1plan.validation.native import CENTER, SHAPE_SURFACE
+from rr1plan.validation.polynomials import Index, Mask
+from rr1plan.validation.solids import CONCAVE, CONVEX, HALF_SPACE, Solid, solid, support
 
-CONVEX, CONCAVE, HALF_SPACE, SURFACE = 1, 2, 3, 4
+# Numbers in `Solid.row`.
+_ROW = 11 + CENTER
 _IDENTITY = np.eye(4)
 # Rounding of the distances between axes and bodies computed here [m].
 _REACH_ROUNDING = 1e-7
@@ -33,7 +33,7 @@ class ElementBodies:
 
     Args:
         solids: The solids.
-        forms: `CONVEX`, `CONCAVE` (a cloud), `HALF_SPACE` or `SURFACE` (a mesh that is not convex), shape (b,).
+        forms: `CONVEX`, `CONCAVE` (a cloud too) or `HALF_SPACE`, shape (b,).
         radius: Radii of their bounding balls [m], shape (b,).
         half: Half the edges of their bounding boxes [m], shape (b, 3).
         rotation, origin: Poses of their frames in the link's, shapes (b, 3, 3) and (b, 3).
@@ -56,20 +56,20 @@ class ElementBodies:
     def of(shapes: Sequence[Shape], poses: Array) -> ElementBodies:
         """The bodies of shapes at poses (b, 4, 4)."""
         solids = tuple(solid(shape) for shape in shapes)
+        rows = np.array([s.row for s in solids]).reshape(-1, _ROW)
+        form, radius, half, centers, cores, sizes = np.split(rows, (1, 2, 5, 8, 11), axis=1)
         rotation, origin = poses[:, :3, :3], poses[:, :3, 3]
-        centers = np.array([s.center for s in solids]).reshape(-1, 3)
         center = np.einsum("bij,bj->bi", rotation, centers) + origin
-        own = np.array([s.sizes for s in solids]).reshape(-1, CENTER)
         return ElementBodies(
             solids,
-            np.array([_form(s) for s in solids], dtype=np.intp),
-            np.array([s.radius for s in solids], dtype=np.float64),
-            np.array([s.half for s in solids], dtype=np.float64).reshape(-1, 3),
+            form[:, 0].astype(np.intp),
+            radius[:, 0],
+            half,
             rotation,
             origin,
             center,
-            np.array([s.core.row for s in solids], dtype=np.intp).reshape(-1, 3),
-            np.concatenate([own, center, rotation.reshape(-1, 9), origin], axis=1),
+            cores.astype(np.intp),
+            np.concatenate([sizes, center, rotation.reshape(-1, 9), origin], axis=1),
         )
 
     @staticmethod
@@ -83,23 +83,10 @@ class ElementBodies:
 _NO_BODIES = ElementBodies.of((), np.zeros((0, 4, 4)))
 
 
-@lru_cache(maxsize=1024)
-def element_bodies(geometries: tuple[Geometry, ...], pose: bytes) -> ElementBodies:
-    """The bodies of an element's geometries on its link; the links of a robot have the same in every scene.
-
-    Args:
-        geometries: The geometries.
-        pose: T_link_element as bytes, shape (4, 4).
-    """
-    T = np.frombuffer(pose).reshape(4, 4)
+def element_bodies(geometries: tuple[Geometry, ...], T: Array) -> ElementBodies:
+    """The bodies of an element's geometries on its link, with T_link_element (4, 4)."""
     poses = np.array([T @ g.pose for g in geometries]).reshape(-1, 4, 4)
     return ElementBodies.of([g.shape for g in geometries], poses)
-
-
-def _form(body: Solid) -> int:
-    if body.surface is not None:
-        return SURFACE
-    return CONVEX if body.convex else CONCAVE if np.isfinite(body.radius) else HALF_SPACE
 
 
 class Placed(NamedTuple):
@@ -117,7 +104,12 @@ class Placed(NamedTuple):
 
 
 class Bodies:
-    """All shapes of a scene as solids on their links, and the pairs of shapes to check.
+    """The shapes of some pairs of elements as solids on their links, and the pairs of shapes to check.
+
+    Args:
+        scene: The scene.
+        motion: The motion of at least the arms that the pairs are about.
+        pairs: Names of the elements of each pair.
 
     Attributes:
         a, b: Bodies of each pair of shapes, shape (k,).
@@ -125,8 +117,6 @@ class Bodies:
         padding: Distance to keep, for each pair of elements [m].
         own: Whether one arm owns both elements (its links, and what it holds), for each pair of elements.
         solids: The bodies.
-        core_rows: What the compiled search knows of them, of `ElementBodies`.
-        sizes: The same.
         forms: Their forms, shape (b,).
         link: Number of the link of each body, shape (b,).
         local_rotation, local_origin, local_center: Pose of each shape's frame and centre of its bounding ball
@@ -137,38 +127,32 @@ class Bodies:
         InputError: a half-space on a link that moves, or two half-spaces to keep apart.
     """
 
-    def __init__(self, scene: Scene, motion: SceneMotion) -> None:
-        self.motion = motion
-        self.padding = scene.checked_padding
-        self.asked = 0
-        self._names, self._index = scene.element_names, scene.checked_index
-        owners = [scene.owner(name) for name in self._names]
-        numbered = np.array([owners.index(owner) for owner in owners], dtype=np.intp)
-        self.own = np.equal(*numbered[self._index].T)
-        checked = np.zeros(len(self._names), dtype=np.bool_)
-        checked[self._index] = True
-        pairs = zip(self._names, checked.tolist(), strict=True)
-        elements = [self._element(scene, name) if there else (0, _NO_BODIES) for name, there in pairs]
+    def __init__(self, scene: Scene, motion: SceneMotion, pairs: Sequence[tuple[str, str]]) -> None:
+        self.motion, self.pairs = motion, tuple(pairs)
+        self.padding = np.array([scene.padding_of(a, b) for a, b in self.pairs], dtype=np.float64)
+        self.own = np.array([scene.owner(a) == scene.owner(b) for a, b in self.pairs], dtype=np.bool_)
+        self.calls = 0
+        places: dict[str, int] = {}
+        index = [[places.setdefault(name, len(places)) for name in pair] for pair in self.pairs]
+        self._index = np.array(index, dtype=np.intp).reshape(-1, 2)
+        elements = [self._element(scene, name) for name in places]
         counts = np.array([len(found.solids) for _, found in elements], dtype=np.intp)
         self._stack(elements, counts)
         self._pair_up(counts)
         self._classify()
 
-    def names(self, k: int) -> tuple[str, str]:
-        """The two elements of a pair."""
-        a, b = self._index[k].tolist()
-        return self._names[a], self._names[b]
+    @property
+    def searched(self) -> Mask:
+        """Pairs that the compiled search decides, shape (k,): of two convex shapes, or one and a half-space or surface.
 
-    def along(self, motion: SceneMotion) -> Bodies:
-        """The same bodies along another motion of the same columns, with nothing asked so far."""
-        other = copy(self)
-        other.motion, other.asked = motion, 0
-        other.__dict__.pop("meter", None)
-        return other
+        Of surfaces those of obstacles.
+        """
+        one = (self._kind_a == CONVEX) | self._surface[self.a]
+        return np.asarray(one & ((self._kind_b != CONCAVE) | self._surface[self.b]))
 
     @cached_property
     def meter(self) -> DistanceMeter:
-        """Who asks Coal."""
+        """Coal's distances."""
         return DistanceMeter()
 
     def _element(self, scene: Scene, name: str) -> tuple[int, ElementBodies]:
@@ -182,7 +166,7 @@ class Bodies:
         else:
             arm, part = name.split("/", 1)
             parts = scene.arms[arm].robot.link(part).collisions
-        number, found = self.motion.links[link], element_bodies(parts, pose.tobytes())
+        number, found = self.motion.links[link], element_bodies(parts, pose)
         if (found.forms == HALF_SPACE).any() and self.motion.movers[number].any():
             raise InputError(f"{name!r} moves and has a half-space for a shape; expected a bounded shape")
         return number, found
@@ -190,8 +174,9 @@ class Bodies:
     def _stack(self, elements: list[tuple[int, ElementBodies]], counts: Index) -> None:
         """Arrays over all bodies."""
         rows = ElementBodies.joined([found for _, found in elements])
-        self.solids, self.forms, self.core_rows, self.sizes = rows.solids, rows.forms, rows.cores, rows.sizes
+        self.solids, self.forms = rows.solids, rows.forms
         self.link = np.repeat(np.array([number for number, _ in elements], dtype=np.intp), counts)
+        self._surface = (rows.cores[:, 0] == SHAPE_SURFACE) & (self.link == self.motion.links[""])
         self.radius, self.half = rows.radius, rows.half
         self.local_rotation, self.local_origin, self.local_center = rows.rotation, rows.origin, rows.center
         self.moved = self.motion.movers[self.link].reshape(len(self.link), len(self.motion.column))
@@ -202,10 +187,7 @@ class Bodies:
         self._fixed: dict[int, Any] = {}
 
     def _pair_up(self, counts: Index) -> None:
-        """All bodies of one element against all of the other, for each pair of elements.
-
-        A half-space comes second, and so does a surface beside a convex body.
-        """
+        """All bodies of one element against all of the other, for each pair of elements; a half-space comes second."""
         one, two = self._index.T
         first = np.cumsum(counts) - counts
         each = counts[one] * counts[two]
@@ -213,44 +195,18 @@ class Bodies:
         place = np.arange(len(self.pair)) - np.repeat(np.cumsum(each) - each, each)
         width = np.repeat(counts[two], each)
         a, b = first[one][self.pair] + place // width, first[two][self.pair] + place % width
-        turned = (self.forms[a] == HALF_SPACE) | ((self.forms[a] == SURFACE) & (self.forms[b] == CONVEX))
-        self.a, self.b = np.where(turned, b, a), np.where(turned, a, b)
+        half_first = self.forms[a] == HALF_SPACE
+        self.a, self.b = np.where(half_first, b, a), np.where(half_first, a, b)
 
     def _classify(self) -> None:
-        kinds = np.where(self.forms == SURFACE, CONCAVE, self.forms)
-        self._kind_a, self._kind_b = kinds[self.a], kinds[self.b]
+        self._kind_a, self._kind_b = self.forms[self.a], self.forms[self.b]
         both = np.flatnonzero(self._kind_a == HALF_SPACE)
         if len(both):
-            names = self.names(int(self.pair[both[0]]))
+            names = self.pairs[int(self.pair[both[0]])]
             raise InputError(f"{names[0]!r} and {names[1]!r} are both half-spaces, which cannot be kept apart")
         # A joint that carries both bodies does not move one against the other.
         self._only_a = self._in_chain[self.a] * (1.0 - np.take_along_axis(self.moved[self.b], self._chain[self.a], 1))
         self._only_b = self._in_chain[self.b] * (1.0 - np.take_along_axis(self.moved[self.a], self._chain[self.b], 1))
-
-    # ---- at the begin --------------------------------------------------------------------
-
-    def enclosed(self) -> Index:
-        """The pairs of shapes of which the second is a surface that encloses the first when the motion begins, (n,).
-
-        What crosses no surface stays inside or outside.
-        """
-        closed = np.array([s.surface is not None and s.surface.is_closed for s in self.solids], dtype=np.bool_)
-        items = (
-            np.flatnonzero(closed[self.b] & (self.forms[self.a] == CONVEX)) if closed.any() else np.zeros(0, np.intp)
-        )
-        if not len(items):
-            return items
-        motion = self.motion
-        placed = self.place(motion.frames(motion.positions(*motion.locate(motion.breaks[:1]))))
-        return np.array([i for i in items.tolist() if self._encloses(placed, i)], dtype=np.intp)
-
-    def _encloses(self, placed: Placed, item: int) -> bool:
-        """Whether the surface of a pair of shapes holds a point of the other one, where they are placed first."""
-        a, b = int(self.a[item]), int(self.b[item])
-        body, surface = self.solids[a], self.solids[b].surface
-        point = body.points[0] if len(body.points) else body.center
-        world = placed.rotation[0, a] @ point + placed.origin[0, a]
-        return surface is not None and surface.holds(placed.rotation[0, b].T @ (world - placed.origin[0, b]))
 
     # ---- at n times ---------------------------------------------------------------------
 
@@ -339,7 +295,7 @@ class Bodies:
             The value found, and a proven lower bound of it.
         """
         value, proven = np.empty(len(item)), np.empty(len(item))
-        self.asked += len(item)
+        self.calls += len(item)
         groups = np.where(self._kind_b[item] == 3, 3, np.maximum(self._kind_a[item], self._kind_b[item]))
         for kind, measure in ((1, self._convex), (2, self._compound), (3, self._over_plane)):
             at = np.flatnonzero(groups == kind)

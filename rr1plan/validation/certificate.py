@@ -5,7 +5,7 @@ How far each can get within an interval follows from the exact range of every jo
 (Bernstein coefficients) and from its distance to the joints' axes. Where that does not decide,
 the interval is cut in two. There is no sampling step: a contact of any duration is found, and
 what remains closer than a micrometre is called undecided, never free. All times of one round are
-handled side by side in numpy; Coal is asked only for the pairs that bounding volumes leave open.
+handled side by side in numpy; Coal measures only the pairs that bounding volumes leave open.
 
 Schwarzer, Saha, Latombe (2005), Adaptive dynamic collision checking, IEEE T-RO 21.
 """
@@ -52,7 +52,7 @@ class Intervals(NamedTuple):
 
 
 class Nearest(NamedTuple):
-    """The smallest clearance of a group of pairs at one time: its value [m], its pair or -1, the time [s]."""
+    """The smallest clearance of some pairs at one time: its value [m], its pair or -1, the time [s]."""
 
     clearance: float
     pair: int
@@ -69,7 +69,7 @@ class Findings:
         first_contact: First moment seen in contact [s], shape (pairs,); inf for none.
         undecided: Pairs for which an interval could not be decided, shape (pairs,).
         proven: Never is the clearance below this, where nothing is undecided [m], shape (pairs,).
-        ends: The smallest clearance at the first and at the last instant, with the surroundings and of one arm's own.
+        ends: The smallest clearance at the first and at the last instant.
         cancelled: The search was cut off; what is left of it is not decided.
         statistics: Counts of the work done.
     """
@@ -79,7 +79,7 @@ class Findings:
     first_contact: Array
     undecided: Array
     proven: Array
-    ends: tuple[tuple[Nearest, Nearest], ...] = ()
+    ends: tuple[Nearest, ...] = ()
     cancelled: bool = False
     statistics: dict[str, float] = field(default_factory=dict)
 
@@ -94,7 +94,7 @@ class Certificate:
         most_distances: Exact distances to compute before giving up on what is still open.
         progress: Called with the fraction decided, after each round; False from it cancels the search.
         items: The pairs of shapes to decide (default: all).
-        found: What is known of the other pairs, to be added to.
+        smallest: What is known of the smallest clearance with the surroundings and of one arm's own [m], shape (2,).
     """
 
     def __init__(
@@ -105,17 +105,17 @@ class Certificate:
         most_distances: int,
         progress: Callable[[float], bool | None] | None = None,
         items: Index | None = None,
-        found: Findings | None = None,
+        smallest: Array | None = None,
     ) -> None:
         self._motion, self._bodies = motion, bodies
         self._tolerance, self._most = tolerance, most_distances
         self._progress = progress
         n = len(bodies.padding)
-        self.found = found or Findings(
+        self.found = Findings(
             np.full(n, np.inf), np.zeros(n), np.full(n, np.inf), np.zeros(n, dtype=bool), np.full(n, np.inf)
         )
+        self._known = np.full(2, np.inf) if smallest is None else smallest
         self._items = np.arange(len(bodies.a)) if items is None else items
-        self._own = bodies.own[bodies.pair[self._items]]
         self._nodes = self._checks = 0
         self._decided = 0.0
 
@@ -123,28 +123,17 @@ class Certificate:
         """Decide every pair on every interval."""
         bodies = self._bodies
         if len(self._items):
-            self._measure_ends()
+            self.found.ends = tuple(self.nearest(self._motion.breaks[[0, -1]], self._items))
             waiting = deque([self._root()])
             while waiting and not self.found.cancelled:
-                if bodies.asked > self._most:
+                if bodies.calls > self._most:
                     self._give_up(waiting)
                     break
                 waiting.extend(_chunks(self._round(waiting.popleft())))
             self._polish()
-        for name, count in (("intervals", self._nodes), ("pair_checks", self._checks), ("distances", bodies.asked)):
-            self.found.statistics[name] = self.found.statistics.get(name, 0.0) + float(count)
+        counts = {"intervals": self._nodes, "pair_checks": self._checks, "distances": bodies.calls}
+        self.found.statistics |= {name: float(count) for name, count in counts.items()}
         return self.found
-
-    def _measure_ends(self) -> None:
-        """Add the smallest clearances at both ends to those that are known."""
-        begin, finish = (float(time) for time in self._motion.breaks[[0, -1]])
-        ends = []
-        for group, own in enumerate((False, True)):
-            first, last = self.nearest(np.array([begin, finish]), self._items[self._own == own])
-            if self.found.ends:
-                first, last = min(first, self.found.ends[group][0]), min(last, self.found.ends[group][1])
-            ends.append((first, last))
-        self.found.ends = tuple(ends)
 
     def _root(self) -> Intervals:
         one = np.zeros(1, dtype=np.intp)
@@ -231,7 +220,7 @@ class Certificate:
         With a contact to report, only contacts are looked for.
         """
         own, clearance = self._bodies.own, self.found.clearance
-        each = np.array([clearance[~own].min(initial=np.inf), clearance[own].min(initial=np.inf)])
+        each = np.array([clearance[~own].min(initial=self._known[0]), clearance[own].min(initial=self._known[1])])
         return each if each.min() > TOUCH else np.minimum(each, each.min())
 
     def _drop_points(self, work: Intervals, open_: Index, begin: Array, finish: Array) -> Index:
@@ -322,7 +311,7 @@ class Certificate:
                     break
 
     def _look_around(self, items: Index, center: float, width: float) -> None:
-        """Ask for the clearances of pairs of shapes at 17 times around one."""
+        """Measure the clearances of pairs of shapes at 17 times around one."""
         motion, bodies = self._motion, self._bodies
         times = np.clip(center + np.linspace(-width, width, 17), motion.breaks[0], motion.breaks[-1])
         piece, local = motion.locate(times)

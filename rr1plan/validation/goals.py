@@ -12,29 +12,27 @@ from rr1plan.problem import Goal, JointGoal, PoseGoal, Problem, frame_link
 from rr1plan.report import Violation
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
-from rr1plan.trajectory import Trajectory
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 from rr1plan.validation.limits import Ledger
-from rr1plan.validation.motion import Frames, SceneMotion
+from rr1plan.validation.motion import SceneMotion, TimedColumns
 
 # Joint values count as equal within this [rad or m], tolerances are kept to within it.
 _EQUAL = 1e-9
 
 
-def check_ends(
-    ledger: Ledger, trajectory: Trajectory, scene: Scene, motion: SceneMotion, problem: Problem | None
-) -> None:
+def check_endpoints(ledger: Ledger, motion: TimedColumns, scene: Scene, problem: Problem | None) -> None:
     """A motion starts where it should and ends at a goal, if there is a problem that says so."""
     if problem is None:
         ledger.not_checked["start"] = ledger.not_checked["goal"] = "no problem was given"
         return
-    ends = motion.breaks[[0, -1]]
-    q = motion.positions(*motion.locate(ends))
-    columns = {name: i for i, name in enumerate(trajectory.joint_names)}
-    first, last = ({arm: _posture(scene, arm, columns, row) for arm in scene.arms} for row in q)
     _check_arms(problem, scene)
-    _check_start(ledger, _starts(trajectory, scene, problem), _by_joint(scene, first), float(ends[0]))
-    _check_goal(ledger, problem, last, _poses(motion, q[1:]), float(ends[1]))
+    first, last = motion.endpoints()
+    columns = {name: i for i, name in enumerate(motion.joint_names)}
+    arms = dict.fromkeys((*motion.arms, *problem.arms))
+    starts, stops = ({arm: _configuration(scene, arm, columns, q) for arm in arms} for q in (first, last))
+    begin, finish = (float(time) for time in motion.breaks[[0, -1]])
+    _check_start(ledger, _starts(motion.arms, scene, problem), _by_joint(scene, starts), begin)
+    _check_goal(ledger, problem, scene, stops, finish)
 
 
 def _check_arms(problem: Problem, scene: Scene) -> None:
@@ -46,9 +44,9 @@ def _check_arms(problem: Problem, scene: Scene) -> None:
             raise InputError(f"the problem has {names}")
 
 
-def _starts(trajectory: Trajectory, scene: Scene, problem: Problem) -> dict[str, float]:
+def _starts(moving: tuple[str, ...], scene: Scene, problem: Problem) -> dict[str, float]:
     """Where joints have to start: the problem's where it says, those of other arms where the scene has them."""
-    others = {arm: scene.arms[arm].q for arm in trajectory.arms if arm not in problem.arms}
+    others = {arm: scene.arms[arm].q for arm in moving if arm not in problem.arms}
     starts = dict(zip(problem.joint_names, problem.start.tolist(), strict=True))
     return starts | _by_joint(scene, others)
 
@@ -62,23 +60,22 @@ def _by_joint(scene: Scene, postures: Mapping[str, Array]) -> dict[str, float]:
     }
 
 
-def _poses(motion: SceneMotion, q: Array) -> Callable[[str], Array]:
-    """T_world_link by "arm/link" at one configuration (1, nq), reckoned when first asked for."""
-    known: list[Frames] = []
+def _pose_of(scene: Scene, arm: str, q: Array) -> Callable[[str], Array]:
+    """T_world_link by the names of an arm's links, at its configuration (nq,)."""
 
     def pose(link: str) -> Array:
-        if not known:
-            known.append(motion.frames(q))
-        i = motion.links[link]
+        names = scene.joint_names((arm,))
+        motion = SceneMotion({arm: scene.arms[arm]}, names, np.zeros(1), q[None, None])
+        frames, i = motion.frames(q[None]), motion.links[f"{arm}/{link}"]
         T = np.eye(4)
-        T[:3, :3], T[:3, 3] = known[0].rotation[0, i], known[0].origin[0, i]
+        T[:3, :3], T[:3, 3] = frames.rotation[0, i], frames.origin[0, i]
         return T
 
     return pose
 
 
-def _posture(scene: Scene, arm: str, columns: dict[str, int], q: Array) -> Array:
-    """Where an arm's joints are: in its columns, or resting."""
+def _configuration(scene: Scene, arm: str, columns: dict[str, int], q: Array) -> Array:
+    """Where an arm's joints are: in its columns, or where the scene has them."""
     names = [f"{arm}/{joint}" for joint in scene.arms[arm].robot.joint_names]
     if names and names[0] in columns:
         return np.array([q[columns[name]] for name in names])
@@ -103,21 +100,21 @@ def _check_start(ledger: Ledger, wanted: Mapping[str, float], first: Mapping[str
 
 
 def _check_goal(
-    ledger: Ledger, problem: Problem, postures: Mapping[str, Array], poses: Callable[[str], Array], time: float
+    ledger: Ledger, problem: Problem, scene: Scene, configurations: Mapping[str, Array], time: float
 ) -> None:
     """Every moving arm ends at one of its goals.
 
     Args:
         ledger: Where violations go.
         problem: The problem.
-        postures: Last configuration of every arm, by arm.
-        poses: Gives T_world_link at the end, by "arm/link".
-        time: When that is [s].
+        scene: Where the arms are.
+        configurations: The last configuration of every arm of the problem, by arm.
+        time: When the motion ends [s].
     """
     ledger.checked.append("goal")
     for arm in problem.arms:
-        robot = problem.scene.arms[arm].robot
-        misses = [_miss(goal, arm, robot, postures[arm], poses) for goal in problem.goal[arm]]
+        robot, q = problem.scene.arms[arm].robot, configurations[arm]
+        misses = [_miss(goal, robot, q, _pose_of(scene, arm, q)) for goal in problem.goal[arm]]
         off, allowed, words = min(misses, key=lambda miss: miss[0] / miss[1])
         if not off <= allowed + _EQUAL:
             several = f" (the nearest of {len(misses)} goals)" if len(misses) > 1 else ""
@@ -128,11 +125,11 @@ def _check_goal(
 Miss = tuple[float, float, str]
 
 
-def _miss(goal: Goal, arm: str, robot: Robot, q: Array, poses: Callable[[str], Array]) -> Miss:
+def _miss(goal: Goal, robot: Robot, q: Array, pose: Callable[[str], Array]) -> Miss:
     """By how much a goal is missed, what is allowed, and that in words: the worst of its conditions."""
     if isinstance(goal, JointGoal):
         return _joint_miss(goal, robot, q)
-    T = poses(f"{arm}/{frame_link(robot, goal.frame)}")
+    T = pose(frame_link(robot, goal.frame))
     at, rotation = T[:3, 3], goal.rotation if isinstance(goal, PoseGoal) else None
     if isinstance(goal, PoseGoal):
         off, allowed = float(np.linalg.norm(at - goal.position)), goal.position_tolerance

@@ -11,6 +11,7 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.limits import Limits
 from rr1plan.report import Margin, Violation, ViolationKind
+from rr1plan.robot import Robot
 from rr1plan.scene import Arm
 from rr1plan.validation.extremes import Extremes
 
@@ -44,15 +45,21 @@ class Columns(NamedTuple):
 
 def columns_of(arms: Mapping[str, Arm], names: tuple[str, ...]) -> Columns:
     """The columns of these names, each a joint of one of the arms, in their order."""
-    joints = [arms[arm].robot.joint(joint) for arm, joint in (name.split("/", 1) for name in names)]
-    units = tuple("m" if joint.kind == "prismatic" else "rad" for joint in joints)
     moving = list(dict.fromkeys(name.split("/", 1)[0] for name in names))
     if not moving:
-        return Columns(names, units, Limits(*([np.zeros(0)] * len(fields(Limits)))))
+        return Columns(names, (), Limits(*([np.zeros(0)] * len(fields(Limits)))))
     stacked = Limits.stack([arms[arm].robot.limits for arm in moving])
-    place = {name: i for i, name in enumerate(f"{arm}/{j}" for arm in moving for j in arms[arm].robot.joint_names)}
+    units = {id(arms[arm].robot): _units(arms[arm].robot) for arm in moving}
+    every = [(f"{arm}/{j}", unit) for arm in moving for j, unit in units[id(arms[arm].robot)]]
+    place = {name: i for i, (name, _) in enumerate(every)}
     order = [place[name] for name in names]
-    return Columns(names, units, Limits(*(getattr(stacked, f.name)[order] for f in fields(Limits))))
+    limits = Limits(*(getattr(stacked, f.name)[order] for f in fields(Limits)))
+    return Columns(names, tuple(every[i][1] for i in order), limits)
+
+
+def _units(robot: Robot) -> list[tuple[str, str]]:
+    """The planning joints of a robot, each with the unit of its value."""
+    return [(name, "m" if robot.joint(name).kind == "prismatic" else "rad") for name in robot.joint_names]
 
 
 def check_positions(ledger: Ledger, columns: Columns, found: Extremes) -> None:

@@ -7,7 +7,6 @@ and is tested against `Robot.link_poses`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -19,6 +18,31 @@ from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
 from rr1plan.scene import Arm
 from rr1plan.validation.polynomials import Index, RangeTable, bernstein, evaluate
+
+
+@dataclass(frozen=True, eq=False)
+class TimedColumns:
+    """A motion of some columns.
+
+    Args:
+        joint_names: Their names "arm/joint".
+        breaks: Times of the pieces [s], shape (m + 1,), or (1,) for a duration of zero.
+        coefficients: Local coefficients, lowest power first, shape (m, d + 1, nq).
+    """
+
+    joint_names: tuple[str, ...]
+    breaks: Array
+    coefficients: Array
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Names of the arms that have columns here, in order."""
+        return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
+
+    def endpoints(self) -> Array:
+        """Columns at the first and at the last instant, shape (2, nq)."""
+        width = self.breaks[-1] - self.breaks[-2] if len(self.breaks) > 1 else 0.0
+        return evaluate(self.coefficients[[0, -1]], np.array([0.0, width]))
 
 
 class Frames(NamedTuple):
@@ -116,13 +140,6 @@ class SceneMotion:
         self.column = np.array([step.drive.column for step in moving], dtype=np.intp)
         self.gain = np.array([abs(step.drive.scale) for step in moving], dtype=np.float64)
         self.slides = np.array([step.joint.kind == "prismatic" for step in moving], dtype=bool)
-
-    def along(self, breaks: Array, coefficients: Array) -> SceneMotion:
-        """The same links and columns along another piecewise polynomial."""
-        other = copy(self)
-        other.breaks, other.coefficients = breaks, coefficients
-        other.__dict__.pop("_table", None)
-        return other
 
     @property
     def pieces(self) -> int:

@@ -45,22 +45,20 @@ def _columns(struct: str, *fields: str) -> tuple[int, ...]:
 
 _C = SOURCES.constants
 # What a shape is to the kernels; see `referee_tables.h`.
-HULL, BOX, CYLINDER, PLANE, TABLE, SURFACE = (
-    _C[f"SHAPE_{n}"] for n in ("HULL", "BOX", "CYLINDER", "PLANE", "TABLE", "SURFACE")
+HULL, BOX, CYLINDER, PLANE, TABLE, SHAPE_CONCAVE, SHAPE_SURFACE = (
+    _C[f"SHAPE_{n}"] for n in ("HULL", "BOX", "CYLINDER", "PLANE", "TABLE", "CONCAVE", "SURFACE")
 )
 # Cells of directions: on each face of a cube SIDE by SIDE.
 SIDE, CELLS = _C["SUPPORT_SIDE"], _C["SUPPORT_CELLS"]
 # Rows of `corners` (4, n): the point, and for a table where the corners of each cell begin, from its first column.
 STARTS = 3
-FIXED, TURNS, SLIDES = _C["MOVE_FIXED"], _C["MOVE_TURNS"], _C["MOVE_SLIDES"]
-FREE, LEFT, UNDECIDED = _C["PAIR_FREE"], _C["PAIR_LEFT"], _C["PAIR_UNDECIDED"]
-GROUPS = _C["PAIR_GROUPS"]
-# Columns of the tables of bodies (b, 6), of their sizes (b, 23), of placed bodies (b, 15), of joints' frames (s, 17),
-# and of the findings of pairs (p, 3).
+TURNS, SLIDES = _C["MOVE_TURNS"], _C["MOVE_SLIDES"]
+LEFT, UNDECIDED = _C["PAIR_LEFT"], _C["PAIR_UNDECIDED"]
+GROUPS, OTHERS, OWN = _C["PAIR_GROUPS"], _C["GROUP_OTHERS"], _C["GROUP_OWN"]
+# Columns of the tables of bodies (b, 7), of their sizes (b, 23), of placed bodies (b, 15), of joints' frames (j, 17).
 SHAPE, COUNT = _columns("RefereeBody", "shape", "corner_count")
 HALF, ROUND, RADIUS, BOUND, CENTER, LOCAL = _columns(
     "BodySizes", "half", "rounding", "radius", "box", "center", "rotation"
 )
 ORIGIN, MIDDLE = _columns("PlacedBody", "origin", "middle")
 SHIFT, AXIS, GAIN, OFFSET = _columns("JointFrame", "shift", "axis", "gain", "offset")
-SEEN, WHEN, PROVEN = _columns("PairFindings", "seen", "when", "proven")

@@ -17,9 +17,11 @@ from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.validation.clouds import CellBlocks
-from rr1plan.validation.native import BOUND, BOX, CENTER, CYLINDER, HALF, HULL, PLANE, RADIUS, ROUND, SURFACE
+from rr1plan.validation.native import BOUND, BOX, CENTER, CYLINDER, HALF, PLANE, RADIUS, ROUND, SHAPE_CONCAVE, SHAPE_SURFACE
 from rr1plan.validation.support_tables import Core, hull_core
 from rr1plan.validation.surfaces import Surface
+
+CONVEX, CONCAVE, HALF_SPACE = 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +58,14 @@ class Solid:
             return Core(CYLINDER)
         if isinstance(shape, HalfSpace):
             return Core(PLANE)
-        if self.surface is not None:
-            return Core(SURFACE, 0, self.surface.columns)
-        if not self.convex:
-            return Core(HULL)
-        return hull_core(self.points)
+        if self.surface is not None and self.surface.can_be_searched:
+            columns = self.surface.columns
+            return Core(SHAPE_SURFACE, columns.shape[1], columns)
+        return hull_core(self.points) if self.convex else Core(SHAPE_CONCAVE)
 
     @cached_property
     def sizes(self) -> Array:
-        """What the compiled search asks of its size, in columns `HALF` to `BOUND`, shape (8,); none of a half-space."""
+        """What the compiled search reads of its size, in columns `HALF` to `BOUND`, shape (8,)."""
         sizes, shape = np.zeros(CENTER), self.shape
         if isinstance(shape, Box):
             sizes[HALF:ROUND] = self.half
@@ -74,8 +75,20 @@ class Solid:
             sizes[ROUND] = shape.radius
         elif isinstance(shape, Capsule):
             sizes[HALF + 2], sizes[ROUND] = 0.5 * shape.length, shape.radius
+        elif isinstance(shape, HalfSpace):
+            sizes[HALF:ROUND], sizes[ROUND] = shape.normal, shape.offset
         sizes[RADIUS], sizes[BOUND:CENTER] = self.radius, self.half
         return sizes
+
+    @property
+    def form(self) -> int:
+        """`CONVEX`, `CONCAVE` (a cloud too) or `HALF_SPACE`."""
+        return CONVEX if self.convex else CONCAVE if np.isfinite(self.radius) else HALF_SPACE
+
+    @cached_property
+    def row(self) -> Array:
+        """Its form, radius, half edges, center, `core.row` and `sizes`, one after the other, shape (19,)."""
+        return np.concatenate([[self.form, self.radius], self.half, self.center, self.core.row, self.sizes])
 
     @cached_property
     def geometry(self) -> Any:
@@ -91,8 +104,11 @@ def solid(shape: Shape) -> Solid:
     """The solid of a shape."""
     if isinstance(shape, Mesh):
         return _mesh_solid(shape)
-    if isinstance(shape, PointCloud):
-        return _cloud_solid(shape)
+    return _cloud_solid(shape) if isinstance(shape, PointCloud) else _primitive_solid(shape)
+
+
+@lru_cache(maxsize=4096)
+def _primitive_solid(shape: Box | Sphere | Cylinder | Capsule | HalfSpace) -> Solid:
     zero, none = np.zeros(3), np.zeros((0, 3))
     if isinstance(shape, HalfSpace):
         return Solid(shape, zero, np.full(3, np.inf), np.inf, none, convex=False)

@@ -40,7 +40,9 @@ class Surface:
     def columns(self) -> Array:
         """The corners of its triangles in the order of the leaves, as columns of `corners`, shape (4, 3 n)."""
         columns = np.zeros((STARTS + 1, 3 * len(self._corners)))
-        columns[:STARTS] = self._corners[self._tree[2]].reshape(-1, 3).T
+        order = self._tree[2]
+        columns[:STARTS] = self._corners[order].reshape(-1, 3).T
+        columns[STARTS] = np.repeat(self._closed[order], 3)
         return columns
 
     @property
@@ -116,6 +118,11 @@ class Surface:
         own, times = np.unique((part[triangle] * len(sharing) + edge)[long], return_counts=True)
         is_open = np.bincount(own[times % 2 == 1] // len(sharing), minlength=number) > 0
         return np.asarray(~is_open[part])
+
+    @property
+    def can_be_searched(self) -> bool:
+        """The compiled search can tell what is inside: faces of closed parts agree about the outside."""
+        return self._winds
 
     @cached_property
     def _winds(self) -> bool:

@@ -87,8 +87,10 @@ def test_distances_lie_between_a_separating_plane_and_the_nearest_points(one, tw
             low = A[:3, :3] @ farthest(shape, -A[:3, :3].T @ n) + A[:3, 3]
             assert near.distance == pytest.approx(n @ (low - B[:3, 3]) - other.offset, abs=1e-9)
         if near.distance <= 1e-6:
+            assert checker.clearance([0.0]) <= 1e-6
             continue
         apart += 1
+        assert checker.clearance([0.0]) == pytest.approx(near.distance, abs=2e-6)
         assert np.linalg.norm(near.point_b - near.point_a) == pytest.approx(near.distance, abs=1e-6)
         if two in SOLIDS:
             n = (near.point_b - near.point_a) / near.distance

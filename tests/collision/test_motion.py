@@ -326,6 +326,18 @@ def test_the_first_contact_divides_free_from_not(scenes):
     assert found > 5
 
 
+def test_the_first_contact_of_what_stands_still_is_named_whatever_touches_elsewhere(planar):
+    scene = Scene().with_arm("l", planar).with_arm("r", planar, [0.0, 1.5, 0.0])
+    scene = scene.with_obstacle("thin", Sphere(0.01), [0.25, 1.5, 0.0])
+    # At q = 0 it is deeper in the arm that moves.
+    scene = scene.with_obstacle("thick", Sphere(0.1), [0.25, 0.0, 0.0])
+    motion = CollisionChecker(scene, ["l"])
+    assert motion.contacts([0.0, 0.0])[0].b == "thick"
+    contact = motion.first_contact([-1.5, 0.0], [-2.0, 0.0])
+    assert contact.fraction == 0.0
+    assert contact.pair == ("r/upper", "thin")
+
+
 @pytest.mark.parametrize("name", ["cluttered", "two arms", "padded"])
 def test_a_configuration_is_free_when_coal_says_so(scenes, name):
     motion, rng = CollisionChecker(scenes[name][0]), np.random.default_rng(8)

@@ -159,6 +159,9 @@ def test_a_question_for_another_scene_or_other_arms_is_refused(shelf, seam):
         roadmap.plan(rp.Problem(stone, shelf.start, shelf.goal))
     with pytest.raises(UnknownNameError, match="nobody"):
         Roadmap(shelf.scene, ["nobody"])
+    # Its edges are proven without a margin.
+    with pytest.raises(InputError, match="keeps a margin"):
+        roadmap.plan(shelf.with_margin(0.01))
     # Where the arm stands is no part of the roadmap.
     moved = shelf.scene.with_posture(shelf.arms[0], shelf.start + 0.01)
     assert roadmap.plan(rp.Problem(moved, shelf.start, shelf.goal), COUNTED, rng=0).status is PlanStatus.SOLVED

@@ -5,12 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import fcl
 import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Link, Mimic
 from rr1plan.transforms import pose
+from rr1plan.validation.bodies import Bodies
+from rr1plan.validation.certificate import Certificate
+from rr1plan.validation.motion import SceneMotion, TimedColumns
+from rr1plan.validation.proof import Aim, CollisionProof, prove
+from rr1plan.validation.referee_scene import referee_scene
 
 Shape = Any
 
@@ -108,6 +115,110 @@ def glide(names: Sequence[str], start: Any, goal: Any, seconds: float = 1.0) -> 
     for k, factor in ((3, 10.0), (4, -15.0), (5, 6.0)):
         c[0, k] = factor * (q1 - q0) / seconds**k
     return rp.Trajectory(tuple(names), np.array([0.0, seconds]), c)
+
+
+# ---- other opinions ------------------------------------------------------------------------
+
+Pair = tuple[str, str]
+
+
+class AllPairs:
+    """Every pair of elements of a scene by Coal, one after the other, with no broad phase.
+
+    Attributes:
+        hits: Pairs that touch or cannot be decided.
+        smallest: Smallest clearance with the surroundings and of one arm's own [m]; inf where there is no pair.
+    """
+
+    def __init__(self, scene: rp.Scene, move: rp.Trajectory) -> None:
+        pairs = scene.checked_pairs
+        motion = SceneMotion(scene.arms, move.joint_names, move.breaks, move.coefficients)
+        found = Certificate(motion, Bodies(scene, motion, pairs), 2e-4, 400_000).run()
+        hit = np.isfinite(found.first_contact) | found.undecided
+        self.hits = [pair for pair, met in zip(pairs, hit, strict=True) if met]
+        own = np.array([scene.owner(a) == scene.owner(b) for a, b in pairs], dtype=bool)
+        self.smallest = [float(found.clearance[group].min(initial=np.inf)) for group in (~own, own)]
+
+
+def search(scene: rp.Scene, move: rp.Trajectory, tolerance: float = 2e-4, clearance: bool = True) -> CollisionProof:
+    """What the referee finds."""
+    motion = TimedColumns(move.joint_names, move.breaks, move.coefficients)
+    return prove(referee_scene(scene), motion, Aim(tolerance, 400_000, clearance))
+
+
+def fcl_shape(shape: Any) -> Any:
+    if isinstance(shape, rp.Box):
+        return fcl.Box(*shape.size)
+    if isinstance(shape, rp.Sphere):
+        return fcl.Sphere(shape.radius)
+    if isinstance(shape, rp.HalfSpace):
+        return fcl.Halfspace(np.array(shape.normal), shape.offset)
+    return (fcl.Capsule if isinstance(shape, rp.Capsule) else fcl.Cylinder)(shape.radius, shape.length)
+
+
+class FclWorld:
+    """All shapes of a scene in python-fcl, moved by the robot's own plain kinematics."""
+
+    def __init__(self, scene: rp.Scene) -> None:
+        self.scene = scene
+        self.parts: dict[str, list[tuple[str, Array, Any]]] = {}
+        for name in scene.element_names:
+            if name in scene.obstacles:
+                item = scene.obstacles[name]
+                parts = [("", item.pose @ g.pose, g) for g in item.geometries]
+            elif name in scene.attachments:
+                held = scene.attachments[name]
+                parts = [(f"{held.arm}/{held.link}", held.pose @ g.pose, g) for g in held.geometries]
+            else:
+                arm, link = name.split("/")
+                parts = [(name, g.pose, g) for g in scene.arms[arm].robot.link(link).collisions]
+            self.parts[name] = [(link, T, fcl.CollisionObject(fcl_shape(g.shape))) for link, T, g in parts]
+
+    def place(self, joint_names: tuple[str, ...], q: Array) -> None:
+        value = dict(zip(joint_names, q, strict=True))
+        postures = {
+            a: np.array([value.get(f"{a}/{j}", r) for j, r in zip(arm.robot.joint_names, arm.q, strict=True)])
+            for a, arm in self.scene.arms.items()
+        }
+        poses = self.scene.link_poses(postures) | {"": np.eye(4)}
+        for parts in self.parts.values():
+            for link, local, thing in parts:
+                T = poses[link] @ local
+                thing.setTransform(fcl.Transform(np.array(T[:3, :3]), np.array(T[:3, 3])))
+
+    def touching(self) -> bool:
+        return any(self.pair_touches(a, b) for a, b in self.scene.checked_pairs)
+
+    def pair_touches(self, a: str, b: str) -> bool:
+        return any(
+            fcl.collide(x, y, fcl.CollisionRequest(), fcl.CollisionResult()) > 0
+            for _, _, x in self.parts[a]
+            for _, _, y in self.parts[b]
+        )
+
+    def distance(self, own: bool) -> float:
+        """To the surroundings, or between an arm's own links; inf where there are none."""
+        owner = self.scene.owner
+        names = [(a, b) for a, b in self.scene.checked_pairs if (owner(a) == owner(b)) == own]
+        pairs = [(x, y) for a, b in names for _, _, x in self.parts[a] for _, _, y in self.parts[b]]
+        # One order of the two may give a distance too large by a quarter of a millimetre.
+        both = [pair for x, y in pairs for pair in ((x, y), (y, x))]
+        return min((fcl.distance(x, y, fcl.DistanceRequest(), fcl.DistanceResult()) for x, y in both), default=np.inf)
+
+
+@pytest.fixture
+def all_pairs() -> Callable[..., AllPairs]:
+    return AllPairs
+
+
+@pytest.fixture
+def fcl_world() -> Callable[..., FclWorld]:
+    return FclWorld
+
+
+@pytest.fixture
+def proof_of() -> Callable[..., CollisionProof]:
+    return search
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ Make = Callable[..., Any]
 def still_life(scene: rp.Scene) -> tuple[SceneMotion, Bodies]:
     names = scene.joint_names()
     motion = SceneMotion(scene.arms, names, np.zeros(1), np.zeros((1, 1, len(names))))
-    return motion, Bodies(scene, motion)
+    return motion, Bodies(scene, motion, scene.checked_pairs)
 
 
 def distances(motion: SceneMotion, bodies: Bodies, q: Array) -> Array:
@@ -81,6 +81,6 @@ def test_a_pair_that_does_not_move_against_each_other_has_a_bound_of_zero(grippe
     motion, bodies = still_life(scene)
     frames = motion.frames(np.zeros((1, 1)))
     sweeps = bodies.sweeps(frames, bodies.place(frames), np.ones((1, 1)))
-    assert [bodies.names(k) for k in range(len(bodies.padding))] == [("arm/left", "arm/right")]
+    assert bodies.pairs == (("arm/left", "arm/right"),)
     assert bodies.approach(sweeps, np.zeros(1, dtype=int), np.zeros(1, dtype=int)) == pytest.approx([0.0])
     assert sweeps.max() == pytest.approx(np.hypot(0.5, 0.06) + 0.02, abs=1e-6)

@@ -288,6 +288,23 @@ def test_columns_may_come_in_any_order(slider: Make, quintic: Make) -> None:
     assert not validate(quintic(["b/slide", "a/slide"], [1.0, 0.0], [1.0, 0.95]), scene).valid
 
 
+def test_the_verdict_alone_is_the_same_and_takes_fewer_searches(rr1: rp.Robot, quintic: Make) -> None:
+    scene = rp.Scene().with_arm("rr1", rr1).with_obstacle("ball", rp.Sphere(0.1), [0.0, 0.0, 2.0])
+    q = scene.configuration()
+    move = quintic(scene.joint_names(), q, q + 0.1)
+    whole, verdict = validate(move, scene), validate(move, scene, clearance=False)
+    assert verdict.certified
+    assert verdict.not_checked["clearance"] == "not asked for (option clearance)"
+    assert not [name for name in verdict.margins if "clearance" in name]
+    assert verdict.statistics["searches"] < 0.5 * whole.statistics["searches"]
+    tool = scene.link_poses({"rr1": q + 0.05})["rr1/tool"][:3, 3]
+    blocked = scene.with_obstacle("ball", rp.Sphere(0.05), tool)
+    hits = [[v.subject for v in validate(move, blocked, clearance=c).violations] for c in (True, False)]
+    assert hits[0] == hits[1] != []
+    path = rp.Path(scene.joint_names(), [q, q + 0.1])
+    assert "clearance" not in certify_path(path, scene, clearance=False).margins
+
+
 def test_progress_rises_to_one(slider: Make, quintic: Make) -> None:
     seen: list[float] = []
     scene = rp.Scene().with_arm("arm", slider(BALL)).with_obstacle("plate", PLATE, [0.5, 0.0, 0.0])

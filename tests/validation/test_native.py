@@ -15,10 +15,11 @@ from rr1plan.checks import Array
 from rr1plan.transforms import pose
 from rr1plan.validation.clouds import CellBlocks
 from rr1plan.validation.extremes import extremes
+from rr1plan.validation.motion import TimedColumns
 from rr1plan.validation.native import LIBRARY
-from rr1plan.validation.proof import prove
+from rr1plan.validation.proof import Aim, prove
+from rr1plan.validation.referee_scene import referee_scene
 from rr1plan.validation.solids import Solid, solid
-from rr1plan.validation.tables import setting_of
 
 Make = Callable[..., Any]
 
@@ -47,11 +48,11 @@ def wander(scene: rp.Scene, rng: np.random.Generator, reach: float) -> rp.Trajec
 
 def findings(scene: rp.Scene, move: rp.Trajectory) -> tuple[Array, dict[str, float]]:
     """All numbers that the search writes down for the pairs, and the counts of its work."""
-    setting = setting_of(scene, move.joint_names)
-    found = prove(setting.motion.along(move.breaks, move.coefficients), setting, 2e-4, 400_000)
-    ends = [[end.clearance, end.pair] for group in found.ends for end in group]
-    rows = (found.clearance, found.time, found.proven, found.first_contact, found.undecided, np.ravel(ends))
-    return np.concatenate([np.asarray(row, dtype=float) for row in rows]), found.statistics
+    motion = TimedColumns(move.joint_names, move.breaks, move.coefficients)
+    found = prove(referee_scene(scene), motion, Aim(2e-4, 400_000))
+    contacts = [(contact.clearance, contact.time, contact.first) for contact in found.contacts]
+    nearest = [(one.clearance, one.time) for one in (*found.nearest, *found.ends) if one is not None]
+    return np.concatenate([np.ravel(row) for row in (contacts, nearest, found.proven)]), found.statistics
 
 
 def hull(rng: np.random.Generator, count: int) -> rp.Mesh:

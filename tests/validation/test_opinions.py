@@ -5,76 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import fcl
 import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.checks import Array
 from rr1plan.transforms import pose
 from rr1plan.validation import certify_path, validate
 
 Make = Callable[..., Any]
-
-
-def fcl_shape(shape: Any) -> Any:
-    if isinstance(shape, rp.Box):
-        return fcl.Box(*shape.size)
-    if isinstance(shape, rp.Sphere):
-        return fcl.Sphere(shape.radius)
-    if isinstance(shape, rp.HalfSpace):
-        return fcl.Halfspace(np.array(shape.normal), shape.offset)
-    return (fcl.Capsule if isinstance(shape, rp.Capsule) else fcl.Cylinder)(shape.radius, shape.length)
-
-
-class FclWorld:
-    """All shapes of a scene in python-fcl, moved by the robot's own plain kinematics."""
-
-    def __init__(self, scene: rp.Scene) -> None:
-        self.scene = scene
-        self.parts: dict[str, list[tuple[str, Array, Any]]] = {}
-        for name in scene.element_names:
-            if name in scene.obstacles:
-                item = scene.obstacles[name]
-                parts = [("", item.pose @ g.pose, g) for g in item.geometries]
-            elif name in scene.attachments:
-                held = scene.attachments[name]
-                parts = [(f"{held.arm}/{held.link}", held.pose @ g.pose, g) for g in held.geometries]
-            else:
-                arm, link = name.split("/")
-                parts = [(name, g.pose, g) for g in scene.arms[arm].robot.link(link).collisions]
-            self.parts[name] = [(link, T, fcl.CollisionObject(fcl_shape(g.shape))) for link, T, g in parts]
-
-    def place(self, joint_names: tuple[str, ...], q: Array) -> None:
-        value = dict(zip(joint_names, q, strict=True))
-        postures = {
-            a: np.array([value.get(f"{a}/{j}", r) for j, r in zip(arm.robot.joint_names, arm.q, strict=True)])
-            for a, arm in self.scene.arms.items()
-        }
-        poses = self.scene.link_poses(postures) | {"": np.eye(4)}
-        for parts in self.parts.values():
-            for link, local, thing in parts:
-                T = poses[link] @ local
-                thing.setTransform(fcl.Transform(np.array(T[:3, :3]), np.array(T[:3, 3])))
-
-    def touching(self) -> bool:
-        return any(self.pair_touches(a, b) for a, b in self.scene.checked_pairs)
-
-    def pair_touches(self, a: str, b: str) -> bool:
-        return any(
-            fcl.collide(x, y, fcl.CollisionRequest(), fcl.CollisionResult()) > 0
-            for _, _, x in self.parts[a]
-            for _, _, y in self.parts[b]
-        )
-
-    def distance(self, own: bool) -> float:
-        """To the surroundings, or between an arm's own links; inf where there are none."""
-        owner = self.scene.owner
-        names = [(a, b) for a, b in self.scene.checked_pairs if (owner(a) == owner(b)) == own]
-        pairs = [(x, y) for a, b in names for _, _, x in self.parts[a] for _, _, y in self.parts[b]]
-        # One order of the two may give a distance too large by a quarter of a millimetre.
-        both = [pair for x, y in pairs for pair in ((x, y), (y, x))]
-        return min((fcl.distance(x, y, fcl.DistanceRequest(), fcl.DistanceResult()) for x, y in both), default=np.inf)
 
 
 def cluttered(rng: np.random.Generator, chain: Make, shape: Make) -> tuple[rp.Scene, rp.Trajectory]:
@@ -90,11 +28,11 @@ def cluttered(rng: np.random.Generator, chain: Make, shape: Make) -> tuple[rp.Sc
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_fcl_agrees_at_every_sample_of_random_motions(seed: int, chain: Make, shape: Make) -> None:
+def test_fcl_agrees_at_every_sample_of_random_motions(seed: int, chain: Make, shape: Make, fcl_world: Make) -> None:
     rng = np.random.default_rng(seed)
     scene, move = cluttered(rng, chain, shape)
     report = validate(move, scene)
-    world = FclWorld(scene)
+    world = fcl_world(scene)
     hits = {v.subject: v for v in report.violations if v.kind in ("collision", "undecided")}
     nearest = {True: np.inf, False: np.inf}
     for t in np.linspace(0.0, 2.0, 150):
@@ -141,13 +79,13 @@ def timed(path: rp.Path) -> rp.Trajectory:
 
 @pytest.mark.parametrize("name", ["rr1_table", "rr1_shelf", "rr1_cage", "rr1_pair"])
 @pytest.mark.parametrize("seed", range(2))
-def test_fcl_and_mujoco_agree_on_rr1(name: str, seed: int) -> None:
+def test_fcl_and_mujoco_agree_on_rr1(name: str, seed: int, fcl_world: Make) -> None:
     scene = rp.load_scene(name)
     path = wander(scene, np.random.default_rng(seed), 0.25)
     move = timed(path)
     report = validate(move, scene)
     hits = {frozenset(v.subject): v for v in report.violations if v.kind in ("collision", "undecided")}
-    world = FclWorld(scene)
+    world = fcl_world(scene)
     for t in np.linspace(0.0, move.duration, 40):
         world.place(move.joint_names, move(t))
         if not hits:

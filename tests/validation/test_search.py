@@ -14,17 +14,16 @@ from scipy.spatial import ConvexHull
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
-from rr1plan.robot import Mimic
+from rr1plan.robot import Geometry, Mimic
+from rr1plan.scene import Obstacle
 from rr1plan.transforms import pose
-from rr1plan.validation.certificate import Certificate, Findings
+from rr1plan.validation.arm_tables import ArmTables, obstacle_tables
 from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.native import RefereeStruct, load_library
-from rr1plan.validation.proof import prove
+from rr1plan.validation.proof import CollisionProof
 from rr1plan.validation.solids import Solid, support
-from rr1plan.validation.tables import Setting, setting_of
 
 Make = Callable[..., Any]
-MOST = 400_000
 # How much Coal's distance of two convex shapes may be too large [m].
 COAL = 2e-5
 ROUNDING = 1e-9
@@ -44,23 +43,22 @@ def one_of_each(rng: np.random.Generator) -> list[Any]:
 class Pairs:
     """Bodies in the tables of the search, placed at will, and what Coal says of the same."""
 
-    def __init__(self, setting: Setting) -> None:
-        self.setting = setting
-        self.solids = setting.bodies.solids
+    def __init__(self, model: ArmTables) -> None:
+        self.model = model
+        self.solids = model.rows.solids
         self.meter = DistanceMeter()
         self.state = RefereeStruct("GjkState")
 
     def bounds(self, a: int, Ta: Array, b: int, Tb: Array, base: float = 1e300) -> tuple[float, float]:
         """Upper and lower bound of the distance of two bodies, going on from the search before."""
-        s = self.setting
-        placed = np.zeros((len(s.kinds), 15))
+        placed = np.zeros((len(self.solids), 15))
         for body, T in ((a, Ta), (b, Tb)):
             middle = T[:3, :3] @ self.solids[body].center + T[:3, 3]
             placed[body] = np.concatenate([T[:3, :3].ravel(), T[:3, 3], middle])
-        off = s.sizes[a, 3] + s.sizes[b, 3]
+        off = self.model.rows.sizes[a, 3] + self.model.rows.sizes[b, 3]
         bounds = np.zeros(2)
         load_library().rr1_probe_separation(
-            s.bodies_struct, placed, a, b, self.state, min(base + off, 1e300), 1e300, bounds
+            self.model.bodies, placed, a, b, self.state, min(base + off, 1e300), 1e300, bounds
         )
         upper, lower = bounds.tolist()
         return upper - off, lower - off
@@ -83,15 +81,12 @@ def random_pose(rng: np.random.Generator, size: float) -> Array:
 
 
 @pytest.fixture
-def bodies(slider: Make) -> Callable[[np.random.Generator], Pairs]:
+def bodies() -> Callable[[np.random.Generator], Pairs]:
     """Two of each kind of convex shape."""
 
     def make(rng: np.random.Generator) -> Pairs:
         shapes = one_of_each(rng) + one_of_each(rng)
-        scene = rp.Scene().with_arm("arm", slider(shapes[0]))
-        for i, shape in enumerate(shapes[1:]):
-            scene = scene.with_obstacle(f"thing{i}", shape)
-        return Pairs(setting_of(scene, scene.joint_names()))
+        return Pairs(obstacle_tables(Obstacle((Geometry("part", shape),)) for shape in shapes))
 
     return make
 
@@ -220,19 +215,8 @@ def wander(scene: rp.Scene, rng: np.random.Generator, reach: float) -> rp.Trajec
     return rp.Trajectory(scene.joint_names(), np.concatenate([[0.0], np.cumsum(widths)]), c / scale[:, :, None])
 
 
-def quick(scene: rp.Scene, move: rp.Trajectory, tolerance: float = 2e-4) -> Findings:
-    setting = setting_of(scene, move.joint_names)
-    return prove(setting.motion.along(move.breaks, move.coefficients), setting, tolerance, MOST)
-
-
-def slow(scene: rp.Scene, move: rp.Trajectory, tolerance: float = 2e-4) -> Findings:
-    setting = setting_of(scene, move.joint_names)
-    motion = setting.motion.along(move.breaks, move.coefficients)
-    return Certificate(motion, setting.bodies.along(motion), tolerance, MOST).run()
-
-
-def hits(found: Findings) -> Array:
-    return np.asarray(np.isfinite(found.first_contact) | found.undecided)
+def hits(found: CollisionProof) -> list[tuple[str, str]]:
+    return [contact.pair for contact in found.contacts]
 
 
 KINDS = {
@@ -251,7 +235,7 @@ SEEDS = 12
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_search_and_the_slow_certificate_say_the_same_and_samples_do_not_object(
-    kind: str, chain: Make, shape: Make
+    kind: str, chain: Make, shape: Make, proof_of: Make, all_pairs: Make
 ) -> None:
     verdicts = []
     count = SEEDS // 2 if kind.startswith("rr1") else SEEDS
@@ -259,59 +243,80 @@ def test_the_search_and_the_slow_certificate_say_the_same_and_samples_do_not_obj
         rng = np.random.default_rng(seed)
         scene = scene_of(kind, rng, chain, shape)
         move = wander(scene, rng, KINDS[kind] * (0.1, 0.5, 1.0)[seed % 3])
-        fast, sure = quick(scene, move), slow(scene, move)
-        assert (hits(fast) == hits(sure)).all(), seed
-        verdicts.append(hits(fast).any())
+        fast, sure = proof_of(scene, move), all_pairs(scene, move)
+        assert hits(fast) == sure.hits, seed
+        assert hits(proof_of(scene, move, clearance=False)) == hits(fast), seed
+        verdicts.append(bool(fast.contacts))
         if not verdicts[-1]:
             the_smallest_clearances_agree(scene, fast, sure)
         no_sample_objects(scene, move, fast)
     assert 0 < sum(verdicts) < count
 
 
-def the_smallest_clearances_agree(scene: rp.Scene, fast: Findings, sure: Findings) -> None:
-    """Those with the surroundings and those of an arm's own, on the whole motion and at its ends."""
-    own = np.array([scene.owner(a) == scene.owner(b) for a, b in scene.checked_pairs])
+def own_pairs(scene: rp.Scene) -> Array:
+    """Which of the checked pairs one arm owns both elements of."""
+    return np.array([scene.owner(a) == scene.owner(b) for a, b in scene.checked_pairs])
+
+
+def the_smallest_clearances_agree(scene: rp.Scene, fast: CollisionProof, sure: Any) -> None:
+    """Those with the surroundings and those of an arm's own."""
+    own = own_pairs(scene)
     for group, members in enumerate((~own, own)):
-        for (value, pair, time), (known, _, at) in zip(fast.ends[group], sure.ends[group], strict=True):
-            assert (value, time) == pytest.approx((known, at), abs=COAL)
-            assert members[pair] if members.any() else pair == -1
-        if members.any():
-            least, proven = fast.clearance[members].min(), fast.proven[members].min()
-            assert least == pytest.approx(sure.clearance[members].min(), abs=2e-4 + COAL)
-            assert 0.0 < proven <= least
-            assert proven >= least - 2e-4 - ROUNDING
+        nearest = fast.nearest[group]
+        if not members.any():
+            assert nearest is None
+            continue
+        assert nearest is not None
+        assert nearest.clearance == pytest.approx(sure.smallest[group], abs=2e-4 + COAL)
+        assert nearest.pair in [pair for pair, member in zip(scene.checked_pairs, members, strict=True) if member]
+        assert 0.0 < fast.proven[group] <= nearest.clearance
+        assert fast.proven[group] >= nearest.clearance - 2e-4 - ROUNDING
 
 
-def no_sample_objects(scene: rp.Scene, move: rp.Trajectory, found: Findings) -> None:
-    """No pair that is called free is seen nearer than was proven."""
+def no_sample_objects(scene: rp.Scene, move: rp.Trajectory, found: CollisionProof) -> None:
+    """No pair that is called free is seen nearer than was proven, and no nearer pair than reported at the ends."""
     checker = CollisionChecker(scene)
     assert checker.joint_names == move.joint_names
-    free = ~hits(found)
-    padding = np.array([scene.padding_of(*pair) for pair in scene.checked_pairs])
+    # Pairs that are out of reach of each other are not among these.
+    free = np.array([pair not in hits(found) for pair in checker.pairs])
+    padding = np.array([scene.padding_of(*pair) for pair in checker.pairs])
+    own = np.array([scene.owner(a) == scene.owner(b) for a, b in checker.pairs])
+    proven = np.where(own, found.proven[1], found.proven[0])
     for time in np.linspace(move.breaks[0], move.breaks[-1], 60):
         q = move(time)
-        assert (checker.distances(q) - padding >= found.proven - 1e-7)[free].all()
-        assert not free.all() or checker.is_free(q)
+        assert (checker.distances(q) - padding >= proven - 1e-7)[free].all()
+        assert found.contacts or checker.is_free(q)
+    for end, time in zip(found.ends, move.breaks[[0, -1]], strict=True):
+        seen = (checker.distances(move(time)) - padding)[~own]
+        if end is None:
+            assert not len(seen)
+        elif end.clearance > 0.0:
+            assert end.time == time
+            assert end.clearance == pytest.approx(seen.min(), abs=COAL)
 
 
 @pytest.mark.parametrize("kind", ["sliding", "two arms", "half-space"])
-def test_the_smallest_clearance_is_where_padding_turns_free_into_contact(kind: str, chain: Make, shape: Make) -> None:
+def test_the_smallest_clearance_is_where_padding_turns_free_into_contact(
+    kind: str, chain: Make, shape: Make, proof_of: Make
+) -> None:
     turned = 0
     for seed in range(8):
         rng = np.random.default_rng(1000 + seed)
         scene = scene_of(kind, rng, chain, shape)
         move = wander(scene, rng, 0.1)
-        found = quick(scene, move, 1e-5)
-        if hits(found).any():
+        found = proof_of(scene, move, 1e-5)
+        if found.contacts:
             continue
-        clearance, proven = float(found.clearance.min()), float(found.proven.min())
-        assert not hits(quick(scene.with_padding(proven - 2e-6), move)).any()
-        assert hits(quick(scene.with_padding(clearance + 1e-6), move)).any()
+        clearance = min(nearest.clearance for nearest in found.nearest if nearest is not None)
+        assert not proof_of(scene.with_padding(min(found.proven) - 2e-6), move).contacts
+        assert proof_of(scene.with_padding(clearance + 1e-6), move).contacts
         turned += 1
     assert turned >= 3
 
 
-def test_an_arm_without_a_column_is_hit_where_it_rests(chain: Make, shape: Make) -> None:
+def test_an_arm_without_a_column_is_hit_where_it_rests(
+    chain: Make, shape: Make, proof_of: Make, all_pairs: Make
+) -> None:
     verdicts = []
     for seed in range(SEEDS):
         rng = np.random.default_rng(seed)
@@ -322,9 +327,9 @@ def test_an_arm_without_a_column_is_hit_where_it_rests(chain: Make, shape: Make)
         still = whole.coefficients.copy()
         still[:, :, n:] = 0.0
         still[:, 0, n:] = scene.configuration()[n:]
-        fast = hits(quick(scene, move))
-        assert (fast == hits(slow(scene, rp.Trajectory(whole.joint_names, whole.breaks, still)))).all()
-        verdicts.append(fast.any())
+        fast = hits(proof_of(scene, move))
+        assert fast == all_pairs(scene, rp.Trajectory(whole.joint_names, whole.breaks, still)).hits
+        verdicts.append(bool(fast))
     assert 0 < sum(verdicts) < SEEDS
 
 
@@ -334,22 +339,23 @@ def test_an_arm_without_a_column_is_hit_where_it_rests(chain: Make, shape: Make)
 @pytest.mark.parametrize("thin", [rp.Box((0.001, 1.0, 1.0)), rp.Capsule(0.0002, 1.0), rp.Cylinder(0.0002, 1.0)])
 @pytest.mark.parametrize("body", [rp.Sphere(0.0005), rp.Box((0.001, 0.4, 0.001)), rp.Cylinder(0.0005, 0.01)])
 def test_a_plate_or_a_needle_that_is_crossed_at_once_is_found(
-    thin: Any, body: Any, slider: Make, quintic: Make
+    thin: Any, body: Any, slider: Make, quintic: Make, proof_of: Make
 ) -> None:
     for seed in range(5):
         rng = np.random.default_rng(seed)
         at = rng.uniform(-3.0, 3.0)
         scene = rp.Scene().with_arm("arm", slider(body)).with_obstacle("thin", thin, [at, 0.0, 0.0])
         move = quintic(["arm/slide"], [-5.0], [5.0], 10.0 ** rng.uniform(-4.0, 0.0))
-        found = quick(scene, move)
-        assert np.isfinite(found.first_contact).all()
-        assert found.clearance[0] < -1e-4
-        assert float(move(found.time[0])[0]) == pytest.approx(at, abs=0.006)
+        found = proof_of(scene, move)
+        (contact,) = found.contacts
+        assert np.isfinite(contact.first)
+        assert contact.clearance < -1e-4
+        assert float(move(contact.time)[0]) == pytest.approx(at, abs=0.006)
         past = scene.without_obstacle("thin").with_obstacle("thin", thin, [at, 0.72, 0.0])
-        assert not hits(quick(past, move)).any()
+        assert not proof_of(past, move).contacts
 
 
-def test_a_needle_crossed_by_the_turning_tip_of_an_arm_is_found(gripper: Make, quintic: Make) -> None:
+def test_a_needle_crossed_by_the_turning_tip_of_an_arm_is_found(gripper: Make, quintic: Make, proof_of: Make) -> None:
     for seed in range(10):
         rng = np.random.default_rng(seed)
         angle = rng.uniform(0.3, 2.5)
@@ -359,7 +365,6 @@ def test_a_needle_crossed_by_the_turning_tip_of_an_arm_is_found(gripper: Make, q
         met = scene.with_obstacle("needle", rp.Capsule(0.0002, 0.4), turn @ pose([0.5, 0.05, 0.0]))
         missed = scene.with_obstacle("needle", rp.Capsule(0.0002, 0.4), turn @ pose([0.5, 0.0, 0.0]))
         move = quintic(["arm/turn"], [0.0], [3.0], 0.001)
-        hit = quick(met, move)
-        assert hits(hit).any()
-        assert float(move(hit.time[np.argmin(hit.clearance)])[0]) == pytest.approx(angle, abs=0.003)
-        assert not hits(quick(missed, move)).any()
+        deepest = min(proof_of(met, move).contacts, key=lambda contact: contact.clearance)
+        assert float(move(deepest.time)[0]) == pytest.approx(angle, abs=0.003)
+        assert not proof_of(missed, move).contacts

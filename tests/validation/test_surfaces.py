@@ -13,13 +13,9 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.robot import Geometry
 from rr1plan.transforms import pose
-from rr1plan.validation.certificate import Certificate, Findings
-from rr1plan.validation.proof import prove
 from rr1plan.validation.surfaces import Surface
-from rr1plan.validation.tables import setting_of
 
 Make = Callable[..., Any]
-MOST = 400_000
 # Coal may overstate a distance by as much [m].
 COAL = 2e-5
 
@@ -42,20 +38,8 @@ def wander(scene: rp.Scene, rng: np.random.Generator, reach: float) -> rp.Trajec
     return rp.Trajectory(scene.joint_names(), np.array([0.0, 1.0, 2.0]), c)
 
 
-def both(scene: rp.Scene, move: rp.Trajectory, tolerance: float = 2e-4) -> tuple[Findings, Findings]:
-    """What the search finds, and what a certificate by Coal's distances alone finds."""
-    setting = setting_of(scene, move.joint_names)
-    motion = setting.motion.along(move.breaks, move.coefficients)
-    slow = Certificate(motion, setting.bodies.along(motion), tolerance, MOST).run()
-    return prove(motion, setting, tolerance, MOST), slow
-
-
-def hits(found: Findings) -> Array:
-    return np.asarray(np.isfinite(found.first_contact) | found.undecided)
-
-
 @pytest.mark.parametrize("name", MESHES)
-def test_the_search_finds_what_coals_distances_do(name: str, chain: Make) -> None:
+def test_the_search_finds_what_coals_distances_do(name: str, chain: Make, proof_of: Make, all_pairs: Make) -> None:
     verdicts = []
     for seed in range(10):
         rng = np.random.default_rng(seed)
@@ -63,16 +47,14 @@ def test_the_search_finds_what_coals_distances_do(name: str, chain: Make) -> Non
         place = pose(at / np.linalg.norm(at) * rng.uniform(0.3, 0.7), rpy=rng.normal(size=3))
         scene = rp.Scene().with_arm("arm", chain(rng, 4)).with_obstacle("mesh", MESHES[name], place)
         move = wander(scene, rng, (0.02, 0.1, 0.3)[seed % 3])
-        fast, sure = both(scene, move)
-        assert (hits(fast) == hits(sure)).all(), seed
-        verdicts.append(bool(hits(fast).any()))
-        free = ~hits(fast)
-        assert (fast.proven <= sure.clearance + COAL)[free].all()
+        fast, sure = proof_of(scene, move), all_pairs(scene, move)
+        assert [contact.pair for contact in fast.contacts] == sure.hits, seed
+        assert [contact.pair for contact in proof_of(scene, move, clearance=False).contacts] == sure.hits, seed
+        verdicts.append(bool(sure.hits))
         if not verdicts[-1]:
-            others = np.array(["mesh" in pair for pair in scene.checked_pairs])
-            least = fast.clearance[others].min()
-            assert least == pytest.approx(sure.clearance[others].min(), abs=2e-4 + COAL)
-            assert fast.proven[others].min() >= least - 2e-4 - COAL
+            assert fast.nearest[0].clearance == pytest.approx(sure.smallest[0], abs=2e-4 + COAL)
+            assert fast.proven[0] <= sure.smallest[0] + COAL
+            assert fast.proven[0] >= fast.nearest[0].clearance - 2e-4 - COAL
             assert fast.statistics["distances"] == 0.0
     assert 0 < sum(verdicts) < 10
 

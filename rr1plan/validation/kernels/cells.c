@@ -38,6 +38,7 @@ EXPORT void rr1_nearest_cell(const RefereeBodies *all, PlacedBody *placed, const
     double *bound = scratch, *near = scratch + blocks;
     double best = 1e300, proven = 1e300, rounding = all->sizes[0].rounding;
     const double cell_half[3] = {half, half, half};
+    BodyView body = {all, 0, &placed[0]}, cell = {all, 1, &placed[1]};
     GjkState state = {.count = 0};
     for (int64_t b = 0; b < blocks; b++) bound[b] = upright_box_gap(all, placed, middles + 3 * b, halves + 3 * b);
     answer[0] = answer[1] = answer[2] = 0.0;
@@ -54,14 +55,14 @@ EXPORT void rr1_nearest_cell(const RefereeBodies *all, PlacedBody *placed, const
             near[i] = INFINITY;
             answer[2] += 1.0;
             for (int k = 0; k < 3; k++) placed[1].origin[k] = placed[1].middle[k] = cells[3 * i + k];
-            Separation found = separate(all, placed, 0, 1, &state, 1e300, best + rounding);
+            Separation found = separate(body, cell, &state, 1e300, best + rounding);
             if (found.lower - rounding <= 0.0) return;
             best = lesser(best, found.upper - rounding);
             proven = lesser(proven, found.lower - rounding);
             // All cells beyond the plane that separates the two are at least as far.
             Direction d = found.direction;
             const double *origin = placed[0].origin;
-            double edge = body_reach(all, placed, 0, d) + half * (fabs(d.x) + fabs(d.y) + fabs(d.z));
+            double edge = body_reach(body, d) + half * (fabs(d.x) + fabs(d.y) + fabs(d.z));
             edge += d.x * origin[0] + d.y * origin[1] + d.z * origin[2];
             for (int64_t c = 0; c < count; c++)
                 near[c] = greater(near[c], d.x * cells[3 * c] + d.y * cells[3 * c + 1] + d.z * cells[3 * c + 2] - edge);

@@ -22,148 +22,190 @@ static int64_t piece_at(const RefereeSearch *s, double time) {
     return low;
 }
 
-static void place_movers(RefereeSearch *s) {
-    move_links(s);
-    for (int64_t i = 0; i < s->mover_count; i++) place_body(s, s->movers[i]);
-}
+// A time of the motion, as its piece and the local time.
+typedef struct {
+    int64_t piece;
+    double local;
+} PieceTime;
 
-// Where all bodies are at a local time, and what the joints do within `half` of it.
-static void pose_bodies(RefereeSearch *s, int64_t piece, double local, double half) {
-    expand_columns(s, piece, local, half);
-    place_movers(s);
-}
-
-static void pose_bodies_at(RefereeSearch *s, double time) {
+static PieceTime locate_time(const RefereeSearch *s, double time) {
     int64_t piece = piece_at(s, time);
     double width = s->break_count > 1 ? s->breaks[piece + 1] - s->breaks[piece] : 0.0;
-    pose_bodies(s, piece, lesser(greater(time - s->breaks[piece], 0.0), width), 0.0);
+    return (PieceTime){piece, lesser(greater(time - s->breaks[piece], 0.0), width)};
 }
 
-static inline int is_plane(const RefereeSearch *s, int64_t b) { return s->bodies->bodies[b].shape == SHAPE_PLANE; }
+static inline BodyView view_of(const RefereeSearch *s, int64_t arm, int64_t body) {
+    return (BodyView){model_of(s, arm)->bodies, body, &s->placed[s->arms[arm].first_body + body]};
+}
+
+typedef struct {
+    BodyView a, b;
+} PairView;
+
+static inline PairView view_pair(const RefereeSearch *s, int64_t k) {
+    const RefereePair *pair = &s->pairs[k];
+    return (PairView){view_of(s, pair->arm_a, pair->body_a), view_of(s, pair->arm_b, pair->body_b)};
+}
+
+static inline int is_plane(BodyView b) { return b.all->bodies[b.index].shape == SHAPE_PLANE; }
+
+static inline int is_surface(BodyView b) { return b.all->bodies[b.index].shape == SHAPE_SURFACE; }
+
+static inline double radius_of(BodyView b) { return b.all->sizes[b.index].radius; }
+
+static inline double rounding_of(BodyView b) { return b.all->sizes[b.index].rounding; }
+
+// World normal of a half-space.
+static Direction plane_normal(BodyView plane) {
+    const double *r = plane.placed->rotation, *n = plane.all->sizes[plane.index].half;
+    return (Direction){
+        r[0] * n[0] + r[1] * n[1] + r[2] * n[2],
+        r[3] * n[0] + r[4] * n[1] + r[5] * n[2],
+        r[6] * n[0] + r[7] * n[1] + r[8] * n[2],
+    };
+}
+
+// Height of a point above a half-space [m].
+static double plane_height(BodyView plane, const double p[3]) {
+    Direction n = plane_normal(plane);
+    const double *o = plane.placed->origin;
+    return n.x * (p[0] - o[0]) + n.y * (p[1] - o[1]) + n.z * (p[2] - o[2]) - rounding_of(plane);
+}
 
 typedef struct {
     double gap;       // lower bound of a clearance [m]
     double rounding;  // of it
 } BallGap;
 
-// A lower bound of the clearance of a pair by its bounding balls.
-static BallGap ball_gap(const RefereeSearch *s, int64_t k) {
-    int64_t a = s->pairs[k].a, b = s->pairs[k].b;
-    const PlacedBody *one = &s->placed[a], *two = &s->placed[b];
-    const BodySizes *size_a = &s->bodies->sizes[a], *size_b = &s->bodies->sizes[b];
+// A lower bound of the clearance of two bodies by their bounding balls; a half-space comes second.
+static BallGap ball_gap(BodyView a, BodyView b, double padding) {
     double far = 0.0, square = 0.0;
     for (int i = 0; i < 3; i++) {
-        far += fabs(one->origin[i]) + fabs(two->origin[i]);
-        double step = two->middle[i] - one->middle[i];
+        far += fabs(a.placed->origin[i]) + fabs(b.placed->origin[i]);
+        double step = b.placed->middle[i] - a.placed->middle[i];
         square += step * step;
     }
-    if (is_plane(s, b)) {
-        double rounding = RELATIVE_ROUNDING * (far + size_a->radius + fabs(size_b->rounding));
-        double height = -size_b->rounding;
-        for (int i = 0; i < 3; i++) height += size_b->half[i] * one->middle[i];
-        return (BallGap){height - size_a->radius - s->padding[k] - rounding, rounding};
+    if (is_plane(b)) {
+        double rounding = RELATIVE_ROUNDING * (far + radius_of(a) + fabs(rounding_of(b)));
+        return (BallGap){plane_height(b, a.placed->middle) - radius_of(a) - padding - rounding, rounding};
     }
-    double rounding = RELATIVE_ROUNDING * (far + size_a->radius + size_b->radius);
-    return (BallGap){sqrt(square) - size_a->radius - size_b->radius - s->padding[k] - rounding, rounding};
+    double rounding = RELATIVE_ROUNDING * (far + radius_of(a) + radius_of(b));
+    return (BallGap){sqrt(square) - radius_of(a) - radius_of(b) - padding - rounding, rounding};
 }
 
 // The same by one body's bounding box and the other's ball [m].
-static double box_gap(const RefereeSearch *s, int64_t k) {
-    int64_t a = s->pairs[k].a, b = s->pairs[k].b;
-    if (is_plane(s, b)) return -1e300;
-    double one = box_distance(s, a, b), two = box_distance(s, b, a), best = -1e300;
-    if (one > 0.0) best = one - s->bodies->sizes[b].radius;
-    if (two > 0.0) best = greater(best, two - s->bodies->sizes[a].radius);
-    return best - s->padding[k];
+static double box_gap(BodyView a, BodyView b, double padding) {
+    if (is_plane(b)) return -1e300;
+    double one = box_distance(a, b), two = box_distance(b, a), best = -1e300;
+    if (one > 0.0) best = one - radius_of(b);
+    if (two > 0.0) best = greater(best, two - radius_of(a));
+    return best - padding;
 }
 
 // d . (origin of b - origin of a); of a half-space the height of the origin of a above it.
-static double origin_gap(const RefereeSearch *s, int64_t a, int64_t b, Direction d) {
-    const double *p = s->placed[a].origin, *q = s->placed[b].origin;
-    const BodySizes *plane = &s->bodies->sizes[b];
-    if (is_plane(s, b))
-        return plane->half[0] * p[0] + plane->half[1] * p[1] + plane->half[2] * p[2] - plane->rounding;
+static double origin_gap(BodyView a, BodyView b, Direction d) {
+    const double *p = a.placed->origin, *q = b.placed->origin;
+    if (is_plane(b)) return plane_height(b, p);
     return d.x * (q[0] - p[0]) + d.y * (q[1] - p[1]) + d.z * (q[2] - p[2]);
 }
 
 // Clearance of a pair along a direction from a to b [m]: a lower bound of it.
-static double gap_along(const RefereeSearch *s, int64_t k, Direction d) {
-    int64_t a = s->pairs[k].a, b = s->pairs[k].b;
-    double gap = origin_gap(s, a, b, d) - body_reach(s->bodies, s->placed, a, d) - s->padding[k];
-    if (is_plane(s, b)) return gap;
-    return gap - body_reach(s->bodies, s->placed, b, (Direction){-d.x, -d.y, -d.z});
+static double gap_along(PairView v, Direction d, double padding) {
+    double gap = origin_gap(v.a, v.b, d) - body_reach(v.a, d) - padding;
+    if (is_plane(v.b)) return gap;
+    return gap - body_reach(v.b, (Direction){-d.x, -d.y, -d.z});
 }
 
 // Least clearance along a direction while both bodies move at their steady velocities [m].
-static double steady_gap(const RefereeSearch *s, int64_t k, double half, Direction d) {
-    const RefereePair *pair = &s->pairs[k];
-    int64_t a = pair->a, b = pair->b;
-    int64_t before = pair->shared > 0 ? s->chains[s->bodies->bodies[a].first_joint + pair->shared - 1] : -1;
+static double steady_gap(const RefereeSearch *s, const RefereePair *pair, PairView v, double half, Direction d) {
     double least = 1e300;
     for (int end = 0; end < 2; end++) {
         double time = end ? half : -half;
-        double gap = origin_gap(s, a, b, d) - steady_reach(s, a, pair->last_a, before, time, d);
-        if (!is_plane(s, b)) gap -= steady_reach(s, b, pair->last_b, before, time, (Direction){-d.x, -d.y, -d.z});
+        double gap = origin_gap(v.a, v.b, d) - steady_reach(s, v.a, pair->last_a, pair->before, time, d);
+        if (!is_plane(v.b))
+            gap -= steady_reach(s, v.b, pair->last_b, pair->before, time, (Direction){-d.x, -d.y, -d.z});
         least = lesser(least, gap);
     }
-    return least - s->padding[k];
+    return least - pair->padding;
 }
 
 typedef struct {
     double upper, lower;
 } ClearanceBounds;
 
-static int is_surface(const RefereeSearch *s, int64_t b);
 static ClearanceBounds surface_clearance(RefereeSearch *s, int64_t k, double base, double enough);
 
 // Bounds of the clearance of a pair [m]; the direction found is remembered.
 //
 // They may differ by a quarter of the upper one's distance from `base`; the search ends above `enough`.
 static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base, double enough) {
-    int64_t a = s->pairs[k].a, b = s->pairs[k].b;
-    const BodySizes *one = &s->bodies->sizes[a], *two = &s->bodies->sizes[b];
-    if (is_plane(s, b)) {
-        Direction d = {-two->half[0], -two->half[1], -two->half[2]};
+    PairView v = view_pair(s, k);
+    double padding = s->pairs[k].padding;
+    if (is_plane(v.b)) {
+        Direction n = plane_normal(v.b), d = {-n.x, -n.y, -n.z};
         s->directions[k] = (KnownDirection){d.x, d.y, d.z, 1.0};
-        double gap = gap_along(s, k, d);
+        double gap = gap_along(v, d, padding);
         return (ClearanceBounds){gap, gap};
     }
-    if (is_surface(s, b)) return surface_clearance(s, k, base, enough);
     s->search_count++;
-    double off = one->rounding + two->rounding + s->padding[k];
-    Separation found = separate(s->bodies, s->placed, a, b, &s->gjk[k], base + off, enough + off);
+    s->chunk_searches++;
+    if (is_surface(v.b)) return surface_clearance(s, k, base, enough);
+    double off = rounding_of(v.a) + rounding_of(v.b) + padding;
+    Separation found = separate(v.a, v.b, &s->gjk[k], base + off, enough + off);
     s->directions[k] = (KnownDirection){found.direction.x, found.direction.y, found.direction.z, 1.0};
     return (ClearanceBounds){found.upper - off, found.lower - off};
 }
 
+// The least clearance of a group that has to be proven on an interval [m].
+static inline double needed_clearance(const RefereeSearch *s, int64_t group) {
+    return s->with_clearance ? greater(0.0, s->smallest[group] - s->tolerance) : 0.0;
+}
+
+// Where the nearest pair of a group is kept, behind the pairs of the chunk; and a place for a pair of the moment.
+static inline int64_t nearest_pair(const RefereeSearch *s, int64_t group) { return s->pair_room + group; }
+
+static inline int64_t spare_pair(const RefereeSearch *s) { return s->pair_room + PAIR_GROUPS; }
+
 // Note a clearance of a pair; whether it is too small to be told from contact.
 static int note_clearance(RefereeSearch *s, int64_t k, double value, double time) {
-    const RefereePair *pair = &s->pairs[k];
-    PairFindings *found = &s->found[pair->elements];
-    if (value < found->seen) {
-        found->seen = value;
-        found->when = time;
+    RefereePair *pair = &s->pairs[k];
+    ElementPair *elements = &s->elements[pair->elements];
+    if (value < elements->seen) {
+        elements->seen = value;
+        elements->when = time;
     }
     if (!(value > s->touch)) {
-        s->marks[pair->elements] = PAIR_LEFT;
+        elements->mark = PAIR_LEFT;
         // With a contact to report, only contacts are looked for.
         for (int group = 0; group < PAIR_GROUPS; group++) s->smallest[group] = lesser(s->smallest[group], 0.0);
         return 1;
     }
     if (value < s->smallest[pair->group]) {
+        int64_t best = nearest_pair(s, pair->group);
         s->smallest[pair->group] = value;
-        s->nearest[pair->group] = k;
+        s->has_nearest[pair->group] = 1;
+        if (k != best) {
+            s->pairs[best] = *pair;
+            s->pairs[best].elements = best;
+            s->elements[best] = *elements;
+            s->elements[best].mark = PAIR_FREE;
+            s->gjk[best].count = 0;
+            s->directions[best].known = 0.0;
+        }
+        s->elements[best].seen = value;
+        s->elements[best].when = time;
     }
     return 0;
 }
 
 // The lower bound that the remembered direction of a pair proves [m].
-static double known_bound(const RefereeSearch *s, int64_t k, double half, double approach, double error, double need) {
+static double known_bound(const RefereeSearch *s, int64_t k, PairView v, double half, double approach, double error,
+                          double need) {
     const KnownDirection *known = &s->directions[k];
     Direction d = {known->x, known->y, known->z};
-    double gap = gap_along(s, k, d), least = gap - approach;
+    double gap = gap_along(v, d, s->pairs[k].padding), least = gap - approach;
     if (least > need || gap - error <= need) return least;
-    return greater(least, steady_gap(s, k, half, d) - error);
+    return greater(least, steady_gap(s, &s->pairs[k], v, half, d) - error);
 }
 
 typedef struct {
@@ -179,32 +221,32 @@ static IntervalClearance surface_interval(RefereeSearch *s, int64_t k, double ti
 // `single`: the interval is on one piece, so the joints have steady speeds.
 static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double time, double half, int single) {
     const RefereePair *pair = &s->pairs[k];
-    int64_t a = pair->a, b = pair->b, shared = pair->shared;
-    double need = greater(0.0, s->smallest[pair->group] - s->tolerance);
-    double approach = s->sweeps[a * s->sweep_stride + shared].carried + s->sweeps[b * s->sweep_stride + shared].carried;
-    BallGap ball = ball_gap(s, k);
+    PairView v = view_pair(s, k);
+    double need = needed_clearance(s, pair->group);
+    double approach = s->sweeps[pair->a * s->sweep_stride + pair->shared].carried +
+                      s->sweeps[pair->b * s->sweep_stride + pair->shared].carried;
+    BallGap ball = ball_gap(v.a, v.b, pair->padding);
     double least = ball.gap - approach;
     if (least > need) return (IntervalClearance){least, 1};
-    least = greater(least, box_gap(s, k) - ball.rounding - approach);
+    least = greater(least, box_gap(v.a, v.b, pair->padding) - ball.rounding - approach);
     if (least > need) return (IntervalClearance){least, 1};
-    if (is_surface(s, b)) {
-        double error = single ? unsteadiness(s, a, shared) + unsteadiness(s, b, shared) : 1e300;
-        return surface_interval(s, k, time, half, approach, error);
-    }
     // No direction can prove more than the distance of two points of the bodies.
-    double most = ball.gap + s->bodies->sizes[a].radius, error = 1e300;
-    if (!is_plane(s, b)) most += s->bodies->sizes[b].radius;
-    if (single) error = unsteadiness(s, a, shared) + ball.rounding + unsteadiness(s, b, shared);
+    double most = ball.gap + radius_of(v.a), error = 1e300;
+    if (!is_plane(v.b)) most += radius_of(v.b);
+    if (single)
+        error = unsteadiness(s, pair->arm_a, pair->body_a, pair->shared) + ball.rounding +
+                unsteadiness(s, pair->arm_b, pair->body_b, pair->shared);
+    if (is_surface(v.b)) return surface_interval(s, k, time, half, approach, error);
     if (lesser(approach, error) > greater(COARSE, most - need)) return (IntervalClearance){least, 0};
     approach += ball.rounding;
     if (s->directions[k].known > 0.0) {
-        least = greater(least, known_bound(s, k, half, approach, error, need));
+        least = greater(least, known_bound(s, k, v, half, approach, error, need));
         if (least > need) return (IntervalClearance){least, 1};
     }
     ClearanceBounds bounds = bound_clearance(s, k, need, need + approach);
     if (note_clearance(s, k, bounds.upper, time)) return (IntervalClearance){0.0, 1};
-    need = greater(0.0, s->smallest[pair->group] - s->tolerance);
+    need = needed_clearance(s, pair->group);
     least = greater(least, bounds.lower - approach);
-    if (least <= need) least = greater(least, known_bound(s, k, half, approach, error, need));
+    if (least <= need) least = greater(least, known_bound(s, k, v, half, approach, error, need));
     return (IntervalClearance){least, least > need};
 }

@@ -103,22 +103,23 @@ static void climb(double begin, double width, int64_t degree, double rounding, d
 EXPORT void rr1_find_extremes(const double *breaks, int64_t break_count, const double *coefficients, int64_t pieces,
                               int64_t terms, int64_t columns, Peaks *peaks, Jump *jumps, double *end, double *scratch) {
     double *derivative = scratch, *control = scratch + terms, *stack = scratch + 2 * terms;
-    for (int64_t order = 0; order < RATE_ORDERS; order++)
+    for (int64_t n = 0; n < RATE_ORDERS * columns; n++) peaks[n] = (Peaks){-INFINITY, 0.0, INFINITY, 0.0};
+    // In the order of the coefficients, as there may be many of them.
+    for (int64_t i = 0; i < pieces; i++) {
+        const double *piece = coefficients + i * terms * columns;
+        double width = break_count > 1 ? breaks[i + 1] - breaks[i] : 0.0;
         for (int64_t j = 0; j < columns; j++) {
-            Peaks *peak = &peaks[order * columns + j];
-            double before = 0.0;
-            *peak = (Peaks){-INFINITY, 0.0, INFINITY, 0.0};
-            for (int64_t i = 0; i < pieces; i++) {
-                const double *piece = coefficients + i * terms * columns;
+            for (int64_t order = 0; order < RATE_ORDERS; order++) {
+                Peaks *peak = &peaks[order * columns + j];
+                double *before = &end[order * columns + j];
                 int64_t degree = derivative_terms(piece, terms, columns, j, order, derivative);
-                double width = break_count > 1 ? breaks[i + 1] - breaks[i] : 0.0;
                 double rounding = COEFFICIENT_ROUNDING * to_bernstein(derivative, degree, width, control);
                 if (i > 0 && order < RATE_ORDERS - 1) {
                     Jump *jump = &jumps[order * columns + j];
-                    double size = fabs(control[0] - before);
+                    double size = fabs(control[0] - *before);
                     if (size > jump->size) *jump = (Jump){size, breaks[i]};
                 }
-                before = control[degree];
+                *before = control[degree];
                 for (int64_t k = 0; k <= degree; k++) stack[k] = control[k];
                 climb(breaks[i], width, degree, rounding, &peak->high, &peak->high_time, stack);
                 for (int64_t k = 0; k <= degree; k++) stack[k] = -control[k];
@@ -126,6 +127,6 @@ EXPORT void rr1_find_extremes(const double *breaks, int64_t break_count, const d
                 climb(breaks[i], width, degree, rounding, &depth, &peak->low_time, stack);
                 peak->low = -depth;
             }
-            end[order * columns + j] = before;
         }
+    }
 }

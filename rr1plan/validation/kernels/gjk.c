@@ -17,6 +17,13 @@ typedef struct {
     double x, y, z;
 } Direction;
 
+// A body at a pose.
+typedef struct {
+    const RefereeBodies *all;
+    int64_t index;  // of `all`
+    const PlacedBody *placed;
+} BodyView;
+
 // The same direction in the frame of a body.
 static inline Direction in_frame(const PlacedBody *placed, Direction d) {
     const double *r = placed->rotation;
@@ -90,17 +97,18 @@ static double corner_reach(const RefereeBodies *all, CornerRange range, Directio
 }
 
 // Largest d . p over the points p of a body, from its frame's origin, for a world direction d of any length.
-static double body_reach(const RefereeBodies *all, const PlacedBody *placed, int64_t b, Direction d) {
-    const BodySizes *size = &all->sizes[b];
-    Direction own = in_frame(&placed[b], d);
-    int64_t shape = all->bodies[b].shape;
+static double body_reach(BodyView view, Direction d) {
+    const RefereeBodies *all = view.all;
+    const BodySizes *size = &all->sizes[view.index];
+    Direction own = in_frame(view.placed, d);
+    int64_t shape = all->bodies[view.index].shape;
     double best;
     if (shape == SHAPE_BOX) {
         best = fabs(own.x) * size->half[0] + fabs(own.y) * size->half[1] + fabs(own.z) * size->half[2];
     } else if (shape == SHAPE_CYLINDER) {
         best = size->half[0] * sqrt(own.x * own.x + own.y * own.y) + size->half[2] * fabs(own.z);
     } else {
-        best = corner_reach(all, corners_along(all, b, own), own);
+        best = corner_reach(all, corners_along(all, view.index, own), own);
     }
     if (size->rounding > 0.0) best += size->rounding * sqrt(own.x * own.x + own.y * own.y + own.z * own.z);
     return best;
@@ -151,12 +159,11 @@ static void set_difference(const PlacedBody *a, const PlacedBody *b, PointPair *
 }
 
 // The points of a and b that are farthest along d and -d.
-static void add_point(const RefereeBodies *all, const PlacedBody *placed, int64_t a, int64_t b, Direction d,
-                      PointPair *pair) {
-    Direction in_a = in_frame(&placed[a], d), in_b = in_frame(&placed[b], (Direction){-d.x, -d.y, -d.z});
-    farthest_point(all, a, in_a, pair->in_a);
-    farthest_point(all, b, in_b, pair->in_b);
-    set_difference(&placed[a], &placed[b], pair);
+static void add_point(BodyView a, BodyView b, Direction d, PointPair *pair) {
+    Direction in_a = in_frame(a.placed, d), in_b = in_frame(b.placed, (Direction){-d.x, -d.y, -d.z});
+    farthest_point(a.all, a.index, in_a, pair->in_a);
+    farthest_point(b.all, b.index, in_b, pair->in_b);
+    set_difference(a.placed, b.placed, pair);
 }
 
 static inline double dot_points(const PointPair *p, const PointPair *q) {
@@ -271,14 +278,13 @@ typedef struct {
 //
 // The bounds may differ by a quarter of the upper one's distance from `base`; the search ends when the lower one reaches
 // `enough`. It starts from the points of an earlier one, and leaves those it ends with.
-static Separation separate(const RefereeBodies *all, const PlacedBody *placed, int64_t a, int64_t b, GjkState *state,
-                           double base, double enough) {
+static Separation separate(BodyView a, BodyView b, GjkState *state, double base, double enough) {
     PointPair *p = state->points;
     int64_t n = state->count;
-    for (int64_t i = 0; i < n; i++) set_difference(&placed[a], &placed[b], &p[i]);
+    for (int64_t i = 0; i < n; i++) set_difference(a.placed, b.placed, &p[i]);
     if (n == 0) {
-        const double *one = placed[a].middle, *two = placed[b].middle;
-        add_point(all, placed, a, b, (Direction){two[0] - one[0], two[1] - one[1], two[2] - one[2]}, &p[0]);
+        const double *one = a.placed->middle, *two = b.placed->middle;
+        add_point(a, b, (Direction){two[0] - one[0], two[1] - one[1], two[2] - one[2]}, &p[0]);
         n = 1;
     }
     Separation best = {1e300, -1e300, {0.0, 0.0, 1.0}};
@@ -299,7 +305,7 @@ static Separation separate(const RefereeBodies *all, const PlacedBody *placed, i
         }
         best.upper = lesser(best.upper, length);
         d = (Direction){d.x / length, d.y / length, d.z / length};
-        add_point(all, placed, a, b, d, &p[n]);
+        add_point(a, b, d, &p[n]);
         const double *w = p[n].difference;
         double gap = -(d.x * w[0] + d.y * w[1] + d.z * w[2]);
         if (gap > best.lower) {

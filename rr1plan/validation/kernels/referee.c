@@ -11,8 +11,9 @@
 #endif
 
 #include "gjk.c"
-#include "sweeps.c"
+#include "motion_bounds.c"
 #include "clearance.c"
+#include "broad_phase.c"
 #include "cells.c"
 #include "surfaces.c"
 #include "search.c"

@@ -1,36 +1,34 @@
-// What the referee's search reads and writes: a motion, the links it moves, convex bodies and their pairs.
+// What the referee's search reads and writes: a motion, models of robots, arms that are instances of them, and pairs of
+// convex bodies.
 #ifndef RR1_REFEREE_TABLES_H
 #define RR1_REFEREE_TABLES_H
 
 #include <stdint.h>
 
-// ---- the arms ----------------------------------------------------------------------------------
+// ---- models of robots --------------------------------------------------------------------------
 
-enum { MOVE_FIXED, MOVE_TURNS, MOVE_SLIDES };
+// What a robot is, wherever its base is: joints, bodies on the links, elements that are named in reports, and the pairs of
+// them that must not touch. All obstacles of a scene together are a model without joints. Link 0 is the base; joint j moves
+// link j + 1, and links that no joint moves against another one are part of that.
 
-// A link that some moving joint carries; parents come before children.
+enum { MOVE_TURNS, MOVE_SLIDES };
+
+// Joints come after those that carry them.
 typedef struct {
-    int64_t child;
-    int64_t parent;
-    int64_t move;   // what the joint between them does
-    int64_t joint;  // its number, -1 if it is fixed or does not move
-} LinkStep;
+    int64_t parent;  // link that carries it
+    int64_t move;
+    int64_t column;  // of the model's own columns
+} ArmJoint;
 
 typedef struct {
     double rotation[9];  // of the joint in its parent, row by row
     double shift[3];     // [m]
     double axis[3];
-    double gain;  // value of the joint: gain times a column of q, plus an offset
+    double gain;  // value of the joint: gain times a column, plus an offset
     double offset;
 } JointFrame;
 
-typedef struct {
-    int64_t column;  // of q
-    int64_t before;  // number of the joint before it, -1: none
-    int64_t move;
-} MovingJoint;
-
-// World pose of a link.
+// Pose of a link.
 typedef struct {
     double rotation[9];
     double origin[3];
@@ -40,19 +38,21 @@ typedef struct {
 
 // A ball is a box without edges, a capsule one with a single edge, each with a rounding. The corners of a hull are
 // looked at one by one, those of a table by direction.
-// A surface is not convex: triangles, of which three corners each follow each other.
-enum { SHAPE_HULL, SHAPE_BOX, SHAPE_CYLINDER, SHAPE_PLANE, SHAPE_TABLE, SHAPE_SURFACE };
+// The search passes over concave bodies but for surfaces, of which each three corners are a triangle; only obstacles
+// are surfaces.
+enum { SHAPE_HULL, SHAPE_BOX, SHAPE_CYLINDER, SHAPE_PLANE, SHAPE_TABLE, SHAPE_CONCAVE, SHAPE_SURFACE };
 
 typedef struct {
     int64_t shape;
     int64_t first_corner;  // of the columns of `corners`
-    int64_t corner_count;  // of a surface: its first node
+    int64_t corner_count;
     int64_t link;
-    int64_t first_joint;  // of `chains`
+    int64_t first_joint;  // of `chains` of its model
     int64_t depth;        // joints that carry it
+    int64_t first_node;   // of a surface
 } RefereeBody;
 
-// Sizes of a body; of a half-space `half` is its world normal and `rounding` its offset along it.
+// Sizes of a body; of a half-space `half` is its normal and `rounding` its offset along it.
 typedef struct {
     double half[3];  // half edges of a box; radius, radius and half length of a cylinder [m]
     double rounding;  // radius around that [m]
@@ -89,37 +89,83 @@ typedef struct {
 typedef struct {
     const RefereeBody *bodies;
     const BodySizes *sizes;
-    const double *corners;  // rows x, y, z; and of a table where the corners of each cell begin; shape (4, corner_count)
+    // Rows x, y, z; and of a table where the corners of each cell begin, of a surface 1 for those of closed parts; shape
+    // (4, corner_count).
+    const double *corners;
     const SurfaceBox *boxes;  // of the nodes of all surfaces
     const SurfaceNode *nodes;
     int64_t body_count;
     int64_t corner_count;
 } RefereeBodies;
 
+typedef struct {
+    const ArmJoint *joints;
+    const JointFrame *frames;
+    int64_t joint_count;
+    const RefereeBodies *bodies;
+    const int64_t *chains;          // joints that carry each body, one body after the other
+    const int64_t *element_bodies;  // first body of each element, shape (element_count + 1,)
+    int64_t element_count;
+    int64_t base_element;        // that of the base link, which no obstacle is checked against; -1: none
+    const uint8_t *own_checked;  // which pairs of its elements must not touch, shape (element_count, element_count)
+} RefereeModel;
+
+// ---- the scene ---------------------------------------------------------------------------------
+
+// An instance of a model. Arms that move come first, then those that stand still, then the obstacles as a single one.
+typedef struct {
+    int64_t model;
+    int64_t first_column;  // of `arm_columns`
+    int64_t first_link;
+    int64_t first_joint;
+    int64_t first_body;
+    int64_t first_element;
+} RefereeArm;
+
+// Distances to keep between the elements of two owners that differ from the general one.
+typedef struct {
+    int64_t key;    // first owner times the number of owners, plus the second, which is no smaller
+    int64_t first;  // of `paddings`: a row for each element of the first owner; below zero where contact is allowed
+} PaddingRule;
+
+// Upright box.
+typedef struct {
+    double low[3];
+    double high[3];
+} BoundingBox;
+
 // ---- pairs -------------------------------------------------------------------------------------
 
-// Pairs in two groups, whose smallest clearances are told apart: with the surroundings, and one arm's own.
-enum { PAIR_GROUPS = 2 };
+// Pairs in two groups, whose smallest clearances are reported apart: with the surroundings, and one arm's own.
+enum { PAIR_GROUPS = 2, GROUP_OTHERS = 0, GROUP_OWN = 1 };
 
 // Two bodies of a pair of elements; a half-space comes second.
 typedef struct {
-    int64_t a;
+    int64_t a;  // of `placed`
     int64_t b;
+    int64_t arm_a;
+    int64_t arm_b;
+    int64_t body_a;  // of the arm's model
+    int64_t body_b;
     int64_t elements;  // the pair of elements
     int64_t shared;    // joints of their chains that carry both
-    int64_t last_a;    // last joint of each body, -1: none
+    int64_t before;    // the last of those, -1: none
+    int64_t last_a;    // last joint that carries each body, -1: none
     int64_t last_b;
     int64_t group;
+    double padding;  // distance to keep [m]
 } RefereePair;
 
 enum { PAIR_FREE, PAIR_LEFT, PAIR_UNDECIDED };
 
-// What is found of a pair of elements.
+// A pair of elements and what is found of it.
 typedef struct {
-    double seen;    // smallest clearance seen [m]
-    double when;    // its time [s]
-    double proven;  // proven clearance [m]
-} PairFindings;
+    int64_t a;
+    int64_t b;
+    int64_t mark;
+    double seen;  // smallest clearance seen [m]
+    double when;  // its time [s]
+} ElementPair;
 
 // A direction from a to b along which they are apart.
 typedef struct {
@@ -157,9 +203,13 @@ typedef struct {
 
 // ---- the search --------------------------------------------------------------------------------
 
-enum { SEARCH_START, SEARCH_SPLIT, SEARCH_DONE };
+enum { SEARCH_START, SEARCH_STANDING, SEARCH_MOVING, SEARCH_DONE };
+// Pairs of an arm that moves with itself and all that stands still, and with other arms that move.
+enum { PASS_STANDING, PASS_MOVING };
 // Intervals that are open at once: with halving, one for each level.
 enum { SEARCH_DEPTH = 160 };
+// The broad phase cuts the whole motion into at most this many intervals.
+enum { MOTION_SLICES = 8 };
 
 // An interval of time: several pieces of the motion, or a part of a single one.
 typedef struct {
@@ -179,7 +229,7 @@ typedef struct {
     double speed;
 } ColumnMotion;
 
-// World axis of a moving joint, and what it does within an interval.
+// World axis of a joint, and what it does within an interval.
 typedef struct {
     double axis[3];
     double pivot[3];
@@ -204,53 +254,83 @@ typedef struct {
 } Sweep;
 
 typedef struct {
+    // The motion.
     const double *breaks;        // times of the pieces' ends [s], shape (piece_count + 1,), or (1,) for no duration
     const double *coefficients;  // of each piece, lowest power first, shape (piece_count, terms, column_count)
     int64_t break_count;
     int64_t piece_count;
     int64_t terms;
     int64_t column_count;
-    const LinkStep *steps;
-    const JointFrame *frames;
-    const MovingJoint *joints;
-    int64_t step_count;
+    // The scene. Owners are the arms, then each obstacle.
+    const RefereeModel *models;
+    const RefereeArm *arms;
+    const int64_t *arm_columns;  // columns of each arm: of q, and those of arms that stand still after them
+    const LinkPose *bases;       // of each arm
+    const int64_t *own_arms;     // arms that stand still and whose own pairs no earlier one has in the same posture
+    int64_t own_arm_count;
+    int64_t moving_count;    // arms that move
+    int64_t standing_count;  // arms that stand still
+    int64_t owner_count;
+    int64_t element_count;
     int64_t joint_count;
-    const RefereeBodies *bodies;
-    const int64_t *chains;  // joints that carry each body, one body after the other
-    const int64_t *movers;  // bodies that move
-    int64_t mover_count;
-    const RefereePair *pairs;
-    const double *padding;  // distance to keep [m]
-    int64_t pair_count;
-    double tolerance;   // smallest clearances are found within this [m]
-    double touch;       // a clearance up to this is a contact [m]
-    int64_t max_searches;  // before what is open is left undecided
-    // Scratch.
+    double padding;       // distance to keep where no rule says otherwise [m]
+    double most_padding;  // the largest one [m]
+    const PaddingRule *rules;  // by ascending keys
+    int64_t rule_count;
+    const double *paddings;
+    // What is looked for.
+    int64_t with_clearance;  // whether the smallest clearances are, besides contacts
+    double tolerance;        // smallest clearances are found within this [m]
+    double touch;            // a clearance up to this is a contact [m]
+    int64_t max_searches;    // of a chunk of pairs, before what is open is left undecided
+    // Scratch for all of the scene.
     LinkPose *links;
-    ColumnMotion *columns;
-    ColumnRange *ranges;  // shape (piece_count, column_count)
-    JointState *states;   // shape (joint_count + 1,): the last one is at rest
+    ColumnMotion *columns;  // those of q, then the postures of arms that stand still
+    ColumnRange *ranges;    // shape (column_count, piece_count)
+    JointState *states;     // shape (joint_count + 1,): the last one is at rest
     PlacedBody *placed;
-    Sweep *sweeps;        // shape (bodies, sweep_stride)
-    int64_t sweep_stride;  // longest chain + 1
+    Sweep *sweeps;          // shape (bodies, sweep_stride)
+    int64_t sweep_stride;   // longest chain + 1
+    int64_t *placed_on;     // of each body: number of the interval on which it was placed last
     double *terms_scratch;  // shape (terms,)
-    GjkState *gjk;        // of each pair
-    // What is found.
-    PairFindings *found;     // of each pair of elements
-    int64_t *marks;          // of each pair of elements
-    KnownDirection *directions;  // of each pair
+    BoundingBox *element_boxes;  // at one time, shape (element_count,)
+    BoundingBox *owner_boxes;    // shape (owner_count,)
+    BoundingBox *element_slices;  // over each slice of the motion, shape (MOTION_SLICES, element_count)
+    BoundingBox *owner_slices;    // shape (MOTION_SLICES, owner_count)
+    BoundingBox *owner_sweeps;    // over the whole motion, shape (owner_count,)
+    TimeInterval *slices;         // shape (MOTION_SLICES,)
+    int64_t slice_count;
+    // A chunk of pairs: the bodies of an arm, or of two, that are near each other.
+    RefereePair *pairs;  // shape (pair_room + PAIR_GROUPS + 1,): after the chunk the nearest of each group, and a spare one
+    ElementPair *elements;       // the same
+    GjkState *gjk;               // the same
+    KnownDirection *directions;  // the same
+    int64_t *items;              // shape (pair_room * SEARCH_DEPTH,)
     TimeInterval *intervals;     // shape (SEARCH_DEPTH,)
-    int64_t *items;              // shape (pair_count * SEARCH_DEPTH,)
+    int64_t pair_room;
+    int64_t pair_count;
+    int64_t element_pair_count;
+    int64_t chunk_arms[2];  // arms of it that move, -1: none
+    int64_t chunk_searches;
+    int64_t chunk_slices;  // mask of the slices that are to be searched
+    int64_t whole;         // the whole motion is to be searched at once, not slices of it
+    int64_t open;          // intervals that are open
+    // Where the search is.
     int64_t stage;
-    int64_t open;            // intervals that are open
+    int64_t arm;      // whose pairs are next
+    int64_t partner;  // owner that it is compared with next
+    int64_t pass;
+    // What is found.
+    ElementPair *left;   // pairs of elements of the last chunks with a mark, shape (pair_room,)
+    int64_t left_count;
     int64_t interval_count;  // looked at so far
     int64_t check_count;     // pairs on intervals
     int64_t search_count;    // for directions
-    int64_t nearest[2];      // pair with the smallest clearance of each group, -1: none
-    double smallest[2];      // that clearance [m]
-    double decided;          // time that is decided, summed over pairs [s]
-    double end_clearance[4];  // smallest at the begin and the end, group by group [m]
-    int64_t end_pair[4];      // their pairs of elements, -1: none
+    int64_t has_nearest[2];  // whether a smallest clearance of each group is known
+    double smallest[2];      // that clearance, or 0 with a contact to report [m]
+    double proven[2];        // lower bound of it [m]
+    double decided;          // share of the chunk that is decided
+    ElementPair ends[2];     // pair with the smallest clearance to the surroundings at the begin and at the end
 } RefereeSearch;
 
 #endif

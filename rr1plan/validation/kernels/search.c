@@ -1,46 +1,45 @@
 // The search for the times at which two bodies come near: the certificate of `certificate.py` without Coal.
 //
-// Intervals of time are halved, depth first, with the pairs of bodies that are still open on each. What touches, or cannot
-// be told from it, is left to Coal.
+// Pairs are decided in chunks: those of an arm with itself and all that stands still, those of two arms that move, and
+// those of all that stands still. Of each chunk intervals of time are halved, depth first, with the pairs of bodies that
+// are still open on each. What touches, or cannot be told from it, is left to Coal.
 
-enum { FIRST_LOOKS = 12 };
 // A smallest clearance is sharp when another look changes it by less [m].
 #define SHARP 1e-10
 
-// Find the smallest clearance of a group below `best` [m] where all is posed, to about `tolerance`; its pair of elements or
-// -1.
-//
-// The pair that was nearest so far comes first: most others are then too far away for a search.
-static int64_t find_nearest(RefereeSearch *s, int64_t group, double time, double *best, double tolerance) {
-    int64_t which = -1, nearest = s->nearest[group];
-    for (int64_t i = nearest >= 0 ? -1 : 0; i < s->pair_count; i++) {
-        int64_t k = i < 0 ? nearest : i, elements = s->pairs[k].elements;
-        if (s->pairs[k].group != group || s->marks[elements] == PAIR_LEFT || i == nearest) continue;
-        if (ball_gap(s, k).gap >= *best || box_gap(s, k) >= *best) continue;
-        double value = bound_clearance(s, k, *best - tolerance, *best).upper;
-        if (note_clearance(s, k, value, time)) continue;
-        if (value < *best) {
-            *best = value;
-            which = elements;
-        }
-    }
-    return which;
+// ---- single times ------------------------------------------------------------------------------
+
+static void pose_arm_at(RefereeSearch *s, int64_t arm, PieceTime at) {
+    expand_arm(s, arm, at.piece, at.local, 0.0);
+    move_links(s, arm);
 }
 
 static double clearance_at(RefereeSearch *s, int64_t k, double time) {
-    pose_bodies_at(s, time);
+    const RefereePair *pair = &s->pairs[k];
+    PieceTime at = locate_time(s, time);
+    if (pair->arm_a < s->moving_count) {
+        pose_arm_at(s, pair->arm_a, at);
+        place_body(s, pair->arm_a, pair->body_a);
+    }
+    if (pair->arm_b < s->moving_count) {
+        if (pair->arm_b != pair->arm_a) pose_arm_at(s, pair->arm_b, at);
+        place_body(s, pair->arm_b, pair->body_b);
+    }
     double value = bound_clearance(s, k, 1e300, 1e300).upper;
     note_clearance(s, k, value, time);
     return value;
 }
 
-// Find the smallest clearance of a pair around the time it was seen, by golden sections.
+// Find the smallest clearance of the nearest pair of a group around the time it was seen, by golden sections.
 //
 // They end when two of them in a row change the clearance by less than `precision` [m]: one may be symmetric.
-static void refine_nearest(RefereeSearch *s, int64_t k, double precision) {
+static void refine_nearest(RefereeSearch *s, int64_t group, double precision) {
     const double golden = 0.6180339887498949;
+    int64_t k = nearest_pair(s, group);
+    const RefereePair *pair = &s->pairs[k];
+    if (!s->has_nearest[group] || (pair->arm_a >= s->moving_count && pair->arm_b >= s->moving_count)) return;
     double begin = s->breaks[0], finish = s->breaks[s->break_count - 1];
-    double at = s->found[s->pairs[k].elements].when, width = (finish - begin) / 64.0, center = at, best = 1e300;
+    double at = s->elements[k].when, width = (finish - begin) / 64.0, center = at, best = 1e300;
     if (!(width > 0.0)) {
         clearance_at(s, k, at);
         return;
@@ -73,144 +72,297 @@ static void refine_nearest(RefereeSearch *s, int64_t k, double precision) {
     }
 }
 
-// Look at some times first: the nearer the smallest clearances are known, the less is left to prove.
-static void look_ahead(RefereeSearch *s) {
-    double begin = s->breaks[0], finish = s->breaks[s->break_count - 1];
-    int count = finish > begin ? FIRST_LOOKS : 1;
-    for (int i = 0; i < count; i++) {
-        double time = begin + (finish - begin) * i / (count > 1 ? count - 1 : 1);
-        pose_bodies_at(s, time);
-        for (int64_t group = 0; group < PAIR_GROUPS; group++) {
-            double best = s->smallest[group];
-            find_nearest(s, group, time, &best, s->tolerance);
-        }
+// ---- intervals ---------------------------------------------------------------------------------
+
+// Cut an interval in two, near its middle in time.
+static void cut_interval(const RefereeSearch *s, const TimeInterval *whole, TimeInterval *earlier, TimeInterval *later) {
+    const TimeInterval at = *whole;
+    const double *breaks = s->breaks;
+    *earlier = *later = at;
+    if (at.stop - at.first == 1) {
+        earlier->end = later->begin = 0.5 * (at.begin + at.end);
+        return;
     }
-    for (int64_t group = 0; group < PAIR_GROUPS; group++)
-        if (s->nearest[group] >= 0) refine_nearest(s, s->nearest[group], 0.1 * s->tolerance);
+    double middle = 0.5 * (breaks[at.first] + breaks[at.stop]);
+    int64_t cut = piece_at(s, middle);
+    if (breaks[cut + 1] - middle < middle - breaks[cut]) cut++;
+    if (cut < at.first + 1) cut = at.first + 1;
+    if (cut > at.stop - 1) cut = at.stop - 1;
+    earlier->stop = later->first = cut;
+    earlier->begin = later->begin = 0.0;
+    earlier->end = breaks[at.first + 1] - breaks[at.first];
+    later->end = breaks[cut + 1] - breaks[cut];
+}
+
+static TimeInterval whole_motion(const RefereeSearch *s) {
+    double end = s->break_count > 1 ? s->breaks[1] - s->breaks[0] : 0.0;
+    return (TimeInterval){0, s->piece_count, 0, 0, 0.0, end};
 }
 
 // Put the later half of an interval, whose first open pairs end at `left`, in its place, and the earlier half on top.
 static void halve_interval(RefereeSearch *s, int64_t top, int64_t left) {
-    TimeInterval *later = &s->intervals[top], *earlier = later + 1;
-    int64_t low = later->low;
-    for (int64_t i = low; i < left; i++) s->items[left + i - low] = s->items[i];
+    TimeInterval *later = &s->intervals[top], *earlier = later + 1, at = *later;
+    for (int64_t i = at.low; i < left; i++) s->items[left + i - at.low] = s->items[i];
+    cut_interval(s, &at, earlier, later);
     later->high = left;
     earlier->low = left;
-    earlier->high = 2 * left - low;
-    if (later->stop - later->first == 1) {
-        double middle = 0.5 * (later->begin + later->end);
-        earlier->first = later->first;
-        earlier->stop = later->stop;
-        earlier->begin = later->begin;
-        earlier->end = later->begin = middle;
-    } else {
-        const double *breaks = s->breaks;
-        double middle = 0.5 * (breaks[later->first] + breaks[later->stop]);
-        int64_t cut = piece_at(s, middle);
-        if (breaks[cut + 1] - middle < middle - breaks[cut]) cut++;
-        if (cut < later->first + 1) cut = later->first + 1;
-        if (cut > later->stop - 1) cut = later->stop - 1;
-        earlier->first = later->first;
-        earlier->stop = later->first = cut;
-        earlier->begin = later->begin = 0.0;
-        earlier->end = breaks[earlier->first + 1] - breaks[earlier->first];
-        later->end = breaks[cut + 1] - breaks[cut];
-    }
+    earlier->high = 2 * left - at.low;
     s->open = top + 2;
+}
+
+// Place a body in the middle of the interval, and find how far it gets within it, if that is not done yet.
+static inline void place_swept(RefereeSearch *s, int64_t arm, int64_t body) {
+    int64_t index = s->arms[arm].first_body + body;
+    if (arm >= s->moving_count || s->placed_on[index] == s->interval_count) return;
+    s->placed_on[index] = s->interval_count;
+    place_body(s, arm, body);
+    sweep_body(s, arm, body);
 }
 
 // Take the last open interval, settle the pairs that can be settled, and open its halves for the others.
 static void visit_interval(RefereeSearch *s) {
     int64_t top = --s->open;
-    const TimeInterval at = s->intervals[top];
-    double half, width, time, finish;
-    int single = at.stop - at.first == 1;
+    const TimeInterval interval = s->intervals[top];
+    IntervalMiddle at = middle_of(s, &interval);
     s->interval_count++;
-    if (single) {
-        double local = 0.5 * (at.begin + at.end);
-        half = 0.5 * (at.end - at.begin);
-        width = at.end - at.begin;
-        time = s->breaks[at.first] + local;
-        finish = s->breaks[at.first] + at.end;
-        pose_bodies(s, at.first, local, half);
-    } else {
-        width = s->breaks[at.stop] - s->breaks[at.first];
-        finish = s->breaks[at.stop];
-        half = 0.5 * width;
-        time = 0.5 * (s->breaks[at.first] + s->breaks[at.stop]);
-        int64_t piece = piece_at(s, time);
-        expand_columns(s, piece, time - s->breaks[piece], 0.0);
-        widen_columns(s, at.first, at.stop);
-        place_movers(s);
+    for (int i = 0; i < 2 && s->chunk_arms[i] >= 0; i++) {
+        pose_links(s, s->chunk_arms[i], &interval, at);
+        add_velocities(s, s->chunk_arms[i]);
     }
-    add_velocities(s);
-    for (int64_t i = 0; i < s->mover_count; i++) sweep_body(s, s->movers[i]);
     // Too short to be halved.
-    int point = width <= 4e-16 * greater(1.0, fabs(finish));
-    int64_t left = at.low;
-    for (int64_t i = at.low; i < at.high; i++) {
-        int64_t k = s->items[i], elements = s->pairs[k].elements;
-        if (s->marks[elements] == PAIR_LEFT) continue;
+    int point = at.width <= 4e-16 * greater(1.0, fabs(at.finish));
+    int64_t left = interval.low, settled = 0;
+    for (int64_t i = interval.low; i < interval.high; i++) {
+        int64_t k = s->items[i];
+        const RefereePair *pair = &s->pairs[k];
+        ElementPair *elements = &s->elements[pair->elements];
+        if (elements->mark == PAIR_LEFT) continue;
         s->check_count++;
-        IntervalClearance clearance = interval_clearance(s, k, time, half, single);
+        place_swept(s, pair->arm_a, pair->body_a);
+        place_swept(s, pair->arm_b, pair->body_b);
+        IntervalClearance clearance = interval_clearance(s, k, at.time, at.half, at.single);
         if (clearance.settled) {
-            PairFindings *found = &s->found[elements];
-            found->proven = lesser(found->proven, clearance.least);
-            s->decided += width;
+            note_proven(s, pair->group, clearance.least);
+            settled++;
         } else if (point || top + 2 >= SEARCH_DEPTH) {
-            s->marks[elements] = PAIR_LEFT;
-        } else if (s->search_count > s->max_searches) {
-            s->marks[elements] = PAIR_UNDECIDED;
+            elements->mark = PAIR_LEFT;
+        } else if (s->chunk_searches > s->max_searches) {
+            elements->mark = PAIR_UNDECIDED;
         } else {
             s->items[left++] = k;
         }
     }
-    if (left > at.low) halve_interval(s, top, left);
+    s->decided += at.width * (double)settled;
+    if (left > interval.low) halve_interval(s, top, left);
 }
 
-// Sharpen the smallest clearance of each group, and find the smallest at both ends.
-static void finish_search(RefereeSearch *s) {
-    for (int64_t group = 0; group < PAIR_GROUPS; group++) {
-        int64_t nearest = s->nearest[group];
-        if (nearest >= 0 && s->marks[s->pairs[nearest].elements] != PAIR_LEFT) refine_nearest(s, nearest, SHARP);
-    }
-    for (int64_t end = 0; end < 2; end++) {
-        double time = s->breaks[end ? s->break_count - 1 : 0];
-        pose_bodies_at(s, time);
-        for (int64_t group = 0; group < PAIR_GROUPS; group++) {
-            double value = 1e300;
-            int64_t pair = find_nearest(s, group, time, &value, 0.0);
-            if (pair < 0) continue;
-            s->end_clearance[2 * group + end] = value;
-            s->end_pair[2 * group + end] = pair;
-        }
-    }
-    s->stage = SEARCH_DONE;
+// ---- chunks ------------------------------------------------------------------------------------
+
+static void begin_chunk(RefereeSearch *s, int64_t one, int64_t two) {
+    s->chunk_arms[0] = one;
+    s->chunk_arms[1] = two;
+    s->pair_count = s->element_pair_count = s->chunk_searches = s->chunk_slices = 0;
+    s->decided = 0.0;
 }
 
-// Ranges of all columns on each piece, bodies placed, and the whole motion opened for all pairs.
-static void start_search(RefereeSearch *s) {
-    for (int64_t i = 0; i < s->piece_count; i++) {
-        double half = s->break_count > 1 ? 0.5 * (s->breaks[i + 1] - s->breaks[i]) : 0.0;
-        expand_columns(s, i, half, half);
-        for (int64_t c = 0; c < s->column_count; c++) {
-            const ColumnMotion *column = &s->columns[c];
-            s->ranges[i * s->column_count + c] =
-                (ColumnRange){column->value - column->change, column->value + column->change};
-        }
+// Open the next interval that the chunk starts from; whether there was one.
+static int open_slice(RefereeSearch *s) {
+    if (!s->chunk_slices) return 0;
+    if (s->whole) {
+        s->intervals[0] = whole_motion(s);
+        // Where nothing moves, the first instant is enough.
+        if (s->chunk_arms[0] < 0) s->intervals[0] = (TimeInterval){0, 1, 0, 0, 0.0, 0.0};
+        s->chunk_slices = 0;
+    } else {
+        int64_t slice = 0;
+        while (!(s->chunk_slices >> slice & 1)) slice++;
+        s->intervals[0] = s->slices[slice];
+        s->chunk_slices ^= (int64_t)1 << slice;
     }
-    for (int64_t b = 0; b < s->bodies->body_count; b++) place_body(s, b);
-    look_ahead(s);
     for (int64_t k = 0; k < s->pair_count; k++) s->items[k] = k;
-    double end = s->break_count > 1 ? s->breaks[1] - s->breaks[0] : 0.0;
-    s->intervals[0] = (TimeInterval){0, s->piece_count, 0, s->pair_count, 0.0, end};
-    s->open = 1;
-    s->stage = SEARCH_SPLIT;
+    s->intervals[0].low = 0;
+    s->intervals[0].high = s->pair_count;
+    s->open = s->pair_count > 0;
+    return 1;
 }
 
-// Decide all pairs on all of a motion, or on `budget` more of its intervals.
+// Hand over the pairs of elements of the chunk that have a mark.
+static void report_marks(RefereeSearch *s) {
+    for (int64_t e = 0; e < s->element_pair_count; e++)
+        if (s->elements[e].mark != PAIR_FREE) s->left[s->left_count++] = s->elements[e];
+    s->pair_count = s->element_pair_count = 0;
+}
+
+static int64_t body_count_of(const RefereeSearch *s, int64_t o) {
+    Owner owner = owner_of(s, o);
+    const int64_t *bodies = model_of(s, owner.arm)->element_bodies + owner.first;
+    return bodies[owner.count] - bodies[0];
+}
+
+// Add the pairs of an owner with `partner` and later ones while there is room for them.
+static void add_partners(RefereeSearch *s, int64_t owner) {
+    int64_t bodies = body_count_of(s, owner);
+    for (; s->partner < s->owner_count; s->partner++) {
+        if (s->pair_count + bodies * body_count_of(s, s->partner) > s->pair_room) return;
+        add_pairs(s, owner, s->partner);
+    }
+}
+
+// Pairs of arms that stand still, with each other, with obstacles, and of one such arm.
+static void next_standing_chunk(RefereeSearch *s) {
+    int64_t arms = arm_count(s);
+    begin_chunk(s, -1, -1);
+    s->whole = 1;
+    while (s->arm < arms) {
+        add_partners(s, s->arm);
+        if (s->partner < s->owner_count) return;
+        s->partner = ++s->arm + 1;
+    }
+    // `arm` goes on over those whose own pairs count.
+    for (; s->arm - arms < s->own_arm_count; s->arm++) {
+        int64_t arm = s->own_arms[s->arm - arms], bodies = body_count_of(s, arm);
+        if (s->pair_count + bodies * bodies > s->pair_room) return;
+        add_pairs(s, arm, arm);
+    }
+    s->stage = SEARCH_MOVING;
+    s->arm = s->partner = 0;
+}
+
+// Pairs of an arm that moves: with itself and all that stands still, then with each other one that moves.
+//
+// `partner` is the arm itself, then counts up from the first owner that stands still, then through the arms that move.
+static void next_moving_chunk(RefereeSearch *s) {
+    int64_t arm = s->arm, moving = s->moving_count;
+    if (arm == moving) {
+        s->stage = SEARCH_DONE;
+        return;
+    }
+    if (s->pass == PASS_STANDING) {
+        begin_chunk(s, arm, -1);
+        s->whole = 1;
+        if (s->partner == 0) {
+            add_pairs(s, arm, arm);
+            s->partner = moving;
+        }
+        add_partners(s, arm);
+        if (s->partner == s->owner_count) {
+            s->pass = PASS_MOVING;
+            s->partner = arm + 1;
+        }
+        return;
+    }
+    while (s->partner < moving) {
+        begin_chunk(s, arm, s->partner);
+        s->whole = 0;
+        add_pairs(s, arm, s->partner++);
+        if (s->pair_count) return;
+    }
+    s->pass = PASS_STANDING;
+    s->partner = 0;
+    s->arm++;
+}
+
+// ---- the search --------------------------------------------------------------------------------
+
+// Cut the whole motion into slices of about the same time.
+static void cut_slices(RefereeSearch *s) {
+    s->slices[0] = whole_motion(s);
+    s->slice_count = 1;
+    if (s->break_count < 2) return;
+    while (s->slice_count < MOTION_SLICES) {
+        for (int64_t i = s->slice_count - 1; i >= 0; i--) {
+            TimeInterval whole = s->slices[i];
+            cut_interval(s, &whole, &s->slices[2 * i], &s->slices[2 * i + 1]);
+        }
+        s->slice_count *= 2;
+    }
+}
+
+// Pose all arms that move at one time, and find boxes.
+static void pose_movers_at(RefereeSearch *s, double time) {
+    PieceTime at = locate_time(s, time);
+    for (int64_t arm = 0; arm < s->moving_count; arm++) {
+        pose_arm_at(s, arm, at);
+        place_bodies(s, arm);
+        box_arm(s, arm, 0, s->element_boxes, s->owner_boxes);
+    }
+}
+
+// Find the smallest clearance to the surroundings at both ends.
+static void search_ends(RefereeSearch *s) {
+    NearestElements standing = {1e300, -1, -1};
+    double begin = s->breaks[0];
+    standing = find_nearest_others(s, s->moving_count, arm_count(s), begin, 0.0, standing);
+    for (int end = 0; end < 2; end++) {
+        double time = s->breaks[end ? s->break_count - 1 : 0];
+        pose_movers_at(s, time);
+        NearestElements best = find_nearest_others(s, 0, s->moving_count, time, 0.0, standing);
+        s->ends[end] = (ElementPair){best.a, best.b, PAIR_FREE, best.clearance, time};
+        find_nearest_own(s, time, s->tolerance);
+    }
+}
+
+// Boxes around all that moves on each slice, and smallest clearances in the middle of it: the nearer they are known, the
+// less is left to prove.
+static void search_slices(RefereeSearch *s) {
+    for (int64_t slice = 0; slice < s->slice_count; slice++) {
+        IntervalMiddle middle = middle_of(s, &s->slices[slice]);
+        BoundingBox *elements = s->element_slices + slice * s->element_count;
+        BoundingBox *owners = s->owner_slices + slice * s->owner_count;
+        for (int64_t arm = 0; arm < s->moving_count; arm++) {
+            int64_t bodies = model_of(s, arm)->bodies->body_count;
+            pose_links(s, arm, &s->slices[slice], middle);
+            place_bodies(s, arm);
+            for (int64_t b = 0; b < bodies; b++) sweep_body(s, arm, b);
+            box_arm(s, arm, 1, elements, owners);
+            if (slice == 0) s->owner_sweeps[arm] = NO_BOX;
+            join_boxes(&s->owner_sweeps[arm], &owners[arm]);
+            if (s->with_clearance) box_arm(s, arm, 0, s->element_boxes, s->owner_boxes);
+        }
+        if (!s->with_clearance) continue;
+        NearestElements best = {s->smallest[GROUP_OTHERS], -1, -1};
+        find_nearest_others(s, 0, s->moving_count, middle.time, s->tolerance, best);
+        find_nearest_own(s, middle.time, s->tolerance);
+    }
+}
+
+static void start_search(RefereeSearch *s) {
+    int64_t arms = arm_count(s);
+    set_ranges(s);
+    cut_slices(s);
+    for (int64_t arm = s->moving_count; arm <= arms; arm++) {
+        move_links(s, arm);
+        place_bodies(s, arm);
+        box_arm(s, arm, 0, s->element_boxes, s->owner_boxes);
+    }
+    for (int64_t e = s->arms[s->moving_count].first_element; e < s->element_count; e++)
+        s->element_slices[e] = s->element_boxes[e];
+    for (int64_t o = s->moving_count; o < s->owner_count; o++) s->owner_slices[o] = s->owner_sweeps[o] = s->owner_boxes[o];
+    if (s->with_clearance) search_ends(s);
+    search_slices(s);
+    if (s->with_clearance)
+        for (int64_t group = 0; group < PAIR_GROUPS; group++) refine_nearest(s, group, 0.1 * s->tolerance);
+    s->stage = SEARCH_STANDING;
+    s->arm = s->moving_count;
+    s->partner = s->arm + 1;
+}
+
+// Decide all pairs on all of a motion, or on about `budget` more intervals; it ends earlier where pairs are left to Coal.
 EXPORT void rr1_prove_motion(RefereeSearch *s, int64_t budget) {
     if (s->stage == SEARCH_START) start_search(s);
-    for (; budget > 0 && s->open > 0; budget--) visit_interval(s);
-    if (s->open == 0 && s->stage != SEARCH_DONE) finish_search(s);
+    for (; budget > 0 && s->stage != SEARCH_DONE; budget--) {
+        if (s->open > 0) {
+            visit_interval(s);
+        } else if (!open_slice(s)) {
+            report_marks(s);
+            if (s->left_count > 0) return;
+            if (s->stage == SEARCH_STANDING) {
+                next_standing_chunk(s);
+            } else {
+                next_moving_chunk(s);
+            }
+        }
+    }
+    if (s->stage == SEARCH_DONE && s->with_clearance)
+        for (int64_t group = 0; group < PAIR_GROUPS; group++) refine_nearest(s, group, SHARP);
 }

@@ -13,4 +13,6 @@ static inline double lesser(double a, double b) { return b < a ? b : a; }
 
 static inline double greater(double a, double b) { return b > a ? b : a; }
 
+static inline int64_t lesser_index(int64_t a, int64_t b) { return b < a ? b : a; }
+
 #endif

@@ -13,10 +13,11 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Link, Mimic
 from rr1plan.transforms import inverse, pose
+from rr1plan.validation.motion import TimedColumns
 from rr1plan.validation.native import ORIGIN, load_library
-from rr1plan.validation.proof import Search
+from rr1plan.validation.proof import Aim, Search
+from rr1plan.validation.referee_scene import referee_scene
 from rr1plan.validation.solids import support
-from rr1plan.validation.tables import setting_of
 
 Make = Callable[..., Any]
 ROUNDING = 1e-9
@@ -27,19 +28,31 @@ class Stretch:
     """A polynomial motion of one arm within `half` of a time, in the tables of the search."""
 
     def __init__(self, robot: rp.Robot, coefficients: Array, at: float, half: float) -> None:
-        # Something to keep away from: what nothing is checked against is no body.
-        self.scene = rp.Scene().with_arm("arm", robot).with_obstacle("far", rp.Sphere(0.1), [99.0, 0.0, 0.0])
+        self.robot, self.scene = robot, rp.Scene().with_arm("arm", robot)
         self.coefficients, self.at, self.half = coefficients, at, half
-        s = self.setting = setting_of(self.scene, self.scene.joint_names())
-        self.search = Search(s.motion.along(np.array([0.0, 1.0]), coefficients[None]), s, 1e-3, 1).struct
-        self.placed = np.zeros((len(s.kinds), 15))
-        self.search.set(placed=self.placed)
-        self.native = load_library()
+        tables = referee_scene(self.scene)
+        self.model = tables.models[0]
+        names = self.scene.joint_names()
+        motion = TimedColumns(names, np.array([0.0, 1.0]), coefficients[None])
+        search = Search(tables.arranged(names), motion, Aim(1e-3, 1))
+        self.search, self.native = search.struct, load_library()
         self.native.rr1_probe_interval(self.search, 0, at, half)
+        self.placed = search.tables["placed"].view(np.float64)
 
-    def chain(self, b: int) -> Array:
-        """Numbers of the joints that carry a body."""
-        return np.flatnonzero(self.setting.bodies.moved[b])
+    @property
+    def movers(self) -> list[int]:
+        """The bodies that a joint carries."""
+        return [b for b in range(len(self.model.rows.solids)) if self.chain(b)]
+
+    def chain(self, b: int) -> list[str]:
+        """The joints that carry a body and move, from the base on."""
+        joints = {joint.child: joint for joint in self.robot.joints}
+        link, _ = self._geometries()[b]
+        found: list[str] = []
+        while link in joints:
+            joint = joints[link]
+            found, link = [joint.name, *found], joint.parent
+        return found
 
     def bound(self, b: int, shared: int) -> float:
         """What the search adds for what is not steady."""
@@ -47,9 +60,10 @@ class Stretch:
 
     def reach(self, b: int, shared: int, time: float, d: Array) -> float:
         """How far a body gets along d at its steady velocity, as the search has it."""
-        chain = self.chain(b)
-        before = int(chain[shared - 1]) if shared else -1
-        moved = self.native.rr1_probe_steady_reach(self.search, b, int(chain[-1]), before, time, d)
+        numbers = [joint.name for joint in self.robot.joints]
+        chain = [numbers.index(name) for name in self.chain(b)]
+        before = chain[shared - 1] if shared else -1
+        moved = self.native.rr1_probe_steady_reach(self.search, b, chain[-1], before, time, d)
         return float(d @ self.placed[b, ORIGIN : ORIGIN + 3]) + float(moved)
 
     def true_reach(self, b: int, shared: int, time: float, d: Array) -> float:
@@ -58,14 +72,12 @@ class Stretch:
         if shared:
             frame = self._frame(b, shared)
             T = self._link(frame, 0.0) @ inverse(self._link(frame, time)) @ T
-        body = self.setting.bodies.solids[b]
+        body = self.model.rows.solids[b]
         return float(d @ T[:3, 3]) + float(support(body, (T[:3, :3].T @ d)[None])[0])
 
     def _frame(self, b: int, shared: int) -> str:
         """The link that the last of the first `shared` joints moves."""
-        number = int(self.chain(b)[shared - 1])
-        (step,) = [step for step in self.setting.motion.steps if step.number == number]
-        return str(step.joint.child)
+        return self.robot.joint(self.chain(b)[shared - 1]).child
 
     def _pose(self, b: int, time: float) -> Array:
         link, geometry = self._geometries()[b]
@@ -104,7 +116,7 @@ def test_no_body_strays_farther_from_its_steady_motion_than_the_bound(seed: int,
         robot = replace(robot, joints=(*robot.joints[:-1], last), **changes)
     coefficients = rng.normal(size=(int(rng.integers(2, 6)), robot.nq))
     stretch = Stretch(robot, coefficients, rng.uniform(-0.5, 0.5), 10.0 ** rng.uniform(-2.0, 0.0))
-    for b in stretch.setting.movers.tolist():
+    for b in stretch.movers:
         for shared in range(len(stretch.chain(b))):
             assert error(stretch, b, shared, units(rng, 6)) <= stretch.bound(b, shared) + ROUNDING
 
@@ -167,7 +179,7 @@ def test_no_term_of_the_bound_can_be_spared(name: str) -> None:
     """A point that strays as far as the bound allows, to second order: with any part less, it would stray farther."""
     joints, speeds, d = TIGHT[name]
     stretch = Stretch(arm_of(*joints), np.array([np.zeros(len(speeds)), speeds]), 0.0, 1e-3)
-    (b,) = stretch.setting.movers.tolist()
+    (b,) = stretch.movers
     strays, bound = error(stretch, b, 0, d[None]), stretch.bound(b, 0)
     assert strays <= bound + ROUNDING
     assert strays > 0.995 * bound - ROUNDING
@@ -175,7 +187,7 @@ def test_no_term_of_the_bound_can_be_spared(name: str) -> None:
 
 def test_what_the_joints_do_beside_a_steady_speed_counts(slider: Make) -> None:
     stretch = Stretch(slider(rp.Sphere(0.1)), np.array([[0.2], [1.0], [3.0], [-2.0]]), 0.0, 0.1)
-    (b,) = stretch.setting.movers.tolist()
+    (b,) = stretch.movers
     # The third power pulls the same way as the second before the middle: 3 * 0.1^2 + 2 * 0.1^3.
     assert error(stretch, b, 0, X[None]) == pytest.approx(stretch.bound(b, 0), abs=1e-12) == pytest.approx(0.032)
 
@@ -183,7 +195,7 @@ def test_what_the_joints_do_beside_a_steady_speed_counts(slider: Make) -> None:
 def test_joints_that_two_bodies_share_move_neither_against_the_other() -> None:
     joints = [("revolute", 0.0 * X, Z), ("revolute", X, Z), ("revolute", X, Z)]
     stretch = Stretch(arm_of(*joints), np.array([np.zeros(3), [1.0, 0.0, 0.0]]), 0.0, 0.3)
-    (b,) = stretch.setting.movers.tolist()
+    (b,) = stretch.movers
     assert stretch.bound(b, 0) > 0.05
     assert stretch.bound(b, 1) == 0.0
     assert error(stretch, b, 1, np.eye(3)) <= ROUNDING

@@ -15,35 +15,57 @@
 // Rounding of the distances between axes and bodies [m].
 #define AXIS_ROUNDING 1e-7
 
-// Value, largest change, deviation from a steady speed and speed of all columns within `half` of a local time.
-static void expand_columns(RefereeSearch *s, int64_t piece, double at, double half) {
+static inline const RefereeModel *model_of(const RefereeSearch *s, int64_t arm) {
+    return &s->models[s->arms[arm].model];
+}
+
+// Value, largest change, deviation from a steady speed and speed of a column of q within `half` of a local time.
+static ColumnMotion expand_column(RefereeSearch *s, int64_t c, int64_t piece, double at, double half) {
     int64_t degree = s->terms - 1, width = s->column_count;
     double *terms = s->terms_scratch;
-    for (int64_t c = 0; c < width; c++) {
-        for (int64_t k = 0; k <= degree; k++) terms[k] = s->coefficients[(piece * s->terms + k) * width + c];
-        // Taylor shift by Horner's scheme.
-        for (int64_t i = 0; i < degree; i++)
-            for (int64_t k = degree - 1; k >= i; k--) terms[k] += at * terms[k + 1];
-        double rest = 0.0, power = half;
-        for (int64_t k = 2; k <= degree; k++) {
-            power *= half;
-            rest += fabs(terms[k]) * power;
+    for (int64_t k = 0; k <= degree; k++) terms[k] = s->coefficients[(piece * s->terms + k) * width + c];
+    // Taylor shift by Horner's scheme.
+    for (int64_t i = 0; i < degree; i++)
+        for (int64_t k = degree - 1; k >= i; k--) terms[k] += at * terms[k + 1];
+    double rest = 0.0, power = half;
+    for (int64_t k = 2; k <= degree; k++) {
+        power *= half;
+        rest += fabs(terms[k]) * power;
+    }
+    double speed = degree > 0 ? terms[1] : 0.0;
+    return (ColumnMotion){terms[0], fabs(speed) * half + rest, rest, speed};
+}
+
+// Ranges of all columns of q on each piece.
+static void set_ranges(RefereeSearch *s) {
+    for (int64_t i = 0; i < s->piece_count; i++) {
+        double half = s->break_count > 1 ? 0.5 * (s->breaks[i + 1] - s->breaks[i]) : 0.0;
+        for (int64_t c = 0; c < s->column_count; c++) {
+            ColumnMotion column = expand_column(s, c, i, half, half);
+            s->ranges[c * s->piece_count + i] = (ColumnRange){column.value - column.change, column.value + column.change};
         }
-        double speed = degree > 0 ? terms[1] : 0.0;
-        s->columns[c] = (ColumnMotion){terms[0], fabs(speed) * half + rest, rest, speed};
     }
 }
 
+// The columns of an arm at a local time, and what they do within `half` of it.
+static void expand_arm(RefereeSearch *s, int64_t arm, int64_t piece, double at, double half) {
+    const int64_t *columns = s->arm_columns + s->arms[arm].first_column;
+    int64_t count = s->arms[arm + 1].first_column - s->arms[arm].first_column;
+    for (int64_t i = 0; i < count; i++) s->columns[columns[i]] = expand_column(s, columns[i], piece, at, half);
+}
+
 // Over several pieces: the largest change from the value that is there, with no steady speed.
-static void widen_columns(RefereeSearch *s, int64_t first, int64_t stop) {
-    for (int64_t c = 0; c < s->column_count; c++) {
-        ColumnRange range = s->ranges[first * s->column_count + c];
+static void widen_arm(RefereeSearch *s, int64_t arm, int64_t first, int64_t stop) {
+    const int64_t *columns = s->arm_columns + s->arms[arm].first_column;
+    int64_t count = s->arms[arm + 1].first_column - s->arms[arm].first_column;
+    for (int64_t k = 0; k < count; k++) {
+        const ColumnRange *ranges = s->ranges + columns[k] * s->piece_count;
+        ColumnRange range = ranges[first];
         for (int64_t i = first + 1; i < stop; i++) {
-            const ColumnRange *other = &s->ranges[i * s->column_count + c];
-            range.low = lesser(range.low, other->low);
-            range.high = greater(range.high, other->high);
+            range.low = lesser(range.low, ranges[i].low);
+            range.high = greater(range.high, ranges[i].high);
         }
-        ColumnMotion *column = &s->columns[c];
+        ColumnMotion *column = &s->columns[columns[k]];
         column->change = greater(range.high - column->value, column->value - range.low);
         column->rest = column->change;
         column->speed = 0.0;
@@ -64,31 +86,35 @@ static void turn_link(LinkPose *link, const double axis[3], double angle) {
     }
 }
 
-// Poses of all links that move, and the axes of the joints that move them.
-static void move_links(RefereeSearch *s) {
-    for (int64_t step = 0; step < s->step_count; step++) {
-        const LinkStep *at = &s->steps[step];
-        const JointFrame *frame = &s->frames[step];
-        const LinkPose *parent = &s->links[at->parent];
-        LinkPose *child = &s->links[at->child];
+// Poses of all links of an arm, and the axes of its joints.
+static void move_links(RefereeSearch *s, int64_t arm) {
+    const RefereeModel *model = model_of(s, arm);
+    const int64_t *columns = s->arm_columns + s->arms[arm].first_column;
+    LinkPose *links = s->links + s->arms[arm].first_link;
+    JointState *states = s->states + s->arms[arm].first_joint;
+    links[0] = s->bases[arm];
+    for (int64_t j = 0; j < model->joint_count; j++) {
+        const ArmJoint *joint = &model->joints[j];
+        const JointFrame *frame = &model->frames[j];
+        const LinkPose *parent = &links[joint->parent];
+        LinkPose *child = &links[j + 1];
+        JointState *state = &states[j];
         for (int i = 0; i < 3; i++) {
             const double *row = &parent->rotation[3 * i];
-            for (int j = 0; j < 3; j++)
-                child->rotation[3 * i + j] = row[0] * frame->rotation[j] + row[1] * frame->rotation[3 + j] +
-                                             row[2] * frame->rotation[6 + j];
+            for (int k = 0; k < 3; k++)
+                child->rotation[3 * i + k] = row[0] * frame->rotation[k] + row[1] * frame->rotation[3 + k] +
+                                             row[2] * frame->rotation[6 + k];
             double shift = row[0] * frame->shift[0] + row[1] * frame->shift[1] + row[2] * frame->shift[2];
             child->origin[i] = parent->origin[i] + shift;
         }
-        if (at->joint < 0) continue;
-        JointState *state = &s->states[at->joint];
         for (int i = 0; i < 3; i++) {
             const double *row = &child->rotation[3 * i];
             state->axis[i] = row[0] * frame->axis[0] + row[1] * frame->axis[1] + row[2] * frame->axis[2];
             state->pivot[i] = child->origin[i];
         }
-        const ColumnMotion *column = &s->columns[s->joints[at->joint].column];
+        const ColumnMotion *column = &s->columns[columns[joint->column]];
         double value = frame->offset + frame->gain * column->value, size = fabs(frame->gain);
-        if (at->move == MOVE_SLIDES) {
+        if (joint->move == MOVE_SLIDES) {
             for (int i = 0; i < 3; i++) child->origin[i] += value * state->axis[i];
         } else {
             turn_link(child, frame->axis, value);
@@ -104,18 +130,21 @@ static inline JointState *state_of(const RefereeSearch *s, int64_t joint) {
     return &s->states[joint < 0 ? s->joint_count : joint];
 }
 
-// Velocity of the bodies that each joint carries, under it and all joints before it.
-static void add_velocities(RefereeSearch *s) {
-    for (int64_t j = 0; j < s->joint_count; j++) {
-        JointState *state = &s->states[j];
-        const JointState *before = state_of(s, s->joints[j].before);
+// Velocity of the bodies that each joint of an arm carries, under it and all joints before it.
+static void add_velocities(RefereeSearch *s, int64_t arm) {
+    const RefereeModel *model = model_of(s, arm);
+    int64_t first = s->arms[arm].first_joint;
+    for (int64_t j = 0; j < model->joint_count; j++) {
+        const ArmJoint *joint = &model->joints[j];
+        JointState *state = &s->states[first + j];
+        const JointState *before = state_of(s, joint->parent > 0 ? first + joint->parent - 1 : -1);
         const double *axis = state->axis, *p = state->pivot;
         double speed = state->speed;
         for (int i = 0; i < 3; i++) {
             state->angular[i] = before->angular[i];
             state->linear[i] = before->linear[i];
         }
-        if (s->joints[j].move == MOVE_SLIDES) {
+        if (joint->move == MOVE_SLIDES) {
             for (int i = 0; i < 3; i++) state->linear[i] += speed * axis[i];
         } else {
             for (int i = 0; i < 3; i++) state->angular[i] += speed * axis[i];
@@ -127,10 +156,11 @@ static void add_velocities(RefereeSearch *s) {
 }
 
 // World pose of a body, and the center of its bounding ball.
-static void place_body(RefereeSearch *s, int64_t b) {
-    const LinkPose *link = &s->links[s->bodies->bodies[b].link];
-    const BodySizes *size = &s->bodies->sizes[b];
-    PlacedBody *placed = &s->placed[b];
+static void place_body(RefereeSearch *s, int64_t arm, int64_t b) {
+    const RefereeBodies *bodies = model_of(s, arm)->bodies;
+    const LinkPose *link = &s->links[s->arms[arm].first_link + bodies->bodies[b].link];
+    const BodySizes *size = &bodies->sizes[b];
+    PlacedBody *placed = &s->placed[s->arms[arm].first_body + b];
     for (int i = 0; i < 3; i++) {
         const double *row = &link->rotation[3 * i], *r = size->rotation, *o = size->origin, *c = size->center;
         for (int j = 0; j < 3; j++) placed->rotation[3 * i + j] = row[0] * r[j] + row[1] * r[3 + j] + row[2] * r[6 + j];
@@ -140,21 +170,22 @@ static void place_body(RefereeSearch *s, int64_t b) {
 }
 
 // How far a body reaches from each joint of its chain, and how far that joint and those after it carry it.
-static void sweep_body(RefereeSearch *s, int64_t b) {
-    const RefereeBody *body = &s->bodies->bodies[b];
-    const double *middle = s->placed[b].middle;
-    Sweep *sweeps = s->sweeps + b * s->sweep_stride;
+static void sweep_body(RefereeSearch *s, int64_t arm, int64_t b) {
+    const RefereeModel *model = model_of(s, arm);
+    const RefereeBody *body = &model->bodies->bodies[b];
+    const double *middle = s->placed[s->arms[arm].first_body + b].middle;
+    Sweep *sweeps = s->sweeps + (s->arms[arm].first_body + b) * s->sweep_stride;
     sweeps[body->depth].carried = 0.0;
     for (int64_t i = body->depth - 1; i >= 0; i--) {
-        int64_t j = s->chains[body->first_joint + i];
-        const JointState *state = &s->states[j];
-        if (s->joints[j].move == MOVE_SLIDES) {
+        int64_t j = model->chains[body->first_joint + i];
+        const JointState *state = &s->states[s->arms[arm].first_joint + j];
+        if (model->joints[j].move == MOVE_SLIDES) {
             sweeps[i] = (Sweep){1.0, sweeps[i + 1].carried + state->change};
             continue;
         }
         double x = middle[0] - state->pivot[0], y = middle[1] - state->pivot[1], z = middle[2] - state->pivot[2];
         double along = x * state->axis[0] + y * state->axis[1] + z * state->axis[2];
-        double across = sqrt(greater(0.0, x * x + y * y + z * z - along * along)) + s->bodies->sizes[b].radius +
+        double across = sqrt(greater(0.0, x * x + y * y + z * z - along * along)) + model->bodies->sizes[b].radius +
                         AXIS_ROUNDING;
         // A chord is never longer than the arc, nor than the diameter.
         sweeps[i] = (Sweep){across, sweeps[i + 1].carried + lesser(state->change, 2.0) * across};
@@ -162,14 +193,16 @@ static void sweep_body(RefereeSearch *s, int64_t b) {
 }
 
 // What a body can move beside its steady velocity, by the joints of its chain from `shared` on [m].
-static double unsteadiness(const RefereeSearch *s, int64_t b, int64_t shared) {
-    const RefereeBody *body = &s->bodies->bodies[b];
-    const Sweep *sweeps = s->sweeps + b * s->sweep_stride;
+static double unsteadiness(const RefereeSearch *s, int64_t arm, int64_t b, int64_t shared) {
+    const RefereeModel *model = model_of(s, arm);
+    const RefereeBody *body = &model->bodies->bodies[b];
+    const JointState *states = s->states + s->arms[arm].first_joint;
+    const Sweep *sweeps = s->sweeps + (s->arms[arm].first_body + b) * s->sweep_stride;
     double total = 0.0, tilt = 0.0;
     for (int64_t i = shared; i < body->depth; i++) {
-        int64_t j = s->chains[body->first_joint + i];
-        double change = s->states[j].change, rest = s->states[j].rest;
-        if (s->joints[j].move == MOVE_SLIDES) {
+        int64_t j = model->chains[body->first_joint + i];
+        double change = states[j].change, rest = states[j].rest;
+        if (model->joints[j].move == MOVE_SLIDES) {
             total += rest + tilt * change;
         } else {
             total += sweeps[i].reach * (rest + change * (0.5 * change + tilt));
@@ -183,13 +216,13 @@ static double unsteadiness(const RefereeSearch *s, int64_t b, int64_t shared) {
 typedef struct {
     double moved;
     Direction direction;
-} Turned;
+} SteadyTurn;
 
 // What `time` at the steady velocity of a body changes along d: that under the joints up to the last that carries it, less
-// that under those up to `shared`.
-static Turned steady_turn(const RefereeSearch *s, int64_t b, int64_t last, int64_t shared, double time, Direction d) {
-    const JointState *end = state_of(s, last), *begin = state_of(s, shared);
-    const double *p = s->placed[b].origin;
+// that under those up to `before`.
+static SteadyTurn steady_turn(const RefereeSearch *s, BodyView b, int64_t last, int64_t before, double time, Direction d) {
+    const JointState *end = state_of(s, last), *begin = state_of(s, before);
+    const double *p = b.placed->origin;
     double wx = end->angular[0] - begin->angular[0], wy = end->angular[1] - begin->angular[1];
     double wz = end->angular[2] - begin->angular[2];
     double vx = end->linear[0] - begin->linear[0] + wy * p[2] - wz * p[1];
@@ -202,23 +235,23 @@ static Turned steady_turn(const RefereeSearch *s, int64_t b, int64_t last, int64
         d.y + time * (d.z * wx - d.x * wz),
         d.z + time * (d.x * wy - d.y * wx),
     };
-    return (Turned){moved, turned};
+    return (SteadyTurn){moved, turned};
 }
 
 // Support of a body along d, from its frame's origin, after `time` at its steady velocity; see `steady_turn`.
-static double steady_reach(const RefereeSearch *s, int64_t b, int64_t last, int64_t shared, double time, Direction d) {
-    Turned turned = steady_turn(s, b, last, shared, time, d);
-    return turned.moved + body_reach(s->bodies, s->placed, b, turned.direction);
+static double steady_reach(const RefereeSearch *s, BodyView b, int64_t last, int64_t before, double time, Direction d) {
+    SteadyTurn turn = steady_turn(s, b, last, before, time, d);
+    return turn.moved + body_reach(b, turn.direction);
 }
 
-// Distance of the center of body b from the bounding box of body a [m]; 0 inside.
-static double box_distance(const RefereeSearch *s, int64_t a, int64_t b) {
-    const PlacedBody *box = &s->placed[a];
-    const double *p = s->placed[b].middle, *q = box->middle;
+// Distance of the center of one body from the bounding box of another [m]; 0 inside.
+static double box_distance(BodyView a, BodyView b) {
+    const double *p = b.placed->middle, *q = a.placed->middle, *rotation = a.placed->rotation;
+    const double *half = a.all->sizes[a.index].box;
     double x = p[0] - q[0], y = p[1] - q[1], z = p[2] - q[2], total = 0.0;
     for (int j = 0; j < 3; j++) {
-        double along = box->rotation[j] * x + box->rotation[3 + j] * y + box->rotation[6 + j] * z;
-        double outside = fabs(along) - s->bodies->sizes[a].box[j];
+        double along = rotation[j] * x + rotation[3 + j] * y + rotation[6 + j] * z;
+        double outside = fabs(along) - half[j];
         if (outside > 0.0) total += outside * outside;
     }
     return sqrt(total);

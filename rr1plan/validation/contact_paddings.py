@@ -1,0 +1,94 @@
+"""Which elements of two owners must not touch, and how far apart they have to be, for two owners at a time.
+
+An owner is an arm with its links and what it holds, or an obstacle. What a single pair may do is said in words by
+`Scene.may_touch` and `Scene.padding_of`. Rules are looked up by their owners: for all others nothing is worked out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.scene import Pair, Scene
+
+# Where contact is allowed there is no distance to keep.
+ALLOWED = -1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """The elements of an owner.
+
+    Args:
+        owner: Its name.
+        index: Number of each element among them, by name.
+        order: Where each comes among all elements of the scene, shape (n,).
+    """
+
+    owner: str
+    index: Mapping[str, int]
+    order: NDArray[np.int64]
+
+    def named(self, name: str) -> list[int]:
+        """The elements that a name in a rule stands for: one, all for the owner's name, none for another name."""
+        if name in self.index:
+            return [self.index[name]]
+        return list(range(len(self.order))) if name == self.owner else []
+
+
+def rules_by_owners(scene: Scene) -> dict[Pair, list[Pair]]:
+    """The pairs of names that rules are about, allowed contacts and paddings alike, by the owners of what they name."""
+    found: dict[Pair, list[Pair]] = {}
+    for both in dict.fromkeys((*scene.allowed, *scene.pair_padding)):
+        found.setdefault(frozenset(scene.owner(name) or name for name in both), []).append(both)
+    return found
+
+
+def block_paddings(scene: Scene, one: Elements, two: Elements, checked: NDArray[np.uint8], rules: list[Pair]) -> Array:
+    """Distance to keep between each element of one owner and each of another [m], or `ALLOWED`, shape (n, m).
+
+    Args:
+        scene: The scene.
+        one: The elements of an owner.
+        two: Those of another one, or the same.
+        checked: Which pairs must not touch if no rule says otherwise, shape (n, m).
+        rules: The pairs of names that rules are about, those of these owners.
+    """
+    paddings = np.full(checked.shape, scene.padding)
+    kept = {both: scene.pair_padding[both] for both in rules if both in scene.pair_padding}
+    allowed = {both: ALLOWED for both in rules if both in scene.allowed and len(both) == 2}
+    for both in (both for both in kept if _elements_named(both, one, two) == 0):
+        _set(paddings, one, two, both, kept[both])
+    # A rule may be about an element and the other's owner. Where both elements have one, that of the earlier counts.
+    of_one, of_two = np.full(checked.shape, np.nan), np.full(checked.shape, np.nan)
+    for both in (both for both in kept if _elements_named(both, one, two) == 1):
+        for x, y in _orders(both):
+            (of_one if x in one.index else of_two)[np.ix_(one.named(x), two.named(y))] = kept[both]
+    earlier = one.order[:, None] < two.order[None, :]
+    for table in (np.where(earlier, of_two, of_one), np.where(earlier, of_one, of_two)):
+        paddings = np.where(np.isnan(table), paddings, table)
+    for both in (both for both in kept if _elements_named(both, one, two) == 2):
+        _set(paddings, one, two, both, kept[both])
+    for both, distance in allowed.items():
+        _set(paddings, one, two, both, distance)
+    return np.where(checked, paddings, ALLOWED)
+
+
+def _elements_named(both: Pair, one: Elements, two: Elements) -> int:
+    """How many of two names are elements' and not owners'."""
+    return sum(name in one.index or name in two.index for name in both)
+
+
+def _set(paddings: Array, one: Elements, two: Elements, both: Pair, distance: float) -> None:
+    for x, y in _orders(both):
+        paddings[np.ix_(one.named(x), two.named(y))] = distance
+
+
+def _orders(both: Pair) -> Iterator[tuple[str, ...]]:
+    """Two names one way and the other; one name twice."""
+    return permutations(both) if len(both) == 2 else iter([tuple(both) * 2])

@@ -1,0 +1,74 @@
+"""What the referee makes of the rules about contacts, against what the scene says of every single pair."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.robot import Geometry
+from rr1plan.transforms import pose
+from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.native import load_library
+from rr1plan.validation.proof import Aim, Search
+from rr1plan.validation.referee_scene import referee_scene
+
+Make = Callable[..., Any]
+BALL = rp.Sphere(0.01)
+
+
+def random_scene(rng: np.random.Generator, chain: Make) -> rp.Scene:
+    """Three arms of two kinds, two of them holding things, obstacles, and rules about names of all kinds."""
+    robots = [with_base(chain(rng, 3)), chain(rng, 2)]
+    scene = rp.Scene()
+    for i, name in enumerate(("left", "middle", "right")):
+        scene = scene.with_arm(name, robots[i % 2], pose(rng.normal(size=3)))
+    for name in ("table", "post"):
+        scene = scene.with_obstacle(name, BALL, rng.normal(size=3))
+    for name, arm in (("cup", "left"), ("lid", "left"), ("rod", "right")):
+        links = scene.arms[arm].robot.link_names
+        touch = rng.choice(links, 2, replace=False).tolist()
+        scene = scene.with_obstacle(name, BALL).attach(name, arm, str(rng.choice(links)), touch=touch)
+    names = [*scene.element_names, *scene.arms]
+    allowed = [frozenset(rng.choice(names, 2, replace=False).tolist()) for _ in range(int(rng.integers(6)))]
+    keep = [frozenset(rng.choice(names, 2, replace=False).tolist()) for _ in range(int(rng.integers(25)))]
+    keep += [frozenset({str(rng.choice(list(scene.arms)))})] * int(rng.integers(2))
+    distances = {both: float(rng.uniform(0.0, 0.1)) for both in keep}
+    return rp.Scene(
+        scene.arms, scene.obstacles, scene.attachments, frozenset(allowed), float(rng.uniform(0.0, 0.1)), distances
+    )
+
+
+def with_base(robot: rp.Robot) -> rp.Robot:
+    """The same robot with a shape on its base."""
+    first, *rest = robot.links
+    return replace(robot, links=(replace(first, collisions=(Geometry("foot", BALL),)), *rest))
+
+
+def said(scene: rp.Scene, joint_names: tuple[str, ...]) -> dict[frozenset[str], float]:
+    """Distances to keep between the pairs that must not touch, as the compiled search reads them."""
+    tables = referee_scene(scene)
+    arrangement, count = tables.arranged(joint_names), len(scene.element_names)
+    rest = TimedColumns(joint_names, np.zeros(1), np.zeros((1, 1, len(joint_names))))
+    table = np.full((count, count), -1.0)
+    load_library().rr1_probe_paddings(Search(arrangement, rest, Aim(1e-3, 1)).struct, table)
+    names = [tables.element(arrangement, e)[1] for e in range(count)]
+    for a, b in combinations(range(count), 2):
+        assert tables.padding_between(arrangement, a, b) == table[a, b]
+    found = {frozenset((names[a], names[b])): float(table[a, b]) for a, b in combinations(range(count), 2)}
+    return {both: distance for both, distance in found.items() if distance >= 0.0}
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_all_pairs_have_the_distances_that_the_scene_says(seed: int, chain: Make) -> None:
+    rng = np.random.default_rng(seed)
+    scene = random_scene(rng, chain)
+    names = scene.element_names
+    wanted = {frozenset((a, b)): scene.padding_of(a, b) for a, b in combinations(names, 2) if not scene.may_touch(a, b)}
+    moving = scene.joint_names(rng.choice(list(scene.arms), int(rng.integers(1, 4)), replace=False).tolist())
+    assert said(scene, moving) == wanted
