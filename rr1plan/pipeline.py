@@ -276,8 +276,8 @@ def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
 
     Args:
         problem: Any problem in the scene that moves the same arms.
-        progress: Called about ten times a second while meshes that move are cut into convex pieces, the one part that may take
-            long; False cancels.
+        progress: Called about ten times a second while meshes that move are cut into convex pieces, the one part that
+            may take long; False cancels.
 
     Raises:
         InputError: no problem, or a scene that cannot be checked.

@@ -17,7 +17,18 @@ from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.validation.clouds import CellBlocks
-from rr1plan.validation.native import BOUND, BOX, CENTER, CYLINDER, HALF, PLANE, RADIUS, ROUND, SHAPE_CONCAVE, SHAPE_SURFACE
+from rr1plan.validation.native import (
+    BOUND,
+    BOX,
+    CENTER,
+    CYLINDER,
+    HALF,
+    PLANE,
+    RADIUS,
+    ROUND,
+    SHAPE_CONCAVE,
+    SHAPE_SURFACE,
+)
 from rr1plan.validation.support_tables import Core, hull_core
 from rr1plan.validation.surfaces import Surface
 

@@ -292,5 +292,5 @@ def test_too_many_triangles_are_refused_by_the_replay_with_what_to_try(
     rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mujoco_model, "_MOST_PLATES", 10)
-    with pytest.raises(InputError, match="12 triangles is not convex.*decimated"):
+    with pytest.raises(InputError, match="12 triangles is not convex"):
         build_mujoco(rp.Scene().with_arm("arm", rr1).with_obstacle("mesh", soup(12), [3.0, 0.0, 0.0]))

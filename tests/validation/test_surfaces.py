@@ -177,3 +177,22 @@ def test_a_mesh_of_several_shapes_is_judged_part_by_part(slider: Make, quintic: 
     assert rp.validate(quintic(scene.joint_names(), [0.0], [2.0]), scene).violations == ()
     lower = rp.Scene().with_arm("arm", slider(rp.Sphere(0.005))).with_obstacle("rings", shapes, [1.0, 0.0, 0.0])
     assert [violation.kind for violation in rp.validate(quintic(lower.joint_names(), [0.0], [2.0]), lower).violations]
+
+
+def test_an_arm_that_stands_still_in_a_closed_mesh_or_below_its_corner_is_found(
+    slider: Make, gripper: Make, quintic: Make
+) -> None:
+    """A ball inside; and a half-space on a base, above which the corners of a mesh have to be."""
+    ring = torus(0.3, 0.1)
+    scene = rp.Scene().with_arm("arm", slider(rp.Sphere(0.01)))
+    move = quintic(scene.joint_names(), [5.0], [5.1])
+    for shape, at, hit in (
+        (rp.Sphere(0.01), [0.3, 0.0, 0.0], True),
+        (rp.Sphere(0.01), [0.0, 0.0, 0.0], False),
+        (rp.HalfSpace((0.0, 0.0, 1.0), -0.09), [0.0, 0.0, 0.0], True),
+        (rp.HalfSpace((0.0, 0.0, 1.0), -0.11), [0.0, 0.0, 0.0], False),
+    ):
+        still = slider(shape)
+        both = scene.with_arm("other", still, at).with_obstacle("ring", ring).allow("arm", "other")
+        subjects = [violation.subject for violation in rp.validate(move, both).violations]
+        assert subjects == ([("other/carriage", "ring")] if hit else [])
