@@ -21,11 +21,12 @@ typedef struct {
     uint64_t touching;
 } Separation8;
 
-// A triangle in the world, and where the search for directions from it begins.
+// A triangle in the world, where the search for directions from it begins, and the best ones that it found.
 typedef struct {
     const double *corners;
     Vec8 begin;
     int within;
+    Vec8 found;
 } MeshTriangle8;
 
 // What is to be separated: a body, and another body or an obstacle.
@@ -39,7 +40,7 @@ typedef struct {
     int64_t other_sphere;
     double padding;        // distance to keep [m]
     double acceleration;   // the greatest of one against the other
-    const MeshTriangle8 *triangle;  // of a mesh, in place of an obstacle's closed form; null: none
+    MeshTriangle8 *triangle;  // of a mesh, in place of an obstacle's closed form; null: none
 } GjkQuery;
 
 // Against a half-space there is but one direction.
@@ -166,6 +167,7 @@ NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
         i64x8 better = best < gap;
         best_n = vec8_select(better, n, best_n);
         best = select_mask(better, gap, best);
+        if (query->triangle) query->triangle->found = best_n;
         if ((less_than(best, splat(needed)) & lanes) == 0) {
             // All middles are proven; perhaps what any point can move along the direction leaves enough.
             f64x8 travel = h * fastest_along(query->core, best_n, query->base, scene, scratch);

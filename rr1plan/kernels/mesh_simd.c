@@ -56,21 +56,84 @@ INLINE f64x8 square_to_child(const MeshNode *node, int64_t i, const f64x8 p[3]) 
     return square;
 }
 
+// Planes that separate a body from triangles are kept: most others are beyond the last few.
+enum { MESH_PLANES = 3 };
+
+// What is no higher than `level` along a direction of the mesh's frame is proven apart from the body, in each lane.
+typedef struct {
+    Vec8 normal;
+    f64x8 level;
+} MeshPlane;
+
+// What is known of a body and a mesh while the tree is visited.
+typedef struct {
+    GjkQuery query;
+    Separation8 found;
+    MeshPlane planes[MESH_PLANES];
+    int64_t plane_count;  // found so far; the last ones are kept
+} MeshSearch;
+
 typedef struct {
     int64_t node;
     uint64_t lanes;    // in which it may be near
     uint64_t spheres;  // that may be near it
 } MeshVisit;
 
+// Keep the plane below a body in its intervals that has a direction of the world for its normal, for all lanes that may
+// ask for it.
+static void add_mesh_plane(MeshSearch *search, Vec8 n, uint64_t lanes, f64x8 h, const ObstacleShape *shape,
+                           const SceneTables *scene, const Scratch *scratch) {
+    const ArmGeometry *arm = scene->arm;
+    int64_t core = search->query.core;
+    const FrameLanes *frame = &scratch->frames[arm->cores[core].frame];
+    Support8 low = lowest_of(arm, core, to_frame(frame, n), lanes);
+    f64x8 lost = h * h * (0.5 * search->query.acceleration);
+    f64x8 height = lowest_within(core, n, low.point, 0, lanes, h, scene, scratch) - lost;
+    double needed = search->query.padding + scene->margin + arm->core_shapes[core].radius;
+    f64x8 origin = n.x * shape->center[0] + n.y * shape->center[1] + n.z * shape->center[2];
+    search->planes[search->plane_count++ % MESH_PLANES] = (MeshPlane){to_obstacle(shape, n), height - needed - origin};
+}
+
+// The lanes, of those given, in which no plane proves a triangle apart from the body.
+INLINE uint64_t lanes_below_planes(const MeshSearch *search, const MeshTriangle *triangle, uint64_t lanes) {
+    int64_t count = search->plane_count < MESH_PLANES ? search->plane_count : MESH_PLANES;
+    for (int64_t i = 0; i < count && lanes; i++) {
+        const MeshPlane *plane = &search->planes[i];
+        f64x8 highest = splat(-INFINITY);
+        for (int k = 0; k < 3; k++)
+            highest = max_lanes(vec8_dot(plane->normal, vec8_splat(triangle->corners + 3 * k)), highest);
+        lanes &= less_than(plane->level, highest);
+    }
+    return lanes;
+}
+
+// The same of a child of a node.
+INLINE uint64_t lanes_below_child(const MeshSearch *search, const MeshNode *node, int64_t child, uint64_t lanes) {
+    int64_t count = search->plane_count < MESH_PLANES ? search->plane_count : MESH_PLANES;
+    for (int64_t i = 0; i < count && lanes; i++) {
+        const MeshPlane *plane = &search->planes[i];
+        const f64x8 normal[3] = {plane->normal.x, plane->normal.y, plane->normal.z};
+        f64x8 highest = splat(0.0);
+        for (int k = 0; k < 3; k++) {
+            double low = node->low[LANES * k + child], high = node->high[LANES * k + child];
+            highest = highest + max_lanes(normal[k] * low, normal[k] * high);
+        }
+        lanes &= less_than(plane->level, highest);
+    }
+    return lanes;
+}
+
 // A body against a triangle, in the lanes in which some sphere may be near it; adds what is found.
-static void meet_triangle(GjkQuery *query, const Candidate *candidate, const MeshTriangle *triangle, uint64_t lanes,
-                          uint64_t spheres, f64x8 h, const SceneTables *scene, Scratch *scratch, Separation8 *found) {
+static void meet_triangle(MeshSearch *search, const Candidate *candidate, const MeshTriangle *triangle, uint64_t lanes,
+                          uint64_t spheres, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const Body *of = &scene->arm->bodies[candidate->body];
     const ObstacleShape *shape = &scene->obstacles->shapes[candidate->other];
     int64_t first = of->first_sphere + 1;
     uint64_t near = 0;
     double corners[9];
-    MeshTriangle8 placed = {corners, {splat(0.0), splat(0.0), splat(0.0)}, 0};
+    MeshTriangle8 placed = {corners, {splat(0.0), splat(0.0), splat(0.0)}, 0, {splat(0.0), splat(0.0), splat(0.0)}};
+    lanes = lanes_below_planes(search, triangle, lanes);
+    if (lanes == 0) return;
     f64x8 least = splat(INFINITY);
     Vec8 apart = placed.begin;
     for (; spheres; spheres &= spheres - 1) {
@@ -99,11 +162,12 @@ static void meet_triangle(GjkQuery *query, const Candidate *candidate, const Mes
         apart.x * R[3] + apart.y * R[4] + apart.z * R[5],
         apart.x * R[6] + apart.y * R[7] + apart.z * R[8],
     };
-    query->triangle = &placed;
-    Separation8 one = gjk_simd(query, near, h, scene, scratch);
-    found->open |= one.open;
-    found->stuck |= one.stuck;
-    found->touching |= one.touching;
+    search->query.triangle = &placed;
+    Separation8 one = gjk_simd(&search->query, near, h, scene, scratch);
+    search->found.open |= one.open;
+    search->found.stuck |= one.stuck;
+    search->found.touching |= one.touching;
+    if (near & ~one.open) add_mesh_plane(search, placed.found, candidate->lanes, h, shape, scene, scratch);
 }
 
 // 1 if a mesh holds a point of a body at the middle of the first interval.
@@ -146,13 +210,13 @@ static Separation8 separate_mesh(const Candidate *candidate, f64x8 h, const Scen
     const MeshTables *meshes = scene->exact->meshes;
     const Body *of = &arm->bodies[candidate->body];
     int64_t mesh = scene->exact->bodies[scene->exact->pairs[candidate->pair].other].first_corner;
-    Separation8 found = {0, 0, 0};
     if (of->last_sphere - of->first_sphere - 1 > MOST_MESH_SPHERES)
         return (Separation8){candidate->lanes, candidate->lanes, 0};
     // What is apart from the box around the mesh at some time is outside.
     if (scratch->batches == 1 && candidate->lanes == ALL_LANES && holds_body(candidate, mesh, scene, scratch))
         return (Separation8){candidate->lanes, candidate->lanes, 1};
-    GjkQuery query = {
+    MeshSearch search;
+    search.query = (GjkQuery){
         .core = candidate->body,
         .other_core = CORE_CLOSED_FORM,
         .obstacle = candidate->other,
@@ -162,6 +226,8 @@ static Separation8 separate_mesh(const Candidate *candidate, f64x8 h, const Scen
         .padding = scene->pairs->padding[candidate->pair],
         .acceleration = scratch->accelerations[of->group],
     };
+    search.found = (Separation8){0, 0, 0};
+    search.plane_count = 0;
     MeshVisit stack[MESH_STACK] = {place_mesh_spheres(candidate, scene, scratch)};
     stack[0].node = meshes->ranges[mesh].root;
     for (int64_t count = stack[0].lanes != 0; count > 0;) {
@@ -170,12 +236,14 @@ static Separation8 separate_mesh(const Candidate *candidate, f64x8 h, const Scen
         int64_t first = meshes->children[visit.node];
         for (int64_t i = 0; i < LANES && node->low[i] < MESH_NOWHERE; i++) {
             // Where it is open already, no other triangle can prove anything.
-            uint64_t lanes = visit.lanes & ~found.open, any = 0;
+            uint64_t lanes = visit.lanes & ~search.found.open;
             if (lanes == 0) break;
+            lanes = lanes_below_child(&search, node, i, lanes);
+            if (lanes == 0) continue;
             MeshVisit child = {first + i, 0, 0};
             for (uint64_t spheres = visit.spheres; spheres; spheres &= spheres - 1) {
                 const MeshSphere *sphere = &scratch->mesh_spheres[first_bit(spheres)];
-                any = less_than(square_to_child(node, i, sphere->center), sphere->limit * sphere->limit) & lanes;
+                uint64_t any = less_than(square_to_child(node, i, sphere->center), sphere->limit * sphere->limit) & lanes;
                 child.lanes |= any;
                 if (any) child.spheres |= spheres & -spheres;
             }
@@ -184,10 +252,10 @@ static Separation8 separate_mesh(const Candidate *candidate, f64x8 h, const Scen
                 stack[count++] = child;
                 continue;
             }
-            meet_triangle(&query, candidate, &meshes->triangles[-1 - first + i], child.lanes, child.spheres, h, scene,
-                          scratch, &found);
-            if (found.touching) return found;
+            meet_triangle(&search, candidate, &meshes->triangles[-1 - first + i], child.lanes, child.spheres, h, scene,
+                          scratch);
+            if (search.found.touching) return search.found;
         }
     }
-    return found;
+    return search.found;
 }
