@@ -87,4 +87,4 @@ def test_rings_that_make_no_sense_are_refused(rr1: Robot) -> None:
     with pytest.raises(InputError, match="not vertical"):
         place_ring(rr1, 2, 1.0, front=(0, 0, 1))
     with pytest.raises(UnknownNameError, match="Did you mean 'center'"):
-        place_ring(rr1, 2, 1.0, "center")
+        place_ring(rr1, 2, 1.0, "centre")
