@@ -14,11 +14,12 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.transforms import pose
 from rr1plan.validation.clouds import CellBlocks
+from rr1plan.validation.compiled_search import ProofOptions
 from rr1plan.validation.extremes import extremes
 from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.moving_scene import moving_scene
 from rr1plan.validation.native import LIBRARY
-from rr1plan.validation.proof import Aim, prove
-from rr1plan.validation.referee_scene import referee_scene
+from rr1plan.validation.proof import prove
 from rr1plan.validation.solids import Solid, solid
 
 Make = Callable[..., Any]
@@ -49,7 +50,7 @@ def wander(scene: rp.Scene, rng: np.random.Generator, reach: float) -> rp.Trajec
 def findings(scene: rp.Scene, move: rp.Trajectory) -> tuple[Array, dict[str, float]]:
     """All numbers that the search writes down for the pairs, and the counts of its work."""
     motion = TimedColumns(move.joint_names, move.breaks, move.coefficients)
-    found = prove(referee_scene(scene), motion, Aim(2e-4, 400_000))
+    found = prove(moving_scene(scene, move.joint_names), motion, ProofOptions(2e-4, 400_000))
     contacts = [(contact.clearance, contact.time, contact.first) for contact in found.contacts]
     nearest = [(one.clearance, one.time) for one in (*found.nearest, *found.ends) if one is not None]
     return np.concatenate([np.ravel(row) for row in (contacts, nearest, found.proven)]), found.statistics
