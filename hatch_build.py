@@ -4,6 +4,9 @@
 
 The compiler is `ziglang`, a wheel that needs nothing else on the machine, or that of the environment variable CC. One
 library is made for each level of the processor, and the right one is chosen at run time (`rr1plan/kernels/library.py`).
+The planners' kernels are also compiled to a WebAssembly module, `core.wasm`, which only pages need. That is always done
+by ziglang, because few other compilers have the target. With CC set and no ziglang that works, a warning says that the
+module is not built.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ import shlex
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -30,7 +35,12 @@ UNITS = (ROOT / "rr1plan/kernels/kernels.c", ROOT / "rr1plan/validation/kernels/
 # Each floating-point operation is rounded by itself and sums stay in their order: all variants give the same bytes.
 FLAGS = ("-std=gnu99", "-O3", "-ffp-contract=off", "-fno-math-errno")
 LINKING = ("-shared", "-fPIC", "-fvisibility=hidden", "-s", "-lm")
-WASM = ("-target", "wasm32-freestanding", "-msimd128", "-nostdlib", "-Wl,--no-entry", "-Wl,--export-dynamic", "-s")
+WASM = (
+    *("-target", "wasm32-freestanding", "-msimd128", "-nostdlib", "-fvisibility=hidden", "-s"),
+    *("-Wl,--no-entry", "-Wl,--export-dynamic", "-Wl,--export=__heap_base"),
+    *("-Wl,-z,stack-size=1048576",),
+)
+CORE = ROOT / "rr1plan/kernels/built/core.wasm"
 VARIANTS = {"x86_64": ("x86_64_v2", "x86_64_v3", "x86_64_v4"), "aarch64": ("aarch64",)}
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
 # Of the systems: what the compiler calls them, the suffix of a library, the platform of a wheel.
@@ -39,6 +49,20 @@ _SYSTEMS = {
     "darwin": ("macos.11.0", ".dylib", "macosx_11_0_{}"),
     "win32": ("windows-gnu", ".dll", "win_{}"),
 }
+
+
+def _binding_sources() -> ModuleType:
+    """`rr1plan.binding.sources`, without the package, whose requirements are not there while it is built."""
+    spec = importlib.util.spec_from_file_location("_sources", ROOT / "rr1plan/binding/sources.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["_sources"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+_SOURCES = _binding_sources()
 
 
 def machine() -> str:
@@ -79,7 +103,7 @@ def compile_kernels(unit: Path, out: Path, *flags: str, compiler: list[str] | No
     Raises:
         RuntimeError: it failed; with what the compiler wrote.
     """
-    sources = _binding_sources().KernelSources(unit)
+    sources = _SOURCES.KernelSources(unit)
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / out.name
@@ -94,8 +118,11 @@ def compile_kernels(unit: Path, out: Path, *flags: str, compiler: list[str] | No
         swap.replace(out)
 
 
-def build_all() -> list[Path]:
-    """Compile the variants for this machine's kind of processor.
+def build_all(warn: Callable[[str], object]) -> list[Path]:
+    """Compile the variants for this machine's kind of processor, and `core.wasm`.
+
+    Args:
+        warn: Is given the reason where `core.wasm` cannot be made.
 
     Raises:
         RuntimeError: an unknown system or processor, or a compiler that failed.
@@ -103,10 +130,23 @@ def build_all() -> list[Path]:
     if machine() not in VARIANTS or sys.platform not in _SYSTEMS:
         raise RuntimeError(f"no kernels for {sys.platform} on {machine()}")
     files = []
-    for unit in UNITS:
-        for variant in VARIANTS[machine()]:
-            files.append(unit.with_name("built") / f"{unit.stem}-{variant}{_SYSTEMS[sys.platform][1]}")
-            compile_kernels(unit, files[-1], *LINKING, *target_flags(variant))
+    # Compilers are processes of their own: as many run side by side as there are processors.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        core = pool.submit(compile_kernels, UNITS[0], CORE, *WASM, compiler=zig())
+        running = []
+        for unit in UNITS:
+            for variant in VARIANTS[machine()]:
+                files.append(unit.with_name("built") / f"{unit.stem}-{variant}{_SYSTEMS[sys.platform][1]}")
+                running.append(pool.submit(compile_kernels, unit, files[-1], *LINKING, *target_flags(variant)))
+    for library in running:
+        library.result()
+    try:
+        core.result()
+        files.append(CORE)
+    except RuntimeError as error:
+        if not own_compiler():
+            raise
+        warn(f"core.wasm is not built: CC is set, and ziglang does not work: {error}")
     return files
 
 
@@ -127,22 +167,12 @@ class KernelsHook(BuildHookInterface):
         if self.target_name != "wheel":
             return
         root = Path(self.root)
-        for file in build_all():
+        for file in build_all(self.app.display_warning):
             build_data["artifacts"].append("/" + file.relative_to(root).as_posix())
         build_data["pure_python"] = False
         build_data["tag"] = wheel_tag()
 
 
-def _binding_sources() -> ModuleType:
-    """`rr1plan.binding.sources`, without the package, whose requirements are not there while it is built."""
-    spec = importlib.util.spec_from_file_location("_sources", ROOT / "rr1plan/binding/sources.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["_sources"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 if __name__ == "__main__":
-    sys.stdout.writelines(f"{file}\n" for file in build_all())
+    built = build_all(lambda text: sys.stderr.write(f"warning: {text}\n"))
+    sys.stdout.writelines(f"{file}\n" for file in built)

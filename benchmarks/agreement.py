@@ -27,7 +27,7 @@ from shared import Clock, console, heading, make_parser, pin_to_core, save, tabl
 
 import rr1plan as rp
 from rr1plan.checks import Array
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import CONTACT, FREE, EdgeKernel
 from rr1plan.collision.sphere_tables import build_edge_tables
 
@@ -69,7 +69,7 @@ class Comparison:
         self.checker = CollisionChecker(scene)
         tables = build_edge_tables(self.checker, self.checker.tables, TOLERANCE)
         self.kernel = EdgeKernel(tables, self.checker.exact_kernel, self.checker.nq, TOLERANCE)
-        self.exact = MotionChecker(self.checker, tolerance=TOLERANCE)
+        self.exact = self.checker
         self.plain = PlainCoal(scene)
         self.proof = CoalProof(self.checker)
         self.low, self.high = box_of(self.checker.limits)
@@ -81,7 +81,7 @@ class Comparison:
         with clock.stage("configurations, kernel"):
             quick = self._certify(q, q)[0] == FREE
         with clock.stage("configurations, Coal"):
-            sure = np.array([self.checker.is_free(one) for one in q])
+            sure = np.array([self.checker.is_free_slowly(one) for one in q])
         tally.update(asked=count, free=int(sure.sum()))
         for i in np.flatnonzero(quick != sure):
             self._differ(tally, q[i], q[i], q[i], f"Coal: {'free' if sure[i] else 'a contact'}")
@@ -114,7 +114,7 @@ class Comparison:
         tally = self.tally.edges
         if status != FREE:
             q = q0 + where * (q1 - q0)
-            if self.checker.is_free(q):
+            if self.checker.is_free_slowly(q):
                 self._differ(
                     tally, q0, q1, q, f"the kernel: {'contact' if status == CONTACT else 'too near'}; Coal: free there"
                 )
@@ -145,7 +145,7 @@ class Comparison:
         free: list[Array] = []
         while len(free) < count:
             q = rng.uniform(self.low, self.high)
-            if self.checker.is_free(q):
+            if self.checker.is_free_slowly(q):
                 free.append(q)
         begins = np.array(free)
         steps = rng.normal(size=begins.shape)
@@ -155,7 +155,7 @@ class Comparison:
 
     def _certify(self, begins: Array, ends: Array) -> tuple[Array, Array]:
         """The kernel's status of each edge (free, a contact, or grazing), and where."""
-        if not self.checker.resting_is_free:
+        if not self.checker.static_is_free:
             return np.full(len(begins), CONTACT), np.zeros(len(begins))
         answers = [self.kernel.certify_edge(q0, q1) for q0, q1 in zip(begins, ends, strict=True)]
         return np.array([a[0] for a in answers]), np.array([a[1] for a in answers])

@@ -24,7 +24,7 @@ from picture import draw_race
 from shared import heading, make_parser, number, pin_to_core, save, table, track
 
 import rr1plan as rp
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
 from rr1plan.planners import planner_table
 
@@ -130,7 +130,7 @@ def _solve(name: str, problem: rp.Problem, seed: int, seconds: float) -> float:
     result = rp.plan(problem, "rrt_connect", rp.Budget(seconds=seconds), seed)
     if result.path is None:
         return np.inf
-    with borrowed_checker(problem.scene, problem.arms) as motion:
+    with checker_from_pool(problem.scene, problem.arms) as motion:
         return rp.shorten(result.path, motion, rng=seed).length
 
 

@@ -131,7 +131,7 @@ def _reach(places: Array) -> float:
 
 def _stands(scene: rp.Scene) -> bool:
     checker = CollisionChecker(scene)
-    return checker.resting_is_free and checker.is_free(scene.arms["arm"].robot.home)
+    return checker.static_is_free and checker.is_free(scene.arms["arm"].robot.home)
 
 
 def _padded(scene: rp.Scene, rng: np.random.Generator) -> rp.Scene:

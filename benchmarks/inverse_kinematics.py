@@ -24,7 +24,7 @@ from shared import heading, make_parser, number, pin_to_core, save, spread, tabl
 
 import rr1plan as rp
 from rr1plan.checks import Array
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.kinematics import Kinematics
 from rr1plan.planners.goals import GoalSearch
 from rr1plan.problem import PoseGoal, Problem
@@ -86,7 +86,7 @@ def _ask(robot: rp.Robot, args: argparse.Namespace) -> tuple[Found, Found, Found
     kinematics, scene = Kinematics(robot), rp.Scene({"arm": rp.Arm(robot)})
     rng = np.random.default_rng(args.seed)
     ours, plain, goals, wrong = Found(), Found(), Found(), 0
-    with borrowed_checker(scene) as motion:
+    with checker_from_pool(scene) as motion:
         ends = [_free(robot, motion.is_free, rng) for _ in range(2 * args.poses + 2)]
         _solve(kinematics, PoseGoal("tool", kinematics.pose(ends[0])), 0)
         GoalSearch(Problem(scene, ends[0], PoseGoal("tool", kinematics.pose(ends[1]))), motion, 0).find()
@@ -97,7 +97,7 @@ def _ask(robot: rp.Robot, args: argparse.Namespace) -> tuple[Found, Found, Found
             problem = Problem(scene, start, goal)
             free = _clock(goals, lambda p, seed: GoalSearch(p, motion, seed).find().configurations, problem, i)
             wrong += sum(not _reaches(kinematics, goal, q) for q in [*solutions, *free])
-            wrong += sum(not motion.checker.is_free(q) for q in free)
+            wrong += sum(not motion.is_free(q) for q in free)
             if i < args.plain:
                 solutions = _clock(plain, solve_plainly, kinematics, goal, i)
                 wrong += sum(not _reaches(kinematics, goal, q) for q in solutions)

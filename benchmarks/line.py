@@ -11,8 +11,8 @@ from typing import Any
 from shared import Clock
 
 import rr1plan as rp
-from rr1plan.collision.shelf import borrowed_checker
-from rr1plan.pipeline import affordable_margin, with_margin
+from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.pipeline import affordable_margin
 
 STAGES = ("set up", "plan", "shorten", "retime", "validate")
 
@@ -99,7 +99,7 @@ def find_path(
     result, roomy, out.margin = _plan(problem, planner, margin, rp.Budget(seconds=seconds), seed, out.clock)
     out.status, out.reason, out.raw = result.status.value, result.reason, result.path
     if out.raw is not None:
-        with borrowed_checker(roomy.scene, problem.arms) as motions, out.clock.stage("shorten"):
+        with checker_from_pool(problem.scene, problem.arms, roomy.margin) as motions, out.clock.stage("shorten"):
             out.path = rp.shorten(out.raw, motions, rng=seed)
     return roomy
 
@@ -108,10 +108,10 @@ def time_motion(out: Outcome, problem: rp.Problem, roomy: rp.Problem) -> None:
     """The stages from the short path to a proven motion."""
     if out.path is None:
         return
-    with borrowed_checker(roomy.scene, problem.arms) as motions:
+    with checker_from_pool(problem.scene, problem.arms, roomy.margin) as motions:
         for out.retiming in ("blend", "stop"):
             with out.clock.stage("retime"):
-                out.trajectory = rp.retime(out.path, roomy.scene, out.retiming, checker=motions)
+                out.trajectory = rp.retime(out.path, problem.scene, out.retiming, checker=motions)
             with out.clock.stage("validate"):
                 out.report = rp.validate(out.trajectory, problem.scene, problem)
             if out.report.valid:
@@ -124,7 +124,7 @@ def _plan(
     """The planner's answer, the problem it answers and its margin: given up where no goal has it."""
     for m in (margin, 0.0):
         with clock.stage("set up"):
-            roomy = with_margin(problem, m)
+            roomy = problem.with_margin(m)
             rp.set_up(roomy)
         with clock.stage("plan"):
             result = rp.plan(roomy, planner, budget, seed)

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from line import with_margin
 from shared import heading, make_parser, number, pin_to_core, save, save_distribution, spread, table, track
 
 import rr1plan as rp
@@ -45,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = _arguments(argv)
     pin_to_core(args.core)
     queries = {f"{scene}/{name}": p for scene in args.scenes for name, p in rp.load_problems(scene).items()}
-    queries = {name: with_margin(p, 0.0) for name, p in list(queries.items())[:: args.every]}
+    queries = dict(list(queries.items())[:: args.every])
     rp.plan(next(iter(queries.values())), rng=0)  # loads what is loaded once
     work = [(p, q, args.seed + s) for p in args.planners for q in queries for s in range(args.repeats)]
     runs = [

@@ -44,7 +44,7 @@ class Roadmap:
     Two ends that a certified edge joins to the same part of it are proven to have a path between them.
     """
 
-    def __init__(self, motions: rp.MotionChecker, points: Array, neighbours: int = 30) -> None:
+    def __init__(self, motions: rp.CollisionChecker, points: Array, neighbours: int = 30) -> None:
         self._motions, self._points, self._neighbours = motions, points, neighbours
         self._part = np.arange(len(points))
         for i in range(len(points)):
@@ -73,8 +73,8 @@ class Drawer:
             scene = scene.with_robot(name, arm.robot.with_limits(limits))
         # The postures of the file may lie outside these limits; every arm moves, so they do not matter.
         self.scene, self.scene_name, self.limits = scene, scene_name, limits
-        self._motions = rp.MotionChecker(scene)
-        self._checker = self._motions.checker
+        self._motions = rp.CollisionChecker(scene)
+        self._checker = self._motions
         self._kinematics = rp.Kinematics(scene)
         rng = np.random.default_rng(seed)
         self._roadmap = Roadmap(self._motions, np.array([self._free(rng) for _ in range(nodes)]))

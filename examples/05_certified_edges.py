@@ -12,17 +12,16 @@ scene = scene.with_obstacle("needle", needle, [1.31, 0.99, 0.0])
 
 start, goal = np.array([-0.3, 0.1]), np.array([1.2, 0.1])
 checker = rp.CollisionChecker(scene)
-motions = rp.MotionChecker(checker)
 
 samples = np.linspace(start, goal, 20)
 print("20 samples along the edge are all free:", all(checker.is_free(q) for q in samples))
-print("the certificate says the edge is free: ", motions.edge_is_free(start, goal))
+print("the certificate says the edge is free: ", checker.edge_is_free(start, goal))
 
-contact = motions.first_contact(start, goal)
+contact = checker.first_contact(start, goal)
 between = contact.fraction * (len(samples) - 1)
 print(f"first contact: {' and '.join(contact.pair)}, between samples {int(between)} and {int(between) + 1}")
 
 above = scene.with_obstacle("needle", needle, [1.31, 0.99, 0.5])
-motions = rp.MotionChecker(above)
-print("with the needle lifted:                 ", motions.edge_is_free(start, goal))
-print(f"that proof looked at {motions.done.configurations} configurations")
+checker = rp.CollisionChecker(above)
+print("with the needle lifted:                 ", checker.edge_is_free(start, goal))
+print(f"that proof looked at {checker.done.configurations} configurations")

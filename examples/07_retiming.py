@@ -10,7 +10,7 @@ motion = rp.plan_motion(problem, rng=0)
 limits = scene.limits()
 
 for method in ("blend", "stop", "ruckig"):
-    trajectory = rp.retime(motion.path, scene, method, checker=rp.MotionChecker(scene))
+    trajectory = rp.retime(motion.path, scene, method, checker=rp.CollisionChecker(scene))
     times = np.linspace(trajectory.start_time, trajectory.end_time, 2000)
     velocity = (np.abs(trajectory(times, 1)) / limits.velocity).max()
     acceleration = (np.abs(trajectory(times, 2)) / limits.acceleration).max()
@@ -23,4 +23,4 @@ for method in ("blend", "stop", "ruckig"):
 # The real arm is far slower than the simulated one: the preset knows.
 arm = next(iter(scene.arms))
 slow = scene.with_robot(arm, scene.arms[arm].robot.with_limits("hardware"))
-print(f"on the real arm: {rp.retime(motion.path, slow, checker=rp.MotionChecker(slow)).duration:.1f} s")
+print(f"on the real arm: {rp.retime(motion.path, slow, checker=rp.CollisionChecker(slow)).duration:.1f} s")

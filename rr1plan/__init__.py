@@ -8,18 +8,21 @@
     print(motion.report)
     motion.show().wait()
 
-Every name below is loaded on first use, so `import rr1plan` stays light.
+Every name below is loaded on first use, so `import rr1plan` stays light: it does not even import `typing`, because the
+command line cannot answer Ctrl-C before it is done.
 """
 
 from __future__ import annotations
 
 import sys
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+import time
 
 from rr1plan.imports import import_clock
 
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    import typing
+
     from rr1plan import multi as multi
     from rr1plan import playback as playback
     from rr1plan import retiming as retiming
@@ -30,7 +33,6 @@ if TYPE_CHECKING:
     from rr1plan.collision import Contact as Contact
     from rr1plan.collision import ElementCover as ElementCover
     from rr1plan.collision import FirstContact as FirstContact
-    from rr1plan.collision import MotionChecker as MotionChecker
     from rr1plan.collision import Nearest as Nearest
     from rr1plan.collision import cover_with_spheres as cover_with_spheres
     from rr1plan.errors import BackendError as BackendError
@@ -117,7 +119,6 @@ _EXPORTS = {
         "Contact",
         "ElementCover",
         "FirstContact",
-        "MotionChecker",
         "Nearest",
         "cover_with_spheres",
     ),
@@ -173,14 +174,18 @@ _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 __all__ = ["__version__", *_SUBMODULES, *_HOME]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> typing.Any:
     """Load a public name on first use."""
     if name not in _SUBMODULES and name not in _HOME:
         raise AttributeError(f"module 'rr1plan' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
-    with import_clock.running():
-        if name in _SUBMODULES:
-            return import_module(f"rr1plan.{name}")
+    from importlib import import_module
+
+    began = time.perf_counter()
+    if name in _SUBMODULES:
+        value: typing.Any = import_module(f"rr1plan.{name}")
+    else:
         value = getattr(import_module(_HOME[name]), name)
+    import_clock.seconds += time.perf_counter() - began
     globals()[name] = value
     return value
 

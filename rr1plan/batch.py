@@ -16,10 +16,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import chain
 from multiprocessing import get_context
+from multiprocessing.sharedctypes import RawArray
+from multiprocessing.synchronize import Event
 from typing import Any, TypeVar
 
 import numpy as np
@@ -49,6 +51,8 @@ _T = TypeVar("_T")
 _CHUNKS_PER_WORKER = 4
 _LONGEST_CHUNK = 32
 _MOST_WORKERS = 10_000
+# How often processes of our own are looked at [s].
+_POLL = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,7 +113,8 @@ def plan_many(
         planner: A name of `planner_names()`.
         retiming: A name of `retiming_names()`.
         budget: When the planner has to stop, for each problem (default: 10 s).
-        progress: Called when problems are done, with the fraction that is; it may return False to cancel.
+        progress: Called for each problem that is done, with the fraction that is; it may return False to cancel. With
+            an executor it learns of problems when the whole chunk that they travel in is done.
 
     Returns:
         The answers in the order of the problems: a `MotionPlan` (or `PlanResult` if not `full`), or a
@@ -177,12 +182,18 @@ def _chunks(tasks: Sequence[Task], workers: int) -> list[list[Task]]:
 
 
 class _Board:
-    """Who has answered so far."""
+    """The answers so far.
+
+    Attributes:
+        ended: A byte for each problem, 1 when it has ended; processes set those whose answers they still hold.
+    """
 
     def __init__(self, problems: list[Problem], progress: ProgressCallback | None) -> None:
         self.problems = problems
         self.progress = progress
         self.cancelled = False
+        self.ended = RawArray("b", len(problems))
+        self._reported = 0
         self._answers: dict[int, Answer] = {}
         self._started = time.perf_counter()
 
@@ -193,9 +204,16 @@ class _Board:
         elif isinstance(answer, Raised):
             answer = PlanFailure(self.problems[index], *answer)
         self._answers[index] = answer
-        if self.progress is not None and not self.cancelled:
+        self.ended[index] = 1
+        self.report()
+
+    def report(self) -> None:
+        """Report each problem that has ended since the last time."""
+        ended = bytes(self.ended).count(1)
+        while self.progress is not None and self._reported < ended and not self.cancelled:
+            self._reported += 1
             seconds = time.perf_counter() - self._started
-            done = len(self._answers) / len(self.problems)
+            done = self._reported / len(self.problems)
             self.cancelled = self.progress(Progress("plan_many", seconds, done)) is False
 
     def answers(self) -> list[Answer]:
@@ -223,12 +241,27 @@ def _work_off(
                     lost += chunk
             if not pending:
                 break
-            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+            timeout = _POLL if isinstance(executor, _Pool) else None
+            for future in wait(pending, timeout, return_when=FIRST_COMPLETED).done:
                 lost += _take(future, pending.pop(future), chunks, board)
+            board.report()
+        if isinstance(executor, _Pool) and board.cancelled:
+            executor.stop.set()
+            _keep_ended(pending, board)
     finally:
         for future in pending:
             future.cancel()
     return lost
+
+
+def _keep_ended(pending: dict[Future[list[Any]], list[Task]], board: _Board) -> None:
+    """Note the answers that were reported before the batch was cancelled; their chunks end at once now."""
+    for future, chunk in pending.items():
+        with suppress(Exception):  # a chunk without answers: it was not begun, or its process died
+            if not future.cancel():
+                for task, answer in zip(chunk, future.result(), strict=True):
+                    if board.ended[task.number]:
+                        board.note(task.number, answer)
 
 
 def _take(future: Future[list[Any]], chunk: list[Task], chunks: deque[list[Task]], board: _Board) -> list[Task]:
@@ -252,10 +285,10 @@ def _work_in_processes(chunks: list[list[Task]], settings: Settings, board: _Boa
     """Work off all chunks in processes of our own; those lost with a process are asked again, each alone."""
     left = deque(chunks)
     while left and not board.cancelled:
-        with _pool(workers) as pool:
+        with _pool(workers, board) as pool:
             suspects = deque(_work_off(pool, left, settings, board, workers))
         while suspects and not board.cancelled:
-            with _pool(1) as pool:
+            with _pool(1, board) as pool:
                 while suspects and not board.cancelled:
                     task = suspects.popleft()
                     if _work_off(pool, deque([[task]]), settings, board, 1):
@@ -265,7 +298,13 @@ def _work_in_processes(chunks: list[list[Task]], settings: Settings, board: _Boa
 
 
 class _Pool(ProcessPoolExecutor):
-    """Its processes, which start as tasks are submitted, are deaf to Ctrl-C from the first instruction on."""
+    """Its processes, which start as tasks are submitted, are deaf to Ctrl-C from the first instruction on.
+
+    Attributes:
+        stop: The event that tells them to end.
+    """
+
+    stop: Event
 
     def submit(self, function: Callable[..., _T], /, *arguments: Any, **settings: Any) -> Future[_T]:
         with _interrupts_blocked():
@@ -286,11 +325,12 @@ def _interrupts_blocked() -> Iterator[None]:
 
 
 @contextmanager
-def _pool(workers: int) -> Iterator[Executor]:
+def _pool(workers: int, board: _Board) -> Iterator[Executor]:
     """Spawned processes that are up; at the end they are told to stop, and waited for."""
     context = get_context("spawn")
     stop = context.Event()
-    pool = _Pool(workers, mp_context=context, initializer=begin_worker, initargs=(stop,))
+    pool = _Pool(workers, mp_context=context, initializer=begin_worker, initargs=(stop, board.ended))
+    pool.stop = stop
     try:
         try:
             pool.submit(os.getpid).result()

@@ -47,10 +47,19 @@ _should_stop: Callable[[], bool] = bool
 """Whether the process that spawned this one wants it to end."""
 
 
-def begin_worker(stop: Any) -> None:
-    """What a process does first; `stop` is the event that tells it to end."""
-    global _should_stop
-    _should_stop = stop.is_set
+_ended: Any = None
+"""A byte for each problem of the batch, shared with the process that spawned this one; 1 when it has an answer."""
+
+
+def begin_worker(stop: Any, ended: Any) -> None:
+    """Prepare a process of a batch.
+
+    Args:
+        stop: The event that tells it to end.
+        ended: Shared bytes, one for each problem, which are set as the problems end.
+    """
+    global _should_stop, _ended
+    _should_stop, _ended = stop.is_set, ended
     # Ctrl-C reaches the whole group; the first process decides what happens
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -61,7 +70,12 @@ def _go_on(progress: Progress) -> bool:
 
 def run_chunk(chunk: list[Task], settings: Settings) -> list[Any]:
     """Answers, or what was raised, one for each task."""
-    return [_run(task, settings) for task in chunk]
+    answers = []
+    for task in chunk:
+        answers.append(_run(task, settings))
+        if _ended is not None and not _should_stop():
+            _ended[task.number] = 1
+    return answers
 
 
 def _run(task: Task, settings: Settings) -> Any:

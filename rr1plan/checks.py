@@ -19,6 +19,10 @@ from rr1plan.errors import shown as shown
 Array = NDArray[np.float64]
 # Beyond this [m] distances are no longer good to a micrometre, and Coal gives wrong ones (or none).
 FARTHEST = 1e4
+# A whole turn [rad], rounded up.
+_TURN = 6.2832
+# What a message asks where angles are too large for radians.
+DEGREES = "(angles are in radians: are these degrees?)"
 # Of one part of a path, and of a path [bytes], on all common file systems.
 _LONGEST_NAME = 255
 _LONGEST_PATH = 4095
@@ -109,6 +113,20 @@ def near_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     farthest = float(np.abs(array).max(initial=0.0))
     if farthest > FARTHEST:
         raise InputError(f"{name} holds {farthest:.6g}, expected at most {FARTHEST:g}")
+    return array
+
+
+def turn_angles(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
+    """`finite_array` of angles of a rotation [rad], none beyond a whole turn.
+
+    Raises:
+        InputError: not numbers, wrong shape, not finite, or beyond a turn: degrees, most likely.
+    """
+    array = finite_array(name, value, shape)
+    if float(np.abs(array).max(initial=0.0)) > _TURN:
+        shown = ", ".join(f"{angle:g}" for angle in array.ravel())
+        shown = f"[{shown}]" if array.ndim else shown
+        raise InputError(f"{name} is {shown} rad, expected angles within a turn, ±2π {DEGREES}")
     return array
 
 

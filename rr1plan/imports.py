@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 
 class ImportClock:
     """The wall time of imports until it is read.
@@ -17,15 +13,6 @@ class ImportClock:
     def __init__(self) -> None:
         self.seconds = 0.0
         self._was_read = False
-
-    @contextmanager
-    def running(self) -> Iterator[None]:
-        """Add the wall time of the block."""
-        began = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds += time.perf_counter() - began
 
     def read_once(self) -> float:
         """The wall time so far [s] at the first call, 0 at later ones."""

@@ -64,7 +64,7 @@ def load_robot(
     *,
     srdf: str | Path | Literal[False] | None = None,
     group: str | None = None,
-    groups: Sequence[str] | None = None,
+    groups: Sequence[str | Sequence[str]] | None = None,
     joints: Sequence[str] | None = None,
     package_dirs: Sequence[str | Path] = (),
     convex: Convexity = "hull",
@@ -97,11 +97,12 @@ def load_robot(
             takes none.
         group: The SRDF group to plan for.
         groups: Several of them, planned for as one: the joints of the first, then those of the next, e.g. both arms
-            of a robot. Its tool is that of the first.
+            of a robot. Where the SRDF has no such group, or there is none, give a chain: (base link, tip link). The
+            robot's tool is that of the first.
         joints: The joints to plan for, in this order.
         package_dirs: Folders to look for `package://` meshes in, before those around the file.
         convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
-            (slow the first time, then kept on disk).
+            (slow the first time, with a bar on a terminal; then kept on disk).
         limits: Limits of the planning joints, or the name of one of the robot's presets.
         tool: The link that pose goals mean when they name none; by default the tip of the group's
             chain, or the end of what hangs on the last planning joint.
@@ -128,7 +129,7 @@ def load_robot(
     if folder is not None:
         group, tool = folder.group if group is None else group, folder.tool if tool is None else tool
     if groups is None and group is not None:
-        groups = [group]
+        groups = (group,)
     robot = assemble(tree, semantics, Choice(groups, joints, tool, name))
     if folder is not None:
         robot = folder.apply(robot)

@@ -22,6 +22,7 @@ def load_motion(
     file: str | FilePath,
     scene: Scene | None = None,
     *,
+    topic: str | None = None,
     torque_limits: bool = False,
     jerk_limits: bool = False,
     progress: ProgressCallback | None = None,
@@ -37,6 +38,7 @@ def load_motion(
             arm where only one has such a joint; in any order.
         scene: Where to judge it (default: the scene that the file holds). `changes` of the result lists what differs
             from the scene that the motion was made in.
+        topic: The topic of a bag (default: the only one that holds a JointTrajectory).
         torque_limits: Check torques too.
         jerk_limits: Check jerk limits too.
         progress: Called while the collision certificate is worked out.
@@ -44,11 +46,12 @@ def load_motion(
     Raises:
         FormatError: cut off, altered, of another kind, a file without a motion, or a motion that cannot be meant for
             the scene: joints that the scene does not have or that the file lacks, by name.
-        InputError: no scene, neither in the file nor given.
+        InputError: no scene, neither in the file nor given; or a topic, and the file is no bag.
+        UnknownNameError: the bag has no such topic.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """
     of_kind("scene", scene, Scene, optional=True)
-    saved = read_motion(file, scene)
+    saved = read_motion(file, scene, topic)
     where = saved.scene if scene is None else scene
     if where is None:
         made_for = "" if saved.made_for is None else f"; it was made for {saved.made_for.scene!r}"

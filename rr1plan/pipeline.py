@@ -9,13 +9,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from copy import copy
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, true_or_false
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.collision.solids import cut_meshes
 from rr1plan.errors import CancelledError, InputError, NoPlanError
 from rr1plan.imports import import_clock
@@ -226,27 +225,27 @@ def plan_motion(
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
             margin = affordable_margin(problem, margin)
-            roomy = with_margin(problem, margin)
+            roomy = problem.with_margin(margin)
             set_up(roomy)
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
     with _timed(seconds, "plan"):
         result = plan(roomy, planner, budget, generator, progress)
         if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
-            margin, roomy = 0.0, problem
-            result = plan(problem, planner, budget, generator, progress)
+            margin = 0.0
+            result = plan(problem.with_margin(0.0), planner, budget, generator, progress)
     if result.path is None:
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")
-    with borrowed_checker(roomy.scene, problem.arms) as motions:
+    with checker_from_pool(problem.scene, problem.arms, margin) as motions:
         try:
             if shorten and planner != "cartesian":
                 with _timed(seconds, "shorten", progress):
                     path = shorten_path(path, motions, rng=generator, iterations=_SHORTCUTS)
             for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
                 with _timed(seconds, "retime", progress):
-                    trajectory = retime(path, roomy.scene, method, checker=motions, torque_limits=torque_limits)
+                    trajectory = retime(path, problem.scene, method, checker=motions, torque_limits=torque_limits)
                 with _timed(seconds, "validate", progress):
                     report = validate(
                         trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits
@@ -286,7 +285,7 @@ def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
     """
     check_question(problem, None, progress)
     _cut_meshes(problem.scene, progress)
-    with borrowed_checker(problem.scene, problem.arms) as motions:
+    with checker_from_pool(problem.scene, problem.arms, problem.margin) as motions:
         motions.set_up()
 
 
@@ -294,7 +293,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     """The margin [m], halved until start and goal have twice as much beyond their padding, 0 after a few halvings.
 
     Halvings, because a scene keeps one checker for each margin. Of several configurations as goals the one with most
-    counts; of other goals it is not known ahead.
+    counts; of other goals it is not known ahead. Elements that do not move against each other do not count.
 
     Raises:
         InputError: below zero or not finite.
@@ -302,26 +301,12 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     margin = finite_number("margin", margin)
     if margin < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
-    with borrowed_checker(problem.scene, problem.arms) as motions:
-        clearance = motions.checker.clearance(problem.start, 2.0 * margin)
+    with checker_from_pool(problem.scene, problem.arms) as checker:
+        clearance = checker.moving_clearance(problem.start, 2.0 * margin)
         goals = joint_goals(problem)
         if goals is not None:
-            clearance = min(clearance, max(motions.checker.clearance(q, clearance) for q in goals))
+            clearance = min(clearance, max(checker.moving_clearance(q, clearance) for q in goals))
     return next((part for part in (margin * 0.5**k for k in range(6)) if 2.0 * part <= clearance), 0.0)
-
-
-def with_margin(problem: Problem, margin: float) -> Problem:
-    """The same question in a scene that keeps `margin` [m] more between every pair; one is kept for each margin."""
-    scene = problem.scene
-    if margin == 0.0:
-        return problem
-    roomy = scene.kept.get(("with margin", margin))
-    if roomy is None:
-        roomy = scene.kept["with margin", margin] = scene.with_margin(margin)
-    # What was checked in one of the scenes is right in the other: they differ in padding alone.
-    other = copy(problem)
-    object.__setattr__(other, "scene", roomy)
-    return other
 
 
 @contextmanager

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
@@ -14,6 +15,7 @@ from rr1plan.checks import (
     Value,
     check_text,
     finite_array,
+    finite_number,
     known_name,
     near_array,
     of_kind,
@@ -133,6 +135,9 @@ class Problem(Value):
             list of those (any one of them); for several a mapping from arm to one of those.
         arms: The arms that move. Default: the arms of a goal mapping, or the only arm.
 
+    Attributes:
+        margin: Distance to keep beyond the scene's padding [m]: 0, or what `with_margin` set.
+
     After construction `start` is the composite configuration (nq,), `goal` a mapping from arm to a
     tuple of alternatives, `arms` the moving arms in the order of the scene. An arm that moves
     without a goal of its own has to come back to its start.
@@ -145,6 +150,7 @@ class Problem(Value):
     start: Any
     goal: Any
     arms: Any = None
+    margin: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.scene, Scene):
@@ -168,6 +174,19 @@ class Problem(Value):
         """Number of columns."""
         return len(self.start)
 
+    def with_margin(self, distance: float) -> Problem:
+        """The same question, to be answered with `distance` [m] more than the scene's padding between what moves.
+
+        Raises:
+            InputError: below zero or not finite.
+        """
+        distance = finite_number("margin", distance)
+        if distance < 0.0:
+            raise InputError(f"margin is {distance}, expected a distance >= 0")
+        other = copy(self)
+        object.__setattr__(other, "margin", distance)
+        return other
+
     def in_scene(self, scene: Scene) -> Problem:
         """The same question in another scene: numbers go with the names of their joints.
 
@@ -188,7 +207,7 @@ class Problem(Value):
             order = [old.index(name) for name in new]
             start[arm] = postures[arm][order]
             goal[arm] = [JointGoal(g.q[order]) if isinstance(g, JointGoal) else g for g in self.goal[arm]]
-        return Problem(scene, start, goal, self.arms)
+        return Problem(scene, start, goal, self.arms).with_margin(self.margin)
 
     def _moving_arms(self) -> tuple[str, ...]:
         if self.arms is not None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
-from rr1plan.checks import Value, counted
+from rr1plan.checks import Value, counted, shown
 from rr1plan.errors import FormatError
 
 ViolationKind = Literal[
@@ -239,7 +239,7 @@ def _list(what: str, data: Any) -> list[Any]:
 
 def _text(what: str, data: Any) -> str:
     if not isinstance(data, str):
-        raise FormatError(f"{what} is {data!r}, expected text")
+        raise FormatError(f"{what} is {shown(data)}, expected text")
     return data
 
 
@@ -252,6 +252,11 @@ def _time(data: Any) -> float | None:
 
 
 def _number(what: str, data: Any) -> float:
-    if isinstance(data, bool) or not isinstance(data, int | float) or not math.isfinite(data):
-        raise FormatError(f"{what} is {data!r}, expected a finite number")
-    return float(data)
+    try:
+        # A whole number may be beyond all floats.
+        number = float(data) if isinstance(data, int | float) and not isinstance(data, bool) else math.nan
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise FormatError(f"{what} is {shown(data)}, expected a finite number")
+    return number

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_array, finite_number, near_array, read_only, shape_of
+from rr1plan.checks import Array, finite_array, finite_number, near_array, read_only, shape_of, turn_angles
 from rr1plan.errors import InputError
 
 
@@ -108,21 +108,21 @@ def pose(xyz: Any = (0.0, 0.0, 0.0), *, rpy: Any = None, quaternion: Any = None)
 
     Args:
         xyz: Position [m], shape (3,).
-        rpy: Roll, pitch, yaw [rad], shape (3,).
+        rpy: Roll, pitch, yaw [rad], each within a turn, shape (3,).
         quaternion: Quaternion wxyz, shape (4,).
 
     Returns:
         Transform, shape (4, 4), read-only.
 
     Raises:
-        InputError: not finite, wrong shape, or both rotations given.
+        InputError: not finite, wrong shape, both rotations given, or angles that look like degrees.
     """
     if rpy is not None and quaternion is not None:
         raise InputError("pose got both rpy and quaternion, expected at most one of them")
     T = np.eye(4)
     T[:3, 3] = near_array("xyz", xyz, (3,))
     if rpy is not None:
-        T[:3, :3] = rotation_from_rpy(*finite_array("rpy", rpy, (3,)))
+        T[:3, :3] = rotation_from_rpy(*turn_angles("rpy", rpy, (3,)))
     elif quaternion is not None:
         T[:3, :3] = rotation_from_quaternion(quaternion)
     return read_only(T)

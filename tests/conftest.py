@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib.metadata
 import signal
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.playback.viewer.camera import choose_camera
 
 # A shell that runs the tests in the background has Ctrl-C ignored, and every child would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -41,3 +44,24 @@ def foreign_robots() -> Path:
         if "robots" in parts and file.suffix == ".urdf":
             return Path(str(file.locate())).parents[len(parts) - 2 - parts.index("robots")]
     pytest.skip("the package example-robot-data has no robots")
+
+
+@pytest.fixture(scope="session")
+def panda_and_wall(foreign_robots: Path) -> tuple[rp.Scene, rp.Trajectory, tuple[float, float, float]]:
+    """A magenta Panda, a motion of it, a wall that hides all of it, and the direction from which the wall does."""
+    panda = rp.load_robot(foreign_robots / "panda_description/urdf/panda.urdf")
+    panda = replace(
+        panda,
+        links=tuple(
+            replace(link, visuals=tuple(replace(g, color=(1.0, 0.0, 1.0, 1.0)) for g in link.visuals))
+            for link in panda.links
+        ),
+    )
+    scene = rp.Scene().with_arm("panda", panda)
+    turn = np.array([1.2, 0.3, 0.0, 0.4, 0.0, 0.0, 0.0])
+    motion = rp.Trajectory(scene.joint_names(), np.array([0.0, 1.0]), np.stack([panda.home, turn])[None])
+    # The first view of the same motion without the wall.
+    x, y, z = choose_camera(scene, motion).direction
+    away = 1.1 / np.hypot(x, y)
+    at = rp.transforms.pose([away * x, away * y, 1.2], rpy=[0.0, 0.0, np.arctan2(y, x)])
+    return scene.with_obstacle("wall", rp.Box((0.05, 4.0, 2.4)), at), motion, (x, y, z)

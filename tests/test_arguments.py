@@ -90,12 +90,12 @@ _LABELS = {("transforms.as_pose", "name"), ("Robot.configuration", "name")}
 def calls(folder: Path) -> dict[str, Call]:
     """Public functions by name, each with arguments that it takes."""
     robot = rp.load_robot("planar2r")
-    scene = rp.Scene().with_arm("arm", robot).with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), [0, 0, 3])
+    scene = rp.Scene().with_arm("arm", robot).with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), [0, 0, 0.5])
     problem = rp.Problem(scene, "home", [0.5, 0.5])
     motion = rp.plan_motion(problem, rng=0)
     path, trajectory = motion.path, motion.trajectory
     checker = rp.CollisionChecker(scene)
-    edges, kinematics = rp.MotionChecker(checker), rp.Kinematics(scene)
+    kinematics = rp.Kinematics(scene)
     q, T, names, budget = np.zeros(2), transforms.identity(), scene.joint_names(), rp.Budget(0.2)
     cover = next(iter(rp.cover_with_spheres(robot).values()))
     base, link = (f"arm/{robot.links[k].name}" for k in (0, 1))
@@ -122,28 +122,27 @@ def calls(folder: Path) -> dict[str, Call]:
             {"problems": [problem], "executor": InThisThread(), "workers": None, "rng": 0, "full": False}
             | {"planner": "rrt_connect", "retiming": "blend", "budget": budget, "progress": None},
         ),
-        "CollisionChecker": (rp.CollisionChecker, {"scene": scene, "arms": None}),
+        "CollisionChecker": (rp.CollisionChecker, {"scene": scene, "arms": None, "margin": 0.01, "tolerance": 1e-6}),
         **{
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"q": q})
             for verb in (
-                *("checked", "contacts", "distances", "is_free", "limit_violations", "nearest"),
+                *("checked", "contacts", "distances", "is_free", "is_free_slowly", "limit_violations", "nearest"),
                 "within_limits",
             )
         },
         "CollisionChecker.clearance": (checker.clearance, {"q": q, "most": 1.0}),
+        "CollisionChecker.moving_clearance": (checker.moving_clearance, {"q": q, "most": 1.0}),
         "CollisionChecker.solid_distances": (checker.solid_distances, {"q": q, "pairs": None}),
         "CollisionChecker.solid_distance": (checker.solid_distance, {"q": q, "pair": 0}),
         "ElementCover.at": (cover.at, {"level": 0}),
-        "MotionChecker": (rp.MotionChecker, {"checker": scene, "arms": None, "tolerance": 1e-6}),
         **{
-            f"MotionChecker.{verb}": (getattr(edges, verb), {"q0": q, "q1": q + 0.1})
+            f"CollisionChecker.{verb}": (getattr(checker, verb), {"q0": q, "q1": q + 0.1})
             for verb in ("edge_is_free", "edge_is_free_slowly", "first_contact")
         },
-        "MotionChecker.is_free": (edges.is_free, {"q": q}),
-        "MotionChecker.is_free_but_for": (edges.is_free_but_for, {"q": q, "arms": frozenset({"arm"})}),
-        "MotionChecker.path_is_free": (edges.path_is_free, {"waypoints": [q, q + 0.1]}),
+        "CollisionChecker.is_free_but_for": (checker.is_free_but_for, {"q": q, "arms": frozenset({"arm"})}),
+        "CollisionChecker.path_is_free": (checker.path_is_free, {"waypoints": [q, q + 0.1]}),
         **{
-            f"MotionChecker.{verb}": (getattr(edges, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
+            f"CollisionChecker.{verb}": (getattr(checker, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
             for verb in ("polynomial_is_free", "polynomial_is_free_slowly")
         },
         "cover_with_spheres": (rp.cover_with_spheres, {"thing": robot}),
@@ -154,7 +153,14 @@ def calls(folder: Path) -> dict[str, Call]:
         "convex_pieces": (rp.convex_pieces, {"mesh": mesh, "seconds": 5.0, "progress": None}),
         "load_motion": (
             rp.load_motion,
-            {"file": folder / "m.json", "scene": None, "torque_limits": False, "jerk_limits": False, "progress": None},
+            {
+                "file": folder / "m.json",
+                "scene": None,
+                "topic": None,
+                "torque_limits": False,
+                "jerk_limits": False,
+                "progress": None,
+            },
         ),
         "load_joint_trajectory": (rp.load_joint_trajectory, {"file": folder / "j.yaml", "topic": None}),
         "save_motion": (
@@ -233,12 +239,12 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "shorten": (
             rp.shorten,
-            {"path": path, "checker": edges, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
+            {"path": path, "checker": checker, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
         ),
         "Budget": (rp.Budget, {"seconds": 1.0, "iterations": None}),
         "cspace": (
             rp.cspace,
-            {"scene": scene, "resolution": 8} | dict.fromkeys(("problem", "result", "arm", "joints", "progress")),
+            {"scene": scene, "resolution": 8} | dict.fromkeys(("problem", "result", "arm", "joints", "at", "progress")),
         ),
         "save_html": (rp.save_html, {"file": folder / "o.html", "scene": scene, "play": True} | shown),
         "show": (shown_page, {"scene": scene, "port": None, "open_browser": False, "quiet": True} | shown),
@@ -269,10 +275,11 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "retime": (
             rp.retime,
-            {"path": path, "scene": scene, "method": "blend", "checker": edges, "torque_limits": False}
+            {"path": path, "scene": scene, "method": "blend", "checker": checker, "torque_limits": False}
             | {"velocity_scale": 1.0, "acceleration_scale": 1.0, "max_blend": 1.0},
         ),
         "Problem.in_scene": (problem.in_scene, {"scene": scene}),
+        "Problem.with_margin": (problem.with_margin, {"distance": 0.01}),
         "scene_differences": (rp.scene_differences, {"before": scene, "after": scene}),
         "Robot.configuration": (robot.configuration, {"value": "home", "name": "x"}),
         "Robot.joint": (robot.joint, {"name": "joint1"}),
@@ -425,11 +432,15 @@ def test_no_argument_is_forgotten(table: dict[str, Call]) -> None:
     assert not missing
 
 
+@pytest.fixture
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some wrong values are names of files that may be written."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.mark.parametrize("name", NAMES)
-def test_every_argument_is_checked(
-    name: str, table: dict[str, Call], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)  # some wrong values are names of files that may be written
+@pytest.mark.usefixtures("_in_an_empty_folder")
+def test_every_argument_is_checked(name: str, table: dict[str, Call]) -> None:
     function, right = table[name]
     if name != "screenshot":
         function(**right)
@@ -461,6 +472,7 @@ KINDS |= {"budget": rp.Budget, "path": rp.Path, "report": rp.Report}
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.usefixtures("_in_an_empty_folder")
 def test_a_value_of_another_kind_is_never_taken(name: str, table: dict[str, Call]) -> None:
     function, right = table[name]
     for argument in set(right) & {*KINDS, "progress", "accept"}:

@@ -183,6 +183,31 @@ def test_progress_is_told_and_may_cancel(problems):
     assert answers[-1].error == "Cancelled"
 
 
+def test_each_problem_is_reported_as_it_ends_and_its_answer_survives_a_cancellation(problems):
+    unreachable = rp.Problem(problems[0].scene, np.zeros(2), rp.PoseGoal("tool", [9.0, 0.0, 0.0]))
+    # An optimizing planner works on what no straight line solves until its budget ends.
+    slow = rp.load_problems("planar2r_path")["to_a_point"]
+    fractions = []
+
+    def cancel_after_the_first(progress):
+        fractions.append(progress.fraction)
+        return False
+
+    settings = {"planner": "rrt_star", "full": False, "budget": rp.Budget(300)}
+    answers = rp.plan_many([unreachable, slow] * 4, workers=1, rng=0, progress=cancel_after_the_first, **settings)
+    assert fractions == [1 / 8]
+    assert answers[0].status is rp.PlanStatus.INFEASIBLE
+    assert [a.error for a in answers[1:]] == ["Cancelled"] * 7
+
+
+def test_processes_report_every_problem_once(problems):
+    fractions = []
+    settings = {"full": False, "budget": BUDGET, "progress": lambda p: fractions.append(p.fraction)}
+    killer = Killer(problems[0].scene, np.zeros(2), rp.JointGoal(np.ones(2)))
+    rp.plan_many([*problems, killer, *problems], workers=1, rng=0, **settings)
+    assert fractions == pytest.approx(np.arange(1, 12) / 11)
+
+
 def test_no_problems_are_no_answers():
     assert rp.plan_many([]) == []
 

@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rr1plan.collision import CollisionChecker
+from rr1plan.contact_rules import RuleContent, rules_of
 from rr1plan.library import load_scene
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Robot
@@ -63,6 +65,78 @@ def test_the_tables_agree_with_the_rules_for_one_pair(allowed, special, general,
     for (a, b), distance in special:
         scene = scene.with_padding(distance, a, b)
     agrees(scene)
+
+
+OWNERS = ("l", "r", "box", "can", "lid")
+
+
+@settings(deadline=None, max_examples=80)
+@given(
+    st.lists(BOTH, max_size=3),
+    st.lists(st.tuples(BOTH, st.floats(0, 1)), max_size=4),
+    st.sets(st.lists(st.sampled_from(OWNERS), min_size=1, max_size=2, unique=True).map(frozenset), max_size=8),
+)
+def test_of_arms_and_obstacles_that_meet_the_tables_are_the_same(allowed, special, meeting) -> None:
+    scene = two_arms().with_padding(0.01)
+    for a, b in allowed:
+        scene = scene.allow(a, b)
+    for (a, b), distance in special:
+        scene = scene.with_padding(distance, a, b)
+    names = scene.element_names
+    arms = tuple((name, arm.robot.base, frozenset(arm.robot.never_collide)) for name, arm in scene.arms.items())
+    held = tuple((name, thing.arm, thing.link, thing.touch) for name, thing in scene.attachments.items())
+    owners = tuple(scene.owner(name) for name in names)
+    # Names that are no elements, and pairs of what is not there, do no harm.
+    content = RuleContent(names, owners, arms, held, scene.allowed, frozenset({*meeting, frozenset({"l", "gone"})}))
+    expected = [
+        (a, b)
+        for i, a in enumerate(names)
+        for b in names[i + 1 :]
+        if not scene.may_touch(a, b) and frozenset({scene.owner(a) or a, scene.owner(b) or b}) in meeting
+    ]
+    rules = rules_of(content)
+    assert [(names[i], names[j]) for i, j in rules.checked] == expected
+    paddings = rules.paddings(scene.padding, scene.pair_padding).tolist()
+    assert paddings == [scene.padding_of(a, b) for a, b in expected]
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.lists(BOTH, max_size=3),
+    st.lists(st.tuples(BOTH, st.floats(0, 0.3)), max_size=3),
+    st.lists(st.floats(0.0, 3.0), min_size=4, max_size=4),
+    st.sampled_from([("l",), ("r",), ("l", "r")]),
+    st.sampled_from([0.0, 0.4]),
+)
+def test_the_pairs_of_a_checker_are_those_that_may_not_touch(allowed, special, apart, arms, margin) -> None:
+    scene = two_arms().with_arm("r", ROBOT, [apart[0], 0, 0])
+    for name, distance in zip(("box", "can", "lid"), apart[1:], strict=True):
+        scene = scene.with_obstacle(name, Sphere(0.1), [0, distance, 0])
+    for a, b in allowed:
+        scene = scene.allow(a, b)
+    for (a, b), distance in special:
+        scene = scene.with_padding(distance, a, b)
+    checker = CollisionChecker(scene, arms, margin=margin)
+    known = set(checker.pairs)
+    assert len(known) == len(checker.pairs)
+    for a, b in scene.checked_pairs:
+        if {scene.owner(a), scene.owner(b)} & {*arms} and (a, b) not in known:
+            # All links are balls in one place.
+            at = [center(scene, name) for name in (a, b)]
+            wide = max(scene.padding, *scene.pair_padding.values(), 0.0) + margin
+            assert float(np.linalg.norm(at[0] - at[1])) - 0.2 > wide
+    for (a, b), padding in zip(checker.pairs, checker.padding.tolist(), strict=True):
+        assert not scene.may_touch(a, b)
+        assert {scene.owner(a), scene.owner(b)} & {*arms}
+        assert padding == scene.padding_of(a, b)
+
+
+def center(scene: Scene, name: str) -> np.ndarray:
+    if name in scene.obstacles:
+        return scene.obstacles[name].pose[:3, 3]
+    owner = scene.owner(name)
+    assert owner is not None
+    return scene.arms[owner].base[:3, 3]
 
 
 @pytest.mark.parametrize("name", ["rr1_cluttered", "rr1_pair", "planar2r_path"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -130,7 +131,7 @@ def test_an_srdf_of_the_same_name_is_found_beside_the_urdf(arm: Path, place: str
 
 
 def test_a_broken_srdf_is_an_error_not_ignored(arm: Path) -> None:
-    (arm.parent / "arm.srdf").write_text('<robot name="arm"><group name="g"><group name="x"/></group></robot>')
+    (arm.parent / "arm.srdf").write_text('<robot name="arm"><group name="g"><group name="g"/></group></robot>')
     with pytest.raises(FormatError, match=r"arm\.srdf:1"):
         rp.load_robot(arm)
 
@@ -234,10 +235,77 @@ def test_groups_that_cannot_be_joined_are_refused(arm: Path) -> None:
         rp.load_robot(arm, group="left", groups=["right"])
 
 
+def test_chains_are_planned_for_as_one_without_a_group_in_the_srdf(arm: Path) -> None:
+    robot = rp.load_robot(arm, groups=[("l1", "l3"), ["l0", "l1"]])
+    assert robot.joint_names == ("b", "c", "a")
+    assert robot.tool == "l3"
+    (arm.parent / "arm.srdf").write_text(TWO_ARMS)
+    assert rp.load_robot(arm, groups=["left", ("l1", "l3")]).joint_names == ("a", "b", "c")
+
+
+def test_chains_that_are_none_are_refused(arm: Path) -> None:
+    for wrong, message in (
+        ([("l1", "l2", "l3")], "one of groups is .*expected a name or two"),
+        ([("l1", "l7")], "link 'l7'"),
+        ([("l1", 3)], "link 3"),
+        ([("l1", "l3"), ("l1", "l3")], "none twice"),
+        ([3], "one of groups is 3"),
+        ([("l1", "l1")], "no joint to plan for"),
+    ):
+        with pytest.raises(InputError, match=message):
+            rp.load_robot(arm, groups=wrong)
+
+
+@pytest.mark.usefixtures("foreign_robots")
+@pytest.mark.parametrize(
+    ("name", "groups", "joints", "reach"),
+    [
+        ("pr2", ["left_arm", "right_arm"], 14, ("l_wrist_roll_link", "r_wrist_roll_link")),
+        (
+            "baxter",
+            [("torso", "left_gripper"), ("torso", "right_gripper")],
+            14,
+            ("left_gripper", "right_gripper"),
+        ),
+    ],
+)
+def test_both_arms_of_a_robot_are_planned_for_as_one(
+    name: str, groups: list[Any], joints: int, reach: tuple[str, str]
+) -> None:
+    robot = rp.load_robot(name, groups=groups)
+    assert robot.nq == joints
+    scene = rp.Scene().with_arm("robot", robot)
+    assert rp.CollisionChecker(scene).is_free(robot.home)
+    rng = np.random.default_rng(0)
+    near = rng.uniform(
+        *(np.clip(robot.home + s, robot.limits.lower, robot.limits.upper) for s in (-0.5, 0.5)), (99, 14)
+    )
+    goal = next(q for q in near if rp.CollisionChecker(scene).is_free(q))
+    motion = rp.plan_motion(rp.Problem(scene, "home", goal), rng=0)
+    assert motion, str(motion)
+    moved = [scene.link_poses({"robot": q}) for q in motion.path.waypoints[[0, -1]]]
+    assert robot.tool == reach[0]
+    for link in reach:
+        start, end = (poses[f"robot/{link}"][:3, 3] for poses in moved)
+        assert np.linalg.norm(end - start) > 0.01
+        reached = rp.plan(rp.Problem(scene, "home", rp.PoseGoal(link, end)), rng=0)
+        assert reached.solved
+
+
 def test_a_scene_file_names_the_groups_of_a_robot(arm: Path, tmp_path: Path) -> None:
     (arm.parent / "arm.srdf").write_text(TWO_ARMS)
     (tmp_path / "cell.toml").write_text('[arms.pair]\nrobot = "urdf/arm.urdf"\ngroups = ["right", "left"]\n')
     assert rp.load_scene(tmp_path / "cell.toml").joint_names() == ("pair/b", "pair/c", "pair/a")
+    (tmp_path / "cell.toml").write_text(
+        '[arms.pair]\nrobot = "urdf/arm.urdf"\ngroups = [["l1", "l3"], "left"]\nq = [0, 0, 0]\n'
+    )
+    scene = rp.load_scene(tmp_path / "cell.toml")
+    assert scene.joint_names() == ("pair/b", "pair/c", "pair/a")
+    again = rp.load_scene(rp.save_scene(tmp_path / "again.toml", scene))
+    assert again.content_hash == scene.content_hash
+    (tmp_path / "cell.toml").write_text('[arms.pair]\nrobot = "urdf/arm.urdf"\ngroups = [["l1", 3]]\n')
+    with pytest.raises(FormatError, match=r"cell\.toml:3.*expected names of groups or \[base link, tip link\]"):
+        rp.load_scene(tmp_path / "cell.toml")
 
 
 VISUAL = '<visual><geometry><sphere radius="0.02"/></geometry></visual>'
@@ -309,6 +377,16 @@ def test_an_installed_robot_is_loaded_by_its_name(name: str, file: str, joints: 
     assert robot.nq == joints
     bare = rp.load_robot(name, srdf=False)
     assert (bare.never_collide != robot.never_collide) is srdf
+
+
+@pytest.mark.usefixtures("foreign_robots")
+@pytest.mark.parametrize("name", ["double_pendulum_continuous", "icub_reduced", "simple_humanoid", "solo12"])
+def test_a_joint_of_velocity_zero_and_an_srdf_of_unknown_groups_do_not_keep_a_robot_out(
+    name: str,
+) -> None:
+    robot = rp.load_robot(name)
+    assert np.isfinite(robot.limits.velocity).all()
+    assert (robot.limits.velocity > 0.0).all()
 
 
 @pytest.mark.usefixtures("foreign_robots")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import motion as motion_checkers
-from rr1plan.pipeline import affordable_margin, with_margin
+from rr1plan.collision import checker as checkers
+from rr1plan.pipeline import affordable_margin
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def test_a_scene_is_set_up_once(problem: rp.Problem, monkeypatch: pytest.MonkeyP
     fresh = rp.Problem(scene, problem.start, dict(problem.goal))
     rp.set_up(fresh)
     made = []
-    monkeypatch.setattr(motion_checkers, "build_edge_tables", lambda *_: made.append(None))
+    monkeypatch.setattr(checkers, "build_edge_tables", lambda *_: made.append(None))
     assert rp.plan(fresh, rng=0).solved
     assert made == []
     with pytest.raises(rp.InputError, match="problem is of type Scene"):
@@ -48,15 +49,32 @@ def test_every_retiming_can_end_the_line_and_is_held_to_what_it_claims(problem: 
     assert ("jerk" in report.checked) is retiming.startswith("ruckig")
 
 
-def test_the_same_question_with_a_margin_differs_in_the_scene_alone(problem: rp.Problem) -> None:
-    roomy = with_margin(problem, 0.01)
-    assert roomy.scene.padding == pytest.approx(problem.scene.padding + 0.01)
+def test_the_same_question_with_a_margin_differs_in_the_margin_alone(problem: rp.Problem) -> None:
+    roomy = problem.with_margin(0.01)
+    assert roomy.margin == 0.01
+    assert problem.margin == 0.0
+    assert roomy.scene is problem.scene
     assert roomy.arms == problem.arms
     assert roomy.goal == problem.goal
     np.testing.assert_array_equal(roomy.start, problem.start)
-    assert with_margin(problem, 0.01).scene is roomy.scene
-    assert with_margin(problem, 0.0) is problem
-    assert problem.scene.padding == roomy.scene.padding - 0.01
+    assert roomy.with_margin(0.02).margin == 0.02
+    for wrong in (-0.01, np.nan, np.inf, "wide"):
+        with pytest.raises(rp.InputError, match="margin"):
+            problem.with_margin(wrong)
+
+
+@pytest.mark.parametrize("planner", [name for name in rp.planner_names() if name != "cartesian"])
+def test_every_planner_keeps_the_margin_of_a_question(planner: str) -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    scene = scene.with_obstacle("post", rp.Sphere(0.05), [0.55, 0.0, 0.0]).with_padding(0.01)
+    problem = rp.Problem(scene, [0.7, 0.9], [-0.7, -0.9]).with_margin(0.1)
+    path = rp.plan(problem, planner, rp.Budget(seconds=3.0), rng=0).path
+    assert path is not None
+    wide = rp.CollisionChecker(scene.with_margin(0.1))
+    assert all(wide.edge_is_free(a, b) for a, b in pairwise(path.waypoints))
+    # A wider one has no such path: the margin counts.
+    refused = rp.plan(problem.with_margin(0.5), planner, rp.Budget(seconds=0.3), rng=0)
+    assert refused.status is rp.PlanStatus.INVALID_START
 
 
 def test_a_margin_is_halved_until_the_start_has_twice_as_much() -> None:
@@ -86,15 +104,40 @@ def test_a_margin_is_one_that_the_goal_has_too() -> None:
     assert motion.margin == affordable_margin(one, margin)
 
 
+def test_a_margin_counts_what_the_arm_can_never_reach() -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    straight = rp.Problem(scene, [0.0, 0.0], [2.0, 0.0])
+    tip = float(scene.link_poses({"arm": np.zeros(2)})["arm/tool"][0, 3])
+    problem = straight.in_scene(scene.with_obstacle("ball", rp.Sphere(0.1), [tip + 0.5, 0.0, 0.0]))
+    clearance = rp.CollisionChecker(problem.scene).clearance(problem.start)
+    assert 0.2 < clearance < 0.41
+    assert affordable_margin(problem, 0.8 * clearance) == pytest.approx(0.4 * clearance)
+    assert affordable_margin(problem, 1.5 * clearance) == pytest.approx(0.375 * clearance)
+    assert rp.plan_motion(problem, margin=1.5 * clearance, rng=0).solved
+
+
+def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    tip = scene.link_poses({"arm": np.zeros(2)})["arm/tool"][:3, 3]
+    scene = scene.with_obstacle("ball", rp.Sphere(0.05), tip + np.array([0.0, 0.0, 0.15]))
+    near = rp.PoseGoal("tool", tip, position_tolerance=1e-3)
+    clear = rp.CollisionChecker(scene).clearance([0.0, 0.0])
+    assert 0.01 < clear < 0.15
+    for problem in (rp.Problem(scene, [2.0, 0.5], near), rp.Problem(scene, [2.0, 0.5], near).with_margin(0.2)):
+        motion = rp.plan_motion(problem, margin=0.2, rng=0)
+        assert motion.solved
+        assert motion.margin == 0.0
+
+
 def test_setting_up_is_not_at_the_expense_of_the_budget(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is made once may take longer than a budget: tables of a new scene, code that is not compiled yet."""
-    make = rp.MotionChecker.set_up
+    make = rp.CollisionChecker.set_up
 
-    def slowly(checker: rp.MotionChecker) -> None:
+    def slowly(checker: rp.CollisionChecker) -> None:
         time.sleep(0.8)
         make(checker)
 
-    monkeypatch.setattr(rp.MotionChecker, "set_up", slowly)
+    monkeypatch.setattr(rp.CollisionChecker, "set_up", slowly)
     result = rp.plan(problem, budget=rp.Budget(seconds=0.7), rng=0)
     assert result.solved
     assert result.seconds < 0.7

@@ -99,6 +99,12 @@ def test_problems_are_read_only_also_after_pickling(two: Scene) -> None:
     assert np.array_equal(again.goal["left"][1].rotation, np.eye(3))
 
 
+def test_the_margin_of_a_problem_goes_where_the_problem_goes(two: Scene) -> None:
+    problem = Problem(two, None, "zero", arms="left").with_margin(0.01)
+    assert pickle.loads(pickle.dumps(problem)).margin == 0.01
+    assert problem.in_scene(two.with_padding(0.02)).margin == 0.01
+
+
 def test_a_pose_goal_takes_a_position_a_quaternion_or_a_full_pose() -> None:
     R = rotation_from_rpy(0.1, 0.2, 0.3)
     free = PoseGoal("tool", [1, 2, 3])

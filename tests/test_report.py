@@ -91,6 +91,8 @@ def altered(path: list[Any], value: Any) -> dict[str, Any]:
         (["duration"], "long", "duration"),
         (["duration"], float("nan"), "duration"),
         (["duration"], True, "duration"),
+        (["duration"], 10**400, "duration is .*expected a finite number"),
+        (["statistics", "distances"], 10**400, "distances"),
         (["margins"], [], "margins"),
         (["margins", "clearance"], 0.1, "clearance"),
         (["margins", "clearance", "time"], float("inf"), "time"),

@@ -38,10 +38,10 @@ def test_every_public_value_shows_itself_in_a_line(motion: rp.MotionPlan) -> Non
         *(mesh, scene, *scene.obstacles.values(), *scene.obstacles["mesh"].geometries, scene.arm("rr1"), robot),
         *(robot.limits, *robot.links, *robot.joints, robot.link("shoulder_link").inertial),
         *(rp.JointGoal(start), rp.PoseGoal("tool", [0, 0, 0], [1, 0, 0, 0])),
-        *(rp.RegionGoal("tool", [0, 0, 0], [1, 1, 1]), rp.Kinematics(scene), checker, rp.MotionChecker(checker)),
+        *(rp.RegionGoal("tool", [0, 0, 0], [1, 1, 1]), rp.Kinematics(scene), checker, checker),
         *(checker.nearest(start), *checker.contacts(stop + 1.5)),
         rp.solve_ik(rp.Kinematics(scene), rp.PoseGoal("tool", [-0.30, 0.25, 0.20]), rng=0, max_solutions=3),
-        rp.MotionChecker(checker).first_contact(start, start + 1.5),
+        checker.first_contact(start, start + 1.5),
         *rp.cover_with_spheres(checker.scene).values(),
         rp.simulate(motion.trajectory, motion.problem.scene, mode="kinematic"),
         rp.plan(motion.problem, rp.make_planner("rrt_connect", tree=True), rng=0).tree,
@@ -116,3 +116,41 @@ def test_one_of_anything_is_not_plural() -> None:
     assert not rp.CollisionChecker(blocked).is_free(found)
     result = rp.plan(rp.Problem(blocked, [0.5, *found[1:]], reached), rng=0)
     assert "every configuration found (1 configuration)" in result.reason
+
+
+DEGREES = r"\(angles are in radians: are these degrees\?\)"
+BENT = """<robot name="bent"><link name="a"/>
+<link name="b"><collision>{origin}<geometry><sphere radius="0.1"/></geometry></collision></link>
+<joint name="j" type="continuous"><parent link="a"/><child link="b"/>{origin}<limit velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+def test_rotations_in_degrees_are_recognised_wherever_they_are_read(tmp_path: Path) -> None:
+    with pytest.raises(rp.InputError, match=r"rpy is \[0, 0, 90\] rad, expected angles within a turn.* " + DEGREES):
+        rp.transforms.pose(rpy=(0, 0, 90))
+    scene, robot = tmp_path / "scene.toml", tmp_path / "bent.urdf"
+    for text, line in (
+        ("[obstacles.box]\nbox = [1, 1, 1]\nrpy = [0, 0, -45]\n", 3),
+        ("[obstacles.box]\nshapes = [\n{ box = [1, 1, 1], rpy = [0, 30, 0] }]\n", 2),
+        ("[arms.arm]\nrobot = 'planar2r'\nrpy = [180, 0, 0]\n", 3),
+    ):
+        scene.write_text(text)
+        with pytest.raises(rp.FormatError, match=f"rpy.*{DEGREES}") as caught:
+            rp.load_scene(scene)
+        assert (caught.value.file, caught.value.line) == (str(scene), line)
+    robot.write_text(BENT.format(origin='<origin rpy="0 0 90"/>'))
+    with pytest.raises(rp.FormatError, match=rf"bent.urdf:\d: .*rpy is \[0, 0, 90\] rad.*{DEGREES}"):
+        rp.load_robot(robot)
+    arm = rp.load_robot("planar2r")
+    with pytest.raises(rp.InputError, match=f"yaw is 90 rad.*{DEGREES}"):
+        rp.place_grid(arm, 1, 2, 3.0, yaw=90)
+    with pytest.raises(rp.InputError, match=f"start_angle is 45 rad.*{DEGREES}"):
+        rp.place_ring(arm, 2, 3.0, start_angle=45)
+
+
+def test_a_rotation_by_a_whole_turn_is_no_degrees(tmp_path: Path) -> None:
+    turned = rp.transforms.pose(rpy=(6.2832, -6.283185307179586, 3.2))
+    assert abs(turned[0, 0] - rp.transforms.pose(rpy=(0, 0, 3.2))[0, 0]) < 1e-6
+    (tmp_path / "bent.urdf").write_text(BENT.format(origin='<origin rpy="0 0 -4.712389"/>'))
+    assert rp.load_robot(tmp_path / "bent.urdf").nq == 1
+    assert len(rp.place_ring(rp.load_robot("planar2r"), 3, 3.0, start_angle=6.0).arms) == 3

@@ -53,5 +53,5 @@ def test_a_replay_is_true_if_nothing_touched(contacts: tuple[ReplayContact, ...]
 
 
 def test_a_first_contact_is_none_where_there_is_none(problem: rp.Problem) -> None:
-    motions = rp.MotionChecker(problem.scene)
+    motions = rp.CollisionChecker(problem.scene)
     assert motions.first_contact(problem.start, problem.start) is None

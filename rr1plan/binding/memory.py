@@ -36,6 +36,7 @@ class CStruct:
     Attributes:
         value: The struct itself.
         address: Where it is.
+        targets: What its pointers lead to, by field.
 
     Raises:
         TypeError: an array that is not what the headers say.
@@ -45,7 +46,7 @@ class CStruct:
         self.sources, self.name = sources, name
         self.value = sources.classes[name]()
         self.address = ctypes.addressof(self.value)
-        self._kept: dict[str, Any] = {}
+        self.targets: dict[str, Any] = {}
         self.set(**fields)
 
     def set(self, **fields: Any) -> None:
@@ -58,14 +59,14 @@ class CStruct:
         for key, given in fields.items():
             if key in pointers:
                 setattr(self.value, key, address_of(self.sources, given, pointers[key]))
-                self._kept[key] = given
+                self.targets[key] = given
             else:
                 setattr(self.value, key, given)
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
         """The arrays that its pointers lead to."""
-        return [given for given in self._kept.values() if not isinstance(given, CStruct)]
+        return [given for given in self.targets.values() if not isinstance(given, CStruct)]
 
 
 def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str) -> int:

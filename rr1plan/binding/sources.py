@@ -2,12 +2,15 @@
 
 The sources are the one place where those are declared. Headers keep to a subset of C that is read here: structs of
 numbers, arrays of numbers, pointers and earlier structs, and enums. The build compiles the offsets that the C compiler
-gives every field into the library, and `library.py` refuses a library in which they differ.
+gives every field into the library, and `library.py` refuses a library in which they differ. A WebAssembly module, whose
+pointers have four bytes, contains all declarations as JSON, for a binding in JavaScript.
 """
 
 from __future__ import annotations
 
 import ctypes
+import hashlib
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -78,11 +81,12 @@ class KernelSources:
     @cached_property
     def classes(self) -> dict[str, type[ctypes.Structure]]:
         """A ctypes class for each struct."""
-        classes: dict[str, type[ctypes.Structure]] = {}
-        for name, fields in self.structs.items():
-            rows = [(field.name, _type_of(field, classes)) for field in fields]
-            classes[name] = type(name, (ctypes.Structure,), {"_fields_": rows})
-        return classes
+        return _classes_of(self.structs, ctypes.c_void_p)
+
+    @cached_property
+    def wasm_classes(self) -> dict[str, type[ctypes.Structure]]:
+        """The same as WebAssembly has them: with pointers of four bytes."""
+        return _classes_of(self.structs, ctypes.c_uint32)
 
     def pointers(self, name: str) -> dict[str, str]:
         """What the pointers of a struct point to, by field."""
@@ -90,9 +94,15 @@ class KernelSources:
             self._pointers[name] = {field.name: field.kind for field in self.structs[name] if field.pointer}
         return self._pointers[name]
 
-    def item_size(self, kind: str) -> int:
-        """Bytes of one item that a pointer of a kind points to."""
-        return ctypes.sizeof(self.classes[kind] if kind in self.classes else _NUMBERS[kind])
+    def item_size(self, kind: str, *, wasm: bool = False) -> int:
+        """Bytes of one item that a pointer of a kind points to.
+
+        Args:
+            kind: A struct or a kind of number.
+            wasm: As WebAssembly has it.
+        """
+        classes = self.wasm_classes if wasm else self.classes
+        return ctypes.sizeof(classes[kind] if kind in classes else _NUMBERS[kind])
 
     def layout(self) -> list[int]:
         """Size of each struct, then the offset and size of each of its fields, as ctypes has them."""
@@ -103,13 +113,33 @@ class KernelSources:
                 numbers += [getattr(made, name).offset, getattr(made, name).size]
         return numbers
 
+    @cached_property
+    def declarations(self) -> str:
+        """All declarations as JSON, structs as WebAssembly has them.
+
+        Entries: `structs`, by name: `size`, and of each of the `fields` its kind, offset, count and whether it is a
+        pointer; `functions`, by name: kinds of the result and of the arguments; `constants`; and a `digest` of those.
+        """
+        structs = {}
+        for name, fields in self.structs.items():
+            made = self.wasm_classes[name]
+            rows = {f.name: (f.kind, getattr(made, f.name).offset, f.count, f.pointer) for f in fields}
+            structs[name] = {"size": ctypes.sizeof(made), "fields": rows}
+        functions = {name: (made.result, made.arguments) for name, made in self.prototypes.items()}
+        declared = {"structs": structs, "functions": functions, "constants": self.constants}
+        digest = hashlib.sha256(json.dumps(declared).encode()).hexdigest()[:16]
+        return json.dumps({"digest": digest, **declared}, separators=(",", ":"))
+
     def layout_source(self) -> str:
-        """C that exports the same numbers as the compiler has them."""
+        """C that exports the numbers of `layout` as the compiler has them; for WebAssembly all declarations too."""
         entries = []
         for name, fields in self.structs.items():
             entries.append(f"    sizeof({name}),")
             entries += [f"    offsetof({name}, {f.name}), sizeof((({name} *)0)->{f.name})," for f in fields]
-        return "\n".join(["EXPORT const int64_t rr1_layout[] = {", *entries, "    -1,", "};", ""])
+        lines = ["EXPORT const int64_t rr1_layout[] = {", *entries, "    -1,", "};"]
+        # A string in JSON is one in C.
+        declared = f"EXPORT const char rr1_declarations[] = {json.dumps(self.declarations)};"
+        return "\n".join([*lines, "#if defined(__wasm__)", declared, "#endif", ""])
 
     def _text(self, *suffixes: str) -> str:
         return "".join(file.read_text(encoding="utf-8") for file in self.files if file.suffix in suffixes)
@@ -191,9 +221,18 @@ def parse_prototypes(text: str) -> dict[str, Prototype]:
     return found
 
 
-def _type_of(field: Field, classes: dict[str, type[ctypes.Structure]]) -> type:
+def _classes_of(structs: dict[str, tuple[Field, ...]], pointer: type) -> dict[str, type[ctypes.Structure]]:
+    """A ctypes class for each struct, with pointers of a type."""
+    classes: dict[str, type[ctypes.Structure]] = {}
+    for name, fields in structs.items():
+        rows = [(field.name, _type_of(field, classes, pointer)) for field in fields]
+        classes[name] = type(name, (ctypes.Structure,), {"_fields_": rows})
+    return classes
+
+
+def _type_of(field: Field, classes: dict[str, type[ctypes.Structure]], pointer: type) -> type:
     if field.pointer:
-        return ctypes.c_void_p
+        return pointer
     kind: Any = classes[field.kind] if field.kind in classes else _NUMBERS[field.kind]
     made: type = kind * field.count if field.count > 1 else kind
     return made

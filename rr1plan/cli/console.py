@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 import os
@@ -9,23 +10,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, Protocol, TextIO
+from typing import Any, TextIO
 
 from rich.console import Console as RichConsole
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from rr1plan.errors import InputError
-
-
-class Advance(Protocol):
-    """What moves a bar."""
-
-    def __call__(self, fraction: float, what: str = "") -> None:
-        """Show the fraction done, and what is being done where that is said."""
-        ...
-
+from rr1plan.progress_bar import Advance, no_progress, progress_bar
 
 # Of a table that nobody sees on a terminal.
 _WIDEST = 10_000
@@ -38,7 +30,7 @@ class Console:
 
     Args:
         as_json: Print results as JSON only.
-        quiet: No progress and no text, only errors and results asked for.
+        quiet: No progress and no text, only errors, results asked for, and of lists the names.
 
     Attributes:
         watch: Wall time of the command's stages.
@@ -80,9 +72,15 @@ class Console:
             table.add_column(name, min_width=max(map(len, words), default=0), overflow="fold")
         for row in rows:
             table.add_row(*(escape(cell) for cell in row))
-        with self._out.capture() as captured:
-            self._out.print(table)
-        self.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
+        # Rendered aside: `write` alone touches standard output, which may be full.
+        text, out = io.StringIO(), self._out
+        RichConsole(file=text, width=out.width, force_terminal=out.is_terminal, highlight=False).print(table)
+        self.write("".join(f"{line.rstrip()}\n" for line in text.getvalue().splitlines()))
+
+    def names(self, names: Sequence[str]) -> None:
+        """The names of what is listed, a line for each: what `--quiet` leaves of a list."""
+        if self.quiet and not self.as_json:
+            self.write("".join(f"{name}\n" for name in names))
 
     def result(self, value: Mapping[str, Any] | Sequence[Any]) -> None:
         """The command's one result for programs."""
@@ -150,15 +148,9 @@ class Console:
     def progress(self, text: str) -> Iterator[Advance]:
         """A bar for work that may take more than a second; yields a function that takes the fraction done."""
         if self.as_json or self.quiet or not self._err.is_terminal:
-            yield _nothing
+            yield no_progress
             return
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=24), TimeElapsedColumn())
-        with Progress(*columns, console=self._err, transient=True) as bar:
-            task = bar.add_task(text, total=1.0)
-
-            def advance(fraction: float, what: str = "") -> None:
-                bar.update(task, completed=fraction, description=what or text)
-
+        with progress_bar(text, self._err) as advance:
             yield advance
 
 
@@ -166,10 +158,6 @@ def _discard(stream: TextIO) -> None:
     """Let what is left in a stream's buffer go nowhere: it would be written once more when the process ends."""
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _nothing(fraction: float, what: str = "") -> None:
-    """Progress that nobody sees."""
 
 
 class _WarningPrinter(logging.Handler):

@@ -48,6 +48,7 @@ def robots(options: Namespace, console: Console) -> int:
         console.say(f"\nof the package {PACKAGE} {_version(PACKAGE)}:\n{fill(', '.join(installed), 100)}")
     else:
         console.say("\nmore come with: pip install 'rr1plan[robots]'")
+    console.names([*(v["name"] for v in values), *installed])
     console.result([*values, *({"name": name, "source": str(robot.urdf)} for name, robot in installed.items())])
     return 0
 
@@ -115,6 +116,7 @@ def scenes(options: Namespace, console: Console) -> int:
         for v in every
     ]
     console.table(("scene", "arms", "obstacles", "queries", "description"), rows)
+    console.names([v["name"] for v in every])
     console.result(every)
     return 0
 

@@ -16,12 +16,8 @@ from rr1plan.pipeline import MotionPlan
 
 def validate(options: Namespace, console: Console) -> int:
     """Check a saved motion with the referee."""
-    motion = saved_motion(
-        options.motion,
-        options.scene,
-        console,
-        {"torque_limits": options.torque_limits, "jerk_limits": options.jerk_limits},
-    )
+    checks = {"torque_limits": options.torque_limits, "jerk_limits": options.jerk_limits}
+    motion = saved_motion(options.motion, options, console, checks)
     say_changes(motion, console)
     console.say(str(motion.report))
     console.result({**motion.report.to_dict(), **about(motion)})
@@ -30,7 +26,7 @@ def validate(options: Namespace, console: Console) -> int:
 
 def play(options: Namespace, console: Console) -> int:
     """Replay a saved motion in MuJoCo."""
-    motion = saved_motion(options.motion, options.scene, console)
+    motion = saved_motion(options.motion, options, console)
     try:
         trajectory = motion.trajectory
     except NoPlanError as error:
@@ -44,12 +40,12 @@ def play(options: Namespace, console: Console) -> int:
     return 0 if replay.free else 4
 
 
-def saved_motion(file: str, scene: str | None, console: Console, checks: dict[str, bool] | None = None) -> MotionPlan:
-    """A motion from a file of any kind, judged in the scene of that name or in its own."""
+def saved_motion(file: str, options: Namespace, console: Console, checks: dict[str, bool] | None = None) -> MotionPlan:
+    """A motion from a file of any kind, judged in the scene that the options name or in its own."""
     with console.progress("loading the scene"):
-        where = None if scene is None else load_scene(scene)
+        where = None if options.scene is None else load_scene(options.scene)
     with console.progress("checking") as advance:
-        return load_motion(file, where, **(checks or {}), progress=told_to(advance))
+        return load_motion(file, where, topic=options.topic, **(checks or {}), progress=told_to(advance))
 
 
 def say_changes(motion: MotionPlan, console: Console) -> None:

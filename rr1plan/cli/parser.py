@@ -40,7 +40,8 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
         )
         command.set_defaults(command=run)
         command.add_argument("--json", action="store_true", help="print the result as JSON and nothing else")
-        command.add_argument("--quiet", action="store_true", help="print nothing but errors")
+        quiet = "print nothing but errors" + ", and the names of a list" * (name in _LISTS)
+        command.add_argument("--quiet", action="store_true", help=quiet)
         command.details = lambda: _EXIT_CODES
         add(command)
         commands[name] = command
@@ -53,7 +54,11 @@ def _examples(*lines: str) -> str:
 
 def _demo(parser: Parser) -> None:
     parser.add_argument(
-        "--output", type=_file, default="rr1plan-demo", metavar="FOLDER", help="folder for the files (%(default)s)"
+        "--output",
+        type=_named_file,
+        default="rr1plan-demo",
+        metavar="FOLDER",
+        help="folder for the files (%(default)s)",
     )
     parser.add_argument("--scene", default="rr1_cluttered", help="a scene with a query (%(default)s)")
     parser.add_argument("--query", help="a query of that scene (default: its first)")
@@ -81,7 +86,7 @@ def _plan(parser: Parser) -> None:
     parser.add_argument(
         "--csv", type=_file, metavar="FILE", help="save the trajectory as CSV (- writes it to standard output)"
     )
-    parser.add_argument("--html", type=_file, metavar="FILE", help="save a page that plays the motion offline")
+    parser.add_argument("--html", type=_named_file, metavar="FILE", help="save a page that plays the motion offline")
     parser.add_argument("--spheres", action="store_true", help="with --html: show the spheres that contain each link")
     _view_from(parser, "of the page, with --html")
     parser.needs("--spheres", "--html")
@@ -91,14 +96,14 @@ def _plan(parser: Parser) -> None:
     parser.details = lambda: f"{_planners()}\n\n{_retimings()}\n\n{_EXIT_CODES}"
 
 
-def _view_from(parser: Parser, of: str) -> None:
+def _view_from(parser: Parser, of: str, default: str = "one that shows the motion") -> None:
     """The option that says where a page is looked at from first."""
     parser.add_argument(
         "--view",
         nargs="+",
         metavar="V",
         help=f"first view {of}: front, back, left, right, top or corner; azimuth and elevation [rad]; or a direction "
-        "x y z (default: one that shows the motion)",
+        f"x y z (default: {default})",
     )
 
 
@@ -120,13 +125,20 @@ def _query(parser: Parser) -> None:
 def _validate(parser: Parser) -> None:
     parser.add_argument("motion", metavar="MOTION", help=_MOTION)
     parser.add_argument("--scene", help="the scene to check it in (default: the one that the file holds)")
+    _topic(parser)
     parser.add_argument("--torque-limits", action="store_true", help="also check the joints' effort limits")
     parser.add_argument("--jerk-limits", action="store_true", help="also check the joints' jerk limits")
+
+
+def _topic(parser: Parser) -> None:
+    """The option that chooses from a bag."""
+    parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds a JointTrajectory)")
 
 
 def _play(parser: Parser) -> None:
     parser.add_argument("motion", metavar="MOTION", help=_MOTION)
     parser.add_argument("--scene", help="the scene to replay it in (default: the one that the file holds)")
+    _topic(parser)
     parser.add_argument("--mode", choices=("dynamic", "kinematic"), default="dynamic", help="(%(default)s)")
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
 
@@ -134,9 +146,10 @@ def _play(parser: Parser) -> None:
 def _view(parser: Parser) -> None:
     parser.add_argument("what", metavar="WHAT", help=f"a shipped scene, a scene file, or {_MOTION}")
     parser.add_argument("--scene", help="the scene of the motion (default: the one that the file holds)")
+    _topic(parser)
     parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
-    parser.add_argument("--html", type=_file, metavar="FILE", help="write an offline page instead of serving one")
+    parser.add_argument("--html", type=_named_file, metavar="FILE", help="write an offline page instead of serving one")
     parser.add_argument("--spheres", action="store_true", help="show the spheres that contain each link")
     _view_from(parser, "of the page")
     parser.excludes("--html", "--port", "--no-browser")
@@ -149,6 +162,12 @@ def _cspace(parser: Parser) -> None:
     parser.add_argument("--arm", help="the arm (default: the only one)")
     parser.add_argument(
         "--joints", nargs=2, metavar=("A", "B"), help="two of its joints (default: the first two); the others rest"
+    )
+    parser.add_argument(
+        "--at",
+        nargs="+",
+        metavar="Q",
+        help="where the other joints are: a configuration's name, or its numbers [rad] (default: as in the scene)",
     )
     parser.add_argument("--resolution", type=_count, default=360, help="cells along each axis, 8 to 2000 (%(default)s)")
     parser.add_argument("--planner", default="rrt_connect", help="planner of the path and tree drawn (%(default)s)")
@@ -164,6 +183,8 @@ def _cspace(parser: Parser) -> None:
     parser.add_argument(
         "--html", type=_file_of(".html"), metavar="FILE.html", help="write an offline page with sliders"
     )
+    _view_from(parser, "of the page, with --html", "from above for a planar arm, else one that shows the motion")
+    parser.needs("--view", "--html")
     parser.details = lambda: f"{_planners()}\n\n{_EXIT_CODES}"
 
 
@@ -229,14 +250,14 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         (
             "rr1plan cspace planar2r_path",
             "rr1plan cspace planar2r_no_path --svg figure.svg --html page.html",
-            "rr1plan cspace rr1_table --joints shoulder_joint elbow_joint --resolution 120",
+            "rr1plan cspace rr1_table --joints shoulder_joint elbow_joint --at zero --resolution 120",
         ),
         _cspace,
     ),
     "robots": (
         "looking.robots",
         "list the robots, or describe one",
-        ("rr1plan robots", "rr1plan robots rr1", "rr1plan robots ur5", "rr1plan robots arm.urdf"),
+        ("rr1plan robots", "rr1plan robots --quiet", "rr1plan robots rr1", "rr1plan robots arm.urdf"),
         _robots,
     ),
     "scenes": (
@@ -252,6 +273,10 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         _no_options,
     ),
 }
+
+
+# Commands that list things where nothing is named.
+_LISTS = ("robots", "scenes")
 
 
 def _planners() -> str:
@@ -275,6 +300,13 @@ def _listed(title: str, rows: Mapping[str, str]) -> str:
 def _file(text: str) -> str:
     if not text or "\0" in text:
         raise argparse.ArgumentTypeError(f"{text!r} is not a file name")
+    return text
+
+
+def _named_file(text: str) -> str:
+    """A file or folder that is not standard output."""
+    if _file(text) == "-":
+        raise argparse.ArgumentTypeError("'-' is standard output, expected a name")
     return text
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import rr1plan as rp
-from rr1plan.cli.console import Advance, Console
+from rr1plan.cli.console import Console
 from rr1plan.errors import InputError
 from rr1plan.formats.csv_files import csv_text, save_csv
 from rr1plan.formats.files import check_writable
@@ -17,6 +17,7 @@ from rr1plan.library import load_problems, load_scene_file
 from rr1plan.pipeline import MotionPlan, plan_motion
 from rr1plan.planning import PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
+from rr1plan.progress_bar import Advance
 
 # What a person can mend by asking differently is bad input; the rest is "no plan".
 _BAD_QUESTION = (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
@@ -75,15 +76,13 @@ def question(options: Namespace, file: SceneFile) -> Problem:
     """
     if options.goal is None and options.position is None:
         problem = _chosen(options.scene, file.problems, options.query)
-        return (
-            problem if options.start is None else rp.Problem(problem.scene, _words(options.start), dict(problem.goal))
-        )
+        return problem if options.start is None else rp.Problem(problem.scene, words(options.start), dict(problem.goal))
     arm = file.scene.only_arm(options.arm)
     if options.goal is not None:
-        goal: Any = _words(options.goal)
+        goal: Any = words(options.goal)
     else:
         goal = rp.PoseGoal(options.frame or "tool", options.position, options.quaternion)
-    start = None if options.start is None else {arm: _words(options.start)}
+    start = None if options.start is None else {arm: words(options.start)}
     return rp.Problem(file.scene, start, {arm: goal})
 
 
@@ -117,11 +116,15 @@ def first_view(values: list[str] | None) -> Any:
     """
     from rr1plan.playback.viewer.camera import check_view
 
-    return None if values is None else check_view(_words(values, "a view's name"))
+    return None if values is None else check_view(words(values, "a view's name"))
 
 
-def _words(values: list[str], name: str = "a configuration's name") -> Any:
-    """A name, or numbers."""
+def words(values: list[str], name: str = "a configuration's name") -> Any:
+    """The values of an option: a name, or numbers.
+
+    Raises:
+        InputError: several words that are no numbers.
+    """
     try:
         return [float(value) for value in values]
     except ValueError:
@@ -174,11 +177,11 @@ def _no_plan(motion: MotionPlan, console: Console) -> int:
 
 def _check_outputs(options: Namespace) -> None:
     """Refuse outputs that cannot be written before any work; standard output takes one thing only."""
-    taken = [name for name in ("--output", "--csv", "--html") if getattr(options, name[2:]) == "-"]
-    if "--html" in taken:
-        raise InputError("--html - : a page is not written to standard output; name a file")
+    taken = [name for name in ("--output", "--csv") if getattr(options, name[2:]) == "-"]
     if options.json and taken:
         raise InputError(f"--json and {taken[0]} - both write to standard output; name a file for one of them")
+    if options.embed and options.output == "-":
+        raise InputError("--embed has no effect with --output -, which always holds all meshes")
     for file in (options.output, options.csv, options.html):
         if file not in (None, "-"):
             check_writable(file)

@@ -10,7 +10,7 @@ import rr1plan as rp
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.motions import saved_motion, say_changes
-from rr1plan.cli.planning import first_view, named_query, summary, told_to
+from rr1plan.cli.planning import first_view, named_query, summary, told_to, words
 from rr1plan.errors import InputError
 from rr1plan.formats.csv_files import save_csv
 from rr1plan.formats.files import check_writable
@@ -79,6 +79,8 @@ def _write_demo(folder: Path, motion: MotionPlan, view: Any) -> dict[str, Path]:
 def view(options: Namespace, console: Console) -> int:
     """A scene or a saved motion in the browser, or as one offline page."""
     looks: dict[str, Any] = {"spheres": options.spheres, "view": first_view(options.view)}
+    if options.html is not None:
+        check_writable(options.html)
     scene, motion = _what(options, console)
     if options.html is not None:
         page = rp.save_html(options.html, scene, **looks) if motion is None else motion.save_html(options.html, **looks)
@@ -96,12 +98,14 @@ def view(options: Namespace, console: Console) -> int:
 def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | None]:
     """A scene, and a motion in it when the name is a motion file's."""
     is_scene = options.what in scene_names() or not is_motion_file(options.what)
-    if options.scene is None and is_scene:
+    if is_scene and options.topic is not None:
+        raise InputError(f"{options.what} is no motion file; --topic names the topic of a bag")
+    if is_scene and options.scene is None:
         with console.progress(f"loading {options.what}"):
             return load_scene(options.what), None
     if is_scene:
         raise InputError(f"{options.what} is no motion file; --scene names the scene of a motion")
-    motion = saved_motion(options.what, options.scene, console)
+    motion = saved_motion(options.what, options, console)
     say_changes(motion, console)
     return motion.scene, motion
 
@@ -118,7 +122,9 @@ _HOPELESS_ITERATIONS = 1500
 
 def cspace(options: Namespace, console: Console) -> int:
     """Draw the configuration space of two joints, with a query of a two-joint arm and its answer."""
+    view = first_view(options.view)
     scene, problem = load_scene(options.scene), _flat_query(options)
+    pictures = _pictures(options, scene)
     if problem is None:
         idle = [option for option in ("--planner", "--seconds", "--seed") if option in options.given]
         if idle:
@@ -129,6 +135,7 @@ def cspace(options: Namespace, console: Console) -> int:
             problem,
             arm=options.arm,
             joints=None if options.joints is None else (options.joints[0], options.joints[1]),
+            at=None if options.at is None else words(options.at),
             resolution=options.resolution,
             progress=advance,
         )
@@ -141,7 +148,10 @@ def cspace(options: Namespace, console: Console) -> int:
             result = _with_tree(options.planner).plan(problem, budget, options.seed, told_to(advance))
         picture = picture.with_result(result)
     with console.progress("drawing"):
-        files = _save_pictures(picture, options)
+        files = {
+            kind: picture.save_html(file, view=view) if kind == "page" else picture.save(file)
+            for kind, file in pictures.items()
+        }
     console.say(str(picture))
     if result is not None:
         found = result.reason if result.path is None else f"path found in {milliseconds(result.seconds)}"
@@ -173,9 +183,15 @@ def _flat_query(options: Namespace) -> rp.Problem | None:
     return None
 
 
-def _save_pictures(picture: rp.CSpace, options: Namespace) -> dict[str, Path]:
-    """Write the files asked for, or a PNG."""
+def _pictures(options: Namespace, scene: rp.Scene) -> dict[str, str]:
+    """The files asked for, or a PNG, by what they are.
+
+    Raises:
+        InputError: one cannot be written.
+    """
     asked = {kind: getattr(options, kind) for kind in ("png", "svg", "pdf", "html")}
     if not any(asked.values()):
-        asked["png"] = f"{picture.grid.scene.name}-cspace.png"
-    return {"page" if kind == "html" else kind: picture.save(file) for kind, file in asked.items() if file}
+        asked["png"] = f"{scene.name}-cspace.png"
+    for file in filter(None, asked.values()):
+        check_writable(file)
+    return {"page" if kind == "html" else kind: file for kind, file in asked.items() if file}

@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.carried import Solid
+from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.model import SceneModel
 
@@ -25,25 +25,28 @@ class CoalPairs:
     """Pairs of solids as Coal sees them: place them first, then ask.
 
     Args:
-        model: The scene's model.
+        model: The moving arms; None where nothing moves.
         solids: Its solids.
         pairs: Pairs of them [index], shape (m, 2).
         padding: Distance at which a pair counts as touching [m], shape (m,).
     """
 
-    def __init__(self, model: SceneModel, solids: tuple[Solid, ...], pairs: NDArray[np.int64], padding: Array) -> None:
+    def __init__(
+        self, model: SceneModel | None, solids: tuple[Solid, ...], pairs: NDArray[np.int64], padding: Array
+    ) -> None:
         self._model = model
+        self._pinocchio = pin.Model() if model is None else model.model
         self._geometry = _geometry_model(solids, pairs)
-        self._data = model.model.createData()
+        self._data = self._pinocchio.createData()
         self._scratch = _geometry_data(self._geometry, padding)
-        self._manager = pin.BroadPhaseManager_NaiveCollisionManager(model.model, self._geometry, self._scratch)
+        self._manager = pin.BroadPhaseManager_NaiveCollisionManager(self._pinocchio, self._geometry, self._scratch)
         self._callback = pin.CollisionCallBackDefault(self._geometry, self._scratch)
         self._callback.stopAtFirstCollision = True
 
     def place(self, q: Array) -> None:
         """Move the solids to where they are at q (nq,)."""
-        full = self._model.full(q)
-        pin.updateGeometryPlacements(self._model.model, self._data, self._geometry, self._scratch, full)
+        full = np.zeros(0) if self._model is None else self._model.full(q)
+        pin.updateGeometryPlacements(self._pinocchio, self._data, self._geometry, self._scratch, full)
 
     def any_touches(self) -> bool:
         """Whether any pair is nearer than its padding."""

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.exact import CollisionChecker
+from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.inner_distance import Interior, interior_of
 from rr1plan.model import SceneModel
 from rr1plan.skeleton import joint_twist
@@ -214,7 +214,7 @@ class ContactCells:
         columns: Those two.
     """
 
-    def __init__(self, checker: CollisionChecker, q: Array, columns: tuple[int, int]) -> None:
+    def __init__(self, checker: CoalChecker, q: Array, columns: tuple[int, int]) -> None:
         self.plane = JointPlane(checker.model, q, columns)
         chains, padding = _chains(checker), checker.solid_padding.tolist()
         self._solids = checker.solid_pairs.tolist()
@@ -224,7 +224,7 @@ class ContactCells:
             first, second = (self._side(checker, i, chains[i], shared) for i in (a, b))
             self._pairs.append((first, second, most))
 
-    def _side(self, checker: CollisionChecker, solid: int, chain: tuple[int, ...], shared: set[int]) -> _Side:
+    def _side(self, checker: CoalChecker, solid: int, chain: tuple[int, ...], shared: set[int]) -> _Side:
         own = checker.solids[solid]
         joints = tuple(j for j in chain if j not in shared and self.plane.moves(j))
         return _Side(interior_of(own.shape), own.joint, own.placement, joints)
@@ -332,8 +332,8 @@ def _search(a: _Body, b: _Body, most: Array) -> tuple[Mask, Mask]:
     return certain, may
 
 
-def _chains(checker: CollisionChecker) -> list[tuple[int, ...]]:
+def _chains(checker: CoalChecker) -> list[tuple[int, ...]]:
     """The driven joints above each solid, root first; none above an obstacle."""
-    carried = checker.layout.carried
-    chains = [carried.chains[group] for group in carried.groups]
+    instances = checker.geometry.instances
+    chains = [instances.chains[group] for group in instances.groups]
     return chains + [()] * (len(checker.solids) - len(chains))

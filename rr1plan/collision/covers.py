@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, Value, read_only, whole_number
+from rr1plan.collision.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.solids import solid_pieces
 from rr1plan.collision.spheres import SphereCover, cover
 from rr1plan.errors import InputError
@@ -20,7 +21,6 @@ from rr1plan.robot import Geometry, Robot
 from rr1plan.scene import Scene
 
 WHOLE, BODIES, PARTS = 0, 1, 2
-_STEPS = 100
 # Rounding of a sphere that is moved to where its body is, as a part of how far it is from the origin.
 _ROUNDING = 1e-14
 
@@ -106,24 +106,15 @@ def _placed(made: SphereCover, T: Array) -> tuple[Array, Array]:
 
 
 def _around(placed: list[tuple[Array, Array]]) -> Array:
-    """A sphere around all bodies, a little larger than the least (Badoiu and Clarkson 2003), shape (4,).
+    """A sphere around all bodies, not much larger than the least, shape (4,).
 
     It holds each body by its ball or by its spheres, whichever it has to grow less for.
     """
     parts = np.concatenate([rows for _, rows in placed])
-    centre = parts[:, :3].mean(axis=0)
-    for step in range(2, _STEPS):
-        gap = parts[:, :3] - centre
-        reach = np.linalg.norm(gap, axis=1) + parts[:, 3]
-        worst = int(reach.argmax())
-        # Towards the farthest point of the farthest sphere.
-        centre = centre + gap[worst] * (reach[worst] / max(reach[worst] - parts[worst, 3], 1e-12)) / step
-    candidates = [centre, *(ball[:3] for ball, _ in placed)]
-    radii = [max(min(_reach(c, ball[None]), _reach(c, rows)) for ball, rows in placed) for c in candidates]
+    candidates = [enclosing_ball(parts)[:3], *(ball[:3] for ball, _ in placed)]
+    radii = [
+        max(min(ball_reach(ball[None], c).max(), ball_reach(rows, c).max()) for ball, rows in placed)
+        for c in candidates
+    ]
     best = int(np.argmin(radii))
     return np.array([*candidates[best], radii[best] * (1.0 + _ROUNDING)])
-
-
-def _reach(centre: Array, rows: Array) -> float:
-    """How large a sphere about a centre has to be to hold others."""
-    return float((np.linalg.norm(rows[:, :3] - centre, axis=1) + rows[:, 3]).max())

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision.kernel_tables import EdgeTables, ExactTables
 from rr1plan.kernels.library import CStruct, address_of, constants, load_library, slab, zeroed
+from rr1plan.kernels.wasm import memory_image
 
 # Intervals of one edge, and those left open, that are kept before the whole edge goes to the exact kernel.
 _INTERVALS = 512
@@ -126,7 +127,7 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
     """
-    depths, reach = _chain_tables(tables)
+    depths, blocks, reach = _chain_tables(tables)
     arm = CStruct(
         "ArmGeometry",
         joint_count=len(tables.joints),
@@ -140,8 +141,9 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         spheres=tables.spheres,
         chain=tables.chain,
         depths=depths,
+        group_blocks=blocks,
         reach=reach,
-        group_stride=reach.shape[1],
+        group_stride=len(blocks) * constants()["LANES"],
         cores=tables.cores,
         core_shapes=tables.core_values,
         points=tables.points,
@@ -181,15 +183,21 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
     )
 
 
-def _chain_tables(tables: EdgeTables) -> tuple[NDArray[np.int64], Array]:
-    """How many driven joints are above each joint, and how far groups reach from each, -1 where it carries none."""
+def _chain_tables(tables: EdgeTables) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """How many driven joints are above each joint, and the kernel's `group_blocks` and `reach`."""
+    lanes = constants()["LANES"]
     depths = np.zeros(len(tables.joints), np.int64)
     for j, parent in enumerate(tables.joints[1:, 0].tolist(), 1):
         depths[j] = depths[parent] + (parent > 0)
-    reach = np.full((len(tables.joints), _whole_lanes(len(tables.groups))), -1.0)
-    lengths = tables.groups[:, 5] - tables.groups[:, 4]
-    reach[tables.chain, np.repeat(np.arange(len(tables.groups)), lengths)] = tables.chain_reach
-    return depths, reach
+    group = np.repeat(np.arange(len(tables.groups)), tables.groups[:, 5] - tables.groups[:, 4])
+    first = np.full(-(-len(tables.groups) // lanes), len(tables.joints), np.int64)
+    last = np.zeros_like(first)
+    np.minimum.at(first, group // lanes, tables.chain)
+    np.maximum.at(last, group // lanes, tables.chain + 1)
+    rows = np.cumsum(last - first) - (last - first)
+    reach = np.full((int((last - first).sum()), lanes), -1.0)
+    reach[rows[group // lanes] + tables.chain - first[group // lanes], group % lanes] = tables.chain_reach
+    return depths, np.column_stack([first, last, rows]), reach
 
 
 def _whole_lanes(count: int) -> int:
@@ -322,6 +330,10 @@ class EdgeKernel:
         begins, ends = np.ascontiguousarray(begins), np.ascontiguousarray(ends)
         self._library.rr1_certify_edges(*self.context, begins, ends, len(begins), statuses)
         return statuses
+
+    def memory_image(self) -> bytes:
+        """The scene's tables and the scratch memory for `core.wasm`, named `scene` and `scratch`."""
+        return memory_image(scene=self._scene, scratch=self._scratch)
 
     def scratch_bytes(self) -> bytes:
         """All directions and frames that the last calls left behind, to compare libraries by."""

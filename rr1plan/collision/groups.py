@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 
 _INTS = NDArray[np.int64]
-_SAFETY = 1.0 + 1e-9
 
 
 def group_rows(frames: list[int], chains: list[list[int]], reaches: list[list[float]]) -> tuple[_INTS, _INTS, Array]:
@@ -35,28 +34,6 @@ def group_rows(frames: list[int], chains: list[list[int]], reaches: list[list[fl
     return np.array(rows, np.int64).reshape(-1, 6), np.array(chain, np.int64), np.array(reach, np.float64)
 
 
-def ball_around(spheres: Array, balls: Array) -> Array:
-    """A ball around bodies, not much larger than the least.
-
-    Args:
-        spheres: Centre and radius of all their spheres [m], shape (n, 4).
-        balls: The same of the ball around each body, shape (m, 4).
-
-    Returns:
-        Centre and radius [m], shape (4,).
-    """
-    # Its centre stays among theirs, so it is no farther from any axis than one of them (Badoiu and Clarkson 2003).
-    centre = spheres[:, :3].mean(axis=0)
-    for step in range(2, 60):
-        centre = centre + (spheres[_reach(spheres, centre).argmax(), :3] - centre) / step
-    radius = min(_reach(spheres, centre).max(), _reach(balls, centre).max())
-    return np.array([*centre, radius * _SAFETY])
-
-
-def _reach(balls: Array, centre: Array) -> Array:
-    return np.array(np.linalg.norm(balls[:, :3] - centre, axis=1) + balls[:, 3])
-
-
 def families_of(meetings: _INTS, group: _INTS) -> tuple[_INTS, _INTS]:
     """Pairs of bodies sorted by the pair of groups they belong to.
 
@@ -69,8 +46,12 @@ def families_of(meetings: _INTS, group: _INTS) -> tuple[_INTS, _INTS]:
     """
     if not len(meetings):
         return meetings, np.zeros((0, 5), np.int64)
-    keys = np.column_stack([group[meetings[:, 0]], group[meetings[:, 1]], meetings[:, 2]])
-    families, number = np.unique(keys, axis=0, return_inverse=True)
-    order = np.argsort(number.ravel(), kind="stable")
-    ends = np.cumsum(np.bincount(number.ravel(), minlength=len(families)))
-    return meetings[order], np.column_stack([families, np.concatenate([[0], ends[:-1]]), ends])
+    one, two, shared = group[meetings[:, 0]], group[meetings[:, 1]], meetings[:, 2]
+    # One number for each pair of groups and the joints that move both, in their order.
+    sizes = int(group.max()) + 1, int(shared.max()) + 1
+    keys = (one * sizes[0] + two) * sizes[1] + shared
+    order = np.argsort(keys, kind="stable")
+    begins = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    first = order[begins]
+    ends = np.append(begins[1:], len(order))
+    return meetings[order], np.column_stack([one[first], two[first], shared[first], begins, ends])

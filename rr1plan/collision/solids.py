@@ -47,7 +47,9 @@ def cut_meshes(scene: Scene, progress: Callable[[float], bool | None]) -> None:
         InputError: a mesh without volume, or one whose decomposition takes too long (both with its element's name).
         CancelledError: `progress` returned False.
     """
-    arms = ((f"{a}/{link.name}", link.collisions) for a, arm in scene.arms.items() for link in arm.robot.links)
+    # Arms of one robot have the same meshes.
+    robots = {id(arm.robot): (name, arm.robot) for name, arm in scene.arms.items()}
+    arms = ((f"{name}/{link.name}", link.collisions) for name, robot in robots.values() for link in robot.links)
     obstacles = ((name, obstacle.geometries) for name, obstacle in scene.obstacles.items())
     attachments = ((name, held.geometries) for name, held in scene.attachments.items())
     for element, geometries in (*arms, *obstacles, *attachments):

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
+from rr1plan.collision.enclosing_ball import around_points
 from rr1plan.errors import InputError
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.formats.convex import convex_hull
@@ -27,7 +28,7 @@ from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, 
 EXCESS = 0.012
 MOST = 10
 
-_VERSION = "spheres-3"
+_VERSION = "spheres-4"
 # A hull of more corners than this is covered by way of a simpler one around it.
 _MANY = 400
 _DIRECTIONS = 80
@@ -160,7 +161,7 @@ def _fill(corners: Array) -> SphereCover:
     while (taken := _choose(needed, depth + excess)) is None:
         excess *= _LOOSER
     chosen, radii = taken
-    whole = _ball(corners)
+    whole = around_points(corners)
     return _frozen(centres[chosen], radii * _SAFETY, np.maximum(depth[chosen], 0.0) / _SAFETY, whole)
 
 
@@ -235,15 +236,6 @@ def _planes(corners: Array) -> Array:
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
     # Of all corners, not of the face alone: slivers have poor normals.
     return np.column_stack([normals, -(normals @ corners.T).max(axis=1)])
-
-
-def _ball(points: Array) -> Array:
-    """A ball around points, a little larger than the least (Badoiu and Clarkson 2003), shape (4,)."""
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    for step in range(2, 200):
-        farthest = points[np.argmax(np.linalg.norm(points - centre, axis=1))]
-        centre = centre + (farthest - centre) / step
-    return np.array([*centre, np.linalg.norm(points - centre, axis=1).max() * _SAFETY])
 
 
 def _cut(points: Array, height: Array) -> list[Array]:

@@ -11,8 +11,6 @@ import hashlib
 import logging
 import os
 import tempfile
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.folders import cache_folder
+from rr1plan.formats.arrays import Arrays, parse_archive
 
 log = logging.getLogger(__name__)
-
-Arrays = dict[str, NDArray[Any]]
 
 
 def cache_key(*parts: str | NDArray[Any]) -> str:
@@ -41,12 +38,10 @@ def cache_key(*parts: str | NDArray[Any]) -> str:
 def load_cached(key: str) -> Arrays | None:
     """The arrays kept under a key, or None."""
     try:
-        file = cache_folder() / f"{key}.npz"
-        with file.open("rb") as opened, np.load(opened, allow_pickle=False) as kept:
-            return {name: kept[name] for name in kept.files}
+        return parse_archive((cache_folder() / f"{key}.npz").read_bytes())
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, TypeError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except (OSError, RuntimeError, ValueError) as error:
         log.warning("the cache entry %s cannot be used, it is made anew: %s", key[:12], error)
         return None
 

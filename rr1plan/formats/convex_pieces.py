@@ -14,6 +14,7 @@ import importlib.metadata
 import logging
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -22,9 +23,11 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, check_callback, known_name, of_kind, positive_number
 from rr1plan.errors import CancelledError, InputError
-from rr1plan.formats.cache import Arrays, cache_key, load_cached, store_cached
+from rr1plan.formats.arrays import Arrays
+from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.formats.coacd_process import DecompositionTimeout, decompose
 from rr1plan.formats.convex import convex_hull, distance_outside, is_convex
+from rr1plan.progress_bar import Advance, library_bar, no_progress
 from rr1plan.shapes import Mesh
 
 log = logging.getLogger(__name__)
@@ -96,7 +99,8 @@ def convex_pieces(mesh: Mesh, *, seconds: float = SECONDS, progress: Progress | 
     Args:
         mesh: The mesh.
         seconds: The longest that its decomposition may take [s].
-        progress: Called about ten times a second with the share of `seconds` that is spent; False cancels.
+        progress: Called about ten times a second with the share of `seconds` that is spent; False cancels. Without it
+            a bar is drawn on stderr after a second, where that is a terminal.
 
     Raises:
         InputError: a mesh without volume, of too many triangles, or one that takes longer.
@@ -113,21 +117,24 @@ def convex_pieces(mesh: Mesh, *, seconds: float = SECONDS, progress: Progress | 
         )
     if mesh.convex or _is_own_hull(mesh):
         return [convex_hull(mesh.vertices)]
-    clock = _Clock(mesh, seconds, progress)
-    parts = [_part(part, _size(mesh.vertices), clock) for part in _parts(mesh)]
+    with ExitStack() as stack:
+        clock = _Clock(mesh, seconds, progress, stack)
+        parts = [_part(part, _size(mesh.vertices), clock) for part in _parts(mesh)]
     _log_swelling(mesh, parts)
     return [piece for part in parts for piece in part.pieces]
 
 
 class _Clock:
-    """The time that a mesh's decompositions may still take; announces a long one."""
+    """The time that a mesh's decompositions may still take; announces a long one, with a bar until `stack` closes."""
 
-    def __init__(self, mesh: Mesh, seconds: float, progress: Progress | None) -> None:
+    def __init__(self, mesh: Mesh, seconds: float, progress: Progress | None, stack: ExitStack) -> None:
         self._mesh = mesh
         self._seconds = seconds
         self._progress = progress
         self._began = time.monotonic()
         self._announced = False
+        self._stack = stack
+        self._bar: Advance = no_progress
 
     @property
     def left(self) -> float:
@@ -144,7 +151,11 @@ class _Clock:
                 len(self._mesh.faces),
                 self._seconds,
             )
-        if self._progress is not None and self._progress(min(1.0, spent / self._seconds)) is False:
+            if self._progress is None:
+                self._bar = self._stack.enter_context(library_bar("cutting a mesh into convex pieces"))
+        share = min(1.0, spent / self._seconds)
+        self._bar(share)
+        if self._progress is not None and self._progress(share) is False:
             raise CancelledError(f"cancelled while a mesh of {len(self._mesh.faces)} triangles was cut into pieces")
 
     def too_slow(self) -> InputError:

@@ -3,7 +3,7 @@
 Every reader of the package opens files here: a FIFO, a device or a folder is refused before a byte is read.
 
 A file is written next to its place, flushed to the disk and renamed over it, so a crash leaves
-the old file or the new one, never half of one.
+the old file or the new one, never half of one. A symbolic link stays, and the file it leads to is replaced.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import zlib
 from pathlib import Path
 from typing import BinaryIO
 
-from rr1plan.checks import file_path
+from rr1plan.checks import file_path, resolved_path
 from rr1plan.errors import FormatError, InputError
 
 MAX_BYTES = 256 * 1024 * 1024
@@ -82,7 +82,7 @@ def read_text(file: str | Path, max_bytes: int = MAX_BYTES) -> str:
         raise FormatError(f"is not UTF-8 text (byte {error.start})", file) from error
 
 
-def write_text(file: str | Path, text: str) -> Path:
+def write_text(file: str | os.PathLike[str], text: str) -> Path:
     """Write a UTF-8 file in one step and return its path; see `write_bytes`."""
     return write_bytes(file, text.encode("utf-8"))
 
@@ -91,26 +91,36 @@ def check_writable(file: str | Path) -> None:
     """Refuse a name under which no file can be written, before the work whose result it is for.
 
     Raises:
-        InputError: no file name at all, a folder's, or one in a folder that is not there or not writeable.
+        InputError: no file name at all, that of a folder or device, or one in a folder that is not there or not
+            writeable.
     """
     path = file_path(file)
-    if path.is_dir():
-        raise InputError(f"cannot write {path}: it is a folder")
     try:
-        tempfile.TemporaryFile(dir=path.parent).close()
+        _refuse_to_replace(path)
+        tempfile.TemporaryFile(dir=resolved_path(path).parent).close()
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
 
 
-def write_bytes(file: str | Path, data: bytes) -> Path:
+def _refuse_to_replace(path: Path) -> None:
+    """Refuse a folder, a FIFO and a device: the renamed file would take its place."""
+    if path.exists() and not path.is_file():
+        kind = _KINDS.get(stat.S_IFMT(path.stat().st_mode), "special file")
+        raise InputError(f"cannot write {path}: it is a {kind}, expected a regular file or a new name")
+
+
+def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
     """Write a file in one step and return its path.
 
     Raises:
-        InputError: no file name at all, the folder is not there or not writeable; an old file is left as it was.
+        InputError: no file name at all, a folder's or a device's, or the folder is not there or not writeable; an old
+            file is left as it was.
     """
     path = file_path(file)
+    target = resolved_path(path)
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+        _refuse_to_replace(path)
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".rr1plan.", suffix=".tmp")
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
     try:
@@ -118,8 +128,8 @@ def write_bytes(file: str | Path, data: bytes) -> Path:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        Path(temporary).chmod(_new_file_mode(path))
-        Path(temporary).replace(path)
+        Path(temporary).chmod(_new_file_mode(target))
+        Path(temporary).replace(target)
     except BaseException as error:
         Path(temporary).unlink(missing_ok=True)
         if isinstance(error, OSError):

@@ -54,15 +54,15 @@ class MeshLookup:
         if suffix not in SUFFIXES:
             raise FormatError(f"mesh {name!r} has an unknown suffix, expected one of {', '.join(SUFFIXES)}")
         tried: list[Path] = []
-        outside = False
+        why = "is not there"
         for place in self._places(name):
             tried.append(place)
             if not is_regular(place):
+                why = "is no regular file" if os.path.lexists(place) else why
                 continue
             if self._is_allowed(place):
                 return place
-            outside = True
-        why = "is outside the robot's folders" if outside else "is not there"
+            why = "is outside the robot's folders"
         listed = ", ".join(str(place) for place in tried) or "nowhere"
         raise FormatError(
             f"mesh {name!r} {why}; tried {listed}; "

@@ -1,4 +1,4 @@
-"""Triangle meshes from STL, OBJ, DAE and glTF files.
+"""Triangle meshes from STL, OBJ, PLY, DAE and glTF files.
 
 Binary STL is read here, as its loader needs half a second to be imported. Other
 files are read by trimesh from their bytes, so nothing but the file itself (and a glTF's buffers beside it) is
@@ -28,7 +28,9 @@ from rr1plan.shapes import Mesh
 MAX_FACES = 1_000_000
 MAX_BYTES = 256 * 1024 * 1024
 MAX_COORDINATE = 1e9
-SUFFIXES = (".stl", ".obj", ".dae", ".gltf", ".glb")
+SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".gltf", ".glb")
+# Read without colors: these files have none, or one for each corner.
+_COLORLESS = (".stl", ".obj", ".ply")
 _GLTF = (".gltf", ".glb")
 # A triangle of a binary STL.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -54,11 +56,11 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
     """Read a mesh file.
 
     Args:
-        file: A .stl (ascii or binary), .obj, .dae, .gltf or .glb file.
+        file: A .stl (ascii or binary), .obj, .ply, .dae, .gltf or .glb file.
         scale: Factor of each axis, shape (3,); negative ones mirror.
 
     Returns:
-        One part for each color; STL and OBJ have one part without a color.
+        One part for each color; STL, OBJ and PLY have one part without a color.
 
     Raises:
         FormatError: an unknown suffix, a file that cannot be read, is too large, or holds no
@@ -74,7 +76,7 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
         factors = factors * _unit(data, file)
     groups: dict[Color | None, list[Any]] = {}
     for mesh in _binary_stl(data) if kind == ".stl" and _is_binary_stl(data) else _load(file, data, kind[1:]):
-        groups.setdefault(_color(mesh) if kind not in (".stl", ".obj") else None, []).append(mesh)
+        groups.setdefault(_color(mesh) if kind not in _COLORLESS else None, []).append(mesh)
     faces = sum(len(mesh.faces) for meshes in groups.values() for mesh in meshes)
     if faces == 0:
         raise FormatError("has no triangle", file)

@@ -15,7 +15,13 @@ from rr1plan.checks import file_path
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.formats.csv_files import load_csv
 from rr1plan.formats.plan_files import SavedMotion, read_plan_file, units
-from rr1plan.formats.ros_files import BAG_SUFFIXES, YAML_SUFFIXES, holds_joint_trajectory, load_joint_trajectory
+from rr1plan.formats.ros_files import (
+    BAG_SUFFIXES,
+    YAML_SUFFIXES,
+    holds_joint_trajectory,
+    load_joint_trajectory,
+    refuse_topic,
+)
 from rr1plan.path import Path
 from rr1plan.scene import Scene, scene_differences
 from rr1plan.trajectory import Trajectory
@@ -24,24 +30,27 @@ SUFFIXES = (".json", ".csv", *YAML_SUFFIXES, *BAG_SUFFIXES)
 _File = str | pathlib.Path
 
 
-def read_motion(file: _File, scene: Scene | None = None) -> SavedMotion:
+def read_motion(file: _File, scene: Scene | None = None, topic: str | None = None) -> SavedMotion:
     """Read a motion from a file of any kind.
 
     Args:
         file: The file, or a bag's folder.
         scene: A scene whose meshes serve where those that the file refers to are not beside it.
+        topic: The topic of a bag (default: the only one that holds a JointTrajectory).
 
     Raises:
         FormatError: another kind of file, or one that cannot be read as what it claims to be.
+        InputError: a topic, and the file is no bag.
+        UnknownNameError: the bag has no such topic.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """
     path = file_path(file)
-    if path.suffix == ".json":
-        return read_plan_file(path, scene)
-    if path.suffix == ".csv":
-        return SavedMotion(trajectory=load_csv(path))
+    if path.suffix in (".json", ".csv"):
+        refuse_topic(path, topic)
+        return read_plan_file(path, scene) if path.suffix == ".json" else SavedMotion(trajectory=load_csv(path))
     if path.suffix in (*YAML_SUFFIXES, *BAG_SUFFIXES) or path.is_dir():
-        return SavedMotion(trajectory=load_joint_trajectory(path))
+        return SavedMotion(trajectory=load_joint_trajectory(path, topic))
+    refuse_topic(path, topic)
     raise FormatError(
         f"has the suffix {path.suffix!r}, expected a motion: {', '.join(SUFFIXES)}, or a bag's folder", file
     )
@@ -118,7 +127,8 @@ def changes(saved: SavedMotion, scene: Scene) -> tuple[str, ...]:
         for name in now
         if name in made and made[name].sha256 != now[name].robot.content_hash
     ]
-    return (*lines, f"the file names its scene {saved.made_for.scene!r} by a hash alone, which this one does not have")
+    known = f"of the motion's scene {saved.made_for.scene!r} only the hash is known, which this one does not have"
+    return (*lines, known)
 
 
 def check_units(saved: SavedMotion, joint_names: Sequence[str], scene: Scene) -> None:

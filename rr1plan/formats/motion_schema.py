@@ -256,20 +256,25 @@ class Trajectory(Entry):
     coefficients: Annotated[list[list[list[float]]], Meta(min_length=1)]
 
 
-class PathDocument(Entry):
+class Document(Entry, kw_only=True):
+    """What all documents hold; paths and trajectories of earlier versions name their scene, but do not hold it."""
+
     made_for: SceneReference
+    robots: list[Robot] = []
+    scene: Scene | None = None
+
+
+class PathDocument(Document, kw_only=True):
     path: Path
 
 
-class TrajectoryDocument(Entry):
-    made_for: SceneReference
+class TrajectoryDocument(Document, kw_only=True):
     trajectory: Trajectory
 
 
-class MotionDocument(Entry):
+class MotionDocument(Document, kw_only=True):
     """A whole motion; the report is checked by `Report.from_dict`, which names the place in it."""
 
-    made_for: SceneReference
     robots: list[Robot]
     scene: Scene
     path: Path | None = None
@@ -278,8 +283,7 @@ class MotionDocument(Entry):
     problem: Problem | None = None
 
 
-Document = PathDocument | TrajectoryDocument | MotionDocument
-DOCUMENTS: dict[str, type[PathDocument] | type[TrajectoryDocument] | type[MotionDocument]] = {
+DOCUMENTS: dict[str, type[Document]] = {
     "path": PathDocument,
     "trajectory": TrajectoryDocument,
     "motion": MotionDocument,

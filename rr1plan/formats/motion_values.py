@@ -130,23 +130,23 @@ def plain_scene(scene: Scene, stored: Shapes | None = None) -> dict[str, Any]:
 # ---- from checked entries ------------------------------------------------------------------
 
 
-def build_scene(document: schema.MotionDocument, read_shape: ReadShape) -> Scene:
-    """The scene of a motion document.
+def build_scene(entry: schema.Scene, robots: list[schema.Robot], read_shape: ReadShape) -> Scene:
+    """The scene of a document.
 
     Args:
-        document: The document.
+        entry: The scene.
+        robots: The robots of its arms.
         read_shape: Finds a mesh or point cloud by its hash.
 
     Raises:
         InputError: entries that make no robot or no scene.
     """
-    entry = document.scene
-    robots = [_robot(robot, read_shape) for robot in document.robots]
+    built = [_robot(robot, read_shape) for robot in robots]
     arms = {}
     for arm in _by_name("arm", entry.arms).values():
-        if arm.robot >= len(robots):
-            raise InputError(f"arm {arm.name!r} has robot {arm.robot}, but the file holds {len(robots)}")
-        arms[arm.name] = Arm(robots[arm.robot], np.array(arm.base), np.array(arm.q))
+        if arm.robot >= len(built):
+            raise InputError(f"arm {arm.name!r} has robot {arm.robot}, but the file holds {len(built)}")
+        arms[arm.name] = Arm(built[arm.robot], np.array(arm.base), np.array(arm.q))
     obstacles = {
         name: Obstacle(_geometries(thing.geometries, read_shape), np.array(thing.pose))
         for name, thing in _by_name("obstacle", entry.obstacles).items()

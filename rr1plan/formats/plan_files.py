@@ -3,10 +3,10 @@
     {"format": "rr1plan", "version": 2, "kind": "trajectory", "sha256": "...", "content": {...}}
 
 `sha256` is that of the content in one canonical form, so a file that was cut off or altered is
-refused. The content is checked against `motion_schema` before anything is built from it, and names the
-scene and the robots by their hashes; a motion holds the scene itself. Large meshes and point clouds lie
-beside it, in the folder "geometry", unless they are embedded. Floats are written so that they read back
-to the last bit; nothing is unpickled; files are replaced in one step.
+refused. The content is checked against `motion_schema` before anything is built from it. It holds the scene with its
+robots, and their hashes; path and trajectory files of earlier versions hold the hashes alone. Large meshes and point
+clouds lie beside it, in the folder "geometry", unless they are embedded. Floats are written so that they read back to
+the last bit; nothing is unpickled; files are replaced in one step.
 """
 
 from __future__ import annotations
@@ -63,25 +63,36 @@ class SavedMotion(Value):
 # ---- writing -------------------------------------------------------------------------------
 
 
-def save_path(file: _File, path: Path, scene: Scene) -> pathlib.Path:
-    """Write a path to a JSON file and return the file's path.
+def save_path(file: _File, path: Path, scene: Scene, *, embed: bool = False) -> pathlib.Path:
+    """Write a path and its scene to a JSON file and return the file's path.
+
+    Args:
+        file: The file; read it with `load_motion`.
+        path: The path.
+        scene: The scene it was made in.
+        embed: Put large meshes and point clouds into the file; see `save_motion`.
 
     Raises:
         UnknownNameError: a joint the scene does not have.
         InputError: the file cannot be written.
     """
-    return write_text(file, _text("path", {"made_for": _reference(scene), "path": _path_entry(path, scene)}))
+    return _save(file, "path", scene, {"path": _path_entry(path, scene)}, embed)
 
 
-def save_trajectory(file: _File, trajectory: Trajectory, scene: Scene) -> pathlib.Path:
-    """Write a trajectory to a JSON file and return the file's path.
+def save_trajectory(file: _File, trajectory: Trajectory, scene: Scene, *, embed: bool = False) -> pathlib.Path:
+    """Write a trajectory and its scene to a JSON file and return the file's path.
+
+    Args:
+        file: The file; read it with `load_motion`.
+        trajectory: The timed motion.
+        scene: The scene it was made in.
+        embed: Put large meshes and point clouds into the file; see `save_motion`.
 
     Raises:
         UnknownNameError: a joint the scene does not have.
         InputError: the file cannot be written.
     """
-    content = {"made_for": _reference(scene), "trajectory": _trajectory_entry(trajectory, scene)}
-    return write_text(file, _text("trajectory", content))
+    return _save(file, "trajectory", scene, {"trajectory": _trajectory_entry(trajectory, scene)}, embed)
 
 
 def save_motion(
@@ -110,13 +121,7 @@ def save_motion(
         UnknownNameError: a joint the scene does not have.
         InputError: a value that has no form, or the file cannot be written.
     """
-    of_kind("embed", embed, bool)
-    stored: values.Shapes | None = None if embed else {}
-    text = _motion_text(stored, scene, path, trajectory, report, problem)
-    target = file_path(file)
-    if stored:
-        store_shapes(target.parent / FOLDER, stored)
-    return write_text(target, text)
+    return _save(file, "motion", scene, _motion_entries(scene, path, trajectory, report, problem), embed)
 
 
 def motion_text(
@@ -127,33 +132,43 @@ def motion_text(
     problem: Problem | None = None,
 ) -> str:
     """The text of a motion file that is whole by itself; see `save_motion`."""
-    return _motion_text(None, scene, path, trajectory, report, problem)
+    return _text("motion", scene, _motion_entries(scene, path, trajectory, report, problem), None)
 
 
-def _motion_text(
-    stored: values.Shapes | None,
+def _motion_entries(
     scene: Scene,
     path: Path | None,
     trajectory: Trajectory | None,
     report: Report | None,
     problem: Problem | None,
-) -> str:
-    content = {"made_for": _reference(scene), **values.plain_scene(scene, stored)}
+) -> dict[str, Any]:
+    entries: dict[str, Any] = {}
     if path is not None:
-        content["path"] = _path_entry(path, scene)
+        entries["path"] = _path_entry(path, scene)
     if trajectory is not None:
-        content["trajectory"] = _trajectory_entry(trajectory, scene)
+        entries["trajectory"] = _trajectory_entry(trajectory, scene)
     if report is not None:
         of_kind("report", report, Report)
-        content["report"] = report.to_dict()
+        entries["report"] = report.to_dict()
     if problem is not None:
         of_kind("problem", problem, Problem)
-        content["problem"] = {n: values.plain(getattr(problem, n)) for n in ("start", "goal", "arms")}
-    return _text("motion", content)
+        entries["problem"] = {n: values.plain(getattr(problem, n)) for n in ("start", "goal", "arms")}
+    return entries
 
 
-def _text(kind: str, content: dict[str, Any]) -> str:
-    """The file's text; what could not be read again is not written."""
+def _save(file: _File, kind: str, scene: Scene, entries: dict[str, Any], embed: bool) -> pathlib.Path:
+    of_kind("embed", embed, bool)
+    stored: values.Shapes | None = None if embed else {}
+    text = _text(kind, scene, entries, stored)
+    target = file_path(file)
+    if stored:
+        store_shapes(target.parent / FOLDER, stored)
+    return write_text(target, text)
+
+
+def _text(kind: str, scene: Scene, entries: dict[str, Any], stored: values.Shapes | None) -> str:
+    """The file's text; what could not be read again is not written. `stored` collects what lies beside it."""
+    content = {"made_for": _reference(scene), **values.plain_scene(scene, stored), **entries}
     try:
         msgspec.convert(content, schema.DOCUMENTS[kind])
         if content.get("report") is not None:
@@ -257,17 +272,22 @@ def _read(file: _File) -> schema.Document:
         raise top.error(str(error), "content") from error
 
 
+class _MissingShape(InputError):
+    """A mesh or point cloud is neither beside the file nor in the scene that the caller gave."""
+
+
 class _Geometry:
     """Finds meshes and point clouds by their hashes: beside a file, or in a scene."""
 
     def __init__(self, file: pathlib.Path, scene: Scene | None) -> None:
+        self.has_scene = scene is not None
         self._folder = file.parent / FOLDER
         self._known = {} if scene is None else {shape_hash(shape): shape for shape in _large_shapes(scene)}
 
     def __call__(self, sha256: str) -> Mesh | PointCloud:
         if sha256 not in self._known:
             if not (self._folder / f"{sha256}.npz").exists():
-                raise InputError(
+                raise _MissingShape(
                     f"refers to the mesh {sha256[:12]}..., which is not in {self._folder}: keep that folder beside the "
                     "file, give a scene with the same robots (option scene), or save the motion whole (option embed)"
                 )
@@ -289,29 +309,50 @@ def _saved(document: schema.Document, geometry: _Geometry) -> SavedMotion:
     Raises:
         InputError: values that make no sense, alone or together.
     """
-    match document:
-        case schema.PathDocument(made_for, path):
-            _check_units(path, None)
-            return SavedMotion(path=values.build_path(path), units=tuple(path.units), made_for=made_for)
-        case schema.TrajectoryDocument(made_for, trajectory):
-            _check_units(trajectory, None)
-            timed = values.build_trajectory(trajectory)
-            return SavedMotion(trajectory=timed, units=tuple(trajectory.units), made_for=made_for)
-    report = None if document.report is None else Report.from_dict(document.report)
-    scene = values.build_scene(document, geometry)
-    if msgspec.to_builtins(document.made_for) != _reference(scene):
-        raise InputError("made_for: names another scene than the one that the file holds")
-    for entry in (document.path, document.trajectory):
-        if entry is not None:
-            _check_units(entry, scene)
+    scene = _scene(document, geometry)
+    motion = document if isinstance(document, schema.MotionDocument) else None
+    path = document.path if isinstance(document, schema.PathDocument | schema.MotionDocument) else None
+    trajectory = (
+        document.trajectory if isinstance(document, schema.TrajectoryDocument | schema.MotionDocument) else None
+    )
+    columns = [entry for entry in (path, trajectory) if entry is not None]
+    for entry in columns:
+        _check_units(entry, scene)
     return SavedMotion(
         scene=scene,
-        path=None if document.path is None else values.build_path(document.path),
-        trajectory=None if document.trajectory is None else values.build_trajectory(document.trajectory),
-        report=report,
-        problem=None if document.problem is None else values.build_problem(document.problem, scene),
+        path=None if path is None else values.build_path(path),
+        trajectory=None if trajectory is None else values.build_trajectory(trajectory),
+        report=None if motion is None or motion.report is None else Report.from_dict(motion.report),
+        problem=_problem(motion, scene),
+        units=None if motion is not None else tuple(columns[0].units),
         made_for=document.made_for,
     )
+
+
+def _problem(motion: schema.MotionDocument | None, scene: Scene | None) -> Problem | None:
+    if motion is None or motion.problem is None or scene is None:
+        return None
+    return values.build_problem(motion.problem, scene)
+
+
+def _scene(document: schema.Document, geometry: _Geometry) -> Scene | None:
+    """The scene that a document holds; None where it only names it.
+
+    A path or trajectory whose meshes are gone can still be judged in a scene that the caller gives.
+    """
+    if document.scene is None:
+        if document.robots:
+            raise InputError("robots: belong to a scene, which the file does not hold")
+        return None
+    try:
+        scene = values.build_scene(document.scene, document.robots, geometry)
+    except _MissingShape:
+        if isinstance(document, schema.MotionDocument) or not geometry.has_scene:
+            raise
+        return None
+    if msgspec.to_builtins(document.made_for) != _reference(scene):
+        raise InputError("made_for: names another scene than the one that the file holds")
+    return scene
 
 
 def _check_units(entry: schema.Path | schema.Trajectory, scene: Scene | None) -> None:

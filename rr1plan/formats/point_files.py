@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import re
 from collections.abc import Callable
@@ -13,7 +12,8 @@ import numpy as np
 
 from rr1plan.checks import Array, file_path
 from rr1plan.errors import FormatError
-from rr1plan.formats.files import read_bytes
+from rr1plan.formats.arrays import parse_array
+from rr1plan.formats.files import MAX_BYTES, read_bytes
 from rr1plan.shapes import PointCloud
 
 log = logging.getLogger(__name__)
@@ -72,7 +72,7 @@ def read_points(file: str | Path) -> Array:
     data = read_bytes(file)
     try:
         points = _READERS[suffix](data)
-    except (ValueError, LookupError, EOFError, SyntaxError, OverflowError, MemoryError) as error:
+    except (ValueError, LookupError, OverflowError, MemoryError) as error:
         what = f"it has no {error}" if isinstance(error, LookupError) else error
         raise FormatError(f"is not a list of points: {what}", file) from error
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "iuf":
@@ -92,7 +92,7 @@ def _without_nan(points: Any, file: Path) -> Any:
 
 
 def _from_array(data: bytes) -> Any:
-    return np.load(io.BytesIO(data), allow_pickle=False)
+    return parse_array(data)
 
 
 def _from_text(data: bytes) -> Any:
@@ -139,14 +139,63 @@ def _from_pcd(data: bytes) -> Any:
     counts = [_whole(word) for word in header.get("COUNT", ["1"] * len(names))]
     (rows,) = (_whole(word) for word in header["POINTS"])
     (coding,) = header["DATA"]
-    if coding not in ("ascii", "binary"):
-        raise ValueError(f"its DATA is {coding}; convert it to binary, as pcl_convert_pcd_ascii_binary does")
+    if coding not in ("ascii", "binary", "binary_compressed"):
+        raise ValueError(f"its DATA is {coding}, expected ascii, binary or binary_compressed")
     formats: list[str] = []
     places: dict[str, int] = {}
     for name, kind, size, count in zip(names, kinds, header["SIZE"], counts, strict=True):
         places[name] = len(formats)
         formats += [_PCD_TYPES[kind, size]] * min(count, _MAX_COLUMNS)
+    if coding == "binary_compressed":
+        body = _interleaved(_uncompressed(body), names, counts, header["SIZE"], rows)
     return _columns(body, formats, [places[axis] for axis in "xyz"], rows, text=coding == "ascii")
+
+
+def _uncompressed(body: bytes) -> bytes:
+    """Bytes that LibLZF compressed, behind their two sizes: literal runs, and references to what came before."""
+    packed, size = (int.from_bytes(body[at : at + 4], "little") for at in (0, 4))
+    data = body[8 : 8 + packed]
+    if len(data) < packed or size > MAX_BYTES:
+        raise ValueError(f"it holds {len(data)} of {packed} bytes for {size}, of which {MAX_BYTES} are the most")
+    out = bytearray()
+    at = 0
+    try:
+        while at < packed:
+            control = data[at]
+            at += 1
+            if control < 32:
+                out += data[at : at + control + 1]
+                at += control + 1
+                continue
+            length = control >> 5
+            if length == 7:
+                length += data[at]
+                at += 1
+            back = (control % 32 << 8) + data[at] + 1
+            at += 1
+            # What is referred to may reach into what it becomes: then it repeats.
+            seen = out[len(out) - back :][: length + 2] if back <= len(out) else b""
+            out += (seen * (-(-(length + 2) // back)))[: length + 2]
+            if not seen or len(out) > size:
+                break
+    except IndexError:
+        pass
+    if len(out) != size:
+        raise ValueError("its compressed data are damaged")
+    return bytes(out)
+
+
+def _interleaved(data: bytes, names: list[str], counts: list[int], sizes: list[str], rows: int) -> bytes:
+    """The points one after the other, of which compressed files hold one field after the other."""
+    widths = [min(count, _MAX_COLUMNS) * _whole(size) for _, count, size in zip(names, counts, sizes, strict=True)]
+    if len(data) != rows * sum(widths):
+        raise ValueError(f"it holds {len(data)} bytes, the header says {rows * sum(widths)}")
+    starts = np.cumsum([0, *(rows * width for width in widths)]).tolist()
+    fields = [
+        np.frombuffer(data, np.uint8, rows * width, start).reshape(rows, width)
+        for width, start in zip(widths, starts, strict=False)
+    ]
+    return np.concatenate(fields, axis=1).tobytes()
 
 
 def _header(data: bytes, last: bytes) -> tuple[list[list[str]], bytes]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from rr1plan.checks import Array, check_text, items_of, known_name, shown
 from rr1plan.errors import InputError
 from rr1plan.formats.masses import with_assumed_masses
 from rr1plan.formats.self_contacts import self_contacts
-from rr1plan.formats.srdf import Semantics
+from rr1plan.formats.srdf import Semantics, chain_joints
 from rr1plan.formats.srdf_proposal import adjacent_pairs, rigid_pairs
 from rr1plan.formats.urdf import Tree
 from rr1plan.limits import Limits
@@ -31,13 +32,13 @@ class Choice:
     """What a caller may choose about a robot; None leaves it to the files.
 
     Args:
-        groups: The SRDF groups to plan for, as one.
+        groups: What to plan for, as one: names of SRDF groups, or chains as (base link, tip link).
         joints: The joints to plan for, in this order.
         tool: The link whose frame goals mean.
         name: The robot's name.
     """
 
-    groups: Sequence[str] | None = None
+    groups: Sequence[str | Sequence[str]] | None = None
     joints: Sequence[str] | None = None
     tool: str | None = None
     name: str | None = None
@@ -55,9 +56,9 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         UnknownNameError: no such group, joint or link.
         InputError: no joint to plan for, or one that cannot be.
     """
-    known = semantics or Semantics()
+    known, chosen = _chosen_groups(tree, semantics or Semantics(), choice.groups)
     joints = {joint.name: joint for joint in tree.joints}
-    groups, names = _planning_joints(tree, known, choice)
+    groups, names = _planning_joints(tree, known, chosen, choice.joints)
     limits = urdf_limits([joints[n] for n in names])
     held = {
         j.name: float(np.clip(0.0, j.lower, j.upper))
@@ -132,18 +133,47 @@ def urdf_limits(joints: Sequence[Joint]) -> Limits:
     )
 
 
-def _planning_joints(tree: Tree, known: Semantics, choice: Choice) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _chosen_groups(
+    tree: Tree, known: Semantics, wanted: Sequence[str | Sequence[str]] | None
+) -> tuple[Semantics, tuple[str, ...]]:
+    """The names of the groups that a caller chose, and the semantics that have his chains as groups too."""
+    entries = () if wanted is None else items_of("groups", wanted, "groups")
+    chains: dict[str, tuple[str, str]] = {}
+    names: list[str] = []
+    for entry in entries:
+        if isinstance(entry, str):
+            names.append(known_name("group", entry, known.groups))
+        else:
+            base, tip = _chain_ends(tree, entry)
+            names.append(f"{base} to {tip}")
+            chains[names[-1]] = base, tip
+    if wanted is not None:
+        _check_distinct("groups", names)
+    members = {name: chain_joints(tree.joints, *ends) for name, ends in chains.items()}
+    return replace(known, groups={**known.groups, **members}, chains={**known.chains, **chains}), tuple(names)
+
+
+def _chain_ends(tree: Tree, entry: Any) -> tuple[str, str]:
+    ends = items_of("one of groups", entry, "names of two links")
+    if len(ends) != 2:
+        raise InputError(f"one of groups is {shown(entry)}, expected a name or two: (base link, tip link)")
+    links = [link.name for link in tree.links]
+    return known_name("link", ends[0], links), known_name("link", ends[1], links)
+
+
+def _planning_joints(
+    tree: Tree, known: Semantics, groups: tuple[str, ...], chosen: Sequence[str] | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The groups that were taken, if any, and the joints to plan for."""
     joints = {joint.name: joint for joint in tree.joints}
-    groups = () if choice.groups is None else _chosen("groups", choice.groups)
-    for group in groups:
-        known_name("group", group, known.groups)
-    if choice.joints is not None:
-        names = _chosen("joints", choice.joints)
+    if chosen is not None:
+        names = items_of("joints", chosen, "names")
         for name in names:
+            check_text("one of joints", name)
             if not _is_driven(joints[known_name("joint", name, joints)]):
                 raise InputError(f"joint {name!r} is fixed or mimics another, it cannot be planned for")
-        return groups, names
+        _check_distinct("joints", names)
+        return groups, tuple(names)
     movable = tuple(n for n, j in joints.items() if _is_driven(j) and n not in known.passive)
     groups = groups or _default_groups(tree, known)
     # Groups may share joints, such as a torso that carries both arms.
@@ -158,14 +188,9 @@ def _is_driven(joint: Joint) -> bool:
     return joint.kind != "fixed" and joint.mimic is None
 
 
-def _chosen(what: str, names: Sequence[str]) -> tuple[str, ...]:
-    """Names that a caller chose, in that order."""
-    chosen = items_of(what, names, "names")
-    for name in chosen:
-        check_text(f"one of {what}", name)
-    if not chosen or len(set(chosen)) != len(chosen):
-        raise InputError(f"{what} is {shown(list(chosen))}, expected at least one name and none twice")
-    return chosen
+def _check_distinct(what: str, names: Sequence[str]) -> None:
+    if not names or len(set(names)) != len(names):
+        raise InputError(f"{what} is {shown(list(names))}, expected at least one name and none twice")
 
 
 def _default_groups(tree: Tree, known: Semantics) -> tuple[str, ...]:

@@ -74,8 +74,7 @@ def load_joint_trajectory(file: _File, topic: str | None = None) -> Trajectory:
     """
     path = file_path(file)
     if path.suffix in YAML_SUFFIXES:
-        if topic is not None:
-            raise InputError(f"topic is {shown(topic)}, but {path} is no bag and has no topics")
+        refuse_topic(path, topic)
         message = _from_yaml(path)
     else:
         message = _from_bag(path, topic)
@@ -83,6 +82,16 @@ def load_joint_trajectory(file: _File, topic: str | None = None) -> Trajectory:
         return _trajectory(message)
     except InputError as error:
         raise FormatError(str(error), file) from error
+
+
+def refuse_topic(file: _File, topic: str | None) -> None:
+    """Refuse the name of a topic for a file that is no bag.
+
+    Raises:
+        InputError: there is one.
+    """
+    if topic is not None:
+        raise InputError(f"topic is {shown(topic)}, but {file} is no bag and has no topics (option topic)")
 
 
 def holds_joint_trajectory(file: _File) -> bool:
@@ -175,7 +184,9 @@ def _messages(reader: Any, topic: str | None, file: pathlib.Path) -> Iterator[An
         kinds = ", ".join(sorted({c.msgtype for c in reader.connections})) or "nothing"
         raise FormatError(f"holds no {_MESSAGE}, only {kinds}", file)
     if topic is None and len(topics) > 1:
-        raise FormatError(f"has several topics with a {_MESSAGE}: {', '.join(topics)}; say topic=", file)
+        raise FormatError(
+            f"has several topics with a {_MESSAGE}: {', '.join(topics)}; say which one with option topic", file
+        )
     chosen = [c for c in connections if c.topic == (topics[0] if topic is None else known_name("topic", topic, topics))]
     count = sum(c.msgcount for c in chosen)
     if count != 1:

@@ -33,17 +33,18 @@ _CONVEX = ("hull", "pieces")
 
 def read_pose(table: Table) -> Array:
     """A pose from xyz and one of rpy, quaternion (wxyz) and rotation (rows); shape (4, 4)."""
-    xyz = table.numbers("xyz", (3,)) if "xyz" in table else np.zeros(3)
+    T = np.eye(4)
     given = [key for key in ("rpy", "quaternion", "rotation") if key in table]
     if len(given) > 1:
         raise table.error(f"got {' and '.join(given)}, expected at most one way to write a rotation")
-    with table.blame():
+    with table.blame("xyz"):
+        if "xyz" in table:
+            T[:3, 3] = pose(table.numbers("xyz", (3,)))[:3, 3]
+    with table.blame(given[0] if given else None):
         if "rpy" in given:
-            return pose(xyz, rpy=table.numbers("rpy", (3,)))
-        if "quaternion" in given:
-            return pose(xyz, quaternion=table.numbers("quaternion", (4,)))
-    T = np.eye(4)
-    T[:3, 3] = xyz
+            T[:3, :3] = pose(rpy=table.numbers("rpy", (3,)))[:3, :3]
+        elif "quaternion" in given:
+            T[:3, :3] = rotation_from_quaternion(table.numbers("quaternion", (4,)))
     if "rotation" in given:
         T[:3, :3] = table.numbers("rotation", (3, 3))
         if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-6 or np.linalg.det(T[:3, :3]) < 0.0:

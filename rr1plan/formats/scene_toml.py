@@ -27,7 +27,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from rr1plan.checks import of_kind, resolved_path
+from rr1plan.checks import of_kind, resolved_path, shown
 from rr1plan.formats.documents import parse_toml
 from rr1plan.formats.files import read_text, write_text
 from rr1plan.formats.scene_queries import problem_entries, read_queries
@@ -49,7 +49,7 @@ class RobotLoader(Protocol):
         *,
         srdf: str | None = None,
         group: str | None = None,
-        groups: Sequence[str] | None = None,
+        groups: Sequence[str | Sequence[str]] | None = None,
         joints: Sequence[str] | None = None,
         tool: str | None = None,
     ) -> Robot:
@@ -201,7 +201,7 @@ class _Reference(NamedTuple):
     name_or_file: str
     srdf: str | None
     group: str | None
-    groups: tuple[str, ...] | None
+    groups: tuple[str | tuple[str, ...], ...] | None
     joints: tuple[str, ...] | None
     tool: str | None
 
@@ -218,10 +218,17 @@ def _robot_reference(entry: Table, folder: Path) -> _Reference:
         name,
         srdf or None,
         entry.string("group", "") or None,
-        entry.strings("groups") or None,
+        tuple(g if isinstance(g, str) else _chain(entry, g) for g in entry.rows("groups")) or None,
         entry.strings("joints") or None,
         entry.string("tool", "") or None,
     )
+
+
+def _chain(entry: Table, value: Any) -> tuple[str, ...]:
+    """An entry of groups that is no name."""
+    if not isinstance(value, list) or not all(isinstance(link, str) for link in value):
+        raise entry.error(f"expected names of groups or [base link, tip link], got {shown(value)}", "groups")
+    return tuple(value)
 
 
 def _is_file(robot: str) -> bool:

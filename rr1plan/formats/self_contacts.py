@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, as_generator
-from rr1plan.formats.cache import Arrays, cache_key, load_cached, store_cached
+from rr1plan.formats.arrays import Arrays
+from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.formats.link_contacts import Pair
 from rr1plan.formats.srdf_proposal import free_configuration, jammed_pairs, sampled_reasons, touching_links
 from rr1plan.robot import Robot

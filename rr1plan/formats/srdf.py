@@ -1,14 +1,14 @@
 """SRDF: groups of joints, named states, end effectors and pairs of links that need no check.
 
-A strict reader: a value that is no number, a group nobody defines or one that contains itself is an
-error with file and line. A link or joint that the robot does not have is passed over with a warning, and so
-is a robot name that differs: many files serve several variants of a robot.
+A strict reader: a value that is no number or a group that contains itself is an error with file and line. A link or
+joint that the robot does not have and a group that nobody defines are passed over with a warning, and so is a robot
+name that differs: many files serve several variants of a robot.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -16,6 +16,7 @@ from pathlib import Path
 from rr1plan.checks import file_path
 from rr1plan.formats.urdf import Tree
 from rr1plan.formats.xml import Element, parse_xml, parse_xml_file
+from rr1plan.robot import Joint
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +61,7 @@ def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None
         file: Where a document given as text came from, for messages.
 
     Raises:
-        FormatError: a group that is not there, a value that is no number, or bad XML.
+        FormatError: a group that is there twice or contains itself, a value that is no number, or bad XML.
     """
     if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
         root = parse_xml(source.encode() if isinstance(source, str) else source, "robot", file)
@@ -71,11 +72,28 @@ def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None
     return _Reader(root, tree).read()
 
 
+def chain_joints(joints: Sequence[Joint], base: str, tip: str) -> tuple[str, ...]:
+    """Names of the joints between two links, up from the base to the link above both, then down to the tip."""
+    above = {joint.child: joint for joint in joints}
+
+    def to_root(link: str) -> list[str]:
+        names = []
+        while link in above:
+            names.append(above[link].name)
+            link = above[link].parent
+        return names
+
+    up, down = to_root(base), to_root(tip)
+    shared = set(up) & set(down)
+    return (*(n for n in up if n not in shared), *(n for n in reversed(down) if n not in shared))
+
+
 class _Reader:
     """Reads one document against one robot."""
 
     def __init__(self, root: Element, tree: Tree) -> None:
         self.root = root
+        self.tree = tree
         self.links = {link.name for link in tree.links}
         self.joints = {joint.name: joint for joint in tree.joints}
         self.above = {joint.child: joint for joint in tree.joints}
@@ -95,7 +113,7 @@ class _Reader:
         )
         if self.strange:
             listed = ", ".join(f"{kind} {name!r} (line {line})" for (kind, name), line in self.strange.items())
-            log.warning("%s: the robot has no %s; passed over", self.root.file or "SRDF", listed)
+            log.warning("%s: there is no %s; passed over", self.root.file or "SRDF", listed)
         return semantics
 
     # ---- names -------------------------------------------------------------------------
@@ -107,17 +125,14 @@ class _Reader:
         return self._has(element, "name", "joint", self.joints)
 
     def _has(self, element: Element, attribute: str, kind: str, known: Container[str]) -> bool:
-        """Whether the robot has the link or joint an attribute names; what it has not is remembered."""
+        """Whether there is the link, joint or group that an attribute names; what there is not is remembered."""
         name = element.text(attribute)
         if name not in known and not (kind == "joint" and name in self.virtual):
             self.strange.setdefault((kind, name), element.line)
         return name in known
 
-    def _group(self, element: Element, attribute: str) -> str:
-        name = element.text(attribute)
-        if name not in self.groups:
-            raise element.error(f"<{element.tag}> names the unknown group {name!r}")
-        return name
+    def _has_group(self, element: Element, attribute: str) -> bool:
+        return self._has(element, attribute, "group", self.groups)
 
     # ---- groups ------------------------------------------------------------------------
 
@@ -132,7 +147,10 @@ class _Reader:
 
     def _members(self) -> dict[str, tuple[str, ...]]:
         """The movable joints of each group, those of its subgroups included."""
-        inner = {n: [self._group(e, "name") for e in group.all("group")] for n, group in self.groups.items()}
+        inner = {
+            n: [e.text("name") for e in group.all("group") if self._has_group(e, "name")]
+            for n, group in self.groups.items()
+        }
         found: dict[str, set[str]] = {}
         try:
             for name in TopologicalSorter(inner).static_order():
@@ -148,24 +166,12 @@ class _Reader:
         links = [e.text("name") for e in group.all("link") if self._has_link(e, "name")]
         joints |= {self.above[name].name for name in links if name in self.above}
         for chain in group.all("chain"):
-            joints |= set(self._chain_joints(chain))
+            if self._has_chain(chain):
+                joints |= set(chain_joints(self.tree.joints, chain.text("base_link"), chain.text("tip_link")))
         return {n for n in joints if self.joints[n].kind != "fixed"}
 
     def _in_order(self, names: set[str]) -> tuple[str, ...]:
         return tuple(n for n in self.order if n in names)
-
-    def _chain_joints(self, chain: Element) -> list[str]:
-        base, tip = chain.text("base_link"), chain.text("tip_link")
-        names: list[str] = []
-        if not self._has_chain(chain):
-            return names
-        link = tip
-        while link != base:
-            if link not in self.above:
-                raise chain.error(f"<chain> tip {tip!r} is not below its base {base!r}")
-            names.append(self.above[link].name)
-            link = self.above[link].parent
-        return names
 
     def _has_chain(self, chain: Element) -> bool:
         ends = [self._has_link(chain, end) for end in ("base_link", "tip_link")]
@@ -184,7 +190,9 @@ class _Reader:
     def _states(self) -> dict[tuple[str, str], dict[str, float]]:
         found: dict[tuple[str, str], dict[str, float]] = {}
         for element in self.root.all("group_state"):
-            group = self._group(element, "group") if "group" in element.attributes else ""
+            if "group" in element.attributes and not self._has_group(element, "group"):
+                continue
+            group = element.attributes.get("group", "")
             key = (group, element.text("name"))
             if key in found:
                 raise element.error(f"state {key[1]!r} of group {key[0]!r} is there twice")
@@ -198,10 +206,12 @@ class _Reader:
     def _end_effectors(self) -> tuple[EndEffector, ...]:
         found = []
         for element in self.root.all("end_effector"):
-            name, group = element.text("name"), self._group(element, "group")
-            carrier = self._group(element, "parent_group") if "parent_group" in element.attributes else None
-            if self._has_link(element, "parent_link"):
-                found.append(EndEffector(name, group, element.text("parent_link"), carrier))
+            known = [self._has_group(element, "group"), self._has_link(element, "parent_link")]
+            carried = "parent_group" in element.attributes and self._has_group(element, "parent_group")
+            carrier = element.text("parent_group") if carried else None
+            if all(known):
+                link = element.text("parent_link")
+                found.append(EndEffector(element.text("name"), element.text("group"), link, carrier))
         return tuple(found)
 
     def _disabled(self) -> frozenset[frozenset[str]]:

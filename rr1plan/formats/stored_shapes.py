@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import io
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.files import MAX_BYTES, read_bytes, write_bytes
+from rr1plan.formats.arrays import Arrays, parse_archive
+from rr1plan.formats.files import read_bytes, write_bytes
 from rr1plan.robot import feed_digest
 from rr1plan.shapes import Mesh, PointCloud
 
@@ -61,28 +60,24 @@ def read_shape(folder: Path, sha256: str) -> Mesh | PointCloud:
     """
     file = _file(folder, sha256)
     try:
-        data = io.BytesIO(read_bytes(file))
-        with zipfile.ZipFile(data) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > MAX_BYTES:
-                raise FormatError(f"is larger than {MAX_BYTES} bytes unpacked, the most that is read", file)
-        data.seek(0)
-        with np.load(data, allow_pickle=False) as arrays:
-            values = {name: arrays[name] for name in arrays.files}
-        if set(values) == set(Mesh.__dataclass_fields__):
-            shape: Mesh | PointCloud = Mesh(values["vertices"], values["faces"], bool(values["convex"]))
-        else:
-            shape = PointCloud(values["points"], float(values["resolution"]))
+        shape = _shape(parse_archive(read_bytes(file)))
     except FormatError:
         raise
-    except (ValueError, TypeError, KeyError, EOFError, RuntimeError, NotImplementedError) as error:
+    except ValueError as error:  # an InputError of the shape is one
         raise FormatError(f"holds no mesh or point cloud: {error}", file) from error
-    except (zipfile.BadZipFile, zlib.error) as error:
-        raise FormatError(f"is a damaged archive: {error}", file) from error
     if shape_hash(shape) != sha256:
         raise FormatError(
             "was altered after it was written: its content does not have the sha256 that is its name", file
         )
     return shape
+
+
+def _shape(arrays: Arrays) -> Mesh | PointCloud:
+    if set(arrays) == set(Mesh.__dataclass_fields__):
+        return Mesh(arrays["vertices"], arrays["faces"], bool(arrays["convex"]))
+    if set(arrays) == set(PointCloud.__dataclass_fields__):
+        return PointCloud(arrays["points"], arrays["resolution"].item())
+    raise InputError(f"its arrays are {', '.join(arrays) or 'none'}")
 
 
 def _file(folder: Path, sha256: str) -> Path:

@@ -68,19 +68,21 @@ def read_origin(element: Element) -> Array:
     """The transform of an element's `<origin>`, shape (4, 4); identity where there is none.
 
     Raises:
-        FormatError: not three finite numbers, or a quaternion without a direction.
+        FormatError: not three finite numbers, angles that look like degrees, or a quaternion without a direction.
     """
     origin = element.child("origin")
     if origin is None:
         return identity()
     xyz = origin.vector("xyz", 3, (0.0, 0.0, 0.0))
     if "quat_xyzw" not in origin.attributes:
-        return pose(xyz, rpy=origin.vector("rpy", 3, (0.0, 0.0, 0.0)))
-    if "rpy" in origin.attributes:
+        rotation = {"rpy": origin.vector("rpy", 3, (0.0, 0.0, 0.0))}
+    elif "rpy" in origin.attributes:
         raise origin.error("<origin> has both rpy and quat_xyzw, expected one of them")
-    x, y, z, w = origin.vector("quat_xyzw", 4)
+    else:
+        x, y, z, w = origin.vector("quat_xyzw", 4)
+        rotation = {"quaternion": (w, x, y, z)}
     try:
-        return pose(xyz, quaternion=(w, x, y, z))
+        return pose(xyz, **rotation)
     except InputError as error:
         raise origin.error(str(error)) from error
 
@@ -105,13 +107,18 @@ def _axis(element: Element, name: str) -> Array:
 
 
 def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, float, float]:
-    """Lower, upper, velocity and effort; an effort of 0 is how URDF writes an unknown one, some files write -1."""
+    """Lower, upper, velocity and effort; files write 0 where the velocity is unknown, and 0 or -1 for the effort."""
     limit = element.child("limit")
     if limit is None:
         if kind != "continuous":
             raise element.error(f"{kind} joint {name!r} has no <limit>")
         return -np.inf, np.inf, np.inf, np.inf
-    velocity = limit.positive("velocity") if "velocity" in limit.attributes else np.inf
+    velocity = limit.number("velocity", np.inf)
+    if velocity == 0.0:
+        log.warning("%s:%d: joint %r has velocity 0, it is taken as unknown", *limit.at, name)
+        velocity = np.inf
+    elif velocity < 0.0:
+        raise limit.error(f"joint {name!r} has velocity {velocity}, expected a number above zero")
     effort = limit.number("effort", np.inf)
     if effort < 0.0:
         log.warning("%s:%d: joint %r has effort %g, it is taken as unknown: no limit", *limit.at, name, effort)

@@ -78,14 +78,15 @@ static GapBounds cells_gap(int64_t a, int64_t b, double least, double enough, Ex
         GapBounds found = core_gap(&core, &box, least + radius, enough + radius, direction);
         gap.lower = min_number(gap.lower, found.lower - radius);
         gap.upper = min_number(gap.upper, found.upper - radius);
-        if (gap.upper <= least) return gap;
+        // The distance itself is wanted where `least` is `enough`: another cell may be nearer.
+        if (least < enough && gap.upper <= least) return gap;
     }
     return gap;
 }
 
 // Bounds of the distance of two bodies [m], b being the half-space or cloud if there is one.
 //
-// It may stop where the distance is proven to be at most `least`, or at least `enough`. `direction`: to begin with,
+// It may stop where the distance is proven to be at most `least`, if that is below `enough`, or at least `enough`. `direction`: to begin with,
 // zero where none is known; on return the last one.
 static GapBounds fine_gap(int64_t a, int64_t b, double least, double enough, ExactPoint *direction,
                           const ExactTables *exact, const ExactScratch *scratch) {

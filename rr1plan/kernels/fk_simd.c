@@ -54,15 +54,16 @@ NOINLINE void bound_motion(const SceneTables *scene, Scratch *scratch) {
     f64x8 zero = splat(0.0);
     bound_joints(scene, scratch);
     for (int64_t block = 0; block < stride; block += LANES) {
+        const GroupBlock *groups = &arm->group_blocks[block / LANES];
         f64x8 speed = zero, acceleration = zero, beyond = zero;
         // Where all joints move both of two groups, neither moves.
         for (int64_t row = 0; row < scratch->bound_rows; row++) {
             store_lanes(scratch->speeds + row * stride + block, zero);
             store_lanes(scratch->accelerations + row * stride + block, zero);
         }
-        for (int64_t j = arm->joint_count - 1; j > 0; j--) {
+        for (int64_t j = groups->last_joint - 1; j >= groups->first_joint; j--) {
             const JointMotion *motion = &scratch->joint_motions[j];
-            f64x8 reach = load_lanes(arm->reach + j * stride + block);
+            f64x8 reach = load_lanes(arm->reach + (groups->first_row + j - groups->first_joint) * LANES);
             i64x8 carried = reach >= zero;
             double rate = motion->max_rate, bend = 2.0 * SLACK * abs_number(motion->bend);
             f64x8 next_speed, next_acceleration;

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import (
+    DEGREES,
     Array,
     Seed,
     Value,
@@ -205,7 +206,7 @@ def describe_excess(robot: Robot, q: Array) -> str:
             bounds = f"[{limits.lower[j]:.6g}, {limits.upper[j]:.6g}]"
             parts.append(f"joint {name!r} at {q[j]:.6g} {unit}, outside {bounds} by {over:.3g} {unit}")
             degrees |= unit == "rad" and over > np.pi
-    return "; ".join(parts) + (" (angles are in radians: are these degrees?)" if degrees else "")
+    return "; ".join(parts) + (f" {DEGREES}" if degrees else "")
 
 
 def _seeds(kinematics: Kinematics, robot: Robot, seeds: Any) -> Array:

@@ -10,11 +10,11 @@ import numpy as np
 from rr1plan.checks import (
     check_text,
     finite_array,
-    finite_number,
     known_name,
     near_array,
     of_kind,
     positive_number,
+    turn_angles,
     whole_number,
 )
 from rr1plan.errors import InputError
@@ -61,7 +61,7 @@ def place_grid(
     both = np.broadcast_to(near_array("spacing", spacing, (2,) if of_two else ()), (2,))
     along_x, along_y = (positive_number("spacing", s) for s in both)
     middle = finite_array("centre", centre, (3,))
-    turn = finite_number("yaw", yaw)
+    turn = float(turn_angles("yaw", yaw, ()))
     xs = along_x * (np.arange(rows) - (rows - 1) / 2)
     ys = along_y * (np.arange(columns) - (columns - 1) / 2)
     bases = [pose(middle + np.array([x, y, 0.0]), rpy=(0.0, 0.0, turn)) for x in xs for y in ys]
@@ -107,12 +107,12 @@ def place_ring(
     middle, ahead = finite_array("centre", centre, (3,)), finite_array("front", front, (3,))
     if np.hypot(ahead[0], ahead[1]) < 1e-9:
         raise InputError(f"front is {ahead.tolist()}, expected a direction that is not vertical")
-    first = finite_number("start_angle", start_angle)
+    first = float(turn_angles("start_angle", start_angle, ()))
     turn = {"centre": np.pi, "outward": 0.0, "along": np.pi / 2}[facing] - np.arctan2(ahead[1], ahead[0])
     bases = []
     for angle in first + 2.0 * np.pi * np.arange(count) / count:
         place = middle + distance * np.array([np.cos(angle), np.sin(angle), 0.0])
-        bases.append(pose(place, rpy=(0.0, 0.0, angle + turn)))
+        bases.append(pose(place, rpy=(0.0, 0.0, np.remainder(angle + turn, 2.0 * np.pi))))
     return _place(robot, bases, q, scene, prefix)
 
 

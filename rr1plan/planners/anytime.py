@@ -110,7 +110,7 @@ class _Rounds:
         """Shorten a path, and keep it when it is the best."""
         query, motion = self.query, self.query.motion
         checked = motion.edges_checked
-        path = Path.trusted(motion.checker.joint_names, waypoints)
+        path = Path.trusted(motion.joint_names, waypoints)
         seed = int(draw_uniform(self.search.state) * 2**53)
         path = shorten(path, motion, rng=seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
         query.edges += motion.edges_checked - checked

@@ -107,7 +107,7 @@ class _Walk:
 
     def __init__(self, planner: CartesianPlanner, query: Query) -> None:
         self.planner, self.query = planner, query
-        self.problem, self.motion, self.checker = query.problem, query.motion, query.motion.checker
+        self.problem, self.motion = query.problem, query.motion
         self.kinematics = Kinematics(self.problem.scene, self.problem.arms).for_arm()
         self.robot = self.problem.scene.arms[self.problem.arms[0]].robot
 
@@ -232,9 +232,9 @@ class _Walk:
         """Who touches whom on the edge from q."""
         for t in (1.0, 0.5, 0.75, 0.25):
             between = q + t * (blocked - q)
-            if self.checker.contacts(between):
-                return describe_collision(self.checker, between)
-        return " and ".join(repr(name) for name in self.checker.nearest(blocked).pair)
+            if self.motion.contacts(between):
+                return describe_collision(self.motion, between)
+        return " and ".join(repr(name) for name in self.motion.nearest(blocked).pair)
 
     def chain_of(self, line: Line) -> Chain:
         """The joints that move the frame."""

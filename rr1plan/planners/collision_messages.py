@@ -39,20 +39,26 @@ def _nearest_to_contact(checker: CollisionChecker, q: Array, arms: Collection[st
     """The pair nearest to its padding: the kernel refuses a gap below a micrometer, in which Coal sees no contact."""
     scene = checker.scene
     counts = [scene.owner(a) not in arms and scene.owner(b) not in arms for a, b in checker.pairs]
-    beyond = np.where(counts, checker.distances(q) - scene.checked_padding, np.inf)
+    beyond = np.where(counts, checker.distances(q) - checker.padding, np.inf)
     k = int(np.argmin(beyond))
     return [Contact(*checker.pairs[k], max(0.0, -float(beyond[k])), np.full(3, np.nan))]
 
 
 def _gap(checker: CollisionChecker, contact: Contact) -> float:
     """Distance of the two elements of a contact [m], negative where they overlap."""
-    return checker.scene.padding_of(contact.a, contact.b) - contact.depth
+    return _distance_to_keep(checker, contact) - contact.depth
+
+
+def _distance_to_keep(checker: CollisionChecker, contact: Contact) -> float:
+    """Padding of two elements and, where they move against each other, the margin [m]."""
+    rigid = (contact.a, contact.b) in checker.static_contacts
+    return checker.scene.padding_of(contact.a, contact.b) + (0.0 if rigid else checker.margin)
 
 
 def _describe(checker: CollisionChecker, contact: Contact) -> str:
     gap, both = _gap(checker, contact), f"{contact.a!r} and {contact.b!r}"
     if gap > _TOUCH:
-        padding = checker.scene.padding_of(contact.a, contact.b)
+        padding = _distance_to_keep(checker, contact)
         return f"{both} are {1000.0 * gap:.3g} mm apart, nearer than the padding of {1000.0 * padding:.3g} mm"
     return f"{both} touch" if gap > -_TOUCH else f"{both} overlap by {-1000.0 * gap:.3g} mm"
 
@@ -76,4 +82,4 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
 
 def _is_rigid(checker: CollisionChecker, contact: Contact) -> bool:
     """Whether no moving joint lies between the two elements."""
-    return checker.pairs.index((contact.a, contact.b)) in checker.layout.pairs.resting_owner
+    return (contact.a, contact.b) in checker.static_contacts

@@ -15,7 +15,7 @@ from heapq import heappop, heappush
 import numpy as np
 
 from rr1plan.checks import Array, Seed, as_seed, counted, read_only
-from rr1plan.collision import MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.kernels.random_state import RandomState, random_state
 from rr1plan.kinematics import nearest_copy
@@ -54,7 +54,7 @@ class GoalSet:
     reason: str = ""
 
 
-def check_start(problem: Problem, motion: MotionChecker) -> str:
+def check_start(problem: Problem, motion: CollisionChecker) -> str:
     """Why the start is none, in words (which joint is out by how much, which links touch what); empty if it is fine.
 
     Args:
@@ -66,7 +66,7 @@ def check_start(problem: Problem, motion: MotionChecker) -> str:
         return f"the start is out of limits: {excess}"
     if motion.is_free(problem.start):
         return ""
-    return f"the start is in collision: {describe_collision(motion.checker, problem.start)}"
+    return f"the start is in collision: {describe_collision(motion, problem.start)}"
 
 
 class GoalSearch:
@@ -87,7 +87,7 @@ class GoalSearch:
     def __init__(
         self,
         problem: Problem,
-        motion: MotionChecker,
+        motion: CollisionChecker,
         rng: Seed = None,
         *,
         max_per_goal: int = 8,
@@ -118,7 +118,7 @@ class GoalSearch:
             free, rounds = list(self.more()), rounds - 1
         if free:
             return GoalSet(read_only(np.array(free)))
-        collision, tried = describe_collision(self._motion.checker, blocked), len(self._tried)
+        collision, tried = describe_collision(self._motion, blocked), len(self._tried)
         reason = f"the arms' goals collide with each other in all {tried} combinations tried: {collision}"
         return GoalSet(np.empty((0, self._problem.nq)), PlanStatus.INVALID_GOAL, reason)
 
@@ -177,7 +177,7 @@ def _composite_excess(problem: Problem, q: Array) -> str:
 class _Finder:
     """Configurations of one arm that fulfil one of its goals, free as far as this arm alone goes."""
 
-    def __init__(self, problem: Problem, motion: MotionChecker, arm: str, state: RandomState) -> None:
+    def __init__(self, problem: Problem, motion: CollisionChecker, arm: str, state: RandomState) -> None:
         self.problem, self.motion, self.arm, self.state = problem, motion, arm, state
         self.robot: Robot = problem.scene.arms[arm].robot
         before = problem.arms[: problem.arms.index(arm)]
@@ -196,7 +196,7 @@ class _Finder:
             self._add_configuration(goal.q)
             return
         link = f"{self.arm}/{frame_link(self.robot, goal.frame)}"
-        chain = chain_of(self.motion.checker.model.skeleton, link, self.first)
+        chain = chain_of(self.motion.model.skeleton, link, self.first)
         limits = self.robot.limits
         seeds = np.clip([self.start, self.robot.home], limits.lower, limits.upper)
         search = IkSearch(chain, self.robot, goal, seeds, self.state)
@@ -238,11 +238,11 @@ class _Finder:
 
     def _describe(self, q: Array) -> str:
         """What collides at q without the other moving arms, in words."""
-        return describe_collision(self.motion.checker, self._composite(q), self.others)
+        return describe_collision(self.motion, self._composite(q), self.others)
 
     def _depth(self, q: Array) -> float:
         """How deep the deepest contact at q is without the other moving arms [m]."""
-        contacts = contacts_without(self.motion.checker, self._composite(q), self.others)
+        contacts = contacts_without(self.motion, self._composite(q), self.others)
         return max((contact.depth for contact in contacts), default=0.0)
 
     def _composite(self, q: Array) -> Array:

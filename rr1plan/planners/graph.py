@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision import MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.kernels.library import CStruct, constants, load_library
 from rr1plan.kernels.random_state import random_state
@@ -85,7 +85,7 @@ class Graph:
         edges = ends[(known != constants()["EDGE_KNOWN_BLOCKED"]).all(axis=1)][:, ::-1]
         return SearchTree(self._vertices[:, : self.size].T.copy(), edges.copy())
 
-    def sample(self, samples: int, motion: MotionChecker, goes_on: Callable[[], bool]) -> None:
+    def sample(self, samples: int, motion: CollisionChecker, goes_on: Callable[[], bool]) -> None:
         """Draw samples up to so many in all.
 
         Args:
@@ -102,7 +102,9 @@ class Graph:
             if code == constants()["ROADMAP_FULL"]:
                 self._make_room(2 * self.size)
 
-    def find_way(self, start: Array, goals: Array, motion: MotionChecker, goes_on: Callable[[], bool]) -> Array | None:
+    def find_way(
+        self, start: Array, goals: Array, motion: CollisionChecker, goes_on: Callable[[], bool]
+    ) -> Array | None:
         """The shortest free way from a start to one of the goals, shape (n, nq); None: none, or stopped.
 
         Args:

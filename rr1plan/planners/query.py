@@ -7,8 +7,8 @@ import time
 import numpy as np
 
 from rr1plan.checks import Array, Seed, as_seed, counted
-from rr1plan.collision import MotionChecker
-from rr1plan.collision.shelf import give_back, take_checker
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.checker_pool import acquire_checker, release_checker
 from rr1plan.kernels.library import constants, load_library
 from rr1plan.path import Path
 from rr1plan.planners.goals import GoalSearch, check_start, joint_goals
@@ -74,7 +74,7 @@ class Query:
         InputError: what is no question, or a scene that cannot be checked (in the `with` statement).
     """
 
-    motion: MotionChecker
+    motion: CollisionChecker
 
     def __init__(
         self,
@@ -102,13 +102,13 @@ class Query:
 
     def __enter__(self) -> Query:
         self._wanted = joint_goals(self.problem)
-        self.motion = take_checker(self._scene, self.problem.arms)
+        self.motion = acquire_checker(self._scene, self.problem.arms, self.problem.margin)
         self.motion.set_up()
         self.began = time.perf_counter()
         return self
 
     def __exit__(self, *_: object) -> None:
-        give_back(self.motion, self._scene, self.problem.arms)
+        release_checker(self.motion)
 
     def refusal(self) -> PlanResult | None:
         """The answer to a problem without a usable start or goal, or whose start is a goal."""
@@ -130,8 +130,8 @@ class Query:
     def _has_plain_ends(self) -> bool:
         """Whether goals are configurations and both ends can be had; else it takes a closer look, and words."""
         space, goals = joint_space(self.problem), self._wanted
-        # Where two resting elements collide no edge is free, and the kernel does not look at those.
-        if goals is None or not space.is_shared or not self.motion.checker.resting_is_free:
+        # The kernel does not look at pairs that do not move against each other; where one collides, no edge is free.
+        if goals is None or not space.is_shared or not self.motion.static_is_free:
             return False
         near, visible = np.empty_like(goals), np.empty(1, np.int64)
         count = load_library().rr1_check_endpoints(
@@ -218,7 +218,7 @@ class Query:
         self, status: PlanStatus, waypoints: Array | None = None, *, reason: str = "", tree: SearchTree | None = None
     ) -> PlanResult:
         """The answer with the counts so far; waypoints are new ones that nobody else writes."""
-        path = None if waypoints is None else Path.trusted(self.motion.checker.joint_names, waypoints)
+        path = None if waypoints is None else Path.trusted(self.motion.joint_names, waypoints)
         seconds = self.seconds
         if path is not None and not self.history:
             self.history.append((seconds, path.length))

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 
 from rr1plan.checks import Seed, of_kind, whole_number
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners import tree_search
@@ -79,7 +79,7 @@ class Roadmap:
             InputError: less than one, or no whole number.
         """
         samples = checked_samples(samples)
-        with self._lock, borrowed_checker(self.scene, self.arms) as motion:
+        with self._lock, checker_from_pool(self.scene, self.arms) as motion:
             self._graph.sample(self._graph.samples + samples, motion, lambda: True)
 
     def plan(
@@ -98,7 +98,7 @@ class Roadmap:
             progress: Called about ten times a second; it may return False to cancel.
 
         Raises:
-            InputError: a problem in another scene or for other arms.
+            InputError: a problem in another scene, for other arms or with a margin.
         """
         check_question(problem, budget, progress)
         self._check_fits(problem)
@@ -111,6 +111,11 @@ class Roadmap:
             raise InputError(
                 f"the problem moves {', '.join(problem.arms)}, but the roadmap is for {', '.join(self.arms)}; "
                 "build one for these arms"
+            )
+        if problem.margin != 0.0:
+            raise InputError(
+                f"the problem keeps a margin of {problem.margin:g} m, but the roadmap was built without; "
+                "build one for the scene with that margin (Scene.with_margin) and ask without"
             )
         if problem.scene is self.scene:
             return
@@ -163,7 +168,7 @@ class RoadmapPlanner:
                 return refused
             # Appending to a list and popping from it are atomic. A smaller roadmap is another one.
             samples = min(self.samples, query.most)
-            idle: list[Graph] = problem.scene.kept.setdefault((_NAME, problem.arms, samples), [])
+            idle: list[Graph] = problem.scene.kept.setdefault((_NAME, problem.arms, problem.margin, samples), [])
             graph = idle.pop() if idle else Graph(problem.scene, problem.arms)
             try:
                 graph.sample(samples, query.motion, query.in_time)
@@ -194,7 +199,7 @@ def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
     search = tree_search.TreeSearch(query)
     if not search.meets():
         return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
-    path = Path.trusted(motion.checker.joint_names, search.trees.path())
+    path = Path.trusted(motion.joint_names, search.trees.path())
     checked = motion.edges_checked
     path = shorten(path, motion, rng=query.seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
     query.edges += motion.edges_checked - checked

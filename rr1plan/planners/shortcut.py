@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from rr1plan.checks import Array, Seed, as_seed, of_kind, positive_number, whole_number
-from rr1plan.collision import MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
@@ -36,7 +36,7 @@ _CLOSER = 4
 
 def shorten(
     path: Path,
-    checker: MotionChecker,
+    checker: CollisionChecker,
     *,
     rng: Seed = None,
     iterations: int = 16,
@@ -60,11 +60,11 @@ def shorten(
         InputError: another set of joints, a count that is negative or too large, or no time at all.
     """
     of_kind("path", path, Path)
-    of_kind("checker", checker, MotionChecker)
-    if path.joint_names != checker.checker.joint_names:
+    of_kind("checker", checker, CollisionChecker)
+    if path.joint_names != checker.joint_names:
         raise InputError(
             f"the path has joints {', '.join(path.joint_names)}, "
-            f"the checker has {', '.join(checker.checker.joint_names)}; expected the same"
+            f"the checker has {', '.join(checker.joint_names)}; expected the same"
         )
     iterations = whole_number("iterations", iterations, 0, _MOST_ITERATIONS)
     smooth = whole_number("smooth", smooth, 0, _MOST_SMOOTH)
@@ -82,7 +82,7 @@ def shorten(
 class _Shortener:
     """The path, as the kernel's arrays, and what is done to it until the time is up."""
 
-    def __init__(self, path: Path, checker: MotionChecker, seed: int, iterations: int, deadline: float) -> None:
+    def __init__(self, path: Path, checker: CollisionChecker, seed: int, iterations: int, deadline: float) -> None:
         self._checker = checker
         self._deadline = deadline
         rows, nq = path.waypoints.shape
@@ -101,8 +101,8 @@ class _Shortener:
 
     def run(self, iterations: int) -> None:
         """Skip vertices, try shortcuts, skip vertices again."""
-        # Where two resting elements collide no edge is free, and the kernel does not check those.
-        if not self._checker.checker.resting_is_free:
+        # The kernel does not check pairs that do not move against each other; where one collides, no edge is free.
+        if not self._checker.static_is_free:
             self._deadline = -math.inf
         call = load_library().rr1_shorten
         over = done = False

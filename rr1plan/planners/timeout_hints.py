@@ -2,7 +2,8 @@
 
 A pair of links separates start and goal when no path exists because of it and one does without it. Such a pair touches
 somewhere on every line from the start to a goal, so few pairs are left to try: each of them is relaxed in turn and
-the search repeated for a moment. A path found that way is a hint, not a proof.
+the search repeated for a moment, then all of them together, less those that make no difference. A path found that way
+is a hint, not a proof.
 
 The time comes out of the budget of the search: a twentieth of it and at most half a second, and a twentieth of its
 iterations. A budget of less than a second or a thousand iterations gets no hint.
@@ -19,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.formats.contact_bands import ContactBand, contact_bands
 from rr1plan.formats.link_contacts import LinkBodies, Pair
 from rr1plan.planners.collision_messages import describe_collision
@@ -39,6 +40,8 @@ _SEARCHES = 0.6
 _ROUNDS = (20, 80, 320)
 # Lines to so many goals are sampled.
 _LINES = 4
+# An arm and two of its links.
+_LinksOfArm = tuple[str, Pair]
 # An end nearer to contact than this cannot be left along a proven edge [m].
 _TOUCH = 1e-6
 
@@ -85,24 +88,37 @@ class _HintSearch:
         """Reasons, the surest first."""
         goals = self._goals()
         yield from self._ends_in_contact(goals)
-        tried: set[tuple[str, Pair]] = set()
+        tried: dict[_LinksOfArm, None] = {}
         for count in _ROUNDS:
             candidates = [key for key in self._pairs_on_the_way(goals[:_LINES], count) if key not in tried]
-            for k, (arm, links) in enumerate(candidates):
+            for k, key in enumerate(candidates):
                 if not self._goes_on():
                     return
-                if self._solves_without(arm, links, len(candidates) - k + 1):
-                    yield self._describe(arm, links)
-            tried.update(candidates)
+                if self._solves_without([key], len(candidates) - k + 1):
+                    yield self._describe([key])
+            tried.update(dict.fromkeys(candidates))
+        yield from self._several(list(tried))
+
+    def _several(self, pairs: list[_LinksOfArm]) -> Iterator[str]:
+        """Pairs that separate start and goal together, where none does alone."""
+        if len(pairs) < 2 or not self._goes_on() or not self._solves_without(pairs, len(pairs) + 1):
+            return
+        for k, key in enumerate(list(pairs)):
+            rest = [other for other in pairs if other != key]
+            if not self._goes_on():
+                return
+            if self._solves_without(rest, len(pairs) - k + 1):
+                pairs = rest
+        yield self._describe(pairs)
 
     def _goals(self) -> Array:
-        with borrowed_checker(self._problem.scene, self._problem.arms) as motions:
+        with checker_from_pool(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
             return GoalSearch(self._problem, motions, self._seed).find().configurations
 
     def _ends_in_contact(self, goals: Array) -> Iterator[str]:
         """An end that no edge can leave because it all but touches."""
-        with borrowed_checker(self._problem.scene, self._problem.arms) as motions:
-            checker = motions.checker
+        with checker_from_pool(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
+            checker = motions
             if checker.clearance(self._problem.start, _TOUCH) < _TOUCH:
                 near = describe_collision(checker, self._problem.start)
                 yield f"the start is less than a micrometer from contact, too near to be told from it: {near}"
@@ -110,7 +126,7 @@ class _HintSearch:
                 near = describe_collision(checker, goals[0])
                 yield f"the goal is less than a micrometer from contact, too near to be told from it: {near}"
 
-    def _pairs_on_the_way(self, goals: Array, count: int) -> list[tuple[str, Pair]]:
+    def _pairs_on_the_way(self, goals: Array, count: int) -> list[_LinksOfArm]:
         """Pairs of one arm's links that touch on the line to every goal; those on the most of it first.
 
         Args:
@@ -143,32 +159,40 @@ class _HintSearch:
             total.update(found)
         return {pair: total[pair] for pair in links}
 
-    def _solves_without(self, arm: str, links: Pair, shares: int) -> bool:
-        """Whether a moment's search finds a path where a pair of links may touch."""
-        a, b = (f"{arm}/{link}" for link in sorted(links))
+    def _solves_without(self, pairs: Sequence[_LinksOfArm], shares: int) -> bool:
+        """Whether a moment's search finds a path where some pairs of links may touch."""
+        allowed = {unordered(*_elements(arm, links)) for arm, links in pairs}
         relaxed = Problem(
-            replace(self._problem.scene, allowed=self._problem.scene.allowed | {unordered(a, b)}),
+            replace(self._problem.scene, allowed=self._problem.scene.allowed | allowed),
             self._problem.start,
             self._problem.goal,
             self._problem.arms,
-        )
+        ).with_margin(self._problem.margin)
         budget = Budget(max(1e-3, self._seconds_left / shares), max(1, self._iterations_left // shares))
         result = RrtConnect().plan(relaxed, budget, self._seed, self._report)
         self._iterations_left -= result.iterations
         return result.solved
 
-    def _describe(self, arm: str, links: Pair) -> str:
+    def _describe(self, pairs: Sequence[_LinksOfArm]) -> str:
+        arms = ", ".join(dict.fromkeys(repr(arm) for arm, _ in pairs))
+        several = len(pairs) > 1
+        calls = "".join(f".allow('{a}', '{b}')" for a, b in (_elements(*key) for key in pairs))
+        rows = ", ".join(f'["{a}", "{b}"]' for a, b in (_elements(*key) for key in pairs))
+        return (
+            f"start and goal of {arms} seem to be separated by {' and by '.join(map(self._described, pairs))}; "
+            f"if that is an artifact of their shapes, allow the {'pairs' if several else 'pair'} (scene{calls}, in a "
+            f"scene file allowed = [{rows}]), give an SRDF, or load the robot with convex='pieces'"
+        )
+
+    def _described(self, key: _LinksOfArm) -> str:
+        arm, links = key
         robot, (a, b) = self._problem.scene.arms[arm].robot, sorted(links)
         bands = contact_bands(robot, [links], np.random.default_rng(self._seed), self._bodies[arm])
         where = " or ".join(
             f"{joint} is in {_intervals(bands, joint)}" for joint in dict.fromkeys(x.joint for x in bands)
         )
         when = f"they touch whenever {where}" if bands else "with this pair allowed there is a path"
-        return (
-            f"start and goal of {arm!r} seem to be separated by {a!r} and {b!r}: {when}; if that is an artifact of "
-            f"their shapes, allow the pair (scene.allow('{arm}/{a}', '{arm}/{b}'), in a scene file allowed = "
-            f'[["{arm}/{a}", "{arm}/{b}"]]), give an SRDF, or load the robot with convex=\'pieces\''
-        )
+        return f"{a!r} and {b!r}: {when}"
 
     # ---- the clock ------------------------------------------------------------------------
 
@@ -190,6 +214,12 @@ class _HintSearch:
             seconds = self._before + time.perf_counter() - self._began
             self.cancelled = self._progress(Progress(self._planner, seconds, 1.0)) is False
         return not self.cancelled
+
+
+def _elements(arm: str, links: Pair) -> tuple[str, str]:
+    """The names of two links of an arm in the scene."""
+    a, b = sorted(links)
+    return f"{arm}/{a}", f"{arm}/{b}"
 
 
 def _intervals(bands: Sequence[ContactBand], joint: str) -> str:

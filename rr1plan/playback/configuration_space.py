@@ -16,18 +16,21 @@ import numpy as np
 
 from rr1plan.checks import Array, Value, check_callback, counted, file_path, items_of, of_kind, read_only, shown
 from rr1plan.collision import CollisionChecker
+from rr1plan.collision.contact_cells import JointPlane
 from rr1plan.errors import InputError
 from rr1plan.kinematics import Kinematics, solve_ik
 from rr1plan.planning import PlanResult, SearchTree
 from rr1plan.playback.cspace_decomposition import Decomposition, decompose
-from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid, compute_grid
+from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid, compute_grid, two_joints
 from rr1plan.playback.cspace_images import layer_of
+from rr1plan.playback.cspace_targets import CellTargets, off_by
 from rr1plan.playback.search_trees import DrawnTree, drawn_tree
 from rr1plan.problem import Goal, JointGoal, Problem
 from rr1plan.scene import Scene
 
 _MOST_SOLUTIONS = 16  # drawn of each goal
-_SAME = 1e-3  # a path that ends this near to a goal ends there [rad or m]
+_SAME = 1e-3  # of several goals a path reaches those that it ends this near to [rad or m]
+_EXACT = 1e-6  # a path that begins and ends this near to its query answers it [rad or m]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,7 +42,8 @@ class CSpace(Value):
         start: Where the query starts [rad or m], shape (2,), or None.
         goals: Configurations that reach the goal, each (2,): those of joint goals, and those that inverse kinematics
             found for goals of position.
-        path: Waypoints of the answer [rad or m], shape (k, 2), or None.
+        path: Waypoints of the answer [rad or m], shape (k, 2), or None. What is said about it is checked: see
+            `path_fault`.
         tree: What the planner explored, or None.
         goal_names: What to call each of the goals (default: "goal", or "goal 1" and so on).
         targets: What the query asks for (default: the goals themselves).
@@ -65,7 +69,7 @@ class CSpace(Value):
         grid = self.grid
         cells = " x ".join(str(n) for n in grid.free.shape)
         asked = "" if self.start is None else f", {counted(len(self.goals), 'goal')}"
-        answer = "" if self.path is None else ", path found"
+        answer = "" if self.path is None else ", a path"
         return (
             f"CSpace({grid.scene.name!r}, {grid.joint_names[0]} x {grid.joint_names[1]}, {cells} cells{asked}{answer})"
         )
@@ -84,10 +88,43 @@ class CSpace(Value):
 
     def _blocked_by(self, q: Array) -> tuple[str, ...]:
         scene, arm = self.grid.scene, self.grid.arm
-        checker, full = CollisionChecker(scene, (arm,)), np.array(scene.arms[arm].q)
-        full[[scene.arms[arm].robot.joint_names.index(name) for name in self.grid.joint_names]] = q
+        checker, full = CollisionChecker(scene, (arm,)), self._whole(q)
         names = [layer_of(scene, (contact.a, contact.b), arm) for contact in checker.contacts(full)]
         return tuple(dict.fromkeys(names + [LIMITS] * (not checker.within_limits(full))))
+
+    def _whole(self, q: Array) -> Array:
+        """Configurations of the arm from those of the two joints: shape (..., nq) from (..., 2)."""
+        arm = self.grid.scene.arms[self.grid.arm]
+        full = np.broadcast_to(arm.q, (*q.shape[:-1], arm.robot.nq)).copy()
+        full[..., [arm.robot.joint_names.index(name) for name in self.grid.joint_names]] = q
+        return full
+
+    # ---- the answer ----------------------------------------------------------------------
+
+    @cached_property
+    def path_fault(self) -> str:
+        """Why the path does not answer the query, in words; empty where it does, and without a path or a query."""
+        grid, q = self.grid, self.path
+        if q is None or self.start is None or not self.targets:
+            return ""
+        if off_by(q[:1], self.start, np.array(grid.turns)).max() > _EXACT:
+            return "it does not begin at the start"
+        checker = CollisionChecker(grid.scene, (grid.arm,))
+        names = grid.scene.arms[grid.arm].robot.joint_names
+        columns = (names.index(grid.joint_names[0]), names.index(grid.joint_names[1]))
+        plane = JointPlane(checker.model, self._whole(self.start), columns)
+        targets = CellTargets(plane, grid.scene, grid.arm, self.targets)
+        if not targets.may_hold(q[-1:], np.full(2, _EXACT)).all():
+            return "it does not end at a goal"
+        path = self._whole(q)
+        if not all(checker.within_limits(point) for point in path):
+            return "it leaves the joint limits"
+        return "" if checker.path_is_free(path) else "it is not free"
+
+    @property
+    def answered(self) -> bool:
+        """There is a path, and it is certified to lead from the start to a goal."""
+        return self.path is not None and self.start is not None and not self.path_fault
 
     @property
     def reachable_goals(self) -> tuple[bool, ...]:
@@ -97,7 +134,7 @@ class CSpace(Value):
         return tuple(self._ends_at(goal) or self.grid.connected(self.start, goal) for goal in self.goals)
 
     def _ends_at(self, goal: Array) -> bool:
-        if self.path is None:
+        if self.path is None or not self.answered:
             return False
         off = np.where(self.grid.turns, _wrapped(self.path[-1] - goal), self.path[-1] - goal)
         return bool(np.abs(off).max() < _SAME)
@@ -106,11 +143,12 @@ class CSpace(Value):
     def decomposition(self) -> Decomposition | None:
         """The cells that were certified in search of a proof that no path exists; None where none was searched for.
 
-        That is so without a question, with a path, for a start that is not free, and for slices of bigger arms.
+        That is so without a question, with a path that answers it, for a start that is not free, and for slices of
+        bigger arms.
         """
         grid = self.grid
         whole = grid.scene.arms[grid.arm].robot.joint_names == grid.joint_names
-        if not whole or self.path is not None or self.start is None or not self.targets or self.start_blocked_by:
+        if not whole or self.answered or self.start is None or not self.targets or self.start_blocked_by:
             return None
         return decompose(grid.scene, grid.arm, self.start, self.targets, self.goals)
 
@@ -119,9 +157,9 @@ class CSpace(Value):
         """No path from the start to any goal exists: certified, whatever the resolution of the picture.
 
         Either cells that are blocked as a whole separate them, or no configuration reaches the goal, or the goals are
-        configurations that are not free. False where a path was found, and where the question is open.
+        configurations that are not free. False where the path answers the query, and where the question is open.
         """
-        if self.start is None or self.path is not None or not self.targets:
+        if self.start is None or self.answered or not self.targets:
             return False
         if self.start_blocked_by:
             return True
@@ -239,6 +277,7 @@ def cspace(
     *,
     arm: str | None = None,
     joints: tuple[str, str] | None = None,
+    at: Any = None,
     resolution: int = 360,
     progress: Callable[[float], None] | None = None,
 ) -> CSpace:
@@ -251,6 +290,8 @@ def cspace(
         arm: The arm (default: the problem's, or the only one).
         joints: Two of its planning joints (default: the first two). A problem and a result can be drawn
             only when the arm has no other planning joints.
+        at: Where the arm's other joints are: a configuration's name or its numbers [rad or m], shape (nq,); those of
+            the two joints are ignored (default: where the arm stands in the scene).
         resolution: Cells along each axis, 8 to 2000; every cell is checked with Coal.
         progress: Called with the fraction done, 0 to 1.
 
@@ -258,8 +299,9 @@ def cspace(
         A value that draws itself: `save_png`, `save_svg`, `save_html`, `show`.
 
     Raises:
-        UnknownNameError: no such arm or joint.
-        InputError: not two joints, a resolution outside 8 to 2000, or a problem with other columns.
+        UnknownNameError: no such arm, joint or configuration.
+        InputError: not two joints, a resolution outside 8 to 2000, a problem with other columns, or `at` of another
+            length, beyond a limit, or for an arm without other joints.
     """
     of_kind("scene", scene, Scene)
     of_kind("problem", problem, Problem, optional=True)
@@ -268,6 +310,9 @@ def cspace(
     if problem is not None:
         _check_problem(problem, arm, joints)
         arm = problem.arms[0]
+    if at is not None:
+        arm = scene.only_arm(arm)
+        scene = _slice_scene(scene, arm, two_joints(scene, arm, joints), at)
     grid = compute_grid(scene, arm, joints, resolution, progress)
     if problem is None:
         return CSpace(grid)
@@ -283,14 +328,33 @@ def cspace(
     return picture if result is None else picture.with_result(result)
 
 
+def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: Any) -> Scene:
+    """The scene with an arm's joints at `at`, but for the two that a picture shows, which stay."""
+    robot, q = scene.arms[arm].robot, np.array(scene.arms[arm].q)
+    others = [i for i, name in enumerate(robot.joint_names) if name not in joints]
+    if not others:
+        raise InputError(f"option at has no effect: arm {arm!r} has no joints but {' and '.join(joints)}")
+    q[others] = robot.configuration(at, "option at")[others]
+    for i in others:
+        lower, upper = robot.limits.lower[i], robot.limits.upper[i]
+        if not lower <= q[i] <= upper:
+            raise InputError(
+                f"option at has joint {robot.joint_names[i]!r} at {q[i]:.6g}, expected {lower:.6g} to {upper:.6g}"
+            )
+    return scene.with_posture(arm, q)
+
+
 def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | None) -> None:
     if len(problem.arms) != 1 or problem.nq != 2:
         raise InputError(f"the problem has {problem.nq} columns, only one with two can be drawn in the plane")
     if arm is not None and arm != problem.arms[0]:
         raise InputError(f"arm is {shown(arm)}, but the problem moves {problem.arms[0]!r}")
     known = problem.scene.arms[problem.arms[0]].robot.joint_names
-    if joints is not None and items_of("joints", joints, "two names") != known:
-        raise InputError(f"joints is {shown(joints)}, but the problem's columns are {known!r}")
+    asked = known if joints is None else items_of("joints", joints, "two names")
+    if asked != known:
+        raise InputError(
+            f"the joints are {', '.join(map(str, asked))}, but the problem's columns are {', '.join(known)}"
+        )
 
 
 def goal_configurations(problem: Problem) -> tuple[dict[str, Array], tuple[str, ...]]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, finite_array, items_of, known_name, read_only, shown, whole_number
+from rr1plan.checks import Array, Value, finite_array, items_of, known_name, read_only, whole_number
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.playback.cspace_cells import Mask, label_components, shortest_way, widest_spot
@@ -181,7 +181,7 @@ def compute_grid(
         InputError: fewer than two joints, the same joint twice, or a resolution outside 8 to 2000.
     """
     arm = scene.only_arm(arm)
-    names = _two_joints(scene, arm, joints)
+    names = two_joints(scene, arm, joints)
     resolution = whole_number("resolution", resolution, FEWEST_CELLS, MOST_CELLS)
     columns = (scene.arms[arm].robot.joint_names.index(names[0]), scene.arms[arm].robot.joint_names.index(names[1]))
     robot, limits = scene.arms[arm].robot, scene.arms[arm].robot.limits
@@ -200,7 +200,13 @@ def compute_grid(
     return CSpaceGrid(scene, arm, names, (axes[0], axes[1]), (periodic[0], periodic[1]), layers, labels)
 
 
-def _two_joints(scene: Scene, arm: str, joints: tuple[str, str] | None) -> tuple[str, str]:
+def two_joints(scene: Scene, arm: str, joints: tuple[str, str] | None) -> tuple[str, str]:
+    """The names of two planning joints of an arm (default: its first two).
+
+    Raises:
+        UnknownNameError: no such joint.
+        InputError: not two different names, or an arm with one joint.
+    """
     known = scene.arms[arm].robot.joint_names
     if joints is None:
         if len(known) < 2:
@@ -208,7 +214,7 @@ def _two_joints(scene: Scene, arm: str, joints: tuple[str, str] | None) -> tuple
         return known[0], known[1]
     names = [known_name("joint", name, known) for name in items_of("joints", joints, "two names")]
     if len(names) != 2 or names[0] == names[1]:
-        raise InputError(f"joints is {shown(joints)}, expected two different joints")
+        raise InputError(f"the joints are {' and '.join(names) or 'none'}, expected two different ones")
     return names[0], names[1]
 
 

@@ -64,7 +64,7 @@ class Images:
 
     def compute(self) -> dict[str, Mask]:
         """The cells that each obstacle (and "self-collision") makes impossible."""
-        for pair in self.checker.resting_contacts:
+        for pair in self.checker.static_contacts:
             self.hits[layer_of(self.checker.scene, pair, self.checker.arms[0])][:] = True
         side = _BLOCKS[0]
         blocks = np.argwhere(np.ones([-(-n // side) for n in self.shape], dtype=np.bool_)) * side

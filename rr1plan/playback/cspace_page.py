@@ -7,6 +7,7 @@ panel of the 3-D page, so one offline file holds everything.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -16,17 +17,16 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
+from rr1plan.formats.files import write_text
 from rr1plan.path import Path
 from rr1plan.playback.cspace_colors import layer_colors
 from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace_images import SELF
 from rr1plan.playback.cspace_verdict import tone, verdict
 from rr1plan.playback.outlines import silhouette
-from rr1plan.playback.replay import Replay
 from rr1plan.playback.search_trees import DrawnTree
-from rr1plan.playback.viewer.document import Document, pack, view_document
-from rr1plan.playback.viewer.page import Panel, page_html, write_page
-from rr1plan.report import Report
+from rr1plan.playback.viewer.document import Document, first_camera, pack, view_document
+from rr1plan.playback.viewer.page import Panel, page_html
 from rr1plan.shapes import HalfSpace
 from rr1plan.trajectory import Trajectory
 
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from rr1plan.playback.configuration_space import CSpace
 
 _CRUMB = 255  # label of all components too small to have a colour of their own
-_FROM_ABOVE = (0.0, 0.0, 1.0)
 
 
 def save_page(
@@ -43,6 +42,7 @@ def save_page(
     *,
     trajectory: Trajectory | None = None,
     title: str | None = None,
+    view: Any = None,
     play: bool = True,
 ) -> FilePath:
     """Write the lesson as one self-contained page.
@@ -52,36 +52,31 @@ def save_page(
         file: Where to write it; written whole or not at all.
         trajectory: The timed motion to play; None plays the path at a steady speed.
         title: Headline of the page (default: the scene's name).
+        view: Where it is looked at from first: a name ("front", "back", "left", "right", "top", "corner"), azimuth and
+            elevation [rad], or a direction of the world, shape (3,). None looks at a planar arm of two joints from
+            above, and chooses a view that shows the motion for others.
         play: The motion runs from the start.
 
     Returns:
         The file.
 
     Raises:
-        InputError: the trajectory moves other joints than the two shown, or a file that cannot be written.
+        UnknownNameError: no view of that name.
+        InputError: the trajectory moves other joints than the two shown, a view that is none, or a file that cannot be
+            written.
         MissingPackageError: Meshcat is not installed.
     """
-    document, panel, view = page_parts(cspace, trajectory, title)
-    return write_page(file, page_html(document, [panel], view=view, play=play))
+    document, panel = page_parts(cspace, trajectory, title=title)
+    return write_text(file, page_html(document, [panel], view=view, play=play))
 
 
-def page_parts(
-    cspace: CSpace,
-    trajectory: Trajectory | None,
-    title: str | None,
-    report: Report | None = None,
-    replay: Replay | None = None,
-    spheres: bool = False,
-) -> tuple[Document, Panel, tuple[float, float, float] | None]:
-    """The document of the page, its panel, and the direction from which it is looked at first (None chooses one).
+def page_parts(cspace: CSpace, trajectory: Trajectory | None, **shown: Any) -> tuple[Document, Panel]:
+    """The document of the page, and its panel.
 
     Args:
         cspace: The configuration space.
         trajectory: The timed motion to play, or None.
-        title: Headline of the page, or None for the scene's name.
-        report: The referee's verdict on the trajectory, or None.
-        replay: What a simulation made of the trajectory, or None.
-        spheres: Show the spheres that contain each link and held object.
+        shown: What else the page shows: title, report, replay and spheres of `view_document`.
 
     Raises:
         InputError: the trajectory moves other joints than the two shown.
@@ -93,21 +88,31 @@ def page_parts(
             f"the trajectory moves {', '.join(trajectory.joint_names)}, expected the joints shown: {', '.join(names)}"
         )
     path = None if cspace.path is None else Path(names, cspace.path)
-    document = view_document(
-        grid.scene, trajectory, path=path, report=report, replay=replay, title=title, spheres=spheres
-    )
+    start = None if cspace.start is None else _posture(grid, cspace.start)
+    scene = grid.scene if start is None else grid.scene.with_posture(grid.arm, start)
+    document = view_document(scene, trajectory, path=path, **shown)
     document["ghosts"] = _ghosts(cspace)
-    planar = _planar(grid)
+    if document["track"] is None:
+        document["camera"] = first_camera(scene, None, document["ghosts"])
+    _color_obstacles(document, layer_colors(grid))
     panel = Panel(
         "cspace",
         "Configuration space",
         html=_asset("cspace.html"),
         css=_asset("cspace.css"),
         script=_asset("cspace_picture.js") + _asset("cspace_workspace.js") + _asset("cspace.js"),
-        data=_data(cspace, names, planar),
+        data=_data(cspace, names),
         width=520,
     )
-    return document, panel, None if planar is None else _FROM_ABOVE
+    return document, panel
+
+
+def _color_obstacles(document: Document, colors: Mapping[str, str]) -> None:
+    """Give obstacles without a color that of their images, so that both are found together."""
+    for row in document["obstacles"]:
+        for part in row["parts"]:
+            if part["color"] is None and row["name"] in colors:
+                part["color"] = [int(colors[row["name"]][i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
 
 
 def _asset(name: str) -> str:
@@ -117,7 +122,7 @@ def _asset(name: str) -> str:
 # ---- the data of the panel ---------------------------------------------------------------------
 
 
-def _data(cspace: CSpace, names: tuple[str, str], planar: dict[str, Any] | None) -> dict[str, Any]:
+def _data(cspace: CSpace, names: tuple[str, str]) -> dict[str, Any]:
     grid = cspace.grid
     joints = [grid.scene.arms[grid.arm].robot.joint(name) for name in grid.joint_names]
     columns = grid.scene.joint_names()
@@ -141,7 +146,7 @@ def _data(cspace: CSpace, names: tuple[str, str], planar: dict[str, Any] | None)
         "tree": None if cspace.drawn_tree is None else _tree(cspace.drawn_tree),
         "verdict": verdict(cspace),
         "tone": tone(cspace),
-        "planar": planar,
+        "planar": _planar(grid),
     }
 
 

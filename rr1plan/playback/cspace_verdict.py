@@ -46,7 +46,7 @@ def _others(cspace: CSpace) -> list[str]:
 
 def headline(cspace: CSpace) -> str:
     """The same in a few words, for a title."""
-    if cspace.path is not None:
+    if cspace.answered:
         return "the same path in the workspace and in the configuration space"
     if cspace.start_blocked_by:
         return "the start is not free"
@@ -68,7 +68,8 @@ def tone(cspace: CSpace) -> str:
 
 def verdict(cspace: CSpace) -> str:
     """The answer in a sentence, and goals that are out of reach by their names."""
-    return " ".join([_answer(cspace), *(f"{why[0].upper()}{why[1:]}." for why in cspace.unreached)])
+    fault = [f"The path does not answer the query: {cspace.path_fault}."] if cspace.path_fault else []
+    return " ".join([_answer(cspace), *fault, *(f"{why[0].upper()}{why[1:]}." for why in cspace.unreached)])
 
 
 def _answer(cspace: CSpace) -> str:
@@ -77,7 +78,7 @@ def _answer(cspace: CSpace) -> str:
         return f"{grid.free.mean():.0%} of all configurations are free, in {_parts(cspace)}."
     if cspace.start_blocked_by:
         return f"The start is not free: {' and '.join(cspace.start_blocked_by)}."
-    if cspace.path is not None:
+    if cspace.answered:
         return f"Start and goal lie in the same component of free space{_about_path(cspace)}."
     if cspace.proves_no_path:
         return f"No path exists: {_why_none(cspace)}{_by_which_cells(cspace)}."

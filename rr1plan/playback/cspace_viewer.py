@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
+from rr1plan.checks import true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.playback.configuration_space import CSpace, cspace
@@ -21,6 +23,7 @@ def show_page(
     *,
     trajectory: Trajectory | None = None,
     title: str | None = None,
+    view: Any = None,
     port: int | None = None,
     open_browser: bool = True,
     quiet: bool = False,
@@ -31,18 +34,21 @@ def show_page(
         picture: The configuration space, with a question and its answer if it has one.
         trajectory: The timed motion to play; None plays the path at a steady speed.
         title: Headline of the page (default: the scene's name).
+        view: Where it is looked at from first: a name ("front", "back", "left", "right", "top", "corner"), azimuth and
+            elevation [rad], or a direction of the world, shape (3,). None looks at a planar arm of two joints from
+            above, and chooses a view that shows the motion for others.
         port: First port to try, the next free one is taken; None: 7000.
         open_browser: Open the page in a browser, where there is a screen.
         quiet: Do not print the address, which is `Viewer.url`.
 
     Raises:
-        InputError: the trajectory moves other joints than the two shown, or a port that is no port.
+        UnknownNameError: no view of that name.
+        InputError: the trajectory moves other joints than the two shown, a view that is none, or no port.
         BackendError: no free port.
         MissingPackageError: Meshcat is not installed.
     """
-    viewer = CSpaceViewer(picture, trajectory, title, port)
-    open_viewer(viewer, open_browser, quiet)
-    return viewer
+    open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
+    return open_viewer(CSpaceViewer(picture, trajectory, title, view, port), open_browser, quiet)
 
 
 class CSpaceViewer(Viewer):
@@ -52,11 +58,14 @@ class CSpaceViewer(Viewer):
         picture: The configuration space.
         trajectory: The timed motion to play, or None.
         title: Headline of the page, or None for the scene's name.
+        view: Where it is looked at from first, as in `show_page`.
         port: First port to try, or None.
     """
 
-    def __init__(self, picture: CSpace, trajectory: Trajectory | None, title: str | None, port: int | None) -> None:
-        document, panel, view = page_parts(picture, trajectory, title)
+    def __init__(
+        self, picture: CSpace, trajectory: Trajectory | None, title: str | None, view: Any, port: int | None
+    ) -> None:
+        document, panel = page_parts(picture, trajectory, title=title)
         super().__init__(picture.grid.scene, document, [panel], view, port)
         self._picture = picture
 
@@ -90,9 +99,8 @@ class CSpaceViewer(Viewer):
             InputError: an arm without two joints, a problem, path or trajectory of other joints, or a closed viewer.
         """
         picture = scene if isinstance(scene, CSpace) else self._picture_of(scene, problem, path)
-        document, panel, _ = page_parts(picture, trajectory, title, report, replay, spheres)
-        self._server.set_document({**document, "panels": {panel.name: panel.data}})
-        self._scene, self._document, self._panels = picture.grid.scene, document, (panel,)
+        document, panel = page_parts(picture, trajectory, title=title, report=report, replay=replay, spheres=spheres)
+        self._exchange(picture.grid.scene, document, (panel,))
         self._picture = picture
 
     def _picture_of(self, scene: Scene, problem: Problem | None, path: Path | None) -> CSpace:

@@ -61,7 +61,7 @@ def save_rosbag(
         raise InputError(f"{target} exists already, a bag is written to a new folder")
     names = _ros_names(trajectory, rename)
     try:
-        workplace = FilePath(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
+        workplace = FilePath(tempfile.mkdtemp(dir=target.parent, prefix=".rr1plan."))
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror}") from error
     try:

@@ -49,7 +49,8 @@ class Replay(Value):
         timestep: Length of a step [s].
         wall_seconds: Time the replay took [s].
         settings: Version and options that made it, for a record.
-        remarks: What a dynamic replay lacked, in words: masses that the robot's file does not give, a finer step.
+        remarks: What the replay lacked, in words: masses that the robot's file does not give, a finer step, what MuJoCo
+            warned of.
     """
 
     mode: str
@@ -112,7 +113,7 @@ class Replay(Value):
                 f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
                 + ("; plan with option torque_limits, or with lower limits of acceleration" if self._is_spent else "")
             )
-            lines += [f"  {what}" for what in self.remarks]
+        lines += [f"  {what}" for what in self.remarks]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
             for c in self.contacts

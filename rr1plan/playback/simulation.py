@@ -8,7 +8,8 @@ Kinematic: the arms are put where the trajectory says, and MuJoCo says what touc
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -23,7 +24,7 @@ from rr1plan.robot import Joint
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
-_UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
+_UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC", "CTRL")]
 # More steps than this take hours and more memory than there is.
 _MOST_STEPS = 5_000_000
 # A joint that moves more than this in one step is not tracked well [rad or m].
@@ -78,12 +79,31 @@ def simulate(
     targets = JointTargets(trajectory, scene)
     if trajectory.duration + hold > _MOST_STEPS * timestep:
         raise InputError(f"{trajectory.duration + hold:g} s in steps of {timestep:g} s are too many; take longer steps")
-    world = build_mujoco(scene, timestep=timestep, stiffness=_bounded_stiffness(stiffness))
     steps = max(1, int(np.ceil((trajectory.duration + hold) / timestep - 1e-9)))
-    run = _Run(world, targets, _clock(trajectory.start_time, timestep, steps), progress)
-    started = time.perf_counter()
-    (run.dynamic if mode == "dynamic" else run.kinematic)()
+    with _mujoco_warnings() as warnings:
+        world = build_mujoco(scene, timestep=timestep, stiffness=_bounded_stiffness(stiffness))
+        run = _Run(world, targets, _clock(trajectory.start_time, timestep, steps), progress, warnings)
+        started = time.perf_counter()
+        (run.dynamic if mode == "dynamic" else run.kinematic)()
     return _report(mode, run, record_dt, time.perf_counter() - started, stiffness)
+
+
+@contextmanager
+def _mujoco_warnings() -> Iterator[list[str]]:
+    """Collect MuJoCo's warnings, which it otherwise writes to MUJOCO_LOG.TXT in the working directory.
+
+    A handler that the caller has installed stays, and gets them instead.
+    """
+    found: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    if before is not None:
+        yield found
+        return
+    mujoco.set_mju_user_warning(found.append)
+    try:
+        yield found
+    finally:
+        mujoco.set_mju_user_warning(None)
 
 
 def _clock(start: float, timestep: float, steps: int) -> Array:
@@ -148,6 +168,7 @@ class _Run:
     targets: JointTargets
     times: Array
     progress: Progress | None
+    warnings: list[str]
     actual: Array = field(init=False)
     effort: Array = field(init=False)
     contacts: dict[tuple[str, str], list[ReplayContact]] = field(default_factory=dict)
@@ -172,8 +193,10 @@ class _Run:
             data.ctrl[:] = control[k]
             mujoco.mj_step(model, data)
             if data.warning.number[_UNSTABLE].any():
+                said = f" ({self.warnings[-1]})" if self.warnings else ""
                 raise BackendError(
-                    f"MuJoCo's simulation became unstable at {self.times[k]:.3f} s; try a smaller timestep"
+                    f"MuJoCo's simulation became unstable at {self.times[k]:.3f} s{said}; "
+                    "try a smaller timestep or a slower motion"
                 )
             self.actual[k + 1] = data.qpos
             np.maximum(self.effort, np.abs(data.actuator_force) / limit, out=self.effort)
@@ -261,7 +284,7 @@ def _report(mode: Mode, run: _Run, record_dt: float, wall: float, stiffness: flo
         timestep=timestep,
         wall_seconds=wall,
         settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness},
-        remarks=_remarks(run) if mode == "dynamic" else (),
+        remarks=(*(_remarks(run) if mode == "dynamic" else ()), *(f"MuJoCo: {text}" for text in run.warnings)),
     )
 
 

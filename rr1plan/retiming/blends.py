@@ -33,7 +33,7 @@ _SMALLEST = 1e-8
 
 
 class CurveChecker(Protocol):
-    """What certifies a blend; `rr1plan.collision.MotionChecker` does."""
+    """What certifies a blend; `rr1plan.collision.CollisionChecker` does."""
 
     def polynomial_is_free(self, coefficients: Array, duration: float) -> bool:
         """The curve q(s) = sum_k coefficients[k] s^k, 0 <= s <= duration, is proven free of collision."""

@@ -61,7 +61,7 @@ def retime(
         path: The path, of some arms of the scene.
         scene: Gives the limits and what may be hit.
         method: One of `retiming_names()`.
-        checker: What certifies blends (default: a `MotionChecker` of the scene, its other arms at rest).
+        checker: What certifies blends (default: a `CollisionChecker` of the scene, its other arms at rest).
         torque_limits: Keep the effort limits too, by inverse dynamics.
         velocity_scale: Share of the velocity limits to use, above 0, at most 1.
         acceleration_scale: Share of the acceleration limits to use, above 0, at most 1.
@@ -81,7 +81,7 @@ def retime(
     of_kind("scene", scene, Scene)
     known_name("retiming method", method, _METHODS)
     if checker is not None and not callable(getattr(checker, "polynomial_is_free", None)):
-        raise InputError(f"checker is of type {type(checker).__name__}, expected a MotionChecker")
+        raise InputError(f"checker is of type {type(checker).__name__}, expected a CollisionChecker")
     arms = _arms(path, scene)
     scales = [_share("velocity_scale", velocity_scale), _share("acceleration_scale", acceleration_scale)]
     torque_limits = true_or_false("torque_limits", torque_limits)
@@ -135,9 +135,9 @@ def _naming_estimates(scene: Scene, arms: tuple[str, ...]) -> Iterator[None]:
 
 
 def _certifier(scene: Scene, arms: tuple[str, ...]) -> CurveChecker:
-    from rr1plan.collision import MotionChecker
+    from rr1plan.collision import CollisionChecker
 
-    return MotionChecker(scene, arms)
+    return CollisionChecker(scene, arms)
 
 
 def _share(name: str, value: float) -> float:

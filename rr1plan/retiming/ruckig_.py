@@ -65,7 +65,7 @@ def point_to_point(joint_names: tuple[str, ...], start: Any, end: Any, limits: L
 
     It leaves the straight line between them (each joint moves monotonically, so it stays in
     their box): nothing has checked it for collision. Certify each polynomial of the result with
-    `MotionChecker.polynomial_is_free`, or let `retime(..., method="ruckig_direct")` do so.
+    `CollisionChecker.polynomial_is_free`, or let `retime(..., method="ruckig_direct")` do so.
 
     Args:
         joint_names: Name of each joint, length nq.

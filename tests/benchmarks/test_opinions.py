@@ -41,7 +41,7 @@ def test_boxes_meet_exactly_when_coal_says_so(script):
     rng = np.random.default_rng(2)
     n = 600
     half_a, half_b = rng.uniform(0.02, 0.5, (n, 3)), rng.uniform(0.02, 0.5, (n, 3))
-    turns = np.array([[pose(rpy=rng.normal(size=3) * 2)[:3, :3] for _ in range(2)] for _ in range(n)])
+    turns = np.array([[pose(rpy=rng.uniform(-np.pi, np.pi, 3))[:3, :3] for _ in range(2)] for _ in range(n)])
     offset = rng.normal(size=(n, 3)) * 0.5
     meet = script("opinions").boxes_meet(turns[:, 0], half_a, turns[:, 1], half_b, offset)
     distance = np.array(

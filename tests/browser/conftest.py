@@ -24,6 +24,14 @@ def needs_browser() -> None:
     pytest.importorskip("playwright", reason="playwright is not installed")
 
 
+NO_WEBGL = """
+    const usual = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+        return kind.includes("webgl") ? null : usual.call(this, kind, ...more);
+    };
+"""
+
+
 class Tab:
     """A page of the browser that remembers every request and complaint."""
 
@@ -35,6 +43,10 @@ class Tab:
         page.on("pageerror", lambda e: self.complaints.append(str(e)))
         page.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
         page.on("dialog", lambda d: (self.complaints.append(f"dialog {d.message}"), d.dismiss()))
+
+    def disable_webgl(self) -> None:
+        """Pages that are opened from now on get no WebGL."""
+        self.page.add_init_script(NO_WEBGL)
 
     def ask(self, expression: str, argument: Any = None) -> Any:
         return self.page.evaluate(expression, argument)

@@ -14,8 +14,10 @@ from PIL import Image
 
 import rr1plan as rp
 from rr1plan.library import load_problems
+from rr1plan.limits import Limits
 from rr1plan.playback.cspace_verdict import verdict
 from rr1plan.playback.viewer.capture import wait_until
+from rr1plan.robot import Geometry, Joint, Link, Robot
 
 pytestmark = pytest.mark.browser
 
@@ -392,6 +394,8 @@ def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: 
         assert tab.page.locator("[data-tool=elbow]").is_hidden()
         assert "lesson" not in (tab.page.locator("body").get_attribute("class") or "")
         assert tab.page.locator(".pair").inner_text().count("shoulder_joint") == 1
+        chosen = np.array(tab.ask("RR1.document.camera.direction"))
+        np.testing.assert_allclose(looked_from(tab), chosen / np.linalg.norm(chosen), atol=1e-2)
         viewer.load(first)
         seen("RR1.lesson.cells.n", 48)
         wait_until(tab.page, "!document.querySelector('[data-tool=elbow]').hidden")
@@ -417,8 +421,122 @@ def test_both_pictures_are_large_in_a_small_window(
     canvas = tab.page.locator("#panel-cspace canvas").bounding_box()
     assert min(canvas["width"], canvas["height"]) > 0.4 * min(width, height)
     assert canvas["y"] + canvas["height"] <= height
-    tools = [tab.page.locator(f"#panel-cspace {part}").bounding_box() for part in (".tools", ".grow", ".verdict")]
+    tools = [tab.page.locator(f"#panel-cspace {part}").bounding_box() for part in (".verdict", ".tools", ".grow")]
     assert all(box["x"] >= 0.0 and box["x"] + box["width"] <= width for box in tools)
-    if width > height:
-        assert max(box["y"] + box["height"] for box in tools) <= height
+    # On a phone the tools are scrolled to; the answer never is.
+    assert max(box["y"] + box["height"] for box in (tools if width > height else tools[:1])) <= height
+    card = tab.page.locator("#panel-cspace").bounding_box()
+    assert max(box["y"] + box["height"] for box in tools) < card["y"] + card["height"]
     assert tab.complaints == []
+
+
+def looked_from(tab: Any) -> np.ndarray:
+    """The direction of the world from which the camera looks."""
+    x, y, z = tab.ask("RR1.stage.camera.position.clone().sub(RR1.stage.controls.target).normalize().toArray()")
+    return np.array([x, -z, y])
+
+
+@pytest.mark.parametrize(("view", "direction"), [(None, [0, 0, 1]), ("corner", [1, -1, 0.8]), ((0, 0.5), None)])
+def test_a_planar_arm_is_looked_at_from_above_or_from_the_view_that_is_given(
+    tab: Any, lesson: rp.CSpace, tmp_path: FilePath, view: Any, direction: Any
+) -> None:
+    tab.page.goto(lesson.save_html(tmp_path / "page.html", view=view).as_uri())
+    wait_until(tab.page, READY)
+    expected = np.array([np.cos(0.5), 0.0, np.sin(0.5)] if direction is None else direction, dtype=float)
+    np.testing.assert_allclose(looked_from(tab), expected / np.linalg.norm(expected), atol=1e-2)
+    assert tab.complaints == []
+
+
+def test_without_a_path_the_arm_stands_at_the_start_and_both_ends_are_seen(tab: Any, tmp_path: FilePath) -> None:
+    """A ball that slides along x and y; as the scene has it, it is inside a wall that is much larger."""
+    x, y, _ = np.eye(3)
+    joints = (
+        Joint("x", "prismatic", "base", "slide", axis=x, lower=-1, upper=1),
+        Joint("y", "prismatic", "slide", "hand", axis=y, lower=-1, upper=1),
+    )
+    ball = Link("hand", collisions=(Geometry("ball", rp.Sphere(0.05)),))
+    ones = np.ones(2)
+    robot = Robot(
+        "gantry",
+        (Link("base"), Link("slide"), ball),
+        joints,
+        ("x", "y"),
+        Limits(-ones, *[ones] * 5),
+        {"home": np.zeros(2)},
+        {},
+        frozenset(),
+        "hand",
+    )
+    scene = rp.Scene().with_arm("arm", robot).with_obstacle("wall", rp.Box((0.1, 3.0, 0.4)))
+    picture = rp.cspace(scene, rp.Problem(scene, [-0.8, -0.5], [0.8, 0.5]), resolution=24)
+    tab.page.set_viewport_size({"width": 1280, "height": 800})
+    tab.page.goto(picture.save_html(tmp_path / "page.html").as_uri())
+    wait_until(tab.page, READY)
+    np.testing.assert_allclose(shown(tab), [-0.8, -0.5])
+    assert tab.page.locator("#panel-cspace .state").inner_text() == "free"
+    pane = tab.page.locator("#pane").bounding_box()
+    hidden = """([x, y, z]) => {
+        const eye = RR1.stage.camera.position, to = new RR1.THREE.Vector3(x, z, -y);
+        const ray = new RR1.THREE.Raycaster(eye, to.clone().sub(eye).normalize(), 0, eye.distanceTo(to));
+        return ray.intersectObjects(RR1.world.obstacles.sets.map((set) => set.drawn), false).length;
+    }"""
+    for end in ([-0.8, -0.5, 0.0], [0.8, 0.5, 0.0]):
+        across, down = in_view(tab, end)
+        assert pane["x"] < across < pane["x"] + pane["width"]
+        assert pane["y"] < down < pane["y"] + pane["height"]
+        assert tab.ask(hidden, end) == 0
+    # The wall has no color of its own: it gets that of its image.
+    assert tab.page.locator(".legend").inner_text() == "wall"
+    image = tab.page.locator(".legend i").evaluate("(dot) => getComputedStyle(dot).backgroundColor")
+    drawn = tab.ask("RR1.document.obstacles[0].parts[0].color.slice(0, 3).map((c) => Math.round(255 * c))")
+    assert image == f"rgb({', '.join(map(str, drawn))})"
+    assert tab.complaints == []
+
+
+def written(tab: Any) -> tuple[dict[str, np.ndarray], list[float]]:
+    """What is written into the configuration space: left, top, right and bottom of each text, and of the picture."""
+    rows, plot = tab.ask("""() => {
+        const usual = CanvasRenderingContext2D.prototype.fillText, rows = [], { plot } = RR1.lesson;
+        CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+            const wide = this.measureText(text).width, left = this.textAlign === "center" ? x - wide / 2 : x;
+            const tall = 0.35 * parseFloat(this.font.match(/([\\d.]+)px/)[1]);
+            rows.push([text, [left, y - tall, left + wide, y + tall]]);
+            usual.call(this, text, x, y);
+        };
+        RR1.lesson.redraw();
+        CanvasRenderingContext2D.prototype.fillText = usual;
+        return [rows, [plot.x, plot.y, plot.x + plot.size, plot.y + plot.size]];
+    }""")
+    return {text: np.array(box) for text, box in rows}, plot
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (800, 600)])
+def test_names_are_whole_in_the_picture(
+    tab: Any, rr1_table: rp.Scene, tmp_path: FilePath, width: int, height: int
+) -> None:
+    picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=40)
+    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.page.goto(picture.save_html(tmp_path / "slice.html").as_uri())
+    wait_until(tab.page, READY)
+    texts, plot = written(tab)
+    names = [box for text, box in texts.items() if text in picture.grid.layers]
+    assert len(names) >= 2
+    assert all(plot[0] <= left and right <= plot[2] for left, _, right, _ in names)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (800, 600)])
+def test_goals_are_not_written_over_names(tab: Any, tmp_path: FilePath, width: int, height: int) -> None:
+    problem = load_problems("planar2r_path")["to_a_point"]
+    picture = rp.cspace(problem.scene, problem, resolution=CELLS)
+    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.page.goto(picture.save_html(tmp_path / "point.html").as_uri())
+    wait_until(tab.page, READY)
+    texts, plot = written(tab)
+    assert {"goal, IK 1", "goal, IK 2", "start", "green"} <= set(texts)
+    for mark in ("goal, IK 1", "goal, IK 2", "start"):
+        left, top, right, bottom = texts[mark]
+        assert plot[0] <= left < right <= plot[2]
+        assert plot[1] <= top < bottom <= plot[3]
+        for name in picture.grid.layers:
+            box = texts[name]
+            assert right < box[0] or box[2] < left or bottom < box[1] or box[3] < top, (mark, name)

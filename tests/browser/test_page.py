@@ -370,6 +370,42 @@ def test_a_live_page_follows_the_program(tab: Any, two_arms: rp.Scene) -> None:
         assert tab.ask("RR1.document.obstacles.length") == len(two_arms.obstacles) - 1
         assert {url.split("?")[0] for url in tab.requests} <= {viewer.url, viewer.url.replace("http", "ws") + "updates"}
     wait_until(tab.page, "RR1.live.ended")
+    status, title = (tab.page.locator(name).bounding_box() for name in ("#status", "#headline"))
+    assert status["y"] > title["y"] + title["height"]
+    assert tab.complaints == []
+
+
+# The links that a card covers, or that are outside the window.
+COVERED = """() => {
+    const { camera, pane } = RR1.stage, box = pane.getBoundingClientRect();
+    camera.updateMatrixWorld();
+    const cards = ["headline", "side", "bar"].map((id) => document.getElementById(id).getBoundingClientRect());
+    return Object.entries(RR1.poses(RR1.q)).filter(([, T]) => {
+        const p = new RR1.THREE.Vector3(T[12], T[14], -T[13]).project(camera);
+        const x = box.left + (p.x + 1) / 2 * box.width, y = box.top + (1 - p.y) / 2 * box.height;
+        const inside = (r) => x > r.left && x < r.right && y > r.top && y < r.bottom;
+        return !inside(box) || cards.some(inside);
+    }).map(([name]) => name);
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (800, 600), (390, 844)])
+def test_a_long_report_covers_no_arm(
+    tab: Any, rr1_table: rp.Scene, tmp_path: FilePath, width: int, height: int
+) -> None:
+    start = rr1_table.configuration()
+    away = start + np.array([0.0, 1.5, 0.8, 0.0, 0.0, 0.0])
+    motion = rp.Trajectory.from_samples([0.0, 1.0], [start, away], joint_names=rr1_table.joint_names())
+    report = rp.validate(motion, rr1_table)
+    assert len(report.violations) > 5
+    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.page.goto(save_html(tmp_path / "page.html", rr1_table, motion, report=report, play=False).as_uri())
+    wait_until(tab.page, READY)
+    assert tab.page.inner_text("#badge") == f"Invalid: {len(report.violations)} found"
+    assert tab.page.locator("#report").is_visible() == (width >= 700)
+    for t in (0.0, 0.5, 1.0):
+        tab.ask("t => RR1.seek(t)", t)
+        assert tab.ask(COVERED) == [], t
     assert tab.complaints == []
 
 
@@ -386,18 +422,6 @@ def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: File
         const ray = new THREE.Raycaster(eye, to.clone().sub(eye).normalize(), 0, eye.distanceTo(to) - 0.001);
         return ray.intersectObjects(RR1.world.obstacles.sets.map((set) => set.drawn), false).length;
     }"""
-    # The links that a card covers, or that are outside the window.
-    covered = """() => {
-        const { camera, pane } = RR1.stage, box = pane.getBoundingClientRect();
-        camera.updateMatrixWorld();
-        const cards = ["headline", "side", "bar"].map((id) => document.getElementById(id).getBoundingClientRect());
-        return Object.entries(RR1.poses(RR1.q)).filter(([, T]) => {
-            const p = new RR1.THREE.Vector3(T[12], T[14], -T[13]).project(camera);
-            const x = box.left + (p.x + 1) / 2 * box.width, y = box.top + (1 - p.y) / 2 * box.height;
-            const inside = (r) => x > r.left && x < r.right && y > r.top && y < r.bottom;
-            return !inside(box) || cards.some(inside);
-        }).map(([name]) => name);
-    }"""
     tab.page.goto(file.as_uri())
     wait_until(tab.page, READY)
     for width, height in ((1280, 800), (800, 600), (390, 844), (844, 390)):
@@ -405,5 +429,54 @@ def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: File
         wait_until(tab.page, f"RR1.stage.renderer.domElement.clientWidth === {width}")
         for t in (0.0, 1.0):
             assert tab.ask(hidden, t) == 0, (width, height, t)
-            assert tab.ask(covered) == [], (width, height, t)
+            assert tab.ask(COVERED) == [], (width, height, t)
     assert tab.complaints == []
+
+
+def test_a_panda_behind_a_wall_is_seen(
+    tab: Any, panda_and_wall: tuple[rp.Scene, rp.Trajectory, tuple[float, float, float]], tmp_path: FilePath
+) -> None:
+    scene, motion, before = panda_and_wall
+
+    def magenta() -> int:
+        frames = tab.ask("RR1.frames")
+        wait_until(tab.page, f"RR1.frames > {frames} + 2")
+        red, green, blue = np.moveaxis(
+            np.asarray(Image.open(io.BytesIO(tab.page.screenshot())).convert("RGB"), int), 2, 0
+        )
+        return int(((red > green + 60) & (blue > green + 60)).sum())
+
+    def shown(view: Any) -> list[float]:
+        """The part of the arm's pixels that the wall leaves, at three instants, in the first view."""
+        tab.page.goto(save_html(tmp_path / "page.html", scene, motion, view=view, play=False).as_uri())
+        wait_until(tab.page, READY)
+        shares = []
+        for t in (0.0, 0.5, 1.0):
+            tab.ask("t => { RR1.seek(t); RR1.setShown('obstacles', true); }", t)
+            seen = magenta()
+            tab.ask("RR1.setShown('obstacles', false)")
+            whole = magenta()
+            assert whole > 2000
+            shares.append(seen / whole)
+        return shares
+
+    assert max(shown(before)) < 0.02
+    assert min(shown(None)) > 0.95
+    assert tab.complaints == []
+
+
+def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: FilePath, two_arms: rp.Scene) -> None:
+    tab.disable_webgl()
+    tab.page.goto(page_file.as_uri())
+    wait_until(tab.page, READY)
+    assert "no WebGL" in tab.page.inner_text("#pane")
+    assert tab.page.inner_text("#title") == "two"
+    assert tab.page.inner_text("#badge") == "Invalid: 1 found"
+    assert tab.page.locator("#toggles").is_hidden()
+    tab.page.click("#report .violation")
+    assert tab.ask("RR1.time") == 1.25
+    np.testing.assert_allclose(tab.ask("Array.from(RR1.q)"), wander(two_arms)(1.25), atol=1e-6)
+    assert tab.page.locator("#joints output").first.inner_text() == f"{np.degrees(wander(two_arms)(1.25)[0]):.1f}°"
+    tab.page.click("#play")
+    wait_until(tab.page, "RR1.time > 1.3")
+    assert [c for c in tab.complaints if "WebGL" not in c] == []

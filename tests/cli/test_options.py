@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -42,6 +45,8 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
         (["plan", "rr1_table", "--frame", "tool", "--goal", "home"], "--frame has no effect without --position"),
         (["plan", "rr1_table", "--spheres"], "--spheres has no effect without --html"),
         (["plan", "rr1_table", "--view", "top"], "--view has no effect without --html"),
+        (["cspace", "planar2r_path", "--view", "top"], "--view has no effect without --html"),
+        (["cspace", "planar2r_path", "--view", "top", "--svg", "a.svg"], "--view has no effect without --html"),
         (["plan", "rr1_table", "--spheres", "--output", "m.json"], "--spheres has no effect without --html"),
         (["plan", "rr1_table", "--query", "above_parcel", "--goal", "home"], "got --query and --goal, expected one of"),
         (["plan", "rr1_table", "--query", "above_parcel", *POSITION], "got --query and --position"),
@@ -92,6 +97,8 @@ def test_an_option_without_an_effect_is_refused(
         (["plan", "rr1_table", "--position", "0", "0", "-inf"], "--position: '-inf' is not a finite number"),
         (["plan", "rr1_table", "--html", ""], "--html: '' is not a file name"),
         (["plan", "rr1_table", "--html", "a\0b"], "is not a file name"),
+        (["view", "rr1_table", "--html", "-"], "--html: '-' is standard output, expected a name"),
+        (["demo", "--output", "-"], "--output: '-' is standard output, expected a name"),
         (["plan", "a" * 300], "is longer than 255 bytes"),
         (["plan", "rr1_table", "--html", "a" * 300], "is longer than 255 bytes"),
         (["plan", "rr1_table", "--limits", ""], "unknown"),
@@ -127,6 +134,13 @@ def test_a_mistake_on_the_command_line_is_json_where_json_is_wanted(capsys: pyte
         (["plan", "rr1_pair", "--planner", "cartesian"], "the cartesian planner moves one arm, got 2: left, right"),
         (["plan", "rr1_table", "--quaternion", "0", "0", "0", "0", *POSITION], "has norm 0, expected about 1"),
         (["plan", "rr1_table", "--position", "1e6", "0", "0"], "goal position holds 1e+06, expected at most 10000"),
+        (["cspace", "planar2r_path", "--joints", "joint1", "joint1"], "joint1 and joint1, expected two different ones"),
+        (
+            ["cspace", "planar2r_path", "--query", "elbow_flip", "--joints", "joint2", "joint1"],
+            "the joints are joint2, joint1, but the problem's columns are joint1, joint2",
+        ),
+        (["view", "rr1_table", "--html", "a.html", "--view", "1", "2", "3", "4"], "view has 4 numbers, expected two"),
+        (["view", "rr1_table", "--html", "a.html", "--view", "0", "0", "0"], "view is the direction 0 0 0, expected"),
         (["plan", "empty.toml"], "scene 'empty.toml' has no queries; give a goal (--goal, --position)"),
         (["demo", "--scene", "empty.toml"], "(--goal of rr1plan plan, --position of rr1plan plan)"),
         (["plan", "no_arm.toml", "--goal", "home"], "the scene has no arm; add one: [arms.NAME] in a scene file"),
@@ -185,11 +199,39 @@ def test_the_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert re.fullmatch(r"rr1plan \d+\.\d+\.\d+\S*\n", capsys.readouterr().out)
 
 
-@pytest.mark.parametrize("option", ["--output", "--csv", "--html"])
-@pytest.mark.parametrize(("name", "why"), [("not/there", "No such file"), (".", "it is a folder")])
-def test_a_file_that_cannot_be_written_is_refused_before_planning(
-    option: str, name: str, why: str, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("name", ["not/there", ".", "fifo", "device"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        # Planning would end with no plan, and 2000 x 2000 cells take minutes.
+        *(f"plan planar2r_no_path --seconds 0.2 {option} NAME" for option in ("--output", "--csv", "--html")),
+        *(f"cspace planar2r_path --resolution 2000 --{kind} NAME.{kind}" for kind in ("png", "svg", "pdf", "html")),
+        "view rr1_table --html NAME",
+        "view missing.json --html NAME",
+    ],
+)
+def test_a_file_that_cannot_be_written_is_refused_before_any_work(
+    command: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # Planning would end with no plan.
-    assert run(["plan", "planar2r_no_path", "--seconds", "0.2", option, name]) == BAD_INPUT
-    assert f"cannot write {name}: {why}" in one_line(capsys)
+    words = command.replace("NAME", name).split()
+    file = Path(words[-1])
+    why = {"not/there": "No such file", ".": "it is a folder", "fifo": "it is a FIFO", "device": "it is a device"}[name]
+    if name == "fifo":
+        os.mkfifo(file)
+    elif name == "device":
+        file.symlink_to("/dev/full")
+    elif name == ".":
+        file.mkdir(exist_ok=True)
+    before = sorted(Path.cwd().iterdir())
+    assert run(words) == BAD_INPUT
+    assert f"cannot write {file}: {why}" in one_line(capsys)
+    assert sorted(Path.cwd().iterdir()) == before
+
+
+@pytest.mark.parametrize("planner", ["bit_star", "rrt", "prm"])
+def test_nothing_but_the_answer_is_said_about_libraries(planner: str) -> None:
+    command = [sys.executable, "-m", "rr1plan", "plan", "planar2r_no_path", "--planner", planner, "--iterations", "20"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == NO_PLAN
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import re
@@ -13,8 +14,9 @@ from pathlib import Path
 
 import pytest
 
+import rr1plan
 from rr1plan.cli import BAD_INPUT, INTERRUPTED, NO_PLAN, OK
-from rr1plan.library import load_problems, scene_names
+from rr1plan.library import installed_robot_names, load_problems, robot_names, scene_names
 
 RR1PLAN = f"{sys.executable} -m rr1plan"
 NO_PATH = "plan planar2r_no_path --seconds 0.3"
@@ -30,10 +32,11 @@ def shell(line: str) -> subprocess.CompletedProcess[str]:
     return done
 
 
-@pytest.mark.parametrize("command", ["scenes rr1_table", "scenes rr1_table --json", "--version"])
+@pytest.mark.parametrize("command", ["scenes", "robots", "scenes rr1_table", "scenes rr1_table --json", "--version"])
 @pytest.mark.parametrize("where", ["> /dev/full", ">&-"])
-def test_output_that_cannot_be_written_is_an_error(command: str, where: str) -> None:
-    done = shell(f"{RR1PLAN} {command} {where}")
+@pytest.mark.parametrize("unbuffered", ["", "PYTHONUNBUFFERED=1 "])
+def test_output_that_cannot_be_written_is_an_error(command: str, where: str, unbuffered: str) -> None:
+    done = shell(f"{unbuffered}{RR1PLAN} {command} {where}")
     assert done.returncode == BAD_INPUT
     assert re.fullmatch("rr1plan: cannot write to standard output: .*\n", done.stderr)
 
@@ -88,10 +91,19 @@ def test_a_table_in_a_pipe_has_a_whole_line_for_each_row() -> None:
         assert line == line.rstrip()
 
 
-def test_a_table_on_a_narrow_terminal_has_whole_names() -> None:
+def test_quiet_lists_are_names_for_scripts() -> None:
+    robots = shell(f"{RR1PLAN} robots --quiet").stdout.splitlines()
+    assert robots == [*robot_names(), *installed_robot_names()]
+    assert shell(f"{RR1PLAN} scenes --quiet").stdout.splitlines() == list(scene_names())
+    assert shell(f"{RR1PLAN} robots rr1 --quiet").stdout == ""
+    assert json.loads(shell(f"{RR1PLAN} robots --quiet --json").stdout)
+
+
+def on_a_terminal(command: list[str], **variables: str) -> tuple[int, str]:
+    """The exit code of a command on a terminal, and what it writes there."""
     ours, theirs = pty.openpty()
-    environment = os.environ | {"COLUMNS": "80", "TERM": "xterm"}
-    child = subprocess.Popen([*RR1PLAN.split(), "scenes"], stdout=theirs, stderr=theirs, env=environment)
+    environment = os.environ | {"COLUMNS": "80", "TERM": "xterm"} | variables
+    child = subprocess.Popen(command, stdout=theirs, stderr=theirs, env=environment)
     os.close(theirs)
     said = b""
     try:
@@ -102,8 +114,52 @@ def test_a_table_on_a_narrow_terminal_has_whole_names() -> None:
         pass
     finally:
         os.close(ours)
-    assert child.wait() == OK
-    text = said.decode()
+    return child.wait(), said.decode()
+
+
+# A decomposition that takes long.
+_SLOW_PIECES = """
+import time
+import numpy as np, trimesh
+import rr1plan as rp
+from rr1plan.formats import convex_pieces as pieces
+
+def slow(vertices, faces, options, seconds, wait):
+    for k in range(3):
+        time.sleep(0.01)
+        wait(0.0)
+    return [vertices]
+
+pieces.decompose, pieces._ANNOUNCED = slow, 0.0
+ring = trimesh.creation.annulus(0.5, 1.0, 0.2)
+mesh = rp.Mesh(ring.vertices, ring.faces)
+print(len(rp.convex_pieces(mesh{more})), "piece")
+"""
+
+
+def test_a_long_decomposition_draws_a_bar_on_a_terminal_only(tmp_path: Path) -> None:
+    def run_it(folder: str, more: str = "") -> tuple[int, str]:
+        script = _SLOW_PIECES.replace("{more}", more)
+        return on_a_terminal([sys.executable, "-c", script], RR1PLAN_CACHE=str(tmp_path / folder))
+
+    code, said = run_it("a")
+    assert code == OK, said
+    assert "\x1b[?25l" in said, said
+    assert "cutting a mesh into convex pieces" in said
+    assert "━" in said
+    assert said.count("\x1b[?25h") >= 1
+    code, said = run_it("b", ", progress=lambda share: None")
+    assert (code, "━" in said) == (OK, False), said
+    script = _SLOW_PIECES.replace("{more}", "")
+    environment = os.environ | {"RR1PLAN_CACHE": str(tmp_path / "c")}
+    piped = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment)
+    assert piped.stdout == "1 piece\n"
+    assert "━" not in piped.stderr
+
+
+def test_a_table_on_a_narrow_terminal_has_whole_names() -> None:
+    code, text = on_a_terminal([*RR1PLAN.split(), "scenes"])
+    assert code == OK
     assert "…" not in text
     for name in scene_names():
         assert name in text
@@ -135,5 +191,45 @@ def test_ctrl_c_at_any_moment_ends_with_130_and_no_traceback(delay: float) -> No
     time.sleep(delay)
     os.kill(child.pid, signal.SIGINT)
     _, said = child.communicate(timeout=30)
-    assert child.returncode == INTERRUPTED, said
-    assert "Traceback" not in said
+    assert (child.returncode, said) == (INTERRUPTED, "rr1plan: interrupted\n")
+
+
+# Interrupts itself as it begins to import a module.
+_INTERRUPTS_ITSELF = """
+import os, signal, sys
+import rr1plan.__main__ as command
+
+class Interrupts:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+
+signal.signal(signal.SIGINT, {handler})
+sys.meta_path.insert(0, Interrupts())
+command.main()
+"""
+
+
+@pytest.mark.parametrize("module", ["rr1plan.cli", "argparse", "rich.console", "numpy", "rr1plan.pipeline"])
+def test_ctrl_c_while_the_command_line_and_its_libraries_load_is_one_line(module: str) -> None:
+    script = _INTERRUPTS_ITSELF.format(module=module, handler="signal.default_int_handler")
+    done = subprocess.run(
+        [sys.executable, "-c", script, "plan", "nowhere"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (INTERRUPTED, "rr1plan: interrupted\n")
+
+
+def test_a_job_in_the_background_that_ignores_ctrl_c_goes_on() -> None:
+    for module in ("rr1plan.cli", "numpy"):
+        script = _INTERRUPTS_ITSELF.format(module=module, handler="signal.SIG_IGN")
+        done = subprocess.run([sys.executable, "-c", script, "scenes"], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (OK, "")
+
+
+def test_little_is_imported_before_ctrl_c_is_handled() -> None:
+    root = Path(rr1plan.__file__).parents[1]
+    script = f"import sys; sys.path.insert(0, {str(root)!r}); import rr1plan.__main__; print(*sys.modules)"
+    # Without `site`, whose .pth files import much before any program begins.
+    done = subprocess.run([sys.executable, "-I", "-S", "-c", script], capture_output=True, text=True, check=True)
+    heavy = {"typing", "contextlib", "threading", "argparse", "logging", "rich", "numpy", "rr1plan.cli"}
+    assert heavy.isdisjoint(done.stdout.split())

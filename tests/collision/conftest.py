@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import coal
 import numpy as np
 import pytest
 
+from rr1plan.formats.convex import convex_hull
+from rr1plan.library import load_robot
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot
 from rr1plan.scene import Scene
-from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
 from rr1plan.transforms import pose
 
 
@@ -93,6 +96,27 @@ def _six():
     return Robot("six", tuple(links), tuple(joints), names, _limits(6), home, {}, never, "l6")
 
 
+def _scara():
+    """Two turning joints over a stroke that slides, then a turning wrist."""
+    links = (
+        Link("column", collisions=(Geometry("c", Cylinder(0.06, 0.4), pose([0, 0, 0.2])),)),
+        Link("inner", collisions=(Geometry("i", Box((0.3, 0.08, 0.05)), pose([0.15, 0, 0])),)),
+        Link("outer", collisions=(Geometry("o", Box((0.25, 0.07, 0.05)), pose([0.125, 0, 0.06])),)),
+        Link("quill", collisions=(Geometry("q", Capsule(0.015, 0.3), pose([0, 0, 0])),)),
+        Link("hand", collisions=(Geometry("h", Sphere(0.03), pose([0.02, 0, -0.18])),)),
+    )
+    joints = (
+        Joint("first", "revolute", "column", "inner", pose([0, 0, 0.45])),
+        Joint("second", "revolute", "inner", "outer", pose([0.3, 0, 0])),
+        Joint("stroke", "prismatic", "outer", "quill", pose([0.25, 0, 0.06]), lower=-0.2, upper=0.1),
+        Joint("roll", "revolute", "quill", "hand"),
+    )
+    limits = Limits(np.array([-2.5, -2.5, -0.2, -3.0]), np.array([2.5, 2.5, 0.1, 3.0]), *(np.ones(4) for _ in range(4)))
+    never = _pairs(("column", "inner"), ("inner", "outer"), ("outer", "quill"), ("quill", "hand"), ("outer", "hand"))
+    names = tuple(joint.name for joint in joints)
+    return Robot("scara", links, joints, names, limits, {"home": np.zeros(4)}, {}, never, "hand")
+
+
 @pytest.fixture(scope="session")
 def planar():
     return _planar()
@@ -122,3 +146,180 @@ def cluttered(six):
     scene = scene.with_obstacle("post", Cylinder(0.05, 0.9), pose([-0.35, -0.35, 0.45], rpy=[0.1, 0.1, 0]))
     scene = scene.with_obstacle("bar", Capsule(0.03, 0.6), pose([0.0, -0.5, 0.7], rpy=[np.pi / 2, 0.5, 0]))
     return scene.with_obstacle("wedge", _wedge(), pose([-0.5, 0.3, 0.4], rpy=rng.normal(size=3)))
+
+
+@pytest.fixture(scope="session")
+def scara():
+    return _scara()
+
+
+@pytest.fixture(scope="session")
+def foreign(foreign_robots):
+    """Robots of meshes that nobody here wrote."""
+    files = {"panda": "panda_description/urdf/panda.urdf", "ur5": "ur_description/urdf/ur5_robot.urdf"}
+    return {name: load_robot(foreign_robots / file) for name, file in files.items()}
+
+
+# ---- every pair, by Coal -----------------------------------------------------------------------------
+
+
+class EveryPair:
+    """All that a scene forbids to touch, measured pair by pair with Coal where `Scene.link_poses` has it.
+
+    No code of the checkers is used, and nothing is left out. Meshes are taken for convex.
+
+    Args:
+        scene: The scene.
+        arms: The arms that move (default: all).
+    """
+
+    def __init__(self, scene, arms=None):
+        self.scene, self.arms = scene, scene.arm_names(arms)
+        self.pairs = scene.checked_pairs
+        made = {}
+        self._parts = {}
+        for name in scene.element_names:
+            if name in scene.obstacles:
+                link, at, geometries = None, scene.obstacles[name].pose, scene.obstacles[name].geometries
+            elif name in scene.attachments:
+                held = scene.attachments[name]
+                link, at, geometries = f"{held.arm}/{held.link}", held.pose, held.geometries
+            else:
+                arm, own = name.split("/")
+                link, at, geometries = name, np.eye(4), scene.arms[arm].robot.link(own).collisions
+            parts = [
+                (at @ g.pose @ T, solid)
+                for g in geometries
+                for T, solid in made.setdefault(id(g.shape), _coal_solids(g.shape))
+            ]
+            self._parts[name] = link, parts
+        low, high = (np.clip(x, -3.0, 3.0) for x in (scene.limits(self.arms).lower, scene.limits(self.arms).upper))
+        one, two, three = (self._poses(q) for q in np.random.default_rng(0).uniform(low, high, (3, len(low))))
+        self.moves = np.array([any(_differ(one, x, a, b) for x in (two, three)) for a, b in self.pairs], bool)
+        owners = [(scene.owner(a), scene.owner(b)) for a, b in self.pairs]
+        #: Which pairs have an element of an arm that moves.
+        self.of_moving_arms = np.array([bool({*both} & {*self.arms}) for both in owners], bool)
+
+    def padding(self, margin=0.0):
+        """Distance to keep between each pair: the margin is for what moves against each other."""
+        return np.array([self.scene.padding_of(a, b) for a, b in self.pairs]) + margin * self.moves
+
+    def distances(self, q):
+        """Distance of each pair, negative where they overlap."""
+        poses = self._poses(q)
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        request.gjk_tolerance = 1e-10
+        there = {
+            name: [(_transform(poses[name] @ T), solid) for T, solid in parts]
+            for name, (_, parts) in self._parts.items()
+        }
+        found = np.full(len(self.pairs), np.inf)
+        for i, (a, b) in enumerate(self.pairs):
+            for A, one in there[a]:
+                for B, two in there[b]:
+                    result.clear()
+                    found[i] = min(found[i], coal.distance(one, A, two, B, request, result))
+        return found
+
+    def _poses(self, q):
+        poses = self.scene.link_poses(self.scene.split(np.asarray(q, float), self.arms))
+        return {name: np.eye(4) if link is None else poses[link] for name, (link, _) in self._parts.items()}
+
+
+def _transform(T):
+    return coal.Transform3s(T[:3, :3].copy(), T[:3, 3].copy())
+
+
+def _differ(one, two, a, b):
+    return not np.allclose(np.linalg.solve(one[a], one[b]), np.linalg.solve(two[a], two[b]), rtol=0, atol=1e-9)
+
+
+def _coal_solids(shape):
+    """A shape as placed solids of Coal."""
+    nowhere = np.eye(4)
+    match shape:
+        case Box(size):
+            return [(nowhere, coal.Box(*size))]
+        case Sphere(radius):
+            return [(nowhere, coal.Sphere(radius))]
+        case Cylinder(radius, length):
+            return [(nowhere, coal.Cylinder(radius, length))]
+        case Capsule(radius, length):
+            return [(nowhere, coal.Capsule(radius, length))]
+        case HalfSpace(normal, offset):
+            return [(nowhere, coal.Halfspace(np.array(normal), offset))]
+        case PointCloud(points, side):
+            cells = {tuple(np.floor(point / side)) for point in points}
+            return [(pose((np.array(cell) + 0.5) * side), coal.Box(side, side, side)) for cell in sorted(cells)]
+    assert shape.convex
+    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for point in shape.vertices:
+        points.append(point)
+    for face in shape.faces:
+        faces.append(coal.Triangle(*map(int, face)))
+    return [(nowhere, coal.Convex(points, faces))]
+
+
+@pytest.fixture(scope="session")
+def every_pair():
+    return EveryPair
+
+
+# ---- scenes of many arms -----------------------------------------------------------------------------
+
+
+def random_arms(rng, robots, spread):
+    """Two to nine arms at random places among obstacles of all kinds, with all kinds of rules; and those that move."""
+    scene = Scene()
+    for i in range(int(rng.integers(2, 10))):
+        robot = robots[int(rng.integers(len(robots)))]
+        turned = {"quaternion": rng.normal(size=4)} if rng.random() < 0.3 else {"rpy": [0, 0, rng.uniform(-3, 3)]}
+        base = pose(rng.uniform(-spread, spread, 3) * [1.0, 1.0, 0.3], **turned)
+        scene = scene.with_arm(f"arm{i}", robot, base, q=robot.home + rng.uniform(0, 0.2) * rng.normal(size=robot.nq))
+    names = list(scene.arms)
+    shapes = {
+        "box": Box(tuple(rng.uniform(0.05, 0.4, 3))),
+        "ground": HalfSpace((0.0, 0.1, 1.0), -0.3 * spread - 0.6),
+        "cloud": PointCloud(rng.uniform(-0.1, 0.1, (6, 3)), 0.05),
+        "mesh": convex_hull(rng.normal(size=(12, 3)) * 0.1),
+    }
+    for name, shape in shapes.items():
+        if rng.random() < 0.8:
+            at = pose() if name == "ground" else pose(rng.uniform(-spread, spread, 3), quaternion=rng.normal(size=4))
+            scene = scene.with_obstacle(name, shape, at)
+    for name in rng.permutation(names)[: int(rng.integers(0, 3))].tolist():
+        scene = scene.with_obstacle(f"held by {name}", Box((0.06, 0.05, 0.04)), np.zeros(3))
+        scene = scene.attach(f"held by {name}", name, pose=pose([0.0, 0.0, rng.uniform(0.0, 0.2)]))
+    if rng.random() < 0.5:
+        scene = scene.allow(names[0], names[1])
+    if rng.random() < 0.5:
+        scene = scene.with_padding(rng.uniform(0.0, 0.05))
+    if rng.random() < 0.5:
+        scene = scene.with_padding(rng.uniform(0.0, 0.4), *rng.permutation(names)[:2].tolist())
+    moving = rng.permutation(names)[: int(rng.integers(1, len(names) + 1))].tolist()
+    return scene, scene.arm_names(moving)
+
+
+@pytest.fixture(scope="session")
+def arms_at_random(odd, six, planar, scara, rr1):
+    """Random scenes of many arms of these robots and others, each with the arms that move."""
+
+    def make(seed, others=()):
+        rng = np.random.default_rng(seed)
+        spread = float(rng.choice([0.7, 1.5, 3.0]))
+        return random_arms(rng, [*others] if others else [odd, six, planar, scara, rr1], spread)
+
+    return make
+
+
+def random_configurations(scene, arms, count, seed):
+    """Configurations of some arms: some near those of the scene, some anywhere."""
+    rng, limits, home = np.random.default_rng(seed), scene.limits(arms), scene.configuration(arms)
+    near = home + 0.3 * rng.normal(size=(count, len(home)))
+    far = rng.uniform(np.maximum(limits.lower, -3.0), np.minimum(limits.upper, 3.0), (count, len(home)))
+    return np.where((rng.random(count) < 0.6)[:, None], near, far)
+
+
+@pytest.fixture(scope="session")
+def configurations():
+    return random_configurations

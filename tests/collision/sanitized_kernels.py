@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import rr1plan as rp
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel, ExactKernel
 from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.kernels.library import LIBRARY, load_library
@@ -63,7 +63,7 @@ def plans():
         problem = rp.load_problems(scene)[name]
         path = RrtConnect().plan(problem, COUNTED, rng=3).path_or_raise()
         yield path.waypoints.tobytes()
-        shorter = shorten(path, MotionChecker(problem.scene, problem.arms), rng=1, iterations=40)
+        shorter = shorten(path, CollisionChecker(problem.scene, problem.arms), rng=1, iterations=40)
         yield shorter.waypoints.tobytes()
         for part in (path, shorter):
             motion = rp.retiming.retime(part, problem.scene)

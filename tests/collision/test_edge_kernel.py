@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import CONTACT, FREE, EdgeKernel, ExactKernel
 from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.kernels.library import LIBRARY
@@ -79,7 +79,7 @@ def questions(nq, wide, count, seed):
 def test_verdicts_are_those_of_the_exact_kernel_and_contacts_are_coals(worlds, name):
     scene, wide = worlds[name]
     checker = CollisionChecker(scene)
-    motion, kernel = MotionChecker(checker), kernel_of(checker)
+    motion, kernel = checker, kernel_of(checker)
     free = contacts = 0
     for q0, q1, curve, duration in questions(checker.nq, wide, 300, 31):
         status, fraction, pair = kernel.certify_edge(q0, q1)
@@ -112,7 +112,7 @@ def test_the_exact_kernel_is_right_about_curves_of_any_degree(worlds, name):
                 assert checker.solid_distance(q, pair) <= checker.solid_padding[pair] + 1e-6
             else:
                 samples = np.power.outer(np.linspace(0.0, 1.3, 15), np.arange(terms)) @ curve
-                assert all(checker.is_free(q) for q in samples)
+                assert all(checker.is_free_slowly(q) for q in samples)
     assert min(found.values()) > 5
 
 
@@ -153,7 +153,7 @@ def test_a_far_angle_and_a_number_that_is_none_are_never_free_by_mistake(worlds)
     kernel = kernel_of(checker)
     for q in np.random.default_rng(35).uniform(-2.5, 2.5, (40, checker.nq)):
         far = q + 2.0 * np.pi * 1e5
-        assert (kernel.certify_edge(far, far)[0] == FREE) == checker.is_free(far)
+        assert (kernel.certify_edge(far, far)[0] == FREE) == checker.is_free_slowly(far)
     for bad in (np.nan, np.inf, -np.inf):
         q = np.zeros(checker.nq)
         q[2] = bad
@@ -185,7 +185,7 @@ def test_bodies_of_a_planar_arm_are_no_contact_for_lack_of_a_volume():
             f"needle{i}", needle, pose([*rng.uniform(-1, 1, 2), 0.0], rpy=rng.uniform(-3, 3, 3))
         )
     checker = CollisionChecker(scene.with_padding(0.015))
-    motion = MotionChecker(checker)
+    motion = checker
     kernel, free = kernel_of(checker), 0
     for q0, q1, curve, duration in questions(checker.nq, 3.0, 300, 38):
         answer = motion.polynomial_is_free_slowly(curve, duration)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import CONTACT, EdgeKernel, edge_scratch, exact_scratch
 from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.errors import InputError
@@ -57,9 +57,9 @@ def edges(nq, wide, count, seed):
 @pytest.mark.parametrize("name", WORLDS)
 def test_spheres_first_gives_the_exact_answer(worlds, name):
     scene, wide = worlds[name]
-    exact, motion = MotionChecker(scene), MotionChecker(scene)
+    exact, motion = CollisionChecker(scene), CollisionChecker(scene)
     free = 0
-    for q0, q1 in edges(exact.checker.nq, wide, 600, 11):
+    for q0, q1 in edges(exact.nq, wide, 600, 11):
         answer = exact.edge_is_free_slowly(q0, q1)
         free += answer
         assert motion.edge_is_free(q0, q1) == answer
@@ -82,9 +82,9 @@ def parabolas(nq, wide, count, seed):
 @pytest.mark.parametrize("name", WORLDS)
 def test_parabolas_get_the_exact_answer(worlds, name):
     scene, wide = worlds[name]
-    motion, exact = MotionChecker(scene), MotionChecker(scene)
+    motion, exact = CollisionChecker(scene), CollisionChecker(scene)
     free = 0
-    for curve, duration in parabolas(motion.checker.nq, wide, 300, 16):
+    for curve, duration in parabolas(motion.nq, wide, 300, 16):
         answer = exact.polynomial_is_free_slowly(curve, duration)
         free += answer
         assert motion.polynomial_is_free(curve, duration) == answer
@@ -93,16 +93,16 @@ def test_parabolas_get_the_exact_answer(worlds, name):
 
 
 def test_curves_without_a_bend_and_without_a_way_are_parabolas_too(worlds):
-    motion = MotionChecker(worlds["cluttered"][0])
-    for q0, q1 in edges(motion.checker.nq, 2.5, 100, 17):
+    motion = CollisionChecker(worlds["cluttered"][0])
+    for q0, q1 in edges(motion.nq, 2.5, 100, 17):
         assert motion.polynomial_is_free([q0, (q1 - q0) / 3.0], 3.0) == motion.edge_is_free(q0, q1)
-        assert motion.polynomial_is_free([q0], 3.0) == motion.checker.is_free(q0)
-        assert motion.polynomial_is_free([q0, q1, q1], 0.0) == motion.checker.is_free(q0)
+        assert motion.polynomial_is_free([q0], 3.0) == motion.is_free(q0)
+        assert motion.polynomial_is_free([q0, q1, q1], 0.0) == motion.is_free(q0)
 
 
 def test_a_parabola_that_comes_back_to_its_begin_is_refused_for_a_contact_half_way(planar):
     scene = Scene().with_arm("p", planar).with_obstacle("b", Sphere(0.1), [0.6, 0.4, 0])
-    motion = MotionChecker(scene)
+    motion = CollisionChecker(scene)
     angle = np.arctan2(0.4, 0.6)
     for swing, free in ((angle - 0.4, True), (angle, False)):
         assert motion.polynomial_is_free([[0, 0], [4 * swing, 0], [-4 * swing, 0]], 1.0) is free
@@ -111,7 +111,7 @@ def test_a_parabola_that_comes_back_to_its_begin_is_refused_for_a_contact_half_w
 def test_a_parabola_that_folds_neighbours_together_and_comes_back_is_refused():
     """Begin and end have one place on the map of the two links, and there they are apart."""
     checker = CollisionChecker(Scene().with_arm("a", load_robot("rr1")))
-    motion, rng, refused = MotionChecker(checker), np.random.default_rng(18), 0
+    motion, rng, refused = checker, np.random.default_rng(18), 0
     for q in rng.uniform(checker.limits.lower, checker.limits.upper, (400, checker.nq)):
         begin = q.copy()
         begin[2:4] *= 0.3
@@ -127,7 +127,7 @@ def test_a_parabola_that_folds_neighbours_together_and_comes_back_is_refused():
 def test_an_edge_of_length_zero_is_coals_answer(worlds, name):
     scene, wide = worlds[name]
     checker = CollisionChecker(scene)
-    motion = MotionChecker(checker)
+    motion = checker
     for q in np.random.default_rng(12).uniform(-wide, wide, (300, checker.nq)):
         assert motion.edge_is_free(q, q) == checker.is_free(q)
 
@@ -158,13 +158,13 @@ def test_nothing_thin_slips_between_the_spheres(planar, distance, angle, swing, 
     shape = Box((0.001, 0.2, 0.2)) if kind == "plate" else Cylinder(0.0005, 0.4)
     place = pose([distance * np.cos(angle), distance * np.sin(angle), 0.0], rpy=[0, 0, angle + 1.0])
     checker = CollisionChecker(Scene().with_arm("p", planar).with_obstacle("thin", shape, place))
-    motion = MotionChecker(checker)
+    motion = checker
     assert not motion.edge_is_free([angle - swing, 0.0], [angle + swing, 0.0])
 
 
 def test_both_directions_of_an_edge_have_one_answer_by_spheres(worlds):
     checker = CollisionChecker(worlds["cluttered"][0])
-    motion = MotionChecker(checker)
+    motion = checker
     for q0, q1 in edges(checker.nq, 2.5, 200, 14):
         assert motion.edge_is_free(q0, q1) == motion.edge_is_free(q1, q0)
 
@@ -172,7 +172,7 @@ def test_both_directions_of_an_edge_have_one_answer_by_spheres(worlds):
 def test_turns_without_end_and_joints_beyond_their_limits_are_swept(odd):
     scene = Scene().with_arm("a", odd).with_obstacle("wall", Box((0.01, 0.5, 0.5)), [-0.4, 0, 0.55])
     checker = CollisionChecker(scene)
-    motion = MotionChecker(checker)
+    motion = checker
     q = np.array([0, 0.5, 0.0])
     assert not motion.edge_is_free(q, q + np.array([0, 2 * np.pi, 0]))
     for far in (3.0, 30.0, 1e4, 1e7):
@@ -180,20 +180,20 @@ def test_turns_without_end_and_joints_beyond_their_limits_are_swept(odd):
             assert motion.edge_is_free(q0, q1) == motion.edge_is_free_slowly(q0, q1)
 
 
-def test_resting_contacts_block_every_edge_of_the_sweep(planar):
+def test_static_contacts_block_every_edge_of_the_sweep(planar):
     scene = Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0, 0])
     checker = CollisionChecker(scene.with_obstacle("b", Sphere(0.1), [3.4, 0, 0]), ["l"])
-    assert not MotionChecker(checker).edge_is_free([0, 0], [0.1, 0])
+    assert not checker.edge_is_free([0, 0], [0.1, 0])
 
 
 def test_without_anything_to_touch_the_sweep_is_free(planar):
-    motion = MotionChecker(CollisionChecker(Scene().with_arm("p", planar)))
+    motion = CollisionChecker(Scene().with_arm("p", planar))
     assert motion.edge_is_free([0, 0], [100.0, -50.0])
     assert motion.done.exact_edges == 0
 
 
 def test_the_sweep_refuses_what_is_no_configuration(planar):
-    motion = MotionChecker(CollisionChecker(Scene().with_arm("p", planar)))
+    motion = CollisionChecker(Scene().with_arm("p", planar))
     with pytest.raises(InputError):
         motion.edge_is_free([0, np.nan], [1, 1])
 

@@ -7,7 +7,7 @@ import pytest
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel
-from rr1plan.collision.groups import ball_around, families_of, group_rows
+from rr1plan.collision.groups import families_of, group_rows
 from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.kernels.library import constants, load_library, zeroed
 from rr1plan.library import load_scene
@@ -94,10 +94,3 @@ def test_without_meetings_there_are_no_families():
     rows, families = families_of(np.zeros((0, 4), np.int64), np.zeros(3, np.int64))
     assert rows.shape == (0, 4)
     assert families.shape == (0, 5)
-
-
-def test_a_ball_around_several_is_not_much_larger_than_it_has_to_be():
-    spheres = np.array([[0.0, 0, 0, 0.1], [1.0, 0, 0, 0.1], [0.5, 0, 0, 0.2]])
-    balls = np.array([[0.0, 0, 0, 0.3], [1.0, 0, 0, 0.3]])
-    ball = ball_around(spheres, balls)
-    assert 0.6 <= ball[3] < 0.62

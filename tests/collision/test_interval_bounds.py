@@ -12,7 +12,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import FREE, EdgeKernel, exact_scratch, exact_struct
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.collision.sphere_tables import build_edge_tables
@@ -314,8 +314,8 @@ def test_padding_turns_an_edge_from_free_to_refused_at_its_least_distance(seed):
         assert world.kernel.certify_parabola(world.curve, 1.0)[0] != FREE
         return
     beyond = CollisionChecker(scene.with_padding(least + CLEARLY))
-    assert not MotionChecker(beyond).polynomial_is_free(world.curve, 1.0)
+    assert not beyond.polynomial_is_free(world.curve, 1.0)
     # From a sample to the middle between two, distances change by about half of this at most.
     step = float(np.abs(np.diff(found, axis=0)).max())
     below = CollisionChecker(scene.with_padding(max(0.0, least - step - CLEARLY)))
-    assert MotionChecker(below).polynomial_is_free(world.curve, 1.0) or least <= step + 3e-6
+    assert below.polynomial_is_free(world.curve, 1.0) or least <= step + 3e-6

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
 from rr1plan.errors import InputError
 from rr1plan.kernels.library import load_library
@@ -72,20 +72,20 @@ def clearance(checker, q):
     return float((checker.distances(q) - paddings).min(initial=np.inf))
 
 
-@pytest.mark.parametrize("ask", [MotionChecker.edge_is_free, MotionChecker.edge_is_free_slowly])
+@pytest.mark.parametrize("ask", [CollisionChecker.edge_is_free, CollisionChecker.edge_is_free_slowly])
 @pytest.mark.parametrize("name", SCENES)
 def test_an_edge_is_free_exactly_when_coal_finds_every_sample_free(scenes, name, ask):
     scene, wide = scenes[name]
-    motion = MotionChecker(scene)
+    motion = CollisionChecker(scene)
     free = 0
-    for q0, q1 in random_edges(motion.checker, wide, 120, 1):
-        sampled = all(motion.checker.is_free(q0 + u * (q1 - q0)) for u in np.linspace(0, 1, 120))
+    for q0, q1 in random_edges(motion, wide, 120, 1):
+        sampled = all(motion.is_free_slowly(q0 + u * (q1 - q0)) for u in np.linspace(0, 1, 120))
         if ask(motion, q0, q1):
             free += 1
             assert sampled
         elif sampled:
             contact = motion.first_contact(q0, q1)
-            assert clearance(motion.checker, contact.q) < 1e-5
+            assert clearance(motion, contact.q) < 1e-5
     assert 20 < free < 119
 
 
@@ -125,9 +125,9 @@ class CoalCertificate:
 @pytest.mark.parametrize("name", ["cluttered", "padded", "odd", "two arms"])
 def test_the_fast_certificate_agrees_with_a_slow_one_by_coal_alone(scenes, name):
     scene, wide = scenes[name]
-    motion, slow = MotionChecker(scene), CoalCertificate(scene)
+    motion, slow = CollisionChecker(scene), CoalCertificate(scene)
     answers = []
-    for q0, q1 in random_edges(motion.checker, wide, 20, 2, long=0.35):
+    for q0, q1 in random_edges(motion, wide, 20, 2, long=0.35):
         answers.append(slow.edge_is_free(q0, q1))
         assert motion.edge_is_free(q0, q1) == motion.edge_is_free_slowly(q0, q1) == answers[-1]
     assert 0 < sum(answers) < len(answers)
@@ -143,7 +143,7 @@ def test_the_fast_certificate_agrees_with_a_slow_one_by_coal_alone(scenes, name)
 def test_nothing_thin_is_ever_tunnelled(planar, distance, angle, swing, kind):
     shape = Box((0.001, 0.2, 0.2)) if kind == "plate" else Cylinder(0.0005, 0.4)
     place = pose([distance * np.cos(angle), distance * np.sin(angle), 0.0], rpy=[0, 0, angle + 1.0])
-    motion = MotionChecker(Scene().with_arm("p", planar).with_obstacle("thin", shape, place))
+    motion = CollisionChecker(Scene().with_arm("p", planar).with_obstacle("thin", shape, place))
     q0, q1 = np.array([angle - swing, 0.0]), np.array([angle + swing, 0.0])
     assert not motion.edge_is_free(q0, q1)
     contact = motion.first_contact(q0, q1)
@@ -155,8 +155,8 @@ def test_nothing_thin_is_ever_tunnelled(planar, distance, angle, swing, kind):
 @given(st.integers(0, 2**32), st.sampled_from(["odd", "six", "held"]), st.floats(1e-4, 1.5))
 def test_no_point_travels_farther_than_its_bound(odd, six, seed, which, size):
     scene = {"odd": odd_scene(odd), "six": Scene().with_arm("a", six), "held": held_scene(six)}[which]
-    motion = MotionChecker(scene)
-    checker, tables = motion.checker, motion.checker.tables
+    motion = CollisionChecker(scene)
+    checker, tables = motion, motion.tables
     rng = np.random.default_rng(seed)
     q0 = rng.uniform(-2, 2, checker.nq)
     reach = size * rng.uniform(0, 1, checker.nq)
@@ -226,15 +226,15 @@ def test_a_curve_stays_within_its_reach_on_an_interval(seed, terms, duration, lo
 @pytest.mark.parametrize("name", ["cluttered", "odd", "two arms"])
 def test_a_curve_is_free_exactly_when_coal_finds_every_sample_free(scenes, name):
     scene, wide = scenes[name]
-    motion = MotionChecker(scene)
+    motion = CollisionChecker(scene)
     rng = np.random.default_rng(3)
     free = 0
-    for q0, _ in random_edges(motion.checker, wide, 60, 4):
+    for q0, _ in random_edges(motion, wide, 60, 4):
         duration = rng.uniform(0.1, 5.0)
         curve = np.vstack([q0, rng.normal(size=(4, len(q0))) * 0.3 / duration ** np.arange(1, 5)[:, None]])
         times = np.linspace(0, duration, 150)
         samples = np.power.outer(times, np.arange(5)) @ curve
-        least = min(clearance(motion.checker, q) for q in samples)
+        least = min(clearance(motion, q) for q in samples)
         if motion.polynomial_is_free(curve, duration):
             free += 1
             assert least > 0
@@ -245,8 +245,8 @@ def test_a_curve_is_free_exactly_when_coal_finds_every_sample_free(scenes, name)
 
 
 def test_a_straight_curve_is_an_edge(scenes):
-    motion = MotionChecker(scenes["cluttered"][0])
-    for q0, q1 in random_edges(motion.checker, 2.5, 40, 5):
+    motion = CollisionChecker(scenes["cluttered"][0])
+    for q0, q1 in random_edges(motion, 2.5, 40, 5):
         duration = 3.0
         curve = [q0, (q1 - q0) / duration]
         assert motion.polynomial_is_free(curve, duration) == motion.edge_is_free(q0, q1)
@@ -254,28 +254,28 @@ def test_a_straight_curve_is_an_edge(scenes):
 
 def test_an_edge_of_length_zero_is_its_configuration(scenes):
     for scene, wide in scenes.values():
-        motion = MotionChecker(scene)
+        motion = CollisionChecker(scene)
         rng = np.random.default_rng(6)
-        for q in rng.uniform(-wide, wide, (40, motion.checker.nq)):
-            assert motion.edge_is_free(q, q) == motion.checker.is_free(q)
+        for q in rng.uniform(-wide, wide, (40, motion.nq)):
+            assert motion.edge_is_free(q, q) == motion.is_free(q)
 
 
 def test_both_directions_of_an_edge_have_one_answer(scenes):
-    motion = MotionChecker(scenes["cluttered"][0])
-    for q0, q1 in random_edges(motion.checker, 2.5, 60, 7):
+    motion = CollisionChecker(scenes["cluttered"][0])
+    for q0, q1 in random_edges(motion, 2.5, 60, 7):
         assert motion.edge_is_free(q0, q1) == motion.edge_is_free(q1, q0)
 
 
 def test_without_anything_to_touch_every_edge_is_free(planar):
-    assert MotionChecker(Scene().with_arm("p", planar)).edge_is_free([0, 0], [100.0, -50.0])
+    assert CollisionChecker(Scene().with_arm("p", planar)).edge_is_free([0, 0], [100.0, -50.0])
 
 
 def test_a_full_turn_of_a_continuous_joint_meets_what_is_on_the_way(odd):
     scene = Scene().with_arm("a", odd).with_obstacle("wall", Box((0.01, 0.5, 0.5)), [-0.4, 0, 0.55])
-    motion = MotionChecker(scene)
+    motion = CollisionChecker(scene)
     q0, q1 = np.array([0, 0.5, 0.0]), np.array([0, 0.5 + 2 * np.pi, 0.0])
-    assert motion.checker.is_free(q0)
-    assert motion.checker.is_free(q1)
+    assert motion.is_free(q0)
+    assert motion.is_free(q1)
     assert not motion.edge_is_free(q0, q1)
 
 
@@ -287,7 +287,7 @@ def test_mimicking_links_are_swept_too(odd):
     scene = scene.with_obstacle("pin", Sphere(0.004), tip[:3])
     for link in ("base", "slide", "arm", "wrist", "left", "right"):
         scene = scene.allow(f"a/{link}", "pin")
-    contact = MotionChecker(scene).first_contact(q0, q1)
+    contact = CollisionChecker(scene).first_contact(q0, q1)
     assert set(contact.pair) == {"a/flap", "pin"}
 
 
@@ -296,52 +296,64 @@ def test_grazing_is_refused_and_clearing_by_more_than_the_tolerance_is_not(plana
     for gap, free in ((1e-8, False), (1e-5, True), (-1e-5, False)):
         # Rod of radius 0.02 whose round end reaches 0.97 m from the shoulder.
         scene = Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.97 + 0.1 + gap, 0.0, 0.0])
-        assert MotionChecker(scene).edge_is_free([-1.0, 0.0], [1.0, 0.0]) is free
+        assert CollisionChecker(scene).edge_is_free([-1.0, 0.0], [1.0, 0.0]) is free
 
 
 def test_sliding_along_a_plane_at_a_hairs_breadth_comes_to_an_end(planar):
     for height, free in ((-0.02 - 1e-8, False), (-0.02 - 3e-5, True)):
         scene = Scene().with_arm("p", planar).with_obstacle("floor", HalfSpace((0, 0, 1), height))
-        assert MotionChecker(scene).edge_is_free([-1.0, 0.0], [1.0, 0.5]) is free
+        assert CollisionChecker(scene).edge_is_free([-1.0, 0.0], [1.0, 0.5]) is free
 
 
 def test_numbers_beyond_all_precision_come_to_an_end_without_a_proof(planar):
     scene = Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.8, 0.0, 0.0])
-    assert not MotionChecker(scene).edge_is_free([1e14, 0.0], [1e14 + 7.0, 0.0])
+    assert not CollisionChecker(scene).edge_is_free([1e14, 0.0], [1e14 + 7.0, 0.0])
 
 
 def test_the_first_contact_divides_free_from_not(scenes):
-    motion = MotionChecker(scenes["cluttered"][0])
+    motion = CollisionChecker(scenes["cluttered"][0])
     found = 0
-    for q0, q1 in random_edges(motion.checker, 2.5, 40, 8):
+    for q0, q1 in random_edges(motion, 2.5, 40, 8):
         contact = motion.first_contact(q0, q1)
         if contact is None:
             assert motion.edge_is_free(q0, q1)
             continue
         found += 1
         assert motion.edge_is_free(q0, q0 + 0.999 * (contact.q - q0))
-        assert clearance(motion.checker, contact.q) < 1e-4
-        distance = dict(zip(motion.checker.pairs, motion.checker.distances(contact.q), strict=True))[contact.pair]
+        assert clearance(motion, contact.q) < 1e-4
+        distance = dict(zip(motion.pairs, motion.distances(contact.q), strict=True))[contact.pair]
         assert distance < 1e-4
     assert found > 5
 
 
+def test_the_first_contact_of_what_stands_still_is_named_whatever_touches_elsewhere(planar):
+    scene = Scene().with_arm("l", planar).with_arm("r", planar, [0.0, 1.5, 0.0])
+    scene = scene.with_obstacle("thin", Sphere(0.01), [0.25, 1.5, 0.0])
+    # At q = 0 it is deeper in the arm that moves.
+    scene = scene.with_obstacle("thick", Sphere(0.1), [0.25, 0.0, 0.0])
+    motion = CollisionChecker(scene, ["l"])
+    assert motion.contacts([0.0, 0.0])[0].b == "thick"
+    contact = motion.first_contact([-1.5, 0.0], [-2.0, 0.0])
+    assert contact.fraction == 0.0
+    assert contact.pair == ("r/upper", "thin")
+
+
 @pytest.mark.parametrize("name", ["cluttered", "two arms", "padded"])
 def test_a_configuration_is_free_when_coal_says_so(scenes, name):
-    motion, rng = MotionChecker(scenes[name][0]), np.random.default_rng(8)
-    checker = motion.checker
+    motion, rng = CollisionChecker(scenes[name][0]), np.random.default_rng(8)
+    checker = motion
     low, high = np.maximum(checker.limits.lower, -3.0), np.minimum(checker.limits.upper, 3.0)
     answers = []
     for _ in range(300):
         q = rng.uniform(low, high)
         answers.append(motion.is_free(q))
-        assert answers[-1] == checker.is_free(q)
+        assert answers[-1] == checker.is_free_slowly(q)
     assert 20 < sum(answers) < 280
 
 
 def test_pairs_of_some_arms_can_be_left_out(scenes):
-    motion, rng = MotionChecker(scenes["two arms"][0]), np.random.default_rng(9)
-    checker = motion.checker
+    motion, rng = CollisionChecker(scenes["two arms"][0]), np.random.default_rng(9)
+    checker = motion
     owner, (one, other) = checker.scene.owner, checker.arms
     low, high = np.maximum(checker.limits.lower, -3.0), np.minimum(checker.limits.upper, 3.0)
     only_thanks_to_that = 0
@@ -360,7 +372,7 @@ def test_contacts_that_no_joint_can_undo_block_every_motion(planar):
     scene = (
         Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0, 0]).with_obstacle("b", Sphere(0.1), [3.4, 0, 0])
     )
-    motion = MotionChecker(scene, ["l"])
+    motion = CollisionChecker(scene, ["l"])
     assert not motion.edge_is_free([0, 0], [0.1, 0])
     contact = motion.first_contact([0, 0], [0.1, 0])
     assert contact.fraction == 0.0
@@ -369,7 +381,7 @@ def test_contacts_that_no_joint_can_undo_block_every_motion(planar):
 
 def test_a_path_is_free_when_all_its_edges_are(planar):
     scene = Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0])
-    motion = MotionChecker(scene)
+    motion = CollisionChecker(scene)
     assert motion.path_is_free([[0.0, 0.0]])
     assert motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0]])
     assert not motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [np.pi / 2, 0.0]])
@@ -377,7 +389,7 @@ def test_a_path_is_free_when_all_its_edges_are(planar):
 
 
 def test_it_counts_its_work(planar):
-    motion = MotionChecker(Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0]))
+    motion = CollisionChecker(Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0]))
     motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0]])
     assert motion.edges_checked == 2
     looked = motion.done.configurations
@@ -387,41 +399,39 @@ def test_it_counts_its_work(planar):
     assert motion.done.configurations > looked
 
 
-def test_it_takes_a_scene_or_a_checker_and_survives_pickling(scenes):
+def test_it_survives_pickling(scenes):
     scene, wide = scenes["two arms"]
-    one, two = MotionChecker(scene, ["l"]), MotionChecker(CollisionChecker(scene, ["l"]))
+    one, two = CollisionChecker(scene, ["l"]), CollisionChecker(scene, ["l"])
     three = pickle.loads(pickle.dumps(one))
-    for q0, q1 in random_edges(one.checker, wide, 20, 9):
+    for q0, q1 in random_edges(one, wide, 20, 9):
         assert one.edge_is_free(q0, q1) == two.edge_is_free(q0, q1) == three.edge_is_free(q0, q1)
-    with pytest.raises(InputError):
-        MotionChecker(CollisionChecker(scene), ["l"])
 
 
 def test_arrays_of_any_layout_are_taken(scenes):
-    motion = MotionChecker(scenes["cluttered"][0])
-    for q0, q1 in random_edges(motion.checker, 2.5, 20, 10):
+    motion = CollisionChecker(scenes["cluttered"][0])
+    for q0, q1 in random_edges(motion, 2.5, 20, 10):
         columns = np.column_stack([q0, q1])
         assert motion.edge_is_free(columns[:, 0], columns[:, 1]) == motion.edge_is_free(q0, q1)
-        assert motion.is_free(columns[:, 1]) == motion.checker.is_free(q1)
+        assert motion.is_free(columns[:, 1]) == motion.is_free(q1)
         assert motion.edge_is_free(q0.tolist(), q1[::-1][::-1]) == motion.edge_is_free(q0, q1)
 
 
 @pytest.mark.parametrize(
-    ("checker", "settings", "said"),
+    ("scene", "settings", "said"),
     [
-        ("a scene", {}, "checker is of type str"),
-        (None, {"arms": ["a"]}, "checker is of type NoneType"),
+        ("a scene", {}, "scene is of type str"),
+        (None, {"arms": ["a"]}, "scene is of type NoneType"),
     ],
 )
-def test_what_is_no_checker_is_refused_by_name(checker, settings, said):
+def test_what_is_no_scene_is_refused_by_name(scene, settings, said):
     with pytest.raises(InputError, match=said):
-        MotionChecker(checker, **settings)
+        CollisionChecker(scene, **settings)
 
 
 @pytest.mark.parametrize("tolerance", ["small", 0.0, np.nan])
 def test_a_senseless_tolerance_is_refused(planar, tolerance):
     with pytest.raises(InputError, match="tolerance"):
-        MotionChecker(Scene().with_arm("p", planar), tolerance=tolerance)
+        CollisionChecker(Scene().with_arm("p", planar), tolerance=tolerance)
 
 
 @pytest.mark.parametrize(
@@ -440,14 +450,14 @@ def test_a_senseless_tolerance_is_refused(planar, tolerance):
     ],
 )
 def test_motions_that_are_none_are_refused(planar, question, arguments):
-    motion = MotionChecker(Scene().with_arm("p", planar))
+    motion = CollisionChecker(Scene().with_arm("p", planar))
     with pytest.raises(InputError):
         getattr(motion, question)(*arguments)
 
 
 def test_a_path_is_checked_by_the_names_of_its_joints(planar):
-    motion = MotionChecker(Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0]))
-    names, points = motion.checker.joint_names, np.array([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [np.pi / 2, 0.0]])
+    motion = CollisionChecker(Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0]))
+    names, points = motion.joint_names, np.array([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [np.pi / 2, 0.0]])
     for waypoints in (points[:3], points):
         swapped = Path(names[::-1], waypoints[:, ::-1])
         assert motion.path_is_free(Path(names, waypoints)) is motion.path_is_free(waypoints)

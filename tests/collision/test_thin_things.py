@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.library import load_robot
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Sphere
@@ -36,18 +36,18 @@ def test_no_edge_passes_through_something_thin(name, thin, request):
     robot = load_robot("rr1") if name == "rr1" else request.getfixturevalue(name)
     rng = np.random.default_rng(sorted(THIN).index(thin))
     bare = Scene().with_arm("arm", robot)
-    alone = MotionChecker(bare)
-    low, high = np.maximum(alone.checker.limits.lower, -2.5), np.minimum(alone.checker.limits.upper, 2.5)
+    alone = CollisionChecker(bare)
+    low, high = np.maximum(alone.limits.lower, -2.5), np.minimum(alone.limits.upper, 2.5)
     crossed = 0
     for _ in range(150):
-        q0, q1 = rng.uniform(low, high, (2, alone.checker.nq))
+        q0, q1 = rng.uniform(low, high, (2, alone.nq))
         if not alone.edge_is_free(q0, q1):
             continue
         q = q0 + rng.uniform(0.2, 0.8) * (q1 - q0)
         place = pose(points_inside(bare, q, rng), quaternion=rng.normal(size=4))
         there = CollisionChecker(bare.with_obstacle("thin", THIN[thin], place))
-        if there.resting_is_free and there.is_free(q0) and there.is_free(q1):
+        if there.static_is_free and there.is_free(q0) and there.is_free(q1):
             crossed += 1
-            assert not MotionChecker(there).edge_is_free(q0, q1)
-            assert not MotionChecker(there).edge_is_free_slowly(q0, q1)
+            assert not there.edge_is_free(q0, q1)
+            assert not there.edge_is_free_slowly(q0, q1)
     assert crossed > 5

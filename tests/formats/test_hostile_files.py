@@ -12,6 +12,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.formats.meshes import SUFFIXES, read_mesh
 from rr1plan.formats.motion_bench import problem_set_joints
+from rr1plan.formats.moveit_scene import write_moveit_scene
 from rr1plan.formats.point_files import read_points
 from rr1plan.formats.srdf import read_srdf
 from rr1plan.formats.urdf import read_urdf
@@ -51,6 +52,48 @@ def test_a_fifo_is_refused_and_not_waited_for(reader: tuple[Callable[[Path], Any
     os.mkfifo(file)
     with pytest.raises(rp.FormatError, match=f"{file.name}.*is a FIFO, expected a regular file"):
         read(file)
+
+
+WRITERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
+    "scene": lambda file, scene: rp.save_scene(file.with_suffix(".toml"), scene),
+    "page": lambda file, scene: rp.save_html(file.with_suffix(".html"), scene),
+    "picture": lambda file, scene: rp.cspace(scene, resolution=8).save(file.with_suffix(".png")),
+    "model": lambda file, scene: rp.playback.save_mjcf(file.with_suffix(".xml"), scene),
+    "moveit": lambda file, scene: write_moveit_scene(file.with_suffix(".scene"), scene),
+}
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_a_fifo_and_a_device_are_not_replaced_by_a_file(writer: str, tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    WRITERS[writer](tmp_path / "good", scene)
+    (good,) = tmp_path.iterdir()
+    fifo, link, old = (tmp_path / f"{name}{good.suffix}" for name in ("fifo", "link", "good"))
+    os.mkfifo(fifo)
+    link.symlink_to("/dev/full")
+    for file, kind in ((fifo, "a FIFO"), (link, "a device")):
+        with pytest.raises(rp.InputError, match=f"cannot write .*{file.name}: it is {kind}, expected a regular file"):
+            WRITERS[writer](file, scene)
+    assert sorted(tmp_path.iterdir()) == sorted([fifo, link, old])
+    assert fifo.is_fifo()
+    assert link.is_symlink()
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_a_file_is_written_whole_or_not_at_all(writer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    WRITERS[writer](tmp_path / "good", scene)
+    (good,) = tmp_path.iterdir()
+    before = good.read_bytes()
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(rp.InputError, match=r"cannot write .*good.*: No space left"):
+        WRITERS[writer](tmp_path / "good", scene.without_arm("arm").with_arm("other", rp.load_robot("planar2r")))
+    assert [file.name for file in tmp_path.iterdir()] == [good.name]
+    assert good.read_bytes() == before
 
 
 def test_a_device_is_refused_and_not_read_to_its_end(reader: tuple[Callable[[Path], Any], Path]) -> None:
@@ -107,7 +150,8 @@ def test_a_mesh_that_is_no_file_is_refused_with_its_line(tmp_path: Path, name: s
     (tmp_path / "loop.stl").symlink_to("loop.stl")
     file = tmp_path / "a.urdf"
     file.write_text(URDF_MESH.format(role="collision", name=name))
-    with pytest.raises(rp.FormatError, match=r"a\.urdf:2"):
+    why = "is no regular file" if name in ("pipe.stl", "loop.stl") else "longer than 255 bytes"
+    with pytest.raises(rp.FormatError, match=rf"a\.urdf:2: .*{why}"):
         rp.load_robot(file)
 
 

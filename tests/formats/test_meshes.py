@@ -71,7 +71,26 @@ def dae(
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>""".encode()
 
 
-WRITERS = {"binary.stl": binary_stl, "ascii.stl": ascii_stl, "a.obj": obj, "a.dae": dae, "UPPER.STL": binary_stl}
+def ply(mesh: Mesh, encoding: str) -> bytes:
+    made = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    return bytes(made.export(file_type="ply", encoding=encoding))
+
+
+def ply_head(coding: str, vertices: int, faces: int) -> bytes:
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    lists = "property list uchar int vertex_indices\nend_header\n"
+    return f"ply\nformat {coding} 1.0\nelement vertex {vertices}\n{axes}element face {faces}\n{lists}".encode()
+
+
+WRITERS = {
+    "binary.stl": binary_stl,
+    "ascii.stl": ascii_stl,
+    "a.obj": obj,
+    "a.dae": dae,
+    "UPPER.STL": binary_stl,
+    "binary.ply": lambda mesh: ply(mesh, "binary"),
+    "ascii.ply": lambda mesh: ply(mesh, "ascii"),
+}
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -144,6 +163,10 @@ BAD = {
     "nan.obj": NAN_TRIANGLE,
     "triangle.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
     "index.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 9\n",
+    "empty.ply": b"",
+    "huge.ply": ply_head("ascii", 99999999999, 1),
+    "huge_binary.ply": ply_head("binary_little_endian", 99999999999, 99999999999) + b"\0\0",
+    "points.ply": ply_head("ascii", 1, 0) + b"0 0 0\n",
     "empty.dae": b"",
     "other.dae": b"<html/>",
     "cut.dae": b"<COLLADA><asset>",

@@ -92,7 +92,7 @@ def honest(content: dict[str, Any]) -> dict[str, Any]:
     """The content with the hashes that its scene has, as a careful forger would write them, where it makes a scene."""
     try:
         entries = msgspec.convert(content, motion_schema.MotionDocument)
-        scene = build_scene(entries, lambda _: rp.Mesh([], []))
+        scene = build_scene(entries.scene, entries.robots, lambda _: rp.Mesh([], []))
     except (rp.InputError, msgspec.ValidationError):
         return content
     robots = {n: {"robot": arm.robot.name, "sha256": arm.robot.content_hash} for n, arm in scene.arms.items()}

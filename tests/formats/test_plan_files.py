@@ -236,6 +236,24 @@ def test_content_that_makes_no_sense_is_refused_even_with_the_right_hash(
         read_plan_file(file)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda c: c["made_for"].__setitem__("sha256", "0" * 64), "made_for: names another scene"),
+        (lambda c: c["path"].__setitem__("units", ["m", "m"]), "units are m, m, expected"),
+        (lambda c: c["scene"]["arms"][0].__setitem__("robot", 7), ".*has robot 7, but the file holds 1"),
+        (lambda c: c.__setitem__("scene", None), "robots: belong to a scene"),
+        (lambda c: c.__setitem__("robots", []), ".*has robot 0, but the file holds 0"),
+    ],
+)
+def test_the_scene_of_a_path_is_checked_like_that_of_a_motion(
+    tmp_path: FilePath, scene: Scene, path: Path, change: Callable[[dict[str, Any]], object], message: str
+) -> None:
+    file = resealed(plan_files.save_path(tmp_path / "p.json", path, scene), change)
+    with pytest.raises(FormatError, match=rf"p\.json: {message}"):
+        read_plan_file(file)
+
+
 def test_joints_the_scene_does_not_have_cannot_be_saved(tmp_path: FilePath, scene: Scene) -> None:
     with pytest.raises(UnknownNameError, match=r"Did you mean .*'arm/joint1'"):
         plan_files.save_path(tmp_path / "p.json", Path(("arm/joint9",), [[0.0]]), scene)

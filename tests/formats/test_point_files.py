@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,43 @@ def pcd(coding: str, points: np.ndarray = POINTS, **changes: str) -> bytes:
     return head.encode() + rows.tobytes()
 
 
+def lzf(data: bytes) -> bytes:
+    """Compressed as LibLZF does: the longest earlier match of each place that has one of three bytes or more."""
+    out, literals, at = bytearray(), bytearray(), 0
+    while at < len(data):
+        back, length = 0, 0
+        for start in range(max(0, at - 8192), at):
+            n = 0
+            while n < 264 and at + n < len(data) and data[start + n] == data[at + n]:
+                n += 1
+            if n > length:
+                back, length = at - start, n
+        if length < 3:
+            literals.append(data[at])
+            at += 1
+            continue
+        out += runs(literals)
+        literals.clear()
+        high, low = divmod(back - 1, 256)
+        out += bytes([(length - 2 << 5) + high, low] if length < 9 else [(7 << 5) + high, length - 9, low])
+        at += length
+    return bytes(out + runs(literals))
+
+
+def runs(data: bytes) -> bytes:
+    """Bytes that are no reference, 32 at a time."""
+    return b"".join(bytes([len(data[k : k + 32]) - 1]) + data[k : k + 32] for k in range(0, len(data), 32))
+
+
+def compressed_pcd(points: np.ndarray = POINTS) -> bytes:
+    head, body = pcd("binary", points, DATA="binary_compressed").split(b"binary_compressed\n")
+    row = np.dtype([("i", "u1"), ("x", "<f4"), ("y", "<f8"), ("z", "<f4"), ("n", "<f4", 3)])
+    rows = np.frombuffer(body, row)
+    fields = b"".join(rows[name].tobytes() for name in row.fields)
+    packed = lzf(fields)
+    return head + b"binary_compressed\n" + struct.pack("<II", len(packed), len(fields)) + packed
+
+
 def ply(coding: str, points: np.ndarray = POINTS, kind: str = "float") -> bytes:
     head = f"ply\nformat {coding} 1.0\ncomment by a test\nelement vertex {len(points)}\nproperty uchar red\n"
     head += "".join(f"property {kind} {axis}\n" for axis in "xyz")
@@ -58,6 +96,7 @@ def ply(coding: str, points: np.ndarray = POINTS, kind: str = "float") -> bytes:
 FILES = {
     "ascii.pcd": pcd("ascii"),
     "binary.pcd": pcd("binary"),
+    "compressed.pcd": compressed_pcd(),
     "nocount.pcd": b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 3\nDATA binary\n" + POINTS.astype("<f4").tobytes(),
     "ascii.ply": ply("ascii"),
     "little.ply": ply("binary_little_endian"),
@@ -85,6 +124,17 @@ def test_what_trimesh_writes_is_read(tmp_path: Path, encoding: str) -> None:
     np.testing.assert_allclose(read_points(tmp_path / "a.ply"), points, atol=1e-6)
 
 
+def test_compressed_points_of_all_lengths_of_matches_are_read(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    # Rows that repeat at once, later and never: short, long and overlapping references, and runs of literals.
+    points = np.repeat(rng.integers(0, 3, (40, 3)) * rng.choice([1.0, np.pi], (40, 1)), rng.integers(1, 30, 40), axis=0)
+    points = points.astype(np.float32).astype(float)
+    (tmp_path / "a.pcd").write_bytes(compressed_pcd(points))
+    (tmp_path / "b.pcd").write_bytes(pcd("binary", points))
+    np.testing.assert_array_equal(read_points(tmp_path / "a.pcd"), points)
+    assert len(compressed_pcd(points)) < 0.5 * len(pcd("binary", points))
+
+
 def test_rays_that_met_nothing_are_left_out(tmp_path: Path) -> None:
     points = POINTS.copy()
     points[1] = np.nan
@@ -108,12 +158,34 @@ def test_a_point_at_infinity_is_refused(tmp_path: Path) -> None:
         rp.load_point_cloud(tmp_path / "a.pcd")
 
 
+def damaged(data: bytes) -> bytes:
+    """The file with a reference to what is before its first byte."""
+    head, body = data.split(b"compressed\n")
+    return head + b"compressed\n" + body[:8] + b"\xff" * (len(body) - 8)
+
+
+def bomb(packed: int, size: int) -> bytes:
+    """A file that repeats a byte 264 times for three bytes of its own."""
+    body = b"\0\0" + b"\xe0\xff\0" * (packed // 3)
+    return pcd("binary", POINTS[:0], DATA="binary_compressed") + struct.pack("<II", len(body), size) + body
+
+
 WRONG: dict[str, tuple[str, bytes, str]] = {
     "empty pcd": ("a.pcd", b"", "no line 'DATA'"),
     "empty ply": ("a.ply", b"", "no line 'end_header'"),
     "cut off": ("a.pcd", pcd("binary")[:-1], "bytes, the header says"),
     "cut off text": ("a.pcd", pcd("ascii").rsplit(b"\n", 2)[0], "lines, the header says"),
-    "compressed": ("a.pcd", pcd("binary", DATA="binary_compressed"), "pcl_convert_pcd_ascii_binary"),
+    "another coding": ("a.pcd", pcd("binary", DATA="zip"), "expected ascii, binary or binary_compressed"),
+    "compressed and cut off": ("a.pcd", compressed_pcd()[:-1], "it holds"),
+    "compressed without a size": (
+        "a.pcd",
+        pcd("binary", DATA="binary_compressed").split(b"compressed\n")[0],
+        "no line",
+    ),
+    "compressed and damaged": ("a.pcd", damaged(compressed_pcd()), "compressed data are damaged"),
+    "compressed without an end": ("a.pcd", bomb(2**20, 2**10), "compressed data are damaged"),
+    "compressed beyond all bounds": ("a.pcd", bomb(2**10, 2**31), "are the most"),
+    "compressed of another number": ("a.pcd", compressed_pcd().replace(b"POINTS 3", b"POINTS 4"), "the header says"),
     "no x": ("a.pcd", pcd("binary", FIELDS="intensity a y z normal"), "it has no 'x'"),
     "no points": ("a.pcd", pcd("binary", POINTS=""), "it has no 'POINTS'"),
     "a size": ("a.pcd", pcd("binary", SIZE="1 4 3 4 4"), "it has no"),
@@ -136,6 +208,11 @@ WRONG: dict[str, tuple[str, bytes, str]] = {
     ),
     "no ply": ("a.ply", b"plx\nformat ascii 1.0\nend_header\n", "does not begin"),
     "not ASCII": ("a.ply", b"ply\nformat ascii 1.0\ncomment \xff\nend_header\n", "not a list of points"),
+    "a header that ends in a bracket": (
+        "a.npy",
+        b"\x93NUMPY\x01\x00v\x00" + b"{'shape': (3,".ljust(118),
+        "not a list of points: damaged",
+    ),
     "a pickle": ("a.npy", pickle.dumps([1, 2, 3]), "not a list"),
     "a suffix": ("a.las", b"", "expected one of"),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import yaml
 
 import rr1plan as rp
+from rr1plan.cli import BAD_INPUT, run
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.formats.ros_files import load_joint_trajectory
 from rr1plan.playback.export import TRAJECTORY_TOPIC, save_rosbag
@@ -111,6 +113,70 @@ def test_a_bag_that_was_written_reads_back_the_same_motion(bag: tuple[rp.Traject
         times = np.linspace(0.0, 1.0, 57)
         np.testing.assert_allclose(read(times), motion(times), atol=1e-9)
     assert load_joint_trajectory(folder, TRAJECTORY_TOPIC).degree == 5
+
+
+@pytest.fixture(scope="module")
+def ros1_bag(bag: tuple[rp.Trajectory, Path]) -> Callable[..., Path]:
+    """Writes a bag of ROS 1 whose points carry so many derivatives."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    motion, folder = bag
+    store = get_typestore(Stores.ROS1_NOETIC)
+    names = ("JointTrajectory", "JointTrajectoryPoint")
+    trajectory, point = (store.types[f"trajectory_msgs/msg/{name}"] for name in names)
+    duration, time = (store.types[f"builtin_interfaces/msg/{name}"] for name in ("Duration", "Time"))
+    header = store.types["std_msgs/msg/Header"](0, time(0, 0), "")
+
+    def write(
+        name: str, derivatives: int, topics: tuple[str, ...] = ("/command",), joints: Sequence[str] = ("a", "b")
+    ) -> Path:
+        file, none = folder.parent / name, np.zeros(0)
+        points = []
+        for t in np.linspace(0.0, 1.0, 11):
+            rows = [motion(t, k) if k <= derivatives else none for k in range(3)]
+            points.append(point(*rows, none, duration(int(t), round((t % 1.0) * 1e9))))
+        with Writer(file) as writer:
+            for topic in topics:
+                connection = writer.add_connection(topic, trajectory.__msgtype__, typestore=store)
+                data = store.serialize_ros1(trajectory(header, list(joints), points), trajectory.__msgtype__)
+                writer.write(connection, 10**9, data)
+        return file
+
+    return write
+
+
+@pytest.mark.parametrize(("derivatives", "degree"), [(0, 1), (1, 3), (2, 5)])
+def test_a_bag_of_ros_1_is_read(
+    ros1_bag: Callable[..., Path], bag: tuple[rp.Trajectory, Path], derivatives: int, degree: int
+) -> None:
+    read = load_joint_trajectory(ros1_bag(f"{derivatives}.bag", derivatives))
+    assert read.joint_names == ("a", "b")
+    assert read.degree == degree
+    times = np.linspace(0.0, 1.0, 11)
+    for k in range(derivatives + 1):
+        np.testing.assert_allclose(read(times[1:-1], k)[:, 0], bag[0](times[1:-1], k)[:, 0], atol=1e-7)
+
+
+def test_one_of_several_topics_is_chosen(ros1_bag: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
+    file = ros1_bag("two.bag", 2, ("/one", "/two"), ["joint1", "joint2"])
+    with pytest.raises(FormatError, match=r"several topics .*: /one, /two; say which one with option topic"):
+        load_joint_trajectory(file)
+    assert load_joint_trajectory(file, "/two").degree == 5
+    scene = file.with_name("scene.toml")
+    scene.write_text('[arms.arm]\nrobot = "planar2r"\n')
+    motion = rp.load_motion(file, rp.load_scene(scene), topic="/two")
+    assert motion.trajectory.joint_names == ("arm/joint1", "arm/joint2")
+    for command in ("validate", "play", "view"):
+        page = ["--html", str(file.with_name("a.html"))] if command == "view" else []
+        assert run([command, str(file), "--scene", str(scene), *page]) == BAD_INPUT
+        assert "/one, /two; say which one with --topic" in capsys.readouterr().err
+        assert run([command, str(file), "--scene", str(scene), "--topic", "/two", *page]) != BAD_INPUT
+        assert capsys.readouterr().err == ""
+        assert run([command, "rr1_table", "--topic", "/two"]) == BAD_INPUT
+        capsys.readouterr()
+    with pytest.raises(InputError, match=r"a\.csv is no bag and has no topics"):
+        rp.load_motion("a.csv", topic="/one")
 
 
 def test_wrong_bags_and_topics_are_refused_by_name(bag: tuple[rp.Trajectory, Path], tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.robots import Choice, assemble
-from rr1plan.formats.srdf import read_srdf
+from rr1plan.formats.srdf import chain_joints, read_srdf
 from rr1plan.formats.srdf_proposal import LinkBodies, free_configuration, propose_never_collide, touching_links
 from rr1plan.formats.urdf import Tree, read_urdf
 
@@ -51,11 +51,8 @@ ARM = '<group name="arm"><chain base_link="l0" tip_link="l3"/></group>'
 BAD = {
     "one link twice": ('<disable_collisions link1="l0" link2="l0"/>', "twice"),
     "no second link": ('<disable_collisions link1="l0"/>', "link2"),
-    "unknown subgroup": ('<group name="g"><group name="x"/></group>', "unknown group 'x'"),
     "group in itself": ('<group name="g"><group name="g"/></group>', "contains itself"),
     "group twice": ('<group name="g"/><group name="g"/>', "twice"),
-    "chain upside down": ('<group name="g"><chain base_link="l3" tip_link="l0"/></group>', "not below"),
-    "state of an unknown group": ('<group_state name="s" group="x"/>', "unknown group 'x'"),
     "state with a word": (
         ARM + '<group_state name="s" group="arm"><joint name="j1" value="abc"/></group_state>',
         "'abc'",
@@ -78,6 +75,9 @@ STRANGE = {
     "state": '<group_state name="s" group="arm"><joint name="x" value="0 0 0"/></group_state>',
     "hand": '<end_effector name="e" group="arm" parent_link="x"/>',
     "passive joint": '<passive_joint name="x"/>',
+    "group in a group": '<group name="g"><group name="x"/><joint name="j2"/></group>',
+    "state of a group": '<group_state name="s" group="x"><joint name="j1" value="1"/></group_state>',
+    "hand of a group": '<end_effector name="e" group="x" parent_link="l3"/>',
 }
 
 
@@ -95,6 +95,42 @@ def test_links_and_joints_of_another_variant_are_passed_over_with_a_warning(
     assert not found.end_effectors
     assert not found.passive
     assert found.states.get(("arm", "s"), {}) == {}
+
+
+def test_a_hand_whose_arm_is_unknown_is_kept_without_it(chain: Tree, caplog: pytest.LogCaptureFixture) -> None:
+    (hand,) = read_srdf(
+        srdf_text(ARM, '<end_effector name="e" group="arm" parent_link="l3" parent_group="x"/>'), chain
+    ).end_effectors
+    assert (hand.name, hand.parent_group) == ("e", None)
+    assert "group 'x' (line 3)" in caplog.text
+
+
+def test_a_chain_may_lead_over_the_link_above_both_its_ends() -> None:
+    joint = (
+        '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{0}_link"/><axis xyz="0 0 1"/>'
+        + LIMIT
+        + '</joint><link name="{0}_link"/>'
+    )
+    tree = read_urdf(
+        '<robot name="r"><link name="chest"/>'
+        + "".join(
+            joint.format(name, parent)
+            for name, parent in (
+                ("waist", "chest"),
+                ("a1", "waist_link"),
+                ("a2", "a1_link"),
+                ("b1", "waist_link"),
+                ("b2", "b1_link"),
+            )
+        )
+        + "</robot>"
+    )
+    found = read_srdf(
+        '<robot name="r"><group name="g"><chain base_link="a2_link" tip_link="b2_link"/></group></robot>', tree
+    )
+    assert found.groups["g"] == ("a1", "a2", "b1", "b2")
+    assert chain_joints(tree.joints, "a2_link", "b2_link") == ("a2", "a1", "b1", "b2")
+    assert chain_joints(tree.joints, "b2_link", "chest") == ("b2", "b1", "waist")
 
 
 def test_the_joint_to_the_world_is_no_strange_one(chain: Tree, caplog: pytest.LogCaptureFixture) -> None:

@@ -81,7 +81,6 @@ BAD = {
     "inverted limits": (one_joint('<limit lower="1" upper="-1" velocity="1" effort="1"/>'), "lower < upper"),
     "nan limit": (one_joint('<limit lower="nan" upper="1" velocity="1" effort="1"/>'), "finite"),
     "inf limit": (one_joint('<limit lower="-inf" upper="1" velocity="1" effort="1"/>'), "finite"),
-    "velocity zero": (one_joint('<limit lower="-1" upper="1" velocity="0" effort="1"/>'), "velocity"),
     "velocity negative": (one_joint('<limit lower="-1" upper="1" velocity="-2" effort="1"/>'), "velocity"),
     "effort nan": (one_joint('<limit lower="-1" upper="1" velocity="1" effort="nan"/>'), "finite"),
     "zero axis": (one_joint('<axis xyz="0 0 0"/>' + LIMIT), "axis of joint 'j'"),
@@ -284,6 +283,12 @@ def test_an_effort_below_zero_is_unknown_with_a_warning(caplog: pytest.LogCaptur
     joint = read_urdf(one_joint('<limit lower="-1" upper="1" velocity="2" effort="-1"/>')).joints[0]
     assert joint.effort == np.inf
     assert "joint 'j' has effort -1, it is taken as unknown" in caplog.text
+
+
+def test_a_velocity_of_zero_is_unknown_with_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    joint = read_urdf(one_joint('<limit lower="-1" upper="1" velocity="0" effort="1"/>')).joints[0]
+    assert joint.velocity == np.inf
+    assert "joint 'j' has velocity 0, it is taken as unknown" in caplog.text
 
 
 def test_elements_that_do_not_describe_the_arm_are_skipped() -> None:

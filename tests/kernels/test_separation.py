@@ -4,8 +4,8 @@ import coal
 import numpy as np
 import pytest
 
-from rr1plan.collision.body_rows import flat, rows_of
-from rr1plan.collision.carried import Solid
+from rr1plan.collision.arm_geometry import Solid
+from rr1plan.collision.body_tables import body_tables, flat
 from rr1plan.collision.solids import coal_geometry
 from rr1plan.formats.convex import convex_hull
 from rr1plan.kernels.library import CStruct, load_library
@@ -26,7 +26,7 @@ SHAPES = {
 
 def gap_bounds(one, A, two, B, least=np.inf, enough=np.inf):
     """Bounds of the distance of two shapes at their poses, as the exact kernel has them."""
-    rows = rows_of([Solid("one", one, 0, np.eye(4)), Solid("two", two, 1, np.eye(4))], np.array([flat(A), flat(B)]))
+    rows = body_tables([Solid("one", one, 0, np.eye(4)), Solid("two", two, 1, np.eye(4))], np.array([flat(A), flat(B)]))
     begins = np.cumsum([0, *rows.degrees]) + len(rows.degrees) + 1
     exact = CStruct(
         "ExactTables",
@@ -34,9 +34,9 @@ def gap_bounds(one, A, two, B, least=np.inf, enough=np.inf):
         bodies=rows.bodies,
         shapes=rows.values,
         corners=rows.corners,
-        links=np.concatenate([begins, rows.neighbours]).astype(np.int64),
+        links=np.concatenate([begins, rows.neighbors]).astype(np.int64),
     )
-    scratch = CStruct("ExactScratch", poses=rows.poses, centers=rows.centres)
+    scratch = CStruct("ExactScratch", poses=rows.poses, centers=rows.centers)
     direction, bounds = np.array([[0.1, 0.2, 0.3]]), np.empty(2)
     load_library().rr1_gap_bounds(exact, scratch, 0, 1, least, enough, direction, bounds)
     return bounds

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan.collision import MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.kernels.library import CStruct, address_of, load_library
 from rr1plan.kernels.random_state import random_state
@@ -116,7 +116,7 @@ def test_a_joint_without_play_keeps_its_value_to_the_bit():
 def test_trees_under_a_bound_meet_within_it(shelf):
     trees = Trees(shelf.start, np.array([shelf.goal[shelf.arms[0]][0].q]))
     limits = shelf.scene.limits(shelf.arms)
-    motion = MotionChecker(shelf.scene, shelf.arms)
+    motion = CollisionChecker(shelf.scene, shelf.arms)
     bound = 1.15 * AnytimePlanner().plan(shelf, COUNTED, rng=0).path.length
     box = limits.lower, limits.upper - limits.lower
     met = 0
@@ -134,7 +134,7 @@ def test_trees_under_a_bound_meet_within_it(shelf):
 def test_each_vertex_has_the_length_of_its_path(shelf):
     trees = Trees(shelf.start, np.array([shelf.goal[shelf.arms[0]][0].q]))
     limits = shelf.scene.limits(shelf.arms)
-    motion, memory = MotionChecker(shelf.scene, shelf.arms), trees.memory
+    motion, memory = CollisionChecker(shelf.scene, shelf.arms), trees.memory
     trees.restart(limits.lower, limits.upper - limits.lower, 0.5, 2.0, 7.0)
     trees.grow(random_state(1), 600, motion.context)
     for side, size in enumerate(trees.sizes):

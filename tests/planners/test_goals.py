@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.planners.goals import GoalSearch, check_start
 from rr1plan.planners.query import Query
 from rr1plan.planning import PlanStatus
@@ -22,11 +22,11 @@ def alone(robot):
 
 
 def goals_of(problem, **settings):
-    return GoalSearch(problem, MotionChecker(problem.scene, problem.arms), 0, **settings).find()
+    return GoalSearch(problem, CollisionChecker(problem.scene, problem.arms), 0, **settings).find()
 
 
 def start_of(problem):
-    return check_start(problem, MotionChecker(problem.scene, problem.arms))
+    return check_start(problem, CollisionChecker(problem.scene, problem.arms))
 
 
 def test_a_joint_goal_is_taken_as_it_is(rr1):
@@ -55,7 +55,7 @@ def test_pose_goals_give_free_configurations_that_reach_them_nearest_first(rr1):
     T = rr1.link_poses(FREE)["tool"]
     problem = Problem(alone(rr1), "home", PoseGoal("tool", T[:3, 3]))
     checker = CollisionChecker(problem.scene)
-    goals = GoalSearch(problem, MotionChecker(checker), 0, max_per_goal=5).find()
+    goals = GoalSearch(problem, checker, 0, max_per_goal=5).find()
     assert len(goals.configurations) == 5
     for q in goals.configurations:
         assert checker.is_free(q)
@@ -128,7 +128,7 @@ def test_goals_of_several_arms_combine_without_touching(planar2r):
     goal = {"left": PoseGoal("tool", [0.9, 0.4, 0.0]), "right": PoseGoal("tool", [1.1, 0.4, 0.0])}
     problem = Problem(scene, None, goal)
     checker = CollisionChecker(scene)
-    goals = GoalSearch(problem, MotionChecker(checker), 0).find()
+    goals = GoalSearch(problem, checker, 0).find()
     assert 1 <= len(goals.configurations) <= 4
     for q in goals.configurations:
         assert checker.is_free(q)
@@ -166,7 +166,7 @@ def test_a_search_for_goals_goes_on_to_others(rr1):
     T = rr1.link_poses(FREE)["tool"]
     problem = Problem(alone(rr1), "home", PoseGoal("tool", T[:3, 3]))
     checker = CollisionChecker(problem.scene)
-    search = GoalSearch(problem, MotionChecker(checker), 0)
+    search = GoalSearch(problem, checker, 0)
     goals = np.concatenate([search.find().configurations, search.more(), search.more()])
     assert len(goals) == 24
     assert len(np.unique(goals.round(3), axis=0)) == 24
@@ -177,7 +177,7 @@ def test_a_search_for_goals_goes_on_to_others(rr1):
 
 def test_there_are_no_more_goals_than_there_are(planar2r):
     problem = Problem(alone(planar2r), "home", [PoseGoal("tool", [1.0, 0.5, 0.0]), JointGoal([1.0, 1.0])])
-    search = GoalSearch(problem, MotionChecker(problem.scene), 0)
+    search = GoalSearch(problem, CollisionChecker(problem.scene), 0)
     assert search.find().configurations.shape == (3, 2)
     assert search.more().shape == (0, 2)
 
@@ -187,7 +187,7 @@ def test_more_goals_of_several_arms_are_other_combinations(planar2r):
     goal = {"left": RegionGoal("tool", [0.5, 0.4, 0.0], [0.9, 0.6, 0.0]), "right": PoseGoal("tool", [1.1, 0.4, 0.0])}
     problem = Problem(scene, None, goal)
     checker = CollisionChecker(scene)
-    search = GoalSearch(problem, MotionChecker(checker), 0, max_per_goal=3, max_composites=4)
+    search = GoalSearch(problem, checker, 0, max_per_goal=3, max_composites=4)
     goals = np.concatenate([search.find().configurations, *(search.more() for _ in range(3))])
     assert len(goals) > 8
     assert len(np.unique(goals, axis=0)) == len(goals)
@@ -198,7 +198,7 @@ def test_goals_that_collide_with_each_other_are_followed_by_others(planar2r):
     scene = two_planar_arms(planar2r)
     goal = {"left": RegionGoal("tool", [1.2, -0.3, 0.0], [1.65, 0.3, 0.0]), "right": PoseGoal("tool", [1.0, 0.1, 0.0])}
     problem = Problem(scene, {"left": [2.0, 0.5], "right": [1.0, 0.5]}, goal)
-    motion = MotionChecker(scene)
+    motion = CollisionChecker(scene)
     search = GoalSearch(problem, motion, 0, max_per_goal=1)
     # The first configurations of both, each free by itself, touch each other.
     first = [finder for finder in search._finders if finder.add(problem.goal[finder.arm][0], 1, 100) is None]
@@ -254,7 +254,7 @@ def test_plain_questions_are_sorted_out_as_others_are(name):
                 continue
             ends["some"] += len(query.goals) < len(goals)
             np.testing.assert_allclose(query.goals, slow.configurations, atol=1e-14)
-            motion = MotionChecker(scene)
+            motion = CollisionChecker(scene)
             lines = [motion.edge_is_free_slowly(start, q) for q in slow.configurations[:8]]
             answer = query.straight_line(8)
             assert (answer is not None) == any(lines)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan.collision import MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.library import load_problems
@@ -49,7 +49,7 @@ def shortest_length(problem, graph, goal):
     for end in (count, count + 1):
         distances = np.linalg.norm(short_way(problem, points[:count] - points[end]), axis=1)
         edges += [(end, int(near)) for near in np.argsort(distances, kind="stable")[:most]]
-    motion, ways = MotionChecker(problem.scene, problem.arms), {}
+    motion, ways = CollisionChecker(problem.scene, problem.arms), {}
     for a, b in edges:
         step = short_way(problem, points[b] - points[a])
         if motion.edge_is_free_slowly(points[a], points[a] + step):
@@ -159,6 +159,9 @@ def test_a_question_for_another_scene_or_other_arms_is_refused(shelf, seam):
         roadmap.plan(rp.Problem(stone, shelf.start, shelf.goal))
     with pytest.raises(UnknownNameError, match="nobody"):
         Roadmap(shelf.scene, ["nobody"])
+    # Its edges are proven without a margin.
+    with pytest.raises(InputError, match="keeps a margin"):
+        roadmap.plan(shelf.with_margin(0.01))
     # Where the arm stands is no part of the roadmap.
     moved = shelf.scene.with_posture(shelf.arms[0], shelf.start + 0.01)
     assert roadmap.plan(rp.Problem(moved, shelf.start, shelf.goal), COUNTED, rng=0).status is PlanStatus.SOLVED

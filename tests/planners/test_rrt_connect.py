@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import MotionChecker
-from rr1plan.collision.shelf import borrowed_checker
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.library import load_problems
 from rr1plan.planners import RrtConnect, tree_search
@@ -45,7 +45,7 @@ def test_neither_chunks_nor_room_change_the_path(cage, monkeypatch):
 
 def test_every_edge_of_both_trees_is_free_and_short(cage):
     result = RrtConnect(tree=True, range=0.4).plan(cage, COUNTED, rng=2)
-    is_free = MotionChecker(cage.scene).edge_is_free_slowly
+    is_free = CollisionChecker(cage.scene).edge_is_free_slowly
     vertices, edges = result.tree.vertices, result.tree.edges
     # Two trees and the edge that joins them are one tree.
     assert len(edges) == len(vertices) - 1
@@ -86,16 +86,16 @@ def test_a_seed_of_any_size_will_do(cage):
 
 def test_checkers_are_lent_to_one_at_a_time_and_used_again(cage):
     scene = cage.scene.with_padding(0.001)
-    with borrowed_checker(scene) as one, borrowed_checker(scene) as other:
+    with checker_from_pool(scene) as one, checker_from_pool(scene) as other:
         assert one is not other
-    with borrowed_checker(scene) as again:
+    with checker_from_pool(scene) as again:
         assert again in (one, other)
 
 
 def test_what_is_kept_with_a_scene_is_not_pickled(cage):
     scene = cage.scene.with_padding(0.001)
     before = len(pickle.dumps(scene))
-    with borrowed_checker(scene):
+    with checker_from_pool(scene):
         pass
     assert len(pickle.dumps(scene)) == before
     assert pickle.loads(pickle.dumps(scene)).kept == {}
@@ -114,7 +114,7 @@ def test_goals_that_cannot_be_got_to_are_followed_by_others(planner):
     problem = shut_in()
     budget = Budget(seconds=np.inf, iterations=20_000 if planner == "rrt_connect" else 8_000)
     for seed in (0, 1, 3):
-        with borrowed_checker(problem.scene) as motion:
+        with checker_from_pool(problem.scene) as motion:
             first = GoalSearch(problem, motion, seed).find().configurations
         assert len(first) > 0
         assert (np.abs(np.angle(np.exp(1j * first[:, 0]))) > 0.8).all()
@@ -122,7 +122,7 @@ def test_goals_that_cannot_be_got_to_are_followed_by_others(planner):
         assert results[0].status is PlanStatus.SOLVED
         assert abs(results[0].path.waypoints[-1, 0]) < 0.8
         np.testing.assert_array_equal(results[0].path.waypoints, results[1].path.waypoints)
-        with borrowed_checker(problem.scene) as motion:
+        with checker_from_pool(problem.scene) as motion:
             assert motion.path_is_free(results[0].path.waypoints)
 
 
@@ -182,7 +182,7 @@ def test_threads_that_plan_at_once_in_one_scene_have_the_answers_of_one(cage):
 
     def answer(seed):
         path = RrtConnect().plan(cage, COUNTED, rng=seed).path_or_raise()
-        shorter = rp.shorten(path, MotionChecker(cage.scene), rng=seed)
+        shorter = rp.shorten(path, CollisionChecker(cage.scene), rng=seed)
         return path.waypoints.tobytes(), shorter.waypoints.tobytes(), rp.retiming.retime(shorter, cage.scene).duration
 
     expected = [answer(seed) for seed in range(8)]

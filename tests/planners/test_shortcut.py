@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan.collision import MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.path import Path
@@ -33,7 +33,7 @@ def gantry_scene():
 
 @pytest.fixture(scope="module")
 def gantry():
-    return MotionChecker(gantry_scene())
+    return CollisionChecker(gantry_scene())
 
 
 def gantry_path(points):
@@ -48,7 +48,7 @@ def test_a_detour_becomes_nearly_the_shortest_way_round(gantry, is_certified):
     # Round the corners of the block, grown by the ball: at best two tangents and a straight piece.
     best = 2 * np.hypot(0.7, 0.35) + 0.6
     assert best * 0.97 < result.length < best * 1.06
-    assert is_certified(gantry.checker.scene, result.waypoints)
+    assert is_certified(gantry.scene, result.waypoints)
 
 
 def test_the_ends_stay_exact(gantry):
@@ -83,7 +83,7 @@ def test_smoothing_turns_less_at_each_corner(gantry, is_certified):
 
     assert sharpest(smooth) < 0.7 * sharpest(plain)
     assert smooth.length <= plain.length
-    assert is_certified(gantry.checker.scene, smooth.waypoints)
+    assert is_certified(gantry.scene, smooth.waypoints)
 
 
 def test_out_of_time_the_path_comes_back_free(gantry):
@@ -99,7 +99,7 @@ def test_no_micro_edges_are_left(gantry):
 @settings(deadline=None, max_examples=25)
 @given(st.integers(0, 2**32), st.integers(2, 12))
 def test_a_random_free_path_never_gets_longer_and_stays_free(seed, count):
-    checker = MotionChecker(gantry_scene())
+    checker = CollisionChecker(gantry_scene())
     rng = np.random.default_rng(seed)
     points = [np.array([-1.0, 0.0])]
     while len(points) < count:
@@ -109,7 +109,7 @@ def test_a_random_free_path_never_gets_longer_and_stays_free(seed, count):
     path = gantry_path(points)
     result = shorten(path, checker, rng=seed, iterations=60, smooth=1)
     assert result.length <= path.length + 1e-12
-    assert all(checker.checker.is_free(q) for q in result.sample(0.01))
+    assert all(checker.is_free(q) for q in result.sample(0.01))
 
 
 def test_another_set_of_joints_is_refused(gantry):

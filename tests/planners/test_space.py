@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan.collision import MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.kernels.library import CStruct, address_of, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.kinematics import nearest_copy
@@ -76,7 +76,7 @@ def test_the_way_round_is_found_where_the_short_one_is_shut(planner, is_certifie
 
 def test_trees_that_meet_across_a_seam_are_joined_by_certified_edges(is_certified):
     scene = fenced({"one": 0.6}).with_obstacle("far", rp.Sphere(0.1), [-1.2, 0.3, 0.0])
-    rng, motion, moved = np.random.default_rng(0), MotionChecker(scene), 0
+    rng, motion, moved = np.random.default_rng(0), CollisionChecker(scene), 0
     for seed in range(60):
         start, goal = rng.uniform(-9.0, 9.0, (2, 2))
         if not (motion.is_free(start) and motion.is_free(goal)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,6 +59,30 @@ def test_the_pair_that_separates_start_and_goal_is_named_with_its_band(separated
     assert high == pytest.approx(math.asin((0.1 + 0.04) / 0.3), abs=5e-3)
     for remedy in ("allowed = [", "SRDF", "convex='pieces'"):
         assert remedy in result.reason
+
+
+def test_two_pairs_that_separate_start_and_goal_are_both_named(gate: rp.Robot) -> None:
+    """A second forearm on the other side has to pass the disk as well: neither pair alone makes the difference."""
+    ones = np.ones(3)
+    ball = Link("forearm2", collisions=(Geometry("ball", rp.Sphere(0.03), pose([-0.3, 0.0, 0.0])),))
+    elbow = replace(gate.joint("elbow"), name="elbow2", child="forearm2", origin=pose([-0.2, 0.0, 0.0]))
+    robot = replace(
+        gate,
+        links=(*gate.links, ball),
+        joints=(*gate.joints, elbow),
+        joint_names=("turn", "elbow", "elbow2"),
+        limits=rp.Limits(np.array([-2.0, -1.5, -1.5]), np.array([2.0, 1.5, 1.5]), ones, ones, ones, ones),
+        configurations={"home": np.zeros(3)},
+        never_collide=gate.never_collide | {frozenset({"column", "forearm2"})},
+    )
+    # Elbows turn about y: the second forearm is above the disk where the angle is positive.
+    problem = rp.Problem(rp.Scene().with_arm("a", robot), [0.0, -0.5, 0.5], [0.5, 1.2, -1.2])
+    reason = rp.plan(problem, "rrt_connect", rp.Budget(math.inf, 20000), rng=0).reason
+    assert "separated by 'base' and 'forearm': they touch whenever elbow is in [0.2" in reason
+    assert " and by 'base' and 'forearm2': they touch whenever elbow2 is in [-0.485" in reason
+    (remedy,) = re.findall(r"allow the pairs \(scene((?:\.allow\('[^']*', '[^']*'\))+)", reason)
+    scene = eval(f"problem.scene{remedy}")
+    assert rp.plan(rp.Problem(scene, problem.start, problem.goal), rng=0).solved
 
 
 def test_allowing_the_pair_as_it_is_said_solves_the_problem(separated: rp.Problem) -> None:

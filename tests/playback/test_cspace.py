@@ -263,6 +263,34 @@ def test_a_huge_tree_makes_no_huge_files(question: rp.Problem, tmp_path: Path) -
     assert "tree of the start, thinned" in (tmp_path / "a.svg").read_text()
 
 
+def test_a_slice_is_where_it_is_asked_for(rr1_table: rp.Scene) -> None:
+    joints = ("shoulder_joint", "elbow_joint")
+    q = np.array(rr1_table.configuration())
+    q[2:] += 0.3
+    given = rp.cspace(rr1_table, joints=joints, at=q, resolution=24)
+    stands = rp.cspace(rr1_table.with_posture("rr1", q), joints=joints, resolution=24)
+    here = rp.cspace(rr1_table, joints=joints, resolution=24)
+    assert np.array_equal(given.grid.labels, stands.grid.labels)
+    assert not np.array_equal(given.grid.labels, here.grid.labels)
+    assert str(given) == str(stands) != str(here)
+    zero = rp.cspace(rr1_table, joints=joints, at="zero", resolution=24)
+    assert "a slice, at upper_arm_joint = 0, forearm_joint = 0, wrist_joint = 0, hand_joint = 0" in str(zero)
+    # Values of the two joints themselves do not count, not even beyond their limits.
+    q[[0, list(rr1_table.arms["rr1"].robot.joint_names).index("elbow_joint")]] = 9.0
+    assert np.array_equal(rp.cspace(rr1_table, joints=joints, at=q, resolution=24).grid.labels, given.grid.labels)
+
+
+def test_a_slice_that_is_nowhere_is_refused(lesson: rp.Scene, rr1_table: rp.Scene) -> None:
+    with pytest.raises(InputError, match="option at has no effect: arm 'arm' has no joints but joint1 and joint2"):
+        rp.cspace(lesson, at=[0.0, 0.0], resolution=8)
+    with pytest.raises(UnknownNameError, match="configuration 'hom'"):
+        rp.cspace(rr1_table, at="hom", resolution=8)
+    with pytest.raises(InputError, match="option at has 2 numbers, expected 6"):
+        rp.cspace(rr1_table, at=[0.0, 0.0], resolution=8)
+    with pytest.raises(InputError, match="option at has joint 'hand_joint' at 100, expected -"):
+        rp.cspace(rr1_table, at=[0, 0, 0, 0, 0, 100.0], resolution=8)
+
+
 def test_progress_moves_on_evenly_and_ends_below_one(rr1_table: rp.Scene) -> None:
     told: list[float] = []
     rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=64, progress=told.append)
@@ -277,7 +305,7 @@ def test_bad_arguments_are_named(lesson: rp.Scene, rr1_table: rp.Scene) -> None:
         rp.cspace(lesson, resolution=4)
     with pytest.raises(UnknownNameError, match="joint 'elbow'"):
         rp.cspace(rr1_table, joints=("elbow", "hand_joint"), resolution=8)
-    with pytest.raises(InputError, match="two different joints"):
+    with pytest.raises(InputError, match="two different ones"):
         rp.cspace(rr1_table, joints=("hand_joint", "hand_joint"), resolution=8)
     with pytest.raises(InputError, match="6 columns"):
         rp.cspace(rr1_table, rp.Problem(rr1_table, None, "home"), resolution=8)

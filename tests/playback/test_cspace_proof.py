@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import CollisionChecker, MotionChecker
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.contact_cells import ContactCells
 from rr1plan.formats.convex import convex_hull
 from rr1plan.library import load_problems
@@ -204,7 +205,7 @@ def shape_in(library: Any, shape: Shape) -> Any:
 @pytest.mark.parametrize("seed", range(12))
 def test_no_planner_finds_a_path_through_certified_cells_or_against_a_proof(seed: int) -> None:
     scene, rng = a_scene(1000 + seed)
-    motions = MotionChecker(scene)
+    motions = CollisionChecker(scene)
     free = [q for q in somewhere(scene, rng, 60) if motions.is_free(q)]
     for a, b in zip(free[:4:2], free[1:4:2], strict=True):
         result = rp.make_planner("rrt_connect").plan(rp.Problem(scene, a, b), rp.Budget(iterations=400), rng=0)
@@ -252,6 +253,44 @@ def test_a_path_that_was_found_is_never_contradicted() -> None:
     said = verdict(picture)
     assert said.startswith("Start and goal lie in the same component of free space; ")
     assert "a gap too narrow for this grid of 60 × 60 cells" in said
+
+
+def test_a_path_counts_as_an_answer_only_if_it_is_one() -> None:
+    """A result of another query, of another world, or made by hand proves nothing."""
+    problem = before_a_wall(-0.01)
+    empty = rp.Scene().with_arm("arm", gantry())
+    elsewhere = rp.plan(rp.Problem(empty, problem.start, [0.8, 0.5]), rng=0)
+    shorter = rp.plan(rp.Problem(problem.scene, problem.start, [-0.5, 0.5]), rng=0)
+    later = rp.plan(rp.Problem(problem.scene, [0.5, 0.5], [0.8, 0.5]), rng=0)
+    for result, why in (
+        (elsewhere, "it is not free"),
+        (shorter, "it does not end at a goal"),
+        (later, "it does not begin at the start"),
+    ):
+        assert result.solved
+        picture = rp.cspace(problem.scene, problem, result, resolution=24)
+        assert not picture.answered
+        assert picture.proves_no_path
+        assert picture.reachable_goals == (False,)
+        assert verdict(picture).startswith("No path exists")
+        assert verdict(picture).endswith(f"The path does not answer the query: {why}.")
+    around = np.array([[-0.8, -0.5], [-0.8, 1.6], [0.8, 1.6], [0.8, 0.5]])
+    wall = empty.with_obstacle("wall", rp.Box((0.1, 2.4, 0.2)))
+    beyond = rp.cspace(wall, rp.Problem(wall, around[0], around[-1]), resolution=24)
+    assert replace(beyond, path=around).path_fault == "it leaves the joint limits"
+    assert replace(beyond, path=around).proves_no_path
+
+
+@pytest.mark.parametrize("planner", ["rrt_connect", "anytime", "roadmap", "bit_star"])
+def test_the_answers_of_planners_count(planner: str) -> None:
+    """Joint goals, whole turns more, poses with a tolerance, several at once."""
+    problem = load_problems("planar2r_path")["over_the_seam"]
+    where = replace(load_problems("planar2r_path")["to_a_point"].goal["arm"][0], position_tolerance=0.05)
+    for goal in (problem.goal["arm"], [2.55 + 2.0 * np.pi, -0.5], where, [where, [2.55, -0.5]]):
+        question = rp.Problem(problem.scene, problem.start, goal)
+        result = rp.plan(question, planner, rp.Budget(seconds=5.0, iterations=300), rng=0)
+        assert result.solved
+        assert rp.cspace(question.scene, question, result, resolution=24).path_fault == ""
 
 
 def test_a_closed_wall_is_a_proof_at_any_resolution() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -189,6 +190,38 @@ def test_bad_arguments_are_named(rr1_table: rp.Scene) -> None:
     first = rr1_table.joint_names()[:2]
     with pytest.raises(InputError, match="has no column for"):
         rp.simulate(rp.Trajectory.rest(first, [0.0, 0.0]), rr1_table)
+
+
+@pytest.fixture
+def too_fast(rr1_table: rp.Scene) -> rp.Trajectory:
+    """A motion whose set-points are larger than MuJoCo takes."""
+    q = rr1_table.configuration()
+    return quintic(rr1_table, q, q + 1e12, 1.0)
+
+
+def test_an_unstable_simulation_is_an_error_and_leaves_no_file(
+    rr1_table: rp.Scene, too_fast: rp.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(rp.BackendError, match=r"unstable at 0\.\d+ s \(.*CTRL.*\); try a smaller timestep or"):
+        rp.simulate(too_fast, rr1_table)
+    assert list(tmp_path.iterdir()) == []
+    assert mujoco.get_mju_user_warning() is None
+
+
+def test_a_handler_of_mujoco_warnings_that_is_installed_stays(
+    rr1_table: rp.Scene, too_fast: rp.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    warned: list[str] = []
+    mujoco.set_mju_user_warning(warned.append)
+    try:
+        with pytest.raises(rp.BackendError, match="unstable"):
+            rp.simulate(too_fast, rr1_table)
+        assert mujoco.get_mju_user_warning() is not None
+    finally:
+        mujoco.set_mju_user_warning(None)
+    assert "CTRL" in warned[0]
 
 
 def test_progress_tells_fractions(rr1_table: rp.Scene) -> None:

@@ -55,6 +55,29 @@ def test_an_arm_beside_a_wall_is_looked_at_from_the_free_side(rr1: rp.Robot, for
             assert abs(across) > 0.9 or hit[2] > 1.3
 
 
+def test_a_panda_behind_a_wall_is_looked_at_from_where_it_is_seen(
+    panda_and_wall: tuple[rp.Scene, rp.Trajectory, tuple[float, float, float]],
+) -> None:
+    scene, motion, before = panda_and_wall
+    robot, wall = scene.arms["panda"].robot, scene.obstacles["wall"]
+    corners = [
+        (T := scene.link_poses(scene.split(motion(t)))[f"panda/{link.name}"] @ g.pose)[:3, 3] + v @ T[:3, :3].T
+        for t in (0.0, 0.5, 1.0)
+        for link in robot.links
+        for g in link.visuals
+        for v in g.shape.vertices[::50]
+    ]
+
+    def hidden(direction: Any) -> float:
+        """The share of the arm's surface from which the wall is met on the way to a camera that far away."""
+        steps = np.linspace(0.0, 6.0, 600)[:, None] * direction
+        at = (np.array(corners)[:, None] + steps - wall.pose[:3, 3]) @ wall.pose[:3, :3]
+        return float(inside(wall.geometries[0].shape, at).any(axis=1).mean())
+
+    assert hidden(before) == 1.0
+    assert hidden(choose_camera(scene, motion).direction) < 0.05
+
+
 def test_a_transparent_wall_hides_nothing(rr1: rp.Robot) -> None:
     scene = rp.Scene().with_arm("arm", rr1)
     free = choose_camera(scene).direction

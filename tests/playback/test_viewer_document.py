@@ -16,7 +16,7 @@ import rr1plan as rp
 from rr1plan.playback import Panel, pack, save_html
 from rr1plan.playback.viewer import view_document
 from rr1plan.playback.viewer.document import affine_value
-from rr1plan.playback.viewer.page import json_for_html, page_html, write_page
+from rr1plan.playback.viewer.page import json_for_html, page_html
 from rr1plan.report import Margin
 
 NASTY = "</script><script>alert(1)</script> \" ' <!-- \u2028 & <img src=x onerror=alert(2)>"
@@ -210,15 +210,6 @@ def test_the_same_question_gives_the_same_bytes(rr1_table: rp.Scene, tmp_path: F
     two = save_html(tmp_path / "two.html", rr1_table, quintic(rr1_table))
     assert one.read_bytes() == two.read_bytes()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["one.html", "two.html"]
-
-
-def test_a_page_is_written_whole_or_not_at_all(tmp_path: FilePath) -> None:
-    target = tmp_path / "page.html"
-    target.write_text("old")
-    with pytest.raises(UnicodeEncodeError):
-        write_page(target, "half a page \ud800")
-    assert target.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["page.html"]
 
 
 def test_a_missing_folder_is_named(rr1_table: rp.Scene, tmp_path: FilePath) -> None:

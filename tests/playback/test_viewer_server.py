@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tornado.httpclient import HTTPClientError, HTTPRequest
-from tornado.websocket import websocket_connect
+from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 import rr1plan as rp
 from rr1plan.playback import Viewer, show
@@ -33,15 +33,20 @@ def fetch(url: str, host: str | None = None) -> str:
         return str(answer.read().decode())
 
 
+async def close(connection: WebSocketClientConnection) -> None:
+    """Close a connection and wait until it is: the server answers after all messages that are under way."""
+    connection.close()
+    while await asyncio.wait_for(connection.read_message(), 20) is not None:
+        pass  # a message that was sent before the server read the close; None comes after the last
+
+
 async def listen(viewer: Viewer, count: int, version: str = "1", **headers: str) -> list[Any]:
     request = HTTPRequest(f"{viewer.url.replace('http', 'ws')}updates?version={version}", headers=headers)
     connection = await websocket_connect(request)
     try:
         return [await asyncio.wait_for(connection.read_message(), 20) for _ in range(count)]
     finally:
-        connection.close()
-        while await asyncio.wait_for(connection.read_message(), 20) is not None:
-            pass  # the socket is closed with the last message
+        await close(connection)
 
 
 def test_the_page_is_served(viewer: Viewer, rr1_table: rp.Scene) -> None:
@@ -94,9 +99,7 @@ def test_a_slow_page_gets_the_newest_configuration(viewer: Viewer, rr1_table: rp
             frame = await asyncio.wait_for(connection.read_message(), 20)
             q = np.frombuffer(frame, "<f8")
             if q[0] == home[0] + 499:
-                connection.close()
-                while await asyncio.wait_for(connection.read_message(), 20) is not None:
-                    pass
+                await close(connection)
                 return q
 
     np.testing.assert_array_equal(asyncio.run(follow()), home + 499)

@@ -13,7 +13,7 @@ from rr1plan.retiming import retime, retiming_names
 def certified(request):
     """A scene, its certifier, and a path of random free edges between its obstacles."""
     scene = rp.load_scene(request.param)
-    checker = rp.MotionChecker(scene)
+    checker = rp.CollisionChecker(scene)
     rng, limits = np.random.default_rng(1), scene.limits()
     points = [scene.configuration()]
     for _ in range(2000):

@@ -277,9 +277,10 @@ def no_sample_objects(scene: rp.Scene, move: rp.Trajectory, found: CollisionProo
     """No pair that is called free is seen nearer than was proven, and no nearer pair than reported at the ends."""
     checker = CollisionChecker(scene)
     assert checker.joint_names == move.joint_names
-    free = np.array([pair not in hits(found) for pair in scene.checked_pairs])
-    padding = np.array([scene.padding_of(*pair) for pair in scene.checked_pairs])
-    own = own_pairs(scene)
+    # Pairs that are out of reach of each other are not among these.
+    free = np.array([pair not in hits(found) for pair in checker.pairs])
+    padding = np.array([scene.padding_of(*pair) for pair in checker.pairs])
+    own = np.array([scene.owner(a) == scene.owner(b) for a, b in checker.pairs])
     proven = np.where(own, found.proven[1], found.proven[0])
     for time in np.linspace(move.breaks[0], move.breaks[-1], 60):
         q = move(time)

@@ -11,12 +11,13 @@ directions, one half from the front and a little above is preferred.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, finite_array, known_name, shape_of
+from rr1plan.checks import Array, counted, finite_array, known_name, shape_of
 from rr1plan.errors import InputError
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.transforms import inverse as inverse_pose
@@ -78,9 +79,12 @@ def check_view(view: Any) -> Point | None:
             )
         flat = math.cos(elevation)
         return (flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation))
+    if len(shape_of(view)) == 1 and shape_of(view) != (3,):
+        count = counted(shape_of(view)[0], "number")
+        raise InputError(f"view has {count}, expected two angles, or three numbers that are a direction")
     x, y, z = finite_array("view", view, (3,)).tolist()
     if math.hypot(x, y, z) < 1e-9:
-        raise InputError(f"view is {[x, y, z]}, expected a direction of the world that is not zero")
+        raise InputError(f"view is the direction {x:g} {y:g} {z:g}, expected one that is not zero")
     return (x, y, z)
 
 
@@ -96,14 +100,16 @@ class Camera(NamedTuple):
     target: Point
 
 
-def choose_camera(scene: Scene, motion: Trajectory | None = None) -> Camera:
+def choose_camera(scene: Scene, motion: Trajectory | None = None, ends: Iterable[tuple[str, Any]] = ()) -> Camera:
     """A camera that sees most of the motion, or of the arms where there is none.
 
     Args:
         scene: The arms and obstacles.
-        motion: What is going to be played; None for the arms as the scene has them.
+        motion: What is going to be played, or None.
+        ends: Without a motion: what is drawn of a query, each an arm and its configuration [rad or m], shape (nq,).
+            None of both shows the arms as the scene has them.
     """
-    sights = _sights(scene, motion)
+    sights = _sights(scene, *_postures(scene, motion, ends))
     turn, height = (grid.ravel() for grid in np.meshgrid(_TURNS, _HEIGHTS))
     azimuth = sights.front + turn
     directions = np.column_stack([np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)])
@@ -156,8 +162,7 @@ class _Sights(NamedTuple):
     front: float
 
 
-def _sights(scene: Scene, motion: Trajectory | None) -> _Sights:
-    postures, moved = _postures(scene, motion)
+def _sights(scene: Scene, postures: list[dict[str, Array]], moved: list[str]) -> _Sights:
     moved = [moved[k] for k in np.unique(np.linspace(0, len(moved) - 1, _MOST_ARMS).astype(int))] if moved else []
     others = [name for name in scene.arms if name not in moved]
     rows: list[tuple[Array, str, int]] = []
@@ -176,7 +181,7 @@ def _sights(scene: Scene, motion: Trajectory | None) -> _Sights:
             continue
         tools = (arm.base @ np.array([at[arm.robot.tool] for at in poses]))[:, :3, 3]
         middles = placed[..., :3, 3].swapaxes(0, 1)
-        moves = np.ptp(middles, axis=0).max(axis=-1) > _MOVED if motion is not None else np.full(len(parts), True)
+        moves = np.ptp(middles, axis=0).max(axis=-1) > _MOVED if len(poses) > 1 else np.full(len(parts), True)
         rows += [(middles[::2, moves].reshape(-1, 3), "links", -1), (tools, "tool", -1)]
         for instant in sorted({0, len(poses) // 2, len(poses) - 1}):
             near = np.argsort(np.linalg.norm(middles[instant] - tools[instant], axis=-1))[:2]
@@ -194,10 +199,14 @@ def _sights(scene: Scene, motion: Trajectory | None) -> _Sights:
     )
 
 
-def _postures(scene: Scene, motion: Trajectory | None) -> tuple[list[dict[str, Array]], list[str]]:
+def _postures(
+    scene: Scene, motion: Trajectory | None, ends: Iterable[tuple[str, Any]]
+) -> tuple[list[dict[str, Array]], list[str]]:
     """The configuration of every arm at each instant, and the arms that move (all where there is no motion)."""
     if not scene.arms or motion is None:
-        return [{name: arm.q for name, arm in scene.arms.items()}], list(scene.arms)
+        rest = {name: arm.q for name, arm in scene.arms.items()}
+        asked = [(name, np.asarray(q, dtype=float)) for name, q in ends]
+        return [rest | {name: q} for name, q in asked] or [rest], list(dict(asked)) or list(rest)
     names, q = scene.joint_names(), scene.configuration()
     columns = [names.index(joint) for joint in motion.joint_names]
     postures = []

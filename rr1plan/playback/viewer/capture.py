@@ -13,6 +13,7 @@ from typing import Any
 
 from rr1plan.checks import file_path, finite_number
 from rr1plan.errors import BackendError, InputError, MissingPackageError
+from rr1plan.formats.files import check_writable, write_bytes
 from rr1plan.playback.viewer.live import Viewer
 from rr1plan.playback.viewer.page import check_size
 
@@ -93,11 +94,15 @@ def screenshot(
         The file.
 
     Raises:
-        InputError: no such page, or a size or time that makes no sense.
+        InputError: no such page, a picture's name that does not end in .png, one that cannot be written, or a size or
+            time that makes no sense.
         MissingPackageError: playwright or a Chromium is not installed.
         BackendError: the browser does not start, or the page does not.
     """
     file = file_path(file)
+    if file.suffix.lower() != ".png":
+        raise InputError(f"cannot save {str(file)!r} as PNG, expected a name that ends in .png")
+    check_writable(file)
     if time is not None:
         time = finite_number("time", time)
     url = source.url if isinstance(source, Viewer) else _file_url(source)
@@ -105,11 +110,7 @@ def screenshot(
         page = context.pages[0]
         open_page(page, url + ("#bare" if bare else ""))
         settle_page(page, time, whole=bare)
-        try:
-            page.screenshot(path=file)
-        except OSError as error:
-            raise InputError(f"cannot write {str(file)!r}: {error.strerror}") from error
-    return file
+        return write_bytes(file, page.screenshot(type="png"))
 
 
 def open_page(page: Any, url: str) -> None:

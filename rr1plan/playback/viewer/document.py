@@ -85,6 +85,7 @@ def view_document(
     rows = [_arm_row(name, scene, robots) for name in scene.arms]
     unique = {index: scene.arms[row["name"]].robot for row in rows for index in [row["robot"]]}
     motion = trajectory if trajectory is not None or path is None else _steady(path)
+    ghosts = [] if problem is None else _ghosts(problem)
     return {
         "title": scene.name if title is None else title,
         "description": scene.description,
@@ -101,11 +102,16 @@ def view_document(
         "track": None if motion is None else _track(motion, scene) | {"timed": trajectory is not None},
         "replay": None if replay is None else _track(_replayed(replay), scene) | {"summary": _summary(replay)},
         "path": None if path is None else _waypoints(path, scene),
-        "ghosts": [] if problem is None else _ghosts(problem),
+        "ghosts": ghosts,
         "targets": [] if problem is None else _targets(problem),
         "report": None if report is None else _finite(report.to_dict()),
-        "camera": choose_camera(scene, motion)._asdict(),
+        "camera": first_camera(scene, motion, ghosts),
     }
+
+
+def first_camera(scene: Scene, motion: Trajectory | None, ghosts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """From where the page is looked at first: at the motion, or where there is none at the ghosts."""
+    return choose_camera(scene, motion, [(ghost["arm"], ghost["q"]) for ghost in ghosts])._asdict()
 
 
 def _finite(value: Any) -> Any:

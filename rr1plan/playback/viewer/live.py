@@ -9,7 +9,7 @@ import webbrowser
 from collections.abc import Mapping, Sequence
 from time import monotonic
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -97,8 +97,14 @@ class Viewer:
         document = view_document(
             scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
         )
-        self._server.set_document(document)
-        self._scene, self._document = scene, document
+        self._exchange(scene, document)
+
+    def _exchange(self, scene: Scene, document: Document, panels: tuple[Panel, ...] = ()) -> None:
+        """Send another document to the pages, and the data of these panels to the panels of the same names."""
+        known = {panel.name: panel for panel in (*self._panels, *panels)}
+        data = {panel.name: panel.data for panel in panels}
+        self._server.set_document({**document, "panels": data} if data else document)
+        self._scene, self._document, self._panels = scene, document, tuple(known.values())
 
     def update(self, q: Any) -> None:
         """Put the arms somewhere, at once and as often as you like; pages show the newest.
@@ -197,6 +203,9 @@ class Viewer:
         return page_html(self._document, self._panels, live=True, version=version, view=self._view)
 
 
+_SomeViewer = TypeVar("_SomeViewer", bound=Viewer)
+
+
 def show(
     scene: Scene,
     trajectory: Trajectory | None = None,
@@ -246,7 +255,7 @@ def show(
     return open_viewer(Viewer(scene, document, panels, view, port), open_browser, quiet)
 
 
-def open_viewer(viewer: Viewer, open_browser: bool = True, quiet: bool = False) -> Viewer:
+def open_viewer(viewer: _SomeViewer, open_browser: bool, quiet: bool) -> _SomeViewer:
     """Print the address of a viewer's page and open it in a browser, where there is a screen; returns the viewer."""
     if not quiet:
         print(f"page: {viewer.url}", flush=True)  # noqa: T201  (a script has no other way to say where its page is)

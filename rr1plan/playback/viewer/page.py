@@ -11,9 +11,7 @@ import base64
 import hashlib
 import html
 import json
-import os
 import re
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -22,7 +20,7 @@ from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any
 
-from rr1plan.checks import check_text, file_path, finite_array, items_of, of_kind, shown, true_or_false, whole_number
+from rr1plan.checks import check_text, finite_array, items_of, of_kind, shown, true_or_false, whole_number
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.playback.viewer.camera import check_view
 from rr1plan.playback.viewer.document import Document
@@ -116,31 +114,6 @@ def page_html(
         "SCRIPT": scripts[1],
     }
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda m: slots[m.group(1)], _asset("page.html"))
-
-
-def write_page(file: str | os.PathLike[str], text: str) -> FilePath:
-    """Write the page whole or not at all: to a temporary file beside it, then renamed.
-
-    Raises:
-        InputError: the folder does not exist or cannot be written.
-    """
-    target = file_path(file)
-    try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    except OSError as error:
-        raise InputError(f"cannot write {str(target)!r}: {error.strerror}; try an existing folder") from error
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
-        FilePath(temporary).chmod(0o644)
-        FilePath(temporary).replace(target)
-    except OSError as error:
-        FilePath(temporary).unlink(missing_ok=True)
-        raise InputError(f"cannot write {str(target)!r}: {error.strerror}") from error
-    except BaseException:
-        FilePath(temporary).unlink(missing_ok=True)
-        raise
-    return target
 
 
 def embed_html(text: str, height: int = 600) -> str:

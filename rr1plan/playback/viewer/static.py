@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
+from rr1plan.formats.files import write_text
 from rr1plan.path import Path
 from rr1plan.playback.replay import Replay
 from rr1plan.playback.viewer.document import view_document
-from rr1plan.playback.viewer.page import Panel, page_html, write_page
+from rr1plan.playback.viewer.page import Panel, page_html
 from rr1plan.problem import Problem
 from rr1plan.report import Report
 from rr1plan.scene import Scene
@@ -60,4 +61,4 @@ def save_html(
     document = view_document(
         scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
     )
-    return write_page(file, page_html(document, panels, view=view, play=play))
+    return write_text(file, page_html(document, panels, view=view, play=play))

@@ -125,7 +125,7 @@ class Controls {
     const facts = find("facts");
     const rows = [];
     const margins = doc.report ? doc.report.margins : {};
-    if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.duration)] : ["Path", "no times yet, shown at 1 rad/s"]);
+    if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.duration)] : ["Path", "no times yet, steady speed"]);
     if (margins.clearance) rows.push(["Clearance", length(margins.clearance.value)]);
     if (margins.self_clearance) rows.push(["Self clearance", length(margins.self_clearance.value)]);
     const around = this.viewer.world.spheres.summary();
@@ -150,7 +150,8 @@ class Controls {
       box.hidden = !box.hidden;
       badge.setAttribute("aria-expanded", String(!box.hidden));
     };
-    if (rank === "bad") badge.onclick();
+    // Not where it would cover the arms.
+    if (rank === "bad" && matchMedia("(min-width: 700px)").matches) badge.onclick();
     const rows = [];
     for (const violation of report.violations) {
       const button = element("button", violation.message, "violation");
@@ -193,9 +194,9 @@ class Controls {
       return chip;
     });
     if (doc.arms.length > 1) {
-      const chip = element("button", "Arm colours", "chip");
+      const chip = element("button", "Arm colors", "chip");
       chip.type = "button";
-      chip.dataset.layer = "armcolours";
+      chip.dataset.layer = "armcolors";
       chip.onclick = () => viewer.setByArm(!viewer.byArm);
       chips.push(chip);
     }
@@ -206,7 +207,7 @@ class Controls {
   refreshToggles() {
     for (const chip of find("toggles").children) {
       const { layer } = chip.dataset;
-      const on = layer === "armcolours" ? this.viewer.byArm : this.viewer.isShown(layer);
+      const on = layer === "armcolors" ? this.viewer.byArm : this.viewer.isShown(layer);
       chip.setAttribute("aria-pressed", String(on));
     }
   }

@@ -16,6 +16,7 @@ class Lesson {
     this.arm = new Workspace();
     this.pointer = null;
     this.blocked = false;
+    this.flat = false;
     this.wireTools();
     this.wireCanvas();
     this.wireKeys();
@@ -66,6 +67,8 @@ class Lesson {
     this.motion = wrappedCopies(this.curve.length ? this.curve : [[0, 0]]);
     this.arm.draw();
     if (this.workspace && !this.arm.turned) this.arm.look();
+    else if (this.flat && !this.workspace) viewer.look();
+    this.flat = Boolean(this.workspace);
     this.follow();
   }
 
@@ -370,7 +373,7 @@ class Lesson {
     });
   }
 
-  /** Names on the images, so that nobody has to tell colours apart. */
+  /** Names on the images, so that nobody has to tell colors apart. */
   drawNames(pen) {
     pen.save();
     pen.font = `600 ${12 * this.unit}px ${getComputedStyle(root).fontFamily}`;
@@ -380,11 +383,14 @@ class Lesson {
     pen.lineWidth = 3 * this.unit;
     data.layers.forEach((layer, k) => {
       if (!layer.spot || (this.only >= 0 && this.only !== k)) return;
-      const place = this.at(share(0, layer.spot[0]), share(1, layer.spot[1])), light = isLight(layer.color);
+      const [px, py] = this.at(share(0, layer.spot[0]), share(1, layer.spot[1])), light = isLight(layer.color);
+      // Whole inside the picture, also where the image reaches over its edge.
+      const { x, size } = this.plot, half = pen.measureText(layer.name).width / 2 + 4 * this.unit;
+      const middle = Math.max(Math.min(px, x + size - half), x + half);
       pen.strokeStyle = light ? "#fff" : layer.color;
-      pen.strokeText(layer.name, ...place);
+      pen.strokeText(layer.name, middle, py);
       pen.fillStyle = light ? INK : "#fff";
-      pen.fillText(layer.name, ...place);
+      pen.fillText(layer.name, middle, py);
     });
     pen.restore();
   }
@@ -467,8 +473,10 @@ class Lesson {
     pen.lineJoin = "round";
     for (const [q, text, color] of marks) {
       const [px, py] = this.at(...this.shares(q)), wide = pen.measureText(text).width;
-      const left = px + 13 * this.unit + wide > x + size ? px - 13 * this.unit - wide : px + 13 * this.unit;
-      const top = Math.min(Math.max(py - 9 * this.unit, y + 9 * this.unit), y + size - 9 * this.unit);
+      // Beside the mark, or below it where there is no room: names of images stand to the left.
+      const beside = px + 13 * this.unit + wide <= x + size, below = py + 19 * this.unit < y + size - 9 * this.unit ? 19 : -19;
+      const left = beside ? px + 13 * this.unit : Math.min(px - wide / 2, x + size - wide - 3 * this.unit);
+      const top = Math.min(Math.max(py + (beside ? -9 : below) * this.unit, y + 9 * this.unit), y + size - 9 * this.unit);
       pen.strokeStyle = "rgba(255,255,255,.95)";
       pen.lineWidth = 4.5 * this.unit;
       pen.strokeText(text, left, top);
@@ -479,7 +487,7 @@ class Lesson {
   }
 }
 
-/** An answer in words, and the colours to say it in. */
+/** An answer in words, and the colors to say it in. */
 function words(answer) {
   if (answer.outside) return { text: "outside the picture", color: "#e6e9ee", ink: INK };
   if (answer.free && !answer.edge) return { text: "free", color: "#d8f3e7", ink: "#13795b" };

@@ -102,12 +102,12 @@ class Workspace {
     this.handle.position.set(x, y, data.planar.height);
   }
 
-  /** Looks at the whole ring from above. */
+  /** Looks at the whole ring, from above unless the page was given a view. */
   look() {
     const { base, height } = data.planar, r = 1.07 * this.outer, { THREE } = viewer;
     const box = new THREE.Box3(new THREE.Vector3(base[0] - r, base[1] - r, height), new THREE.Vector3(base[0] + r, base[1] + r, height));
     Object.assign(viewer.extent, { framed: cornersOf(box), whole: box, target: null });
-    viewer.look([0, 0, 1]);
+    viewer.look(viewer.preferred || [0, 0, 1]);
   }
 
   /** The point of the arm's plane under the pointer, or null. */

@@ -24,7 +24,7 @@ class Viewer {
     this.panelData = {};
     this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres"]);
     this.byArm = true;
-    this.stage = new Stage(find("pane"));
+    this.stage = makeStage(find("pane"));
     this.stage.onResize = () => this.frame();
     this.controls = new Controls(this);
     this.frames = 0;
@@ -72,6 +72,7 @@ class Viewer {
     const { world, kinematics, document: doc } = this;
     const samples = [kinematics.rest(), this.q];
     if (track) for (let i = 0; i <= 12; i++) samples.push(track.at(track.start + (i / 12) * (track.end - track.start), kinematics.rest()));
+    else for (const { arm, q } of doc.ghosts) samples.push(kinematics.standing(arm, q));
     this.extent = { ...world.extent(samples), target: doc.camera.target };
     const radius = this.extent.near.getSize(new THREE.Vector3()).length() / 2;
     const thin = Math.min(Math.max(0.0034 * radius, 0.0018), 0.012);

@@ -65,6 +65,13 @@ class Kinematics {
     return q;
   }
 
+  /** All arms as the scene has them, but one at its own configuration. */
+  standing(name, own) {
+    const q = this.rest();
+    q.set(own, this.arms.find((arm) => arm.name === name).firstColumn);
+    return q;
+  }
+
   linkIndex(arm, link) {
     return arm.firstLink + arm.robot.links.indexOf(link);
   }

@@ -196,7 +196,7 @@ class Stage {
     this.camera.updateProjectionMatrix();
   }
 
-  /** Parts of the window that no card covers, from -1 to 1 each way: beside the headline, and below it. */
+  /** Parts of the window that no card covers, from -1 to 1 each way: beside the headline and below it, or all if both are slits. */
   rooms() {
     const pane = this.pane.getBoundingClientRect();
     const covered = (id) => {
@@ -212,7 +212,8 @@ class Stage {
     };
     if (!head) return [room];
     const rooms = [{ ...room, left: x(head.right + gap) }, { ...room, top: y(head.bottom + gap) }];
-    return rooms.filter((r) => r.right - r.left > 0.2 && r.top - r.bottom > 0.2).concat([room]).slice(0, 2);
+    const wide = rooms.filter((r) => r.right - r.left > 0.4 && r.top - r.bottom > 0.4);
+    return wide.length ? wide : [room];
   }
 
   resize() {
@@ -239,5 +240,45 @@ class Stage {
   draw() {
     this.controls.update();
     if (this.meshcat.needs_render) this.meshcat.render();
+  }
+}
+
+/** The stage of a browser without WebGL: a note in the place of the picture. All that needs no picture goes on. */
+class EmptyStage {
+  constructor(pane) {
+    document.body.classList.add("no-webgl");
+    const note = element("div", undefined, "note");
+    note.id = "note";
+    note.setAttribute("role", "alert");
+    note.append(
+      element("h2", "No 3-D view: this browser has no WebGL"),
+      element("p", "The clock, the joint values, the report and the panels work without it."),
+      element("p", "For the 3-D view turn on hardware acceleration in the browser’s settings, or open the page in another browser."),
+    );
+    pane.replaceChildren(note);
+    // Nobody can point at what is not drawn: panels may listen here, and hear nothing.
+    this.pane = element("div");
+    this.meshcat = { set_dirty: () => {} };
+    this.camera = new THREE.PerspectiveCamera(34, 1, 0.01, 200);
+    this.controls = { target: new THREE.Vector3() };
+    this.key = { intensity: 0 };
+    this.coarse = 0;
+    this.turned = false;
+  }
+
+  look() {}
+  furnish() {}
+  show() {}
+  setCoarse() {}
+  draw() {}
+}
+
+/** The stage in a pane, an empty one where three.js can draw nothing. */
+function makeStage(pane) {
+  try {
+    return new Stage(pane);
+  } catch (error) {
+    console.warn(`no 3-D view: ${error.message}`);
+    return new EmptyStage(pane);
   }
 }

@@ -174,12 +174,10 @@ class World {
   // ---- ghosts: the same arms elsewhere -----------------------------------------------------
 
   addGhosts() {
-    const q = this.kinematics.rest();
     for (const ghost of this.doc.ghosts) {
       const arm = this.kinematics.arms.find((a) => a.name === ghost.arm);
-      q.set(ghost.q, arm.firstColumn);
       const poses = new Float64Array(this.poses.length);
-      this.kinematics.forward(arm, q, poses);
+      this.kinematics.forward(arm, this.kinematics.standing(ghost.arm, ghost.q), poses);
       this.ghost(ghost.kind, [arm]).update(poses);
     }
     const track = this.doc.replay;

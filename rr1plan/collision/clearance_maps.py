@@ -1,4 +1,4 @@
-"""Maps of links that few joints move against each other: made once for a robot, good for every padding.
+"""Clearance maps: lower bounds of the gap of two links over the one or two joints between them, made once for a robot.
 
 A map of gaps depends on the two solids and the joints between them, on nothing else: not on where the arm stands, what
 is around it or which padding is asked for. Where they are near is counted from it in microseconds.
@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.carried import Carried
+from rr1plan.collision.arm_geometry import ArmGeometry
+from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_tables import ArmTables, arm_tables, chain_reach, joint_motion
 from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
-from rr1plan.collision.exact_tables import CarriedTables, carried_tables, chain_reach, joint_motion
 from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.kernels.library import constants, load_library
@@ -31,30 +32,20 @@ CELLS = constants()["MAP_CELLS"]
 
 
 @dataclass(frozen=True, eq=False)
-class NeighbourMaps:
+class ClearanceMaps:
     """Maps of some pairs; see `EdgeTables`.
 
     Args:
         places: The last four columns of its `body_pairs`, shape (m, 4).
         counts: Its `maps`.
         ranges: Its `map_ranges`, shape (m, 4).
-        families: The last column of its `group_pairs`, shape (f,).
+        groups: The last column of its `group_pairs`, shape (f,).
     """
 
     places: _INTS
     counts: NDArray[np.int16]
     ranges: Array
-    families: _INTS
-
-
-@dataclass(frozen=True)
-class _Content:
-    """All that maps depend on, to compare."""
-
-    carried: Carried
-    pairs: tuple[tuple[int, int], ...]
-    least: tuple[float, ...]
-    families: tuple[tuple[int, int], ...]
+    groups: _INTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,44 +65,92 @@ class _Between:
     key: str
 
 
-def neighbour_maps(carried: Carried, pairs: _INTS, least: Array, families: _INTS) -> NeighbourMaps:
-    """Maps of those pairs that one or two columns of q move against each other.
+def instance_maps(instances: ArmInstances, pairs: _INTS, least: Array, groups: _INTS) -> ClearanceMaps:
+    """Maps of those pairs of one arm's bodies that one or two columns of q move against each other.
+
+    Pairs of two arms have none: every arm with a geometry uses the same maps, wherever it stands.
 
     Args:
-        carried: What the arms carry.
-        pairs: Pairs of its solids that move against each other [index], shape (m, 2).
+        instances: The arms that move.
+        pairs: Pairs of their solids that move against each other [index], sorted by the pair of groups, shape (m, 2).
         least: The gap that a map has to prove of each [m], shape (m,).
-        families: First and last of pairs that have a map together as well, if all have one of their own, shape (f, 2).
+        groups: The first columns of `group_pairs` of `EdgeTables`, shape (f, 5).
     """
-    rows, together = (tuple(map(tuple, table.tolist())) for table in (pairs, families))
-    return _maps(_Content(carried, rows, tuple(least.tolist()), together))
+    places, ranges = np.zeros((len(pairs), 4), np.int64), np.zeros((len(pairs), 4))
+    places[:, 0] = -1
+    of_groups = np.full(len(groups), -1, np.int64)
+    begins: dict[ClearanceMaps, int] = {}
+    first = end = 0
+    arm_of = np.repeat(np.arange(len(instances.geometries)), [len(g.solids) for g in instances.geometries])
+    own = np.where(arm_of[pairs[:, 0]] == arm_of[pairs[:, 1]], arm_of[pairs[:, 0]], -1)
+    count = len(instances.geometries)
+    rows_of, groups_of = _rows_of(own, count), _rows_of(own[groups[:, 3]], count)
+    for geometry, column, rows, families in zip(
+        instances.geometries, instances.first_column.tolist(), rows_of, groups_of, strict=True
+    ):
+        # Pairs of one group pair follow each other, here and among all.
+        ends = np.searchsorted(rows, groups[families, 3:])
+        maps = _arm_maps(geometry, pairs[rows] - first, least[rows], ends)
+        if maps not in begins:
+            begins[maps] = end
+            end += len(maps.counts)
+        begin = begins[maps]
+        there = maps.places.copy()
+        there[:, 0] = np.where(there[:, 0] < 0, -1, there[:, 0] + begin)
+        there[:, 2:] += column
+        places[rows], ranges[rows] = there, maps.ranges
+        of_groups[families] = np.where(maps.groups < 0, -1, maps.groups + begin)
+        first += len(geometry.solids)
+    # Usually there is one set of maps, of half a megabyte.
+    counts = [maps.counts for maps in begins] or [np.zeros(0, np.int16)]
+    return ClearanceMaps(places, counts[0] if len(counts) == 1 else np.concatenate(counts), ranges, of_groups)
 
 
-@lru_cache(maxsize=8)
-def _maps(content: _Content) -> NeighbourMaps:
-    places = np.zeros((len(content.pairs), 4), np.int64)
-    ranges = np.zeros((len(content.pairs), 4))
+def _rows_of(arms: _INTS, count: int) -> list[_INTS]:
+    """The rows of each arm, ascending."""
+    order = np.argsort(arms, kind="stable")
+    return np.split(order, np.searchsorted(arms[order], np.arange(count + 1)))[1:-1]
+
+
+# Sets of pairs and paddings of which an arm keeps its maps.
+_MOST_MAPS = 8
+
+
+def _arm_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, groups: _INTS) -> ClearanceMaps:
+    """The maps of one arm; `groups` are first and last of the pairs that have one together, shape (f, 2)."""
+    kept: dict[tuple[bytes, ...], ClearanceMaps] = geometry.kept.setdefault("maps", {})
+    key = (pairs.tobytes(), least.tobytes(), groups.tobytes())
+    if key not in kept:
+        if len(kept) >= _MOST_MAPS:
+            kept.clear()
+        kept[key] = _new_maps(geometry, pairs, least, groups)
+    return kept[key]
+
+
+def _new_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, groups: _INTS) -> ClearanceMaps:
+    places = np.zeros((len(pairs), 4), np.int64)
+    ranges = np.zeros((len(pairs), 4))
     counts, begins = _Counts(), dict[tuple[str, float], int]()
     free = list[NDArray[np.bool_]]()
-    for i, (pair, least) in enumerate(zip(content.pairs, content.least, strict=True)):
-        between = _between(_Pair(content.carried, pair))
-        step = next((s for s in _STEPS if least <= 0.8 * s), None)
+    for i, ((one, two), gap) in enumerate(zip(pairs.tolist(), least.tolist(), strict=True)):
+        between = _between(_Pair(geometry, (one, two)))
+        step = next((s for s in _STEPS if gap <= 0.8 * s), None)
         if between is None or step is None:
             places[i, 0] = -1
             free.append(np.zeros((0, 0), np.bool_))
             continue
         gaps = _gaps(_Named(f"{between.key} {step}", between, step))
-        free.append(gaps >= least)
-        if (between.key, least) not in begins:
-            begins[between.key, least] = counts.add(gaps, least)
-        places[i] = begins[between.key, least], gaps.shape[1], between.columns[0], between.columns[-1]
+        free.append(gaps >= gap)
+        if (between.key, gap) not in begins:
+            begins[between.key, gap] = counts.add(gaps, gap)
+        places[i] = begins[between.key, gap], gaps.shape[1], between.columns[0], between.columns[-1]
         ranges[i, ::2], ranges[i, 1::2] = between.ends[:, 0], CELLS / (between.ends[:, 1] - between.ends[:, 0])
-    families = np.full(len(content.families), -1, np.int64)
-    for f, (first, last) in enumerate(content.families):
+    families = np.full(len(groups), -1, np.int64)
+    for f, (first, last) in enumerate(groups.tolist()):
         rows = places[first:last]
         if last - first > 1 and (rows[:, 0] >= 0).all() and (rows[:, 1:] == rows[0, 1:]).all():
             families[f] = counts.add(np.logical_and.reduce(free[first:last]).astype(np.float32), 0.5)
-    return NeighbourMaps(places, counts.joined(), ranges, families)
+    return ClearanceMaps(places, counts.joined(), ranges, families)
 
 
 class _Counts:
@@ -169,20 +208,21 @@ def _gaps(named: _Named) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class _Pair:
-    carried: Carried
+    geometry: ArmGeometry
     solids: tuple[int, int]
 
 
 @lru_cache(maxsize=4096)
 def _between(pair: _Pair) -> _Between | None:
     """Two solids and the joints between them; None where more than two columns of q move one against the other."""
-    tables, carried = carried_tables(pair.carried), pair.carried
-    shared = carried.shared[tuple(carried.groups[list(pair.solids)])]
-    chains = [carried.chains[carried.groups[solid]][shared:] for solid in pair.solids]
+    geometry = pair.geometry
+    tables = arm_tables(geometry)
+    shared = geometry.shared[tuple(geometry.groups[list(pair.solids)])]
+    chains = [geometry.chains[geometry.groups[solid]][shared:] for solid in pair.solids]
     columns = tuple(sorted({int(tables.joints[j, 2]) for chain in chains for j in chain}))
     if len(columns) > 2:
         return None
-    limits = carried.skeleton.limits
+    limits = geometry.skeleton.limits
     ends = np.array([_range(float(limits.lower[c]), float(limits.upper[c])) for c in (columns[0], columns[-1])])
     arrays = _two_bodies(tables, pair.solids, chains, columns)
     return _Between(columns, ends, arrays, cache_key(f"{CELLS}", ends, *arrays[:10]))
@@ -196,14 +236,14 @@ def _range(low: float, high: float) -> tuple[float, float]:
 
 
 def _two_bodies(
-    tables: CarriedTables, solids: tuple[int, int], chains: list[tuple[int, ...]], columns: tuple[int, ...]
+    tables: ArmTables, solids: tuple[int, int], chains: list[tuple[int, ...]], columns: tuple[int, ...]
 ) -> ExactTables:
     """Tables of two solids alone. Their world is the last joint above both."""
-    joints, values, poses = _joints_between(tables, [int(tables.rows.bodies[s, 1]) for s in solids], columns)
-    rows = tables.rows
+    joints, values, poses = _joints_between(tables, [int(tables.bodies.bodies[s, 1]) for s in solids], columns)
+    rows = tables.bodies
     bodies, body_values = rows.bodies[list(solids)], np.ascontiguousarray(rows.values[list(solids)])
-    corners, degrees, neighbours = [], [], []
-    body_poses, centres = np.zeros((2, 12)), np.zeros((2, 3))
+    corners, degrees, neighbors = [], [], []
+    body_poses, centers = np.zeros((2, 12)), np.zeros((2, 3))
     reach: list[float] = []
     first, link = 0, 0
     for i, (solid, chain) in enumerate(zip(solids, chains, strict=True)):
@@ -211,15 +251,15 @@ def _two_bodies(
         corners.append(rows.corners[begin:end])
         degrees.append(rows.degrees[begin:end])
         before, own = int(rows.degrees[:begin].sum()), int(degrees[-1].sum())
-        neighbours.append(rows.neighbours[before : before + own] - begin + first)
+        neighbors.append(rows.neighbors[before : before + own] - begin + first)
         joint = joints.number[int(rows.bodies[solid, 1])]
         bodies[i, 1:] = joint, first, first + end - begin, link, link + len(chain)
         R, t = poses[joint, :9].reshape(3, 3), poses[joint, 9:]
         body_poses[i, :9] = (R @ body_values[i, :9].reshape(3, 3)).ravel()
         body_poses[i, 9:] = R @ body_values[i, 9:12] + t
-        centres[i] = R @ body_values[i, 12:15] + t
+        centers[i] = R @ body_values[i, 12:15] + t
         chain = tuple(joints.number[j] for j in chain)
-        reach += chain_reach(joints.rows, values, poses, chain, centres[i])
+        reach += chain_reach(joints.rows, values, poses, chain, centers[i])
         first, link = first + end - begin, link + len(chain)
     begins = np.concatenate([[0], np.cumsum(np.concatenate(degrees))]) + first + 1
     return ExactTables(
@@ -228,14 +268,14 @@ def _two_bodies(
         bodies,
         body_values,
         np.ascontiguousarray(np.concatenate(corners)),
-        np.concatenate([begins, *neighbours]),
+        np.concatenate([begins, *neighbors]),
         np.array([joints.number[j] for chain in chains for j in chain], dtype=np.int64),
         np.array(reach, dtype=np.float64),
         np.array([[0, 1, 0]], dtype=np.int64),
         np.zeros(1),
         poses,
         body_poses,
-        centres,
+        centers,
     )
 
 
@@ -247,9 +287,7 @@ class _Joints:
     number: dict[int, int]
 
 
-def _joints_between(
-    tables: CarriedTables, carriers: list[int], columns: tuple[int, ...]
-) -> tuple[_Joints, Array, Array]:
+def _joints_between(tables: ArmTables, carriers: list[int], columns: tuple[int, ...]) -> tuple[_Joints, Array, Array]:
     """The joints below the last one above both bodies, their values, and their poses at q = 0 in its frame."""
     above = []
     for joint in carriers:

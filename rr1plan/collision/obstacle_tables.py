@@ -1,20 +1,19 @@
-"""What the sphere kernel knows of solids that do not move, made once for an obstacle at its place."""
+"""The tables of solids that do not move, made once for an obstacle at its place."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.carried import Carried
-from rr1plan.collision.carried_cover import matrix
+from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_tables import instance_tables
 from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, joined_cores
-from rr1plan.collision.exact_tables import carried_tables, standing_rows
-from rr1plan.collision.standing import Standing
+from rr1plan.collision.link_spheres import matrix
+from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_bodies
 from rr1plan.kernels.library import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
@@ -26,7 +25,7 @@ _MOST_POINTS = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class ObstacleRows:
+class ObstacleTables:
     """Rows of solids that do not move; columns as in `EdgeTables`.
 
     Args:
@@ -43,39 +42,44 @@ class ObstacleRows:
     cores: CoreTables
 
 
-def standing_obstacles(standing: Sequence[Standing]) -> list[ObstacleRows]:
+def obstacle_tables(obstacles: Sequence[ObstacleGeometry]) -> list[ObstacleTables]:
     """The rows of obstacles, each made once; those that are new together, which takes hardly longer than one."""
-    new = [thing for thing in standing if "obstacle" not in thing.kept]
+    new = [thing for thing in obstacles if "tables" not in thing.kept]
     if new:
-        rows = standing_rows(new)
+        rows = obstacle_bodies(new)
         poses, bodies = (np.concatenate(parts) for parts in zip(*((r.poses, r.values) for r in rows), strict=True))
         kinds, values, boxes = _measured([solid.shape for thing in new for solid in thing.solids], poses, bodies)
         end = 0
         for thing, own in zip(new, rows, strict=True):
             begin, end = end, end + len(thing.solids)
             cores = _cores([solid.shape for solid in thing.solids], own.poses)
-            thing.kept["obstacle"] = ObstacleRows(kinds[begin:end], values[begin:end], boxes[begin:end], *cores)
-    return [thing.kept["obstacle"] for thing in standing]
+            thing.kept["tables"] = ObstacleTables(kinds[begin:end], values[begin:end], boxes[begin:end], *cores)
+    return [thing.kept["tables"] for thing in obstacles]
 
 
-@lru_cache(maxsize=64)
-def resting_links(carried: Carried) -> ObstacleRows:
-    """The rows of what the arms carry that does not move, made once."""
-    rows, rests = carried_tables(carried).rows, np.flatnonzero(carried.groups == 0)
-    shapes, poses = [carried.solids[i].shape for i in rests], rows.poses[rests]
-    return ObstacleRows(*_measured(shapes, poses, rows.values[rests]), *_cores(shapes, poses))
+def fixed_links(instances: ArmInstances) -> ObstacleTables:
+    """The rows of what the arms carry that no joint moves, made once."""
+    if "fixed links" not in instances.kept:
+        bodies, fixed = instance_tables(instances).bodies, np.flatnonzero(instances.groups == 0)
+        shapes = [solid.shape for geometry in instances.geometries for solid in geometry.solids]
+        own, poses = [shapes[i] for i in fixed], bodies.poses[fixed]
+        instances.kept["fixed links"] = ObstacleTables(
+            *_measured(own, poses, bodies.values[fixed]), *_cores(own, poses)
+        )
+    found: ObstacleTables = instances.kept["fixed links"]
+    return found
 
 
 def _measured(shapes: list[Shape], poses: Array, bodies: Array) -> tuple[_INTS, Array, Array]:
     """Kinds, values and boxes of solids, by their world poses and their rows of the exact kernel's `body_values`."""
     measures = np.array([_measures(shape) for shape in shapes]).reshape(-1, 6)
     R, half = poses[:, :9].reshape(-1, 3, 3), bodies[:, 20:23]
-    centres = np.einsum("nij,nj->ni", R, bodies[:, 17:20]) + poses[:, 9:]
+    centers = np.einsum("nij,nj->ni", R, bodies[:, 17:20]) + poses[:, 9:]
     extents = np.einsum("nij,nj->ni", np.abs(R), half)
-    values = np.concatenate([poses[:, :9], centres, measures[:, 2:], -measures[:, 4:5]], axis=1)
+    values = np.concatenate([poses[:, :9], centers, measures[:, 2:], -measures[:, 4:5]], axis=1)
     around = measures[:, 1] == 0
     values[around, 12:15], values[around, 16] = half[around], -half[around, 2]
-    boxes = np.concatenate([centres - extents, centres + extents], axis=1)
+    boxes = np.concatenate([centers - extents, centers + extents], axis=1)
     for i, shape in enumerate(shapes):
         if isinstance(shape, HalfSpace):
             normal = R[i] @ np.array(shape.normal)
@@ -117,7 +121,7 @@ def _measures(shape: Shape) -> tuple[float, ...]:
 # ---- several as one --------------------------------------------------------------------------------
 
 # What is not there is nowhere near.
-_NOWHERE = ObstacleRows(
+_NOWHERE = ObstacleTables(
     np.zeros((LANES, 2), np.int64),
     np.zeros((LANES, 17)),
     np.array([[np.inf] * 3 + [-np.inf] * 3] * LANES),
@@ -126,7 +130,7 @@ _NOWHERE = ObstacleRows(
 )
 
 
-def joined_obstacles(bodies: CoreTables, parts: Sequence[ObstacleRows], chosen: _INTS) -> ObstacleRows:
+def joined_obstacles(bodies: CoreTables, parts: Sequence[ObstacleTables], chosen: _INTS) -> ObstacleTables:
     """Rows as one, their cores after those of what moves.
 
     Args:
@@ -140,4 +144,4 @@ def joined_obstacles(bodies: CoreTables, parts: Sequence[ObstacleRows], chosen: 
     )
     cores, (_, *before) = joined_cores([bodies, *(part.cores for part in parts)])
     core_of = [np.where(p.core_of < 0, p.core_of, p.core_of + n) for p, n in zip(parts, before, strict=True)]
-    return ObstacleRows(kinds, values, boxes, np.concatenate(core_of)[chosen], cores)
+    return ObstacleTables(kinds, values, boxes, np.concatenate(core_of)[chosen], cores)

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from rr1plan.collision import CollisionChecker, MotionChecker, carried, carried_cover, exact_tables, pairs, standing
+from rr1plan.collision import (
+    CollisionChecker,
+    arm_geometry,
+    arm_instances,
+    arm_tables,
+    collision_geometry,
+    exact_tables,
+    link_spheres,
+    obstacle_geometry,
+)
 from rr1plan.collision.edge_kernel import exact_scratch
-from rr1plan.collision.obstacle_rows import standing_obstacles
+from rr1plan.collision.obstacle_geometry import obstacle_bodies
+from rr1plan.collision.obstacle_tables import obstacle_tables
 from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.contact_rules import rules_of
 from rr1plan.errors import InputError
 from rr1plan.library import load_scene
+from rr1plan.limits import Limits
 from rr1plan.model import SceneModel
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, HalfSpace, Mesh, PointCloud, Sphere
@@ -23,7 +36,9 @@ HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0
 
 def forget() -> None:
     # All else is kept by these.
-    for kept in (_skeleton, carried._carried, standing._standing, pairs._solid_pairs, rules_of):
+    obstacles = obstacle_geometry._obstacle, obstacle_geometry._standing
+    arms = _skeleton, arm_geometry._arm_geometry, arm_instances._arm_instances
+    for kept in (*arms, *obstacles, collision_geometry._solid_pairs, rules_of):
         kept.cache_clear()
 
 
@@ -35,10 +50,10 @@ def copied(scene: Scene) -> Scene:
 
 def arrays_of(scene: Scene, arms: list[str] | None) -> list[np.ndarray]:
     checker = CollisionChecker(scene, arms)
-    exact, resting = exact_tables.build_tables(checker), exact_tables.build_resting_tables(checker) or ()
-    cover = build_edge_tables(checker, checker.tables, 1e-6)
-    own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding)
-    return [np.asarray(a) for a in (*own, *cover, *exact, *resting)]
+    exact, static = exact_tables.build_tables(checker), exact_tables.build_static_tables(checker) or ()
+    edges = build_edge_tables(checker, checker.tables, 1e-6)
+    own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding, checker.pairs, checker.static_contacts)
+    return [np.asarray(a) for a in (*own, *edges, *exact, *static)]
 
 
 def same_as_anew(scene: Scene, arms: list[str] | None = None) -> None:
@@ -106,7 +121,7 @@ def test_what_was_kept_is_what_is_made_anew(odd, change):
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_with_a_resting_arm_too(six, planar, change):
+def test_with_an_arm_that_stands_still_too(six, planar, change):
     scene = furnished(Scene().with_arm("a", six).with_arm("b", planar, [1.5, 0, 0]))
     arrays_of(scene, ["b"])
     same_as_anew(changes(scene, "a")[change], ["b"])
@@ -128,8 +143,10 @@ def test_scenes_with_equal_arms_share_what_the_arms_carry(odd):
     for other in same:
         checker = CollisionChecker(other)
         assert checker.model.model is first.model.model
-        assert checker.layout.carried is first.layout.carried
-    assert CollisionChecker(scene.with_margin(0.1)).layout is first.layout
+        assert checker.geometry.instances is first.geometry.instances
+    assert CollisionChecker(scene.with_margin(0.04)).geometry is first.geometry
+    assert CollisionChecker(scene, margin=0.04).geometry is first.geometry
+    assert CollisionChecker(scene.with_margin(3.0)).geometry.instances is first.geometry.instances
     assert SceneModel(scene.with_arm("b", odd)).model is not first.model.model
 
 
@@ -141,35 +158,36 @@ def test_an_obstacle_that_moved_leaves_all_else_as_it_was(odd, monkeypatch):
     def made_again(*_):
         raise AssertionError("tables of the arm were made again")
 
-    monkeypatch.setattr(carried_cover, "cover", made_again)
-    monkeypatch.setattr(exact_tables, "_joint_tables", made_again)
+    monkeypatch.setattr(link_spheres, "cover", made_again)
+    monkeypatch.setattr(arm_tables, "_joint_tables", made_again)
     moved = scene.with_obstacle("two", Sphere(0.1), [-0.7, 0.35, 0.4])
     after = CollisionChecker(moved)
-    same = [a is b for a, b in zip(first.layout.standing, after.layout.standing, strict=True)]
+    same = [a is b for a, b in zip(first.geometry.obstacles, after.geometry.obstacles, strict=True)]
     assert same == [True, False, True, True]
-    for make in (exact_tables.standing_rows, standing_obstacles):
-        rows = zip(make(first.layout.standing), make(after.layout.standing), strict=True)
+    for make in (obstacle_bodies, obstacle_tables):
+        rows = zip(make(first.geometry.obstacles), make(after.geometry.obstacles), strict=True)
         assert [a is b for a, b in rows] == same
-    assert after.layout.carried is first.layout.carried
-    assert after.layout.pairs is first.layout.pairs
+    assert after.geometry.instances is first.geometry.instances
+    assert after.geometry.pairs is first.geometry.pairs
     changed = [x.shape == y.shape and (x != y).any() for x, y in zip(before, arrays_of(moved, None), strict=True)]
     assert 0 < sum(changed) < 10
 
 
 def test_equal_obstacles_made_apart_share_their_tables(odd):
     one, two = (furnished(Scene().with_arm("a", odd)) for _ in range(2))
-    layouts = [CollisionChecker(scene).layout for scene in (one, two)]
-    assert layouts[0].standing == layouts[1].standing
-    assert layouts[0].pairs is layouts[1].pairs
+    geometries = [CollisionChecker(scene).geometry for scene in (one, two)]
+    assert geometries[0].obstacles == geometries[1].obstacles
+    assert geometries[0].pairs is geometries[1].pairs
 
 
 def test_scenes_whose_obstacles_have_other_rules_have_other_pairs(odd):
     scene = furnished(Scene().with_arm("a", odd))
-    first = CollisionChecker(scene).layout.pairs
+    first = CollisionChecker(scene).geometry.pairs
     for other in (scene.allow("a", "two"), scene.without_obstacle("two"), scene.with_obstacle("two", HULL)):
-        assert (CollisionChecker(other).layout.pairs is first) == (len(other.checked_index) == len(scene.checked_index))
+        same = len(other.checked_index) == len(scene.checked_index)
+        assert (CollisionChecker(other).geometry.pairs is first) == same
     ground = scene.with_obstacle("two", HalfSpace((0, 0, 1), -0.5))
-    assert CollisionChecker(ground).layout.pairs is not first
+    assert CollisionChecker(ground).geometry.pairs is not first
 
 
 def test_scratch_memory_is_nobody_elses(odd):
@@ -203,15 +221,37 @@ def test_clearance_is_coals_least_distance_beyond_the_padding(name):
     assert apart > 5
 
 
-def test_clearance_counts_what_rests_too(planar):
-    scene = Scene().with_arm("l", planar).with_arm("r", planar, [3.0, 0, 0])
-    scene = scene.with_obstacle("b", Sphere(0.1), [3.25, 0.15, 0])
+@pytest.mark.parametrize("away", [1.9, 3.0])
+def test_clearance_is_that_of_moving_arms_and_what_stands_still_counts_for_itself(planar, away):
+    scene = Scene().with_arm("l", planar).with_arm("r", planar, [away, 0, 0])
+    scene = scene.with_obstacle("b", Sphere(0.1), [away + 0.25, 0.15, 0])
     checker = CollisionChecker(scene, ["l"])
-    assert checker.clearance([0, 0]) == pytest.approx(0.03, abs=1e-9)
-    assert checker.resting_is_free
+    assert checker.clearance([0, 0]) == pytest.approx(away - 0.94, abs=1e-9)
+    assert checker.static_is_free
+    assert checker.static_contacts == ()
     padded = CollisionChecker(scene.with_padding(0.04), ["l"])
-    assert padded.clearance([0, 0]) == pytest.approx(-0.01, abs=1e-9)
-    assert not padded.resting_is_free
+    assert padded.clearance([0, 0]) == pytest.approx(away - 0.98, abs=1e-9)
+    assert not padded.static_is_free
+    assert padded.static_contacts == (("r/upper", "b"),)
+    assert CollisionChecker(scene.with_padding(0.04), ["r"]).static_is_free
+
+
+def test_a_link_that_no_joint_moves_counts_with_its_arm(odd):
+    # The lift is held, so that nothing moves the link that slides.
+    limits = Limits(np.full(2, -3.2), np.full(2, 3.2), *(np.ones(2) for _ in range(4)))
+    names, home = ("turn", "bend"), {"home": np.zeros(2)}
+    robot = replace(odd, joint_names=names, held={**odd.held, "lift": 0.0}, limits=limits, configurations=home)
+    scene = Scene().with_arm("a", robot).with_obstacle("wall", Box((0.1, 0.1, 0.1)), [0.12, 0.12, 0.35])
+    checker = CollisionChecker(scene)
+    gap = float(np.hypot(0.07, 0.07)) - 0.06
+    assert checker.clearance([-2.36, 0.2]) == pytest.approx(gap, abs=1e-6)
+    assert checker.nearest([-2.36, 0.2]).pair == ("a/slide", "wall")
+    assert checker.static_is_free
+    padded = CollisionChecker(scene.with_padding(gap + 0.01, "a/slide", "wall"))
+    assert padded.clearance([-2.36, 0.2]) == pytest.approx(-0.01, abs=1e-6)
+    assert padded.static_contacts == (("a/slide", "wall"),)
+    assert not padded.static_is_free
+    assert [(c.a, c.b) for c in padded.contacts([-2.36, 0.2])] == [("a/slide", "wall")]
 
 
 def test_clearance_of_a_lone_arm_is_what_was_asked_for(planar):
@@ -228,10 +268,10 @@ def test_motions_are_proven_without_a_word_from_coal(cluttered, monkeypatch):
     def asked(*_):
         raise AssertionError("Coal was asked")
 
-    monkeypatch.setattr("rr1plan.collision.exact.CoalPairs", asked)
-    motions = MotionChecker(cluttered)
+    monkeypatch.setattr("rr1plan.collision.coal_checker.CoalPairs", asked)
+    motions = CollisionChecker(cluttered)
     q = np.array([0.0, 0.4, 0.8, 0.0, 0.5, 0.0])
     assert motions.edge_is_free(q, q)
-    assert motions.checker.clearance(q, 0.001) == 0.001
+    assert motions.clearance(q, 0.001) == 0.001
     with pytest.raises(AssertionError, match="Coal was asked"):
-        motions.checker.is_free(q)
+        motions.is_free_slowly(q)

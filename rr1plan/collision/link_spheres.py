@@ -1,18 +1,19 @@
-"""What the sphere kernel knows of all that moves, made once for all scenes with the same arms."""
+"""The sphere tables of the bodies that move: those of an arm made once for its geometry, joined for a scene's arms."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.carried import Carried
-from rr1plan.collision.cores import Cores, CoreTables, extremes
-from rr1plan.collision.exact_tables import CarriedTables, carried_tables, joint_motion
-from rr1plan.collision.groups import ball_around, group_rows
+from rr1plan.collision.arm_geometry import ArmGeometry
+from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_tables import ArmTables, arm_tables, joint_motion, moved
+from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, extremes
+from rr1plan.collision.enclosing_ball import ball_reach, enclosing_ball
+from rr1plan.collision.groups import group_rows
 from rr1plan.collision.spheres import SphereCover, cover
 from rr1plan.transforms import rotation_about
 
@@ -22,13 +23,13 @@ _NOTHING = -1e12
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedCover:
-    """Tables of the solids that move; columns as in `EdgeTables`.
+class LinkSpheres:
+    """Tables of the bodies that move; columns as in `EdgeTables`.
 
     Args:
         joints, joint_values, bodies, groups, spheres, chain, chain_reach: As there.
         cores: The cores of the bodies, in their order.
-        body: Index in `bodies` of each carried solid, -1 where it rests, shape (n,).
+        body: Index in `bodies` of each solid of the arms, -1 where it does not move, shape (n,).
     """
 
     joints: _INTS
@@ -40,6 +41,93 @@ class CarriedCover:
     chain_reach: Array
     cores: CoreTables
     body: _INTS
+
+
+# ---- all arms of a scene ---------------------------------------------------------------------------
+
+
+def instance_spheres(instances: ArmInstances) -> LinkSpheres:
+    """The tables of all arms that move, made once."""
+    if "spheres" not in instances.kept:
+        instances.kept["spheres"] = _instance_spheres(instances)
+    found: LinkSpheres = instances.kept["spheres"]
+    return found
+
+
+def _instance_spheres(instances: ArmInstances) -> LinkSpheres:
+    joints, values = [np.zeros((1, 3), np.int64)], [np.zeros((1, 13))]
+    bodies, groups, spheres = [np.zeros((0, 4), np.int64)], [np.zeros((0, 6), np.int64)], [np.zeros((0, 6))]
+    chains, reaches, body = [np.zeros(0, np.int64)], [np.zeros(0)], [np.zeros(0, np.int64)]
+    cores, first_core = _SharedCores(), [np.zeros((0, 7), np.int64)]
+    core_values = [np.zeros((0, 14))]
+    # Joints, bodies, groups, spheres and chain entries of the arms before.
+    joint = row = group = sphere = link = 0
+    for geometry, base, column in zip(instances.geometries, instances.bases, instances.first_column, strict=True):
+        own = arm_spheres(geometry)
+        rows, placed = own.joints[1:].copy(), own.joint_values[1:].copy()
+        roots = rows[:, 0] == 0
+        placed[roots, :12] = moved(base, placed[roots, :12])
+        rows[~roots, 0] += joint
+        rows[:, 2] += column
+        joints.append(rows)
+        values.append(placed)
+        bodies.append(own.bodies + np.array([joint, sphere, sphere, group]))
+        groups.append(own.groups + np.array([joint, sphere, row, row, link, link]))
+        spheres.append(own.spheres)
+        chains.append(own.chain + joint)
+        reaches.append(own.chain_reach)
+        body.append(np.where(own.body < 0, -1, own.body + row))
+        first_core.append(own.cores.rows + cores.first(geometry, own.cores) + np.array([joint, 0, 0, 0, 0, 0, 0]))
+        core_values.append(own.cores.values)
+        joint, row, group = joint + len(rows), row + len(own.bodies), group + len(own.groups)
+        sphere, link = sphere + len(own.spheres), link + len(own.chain)
+    return LinkSpheres(
+        read_only(np.concatenate(joints)),
+        read_only(np.concatenate(values)),
+        read_only(np.concatenate(bodies)),
+        read_only(np.concatenate(groups)),
+        read_only(np.concatenate(spheres)),
+        read_only(np.concatenate(chains)),
+        read_only(np.concatenate(reaches)),
+        CoreTables(*map(read_only, (np.concatenate(first_core), np.concatenate(core_values), *cores.joined()))),
+        read_only(np.concatenate(body)),
+    )
+
+
+class _SharedCores:
+    """Points of cores and what belongs to them, once for each geometry."""
+
+    def __init__(self) -> None:
+        self._first: dict[ArmGeometry, _INTS] = {}
+        self._parts = [NO_CORES]
+        self._end = np.zeros(7, np.int64)
+
+    def first(self, geometry: ArmGeometry, cores: CoreTables) -> _INTS:
+        """What is added to the rows of a geometry's cores, shape (7,)."""
+        if geometry not in self._first:
+            self._first[geometry] = self._end.copy()
+            self._parts.append(cores)
+            points, blocks, words = len(cores.points), len(cores.blocks), len(cores.lowest)
+            self._end += np.array([0, points, points, 0, blocks, words, 0])
+        return self._first[geometry]
+
+    def joined(self) -> tuple[Array, Array, _INTS]:
+        """Points, blocks and support tables."""
+        points, blocks, lowest = (
+            np.concatenate(parts) for parts in zip(*(part[2:] for part in self._parts), strict=True)
+        )
+        return points, blocks, lowest
+
+
+# ---- one arm, in the frame of its base -------------------------------------------------------------
+
+
+def arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
+    """The tables of an arm's bodies that move, made once."""
+    if "spheres" not in geometry.kept:
+        geometry.kept["spheres"] = _arm_spheres(geometry)
+    found: LinkSpheres = geometry.kept["spheres"]
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +144,10 @@ class _Joints:
     offset: list[Array]
 
 
-@lru_cache(maxsize=64)
-def carried_cover(carried: Carried) -> CarriedCover:
-    """The tables of the solids that move, made once."""
-    joints = _driven_joints(carried_tables(carried))
-    body = np.where(carried.groups > 0, np.cumsum(carried.groups > 0) - 1, -1)
-    moving = [solid for solid, group in zip(carried.solids, carried.groups, strict=True) if group > 0]
+def _arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
+    joints = _driven_joints(arm_tables(geometry))
+    body = np.where(geometry.groups > 0, np.cumsum(geometry.groups > 0) - 1, -1)
+    moving = [solid for solid, group in zip(geometry.solids, geometry.groups, strict=True) if group > 0]
     bodies, spheres = np.zeros((len(moving), 4), np.int64), [np.zeros((0, 6))]
     chains: list[list[int]] = []
     reaches: list[list[float]] = []
@@ -83,7 +169,7 @@ def carried_cover(carried: Carried) -> CarriedCover:
         reaches.append(_reaches(joints, above, points))
         first += len(rows)
     bodies, groups, all_spheres, chain, reach = _group(bodies, np.concatenate(spheres), chains, reaches)
-    return CarriedCover(
+    return LinkSpheres(
         read_only(joints.rows),
         read_only(joints.values),
         read_only(bodies),
@@ -110,7 +196,10 @@ def _group(
             continue
         within = np.setdiff1d(np.arange(balls[0], bodies[last - 1, 2]), balls)
         groups[g, 1] = len(spheres) + len(rows) - 1
-        rows.append(np.array([[*ball_around(spheres[within, :4], spheres[balls, :4]), _NOTHING, 0.0]]))
+        ball = enclosing_ball(spheres[within, :4])
+        # The balls around the bodies are known to hold them too.
+        ball[3] = min(ball[3], ball_reach(spheres[balls, :4], ball[:3]).max() * (1.0 + 1e-9))
+        rows.append(np.array([[*ball, _NOTHING, 0.0]]))
     return bodies, groups, np.concatenate(rows), chain, reach
 
 
@@ -133,7 +222,7 @@ def _turn_from_z(axis: Array) -> Array:
     return T
 
 
-def _driven_joints(tables: CarriedTables) -> _Joints:
+def _driven_joints(tables: ArmTables) -> _Joints:
     rows, values = [(0, 0, 0)], [np.zeros(13)]
     carrier, offset = [0], [np.eye(4)]
     for (parent, prismatic, column, _), row in zip(tables.joints[1:].tolist(), tables.joint_values[1:], strict=True):

@@ -14,15 +14,17 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, finite_array, finite_number, items_of, read_only, whole_number
+from rr1plan.checks import Array, finite_array, finite_number, items_of, of_kind, read_only, whole_number
 from rr1plan.collision.answers import Contact, Nearest
-from rr1plan.collision.carried import Solid
+from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
+from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry
 from rr1plan.collision.edge_kernel import ExactKernel
-from rr1plan.collision.exact_tables import build_resting_tables, build_tables
+from rr1plan.collision.exact_tables import build_static_tables, build_tables
 from rr1plan.collision.kernel_tables import ExactTables
-from rr1plan.collision.layout import layout_of
-from rr1plan.collision.resting import Resting, measure_resting
+from rr1plan.collision.standing_contacts import standing_contacts
+from rr1plan.collision.static_pairs import StaticPairs, measure_static
+from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.model import SceneModel
 from rr1plan.scene import Scene
@@ -31,88 +33,85 @@ from rr1plan.scene import Scene
 _ROUNDING = 1e-9
 
 
-class CollisionChecker:
-    """Which elements of a scene touch, and how far apart they are, at a configuration.
+class CoalChecker:
+    """Which elements of a scene touch, and how far apart they are, at a configuration: what `CollisionChecker` adds to.
 
-    An instance keeps scratch memory: give each thread its own (they pickle, as scene and arms). Coal's objects
-    are made when it is first asked.
+    Coal's objects are made when they are first needed.
 
     Args:
         scene: The scene.
-        arms: The arms that move (default: all); the others rest in their posture of the scene.
+        arms: The arms that move (default: all); the others stand in their configuration of the scene.
+        margin: Distance to keep beyond the scene's padding between elements that move against each other [m].
 
     Attributes:
-        model: The scene's `SceneModel`.
-        layout: The convex pieces of all elements, and their pairs.
+        scene, arms: As given; arms in the order of the scene.
+        geometry: The solids of the moving arms and of all that can come near them, and their pairs.
         solid_pairs: Pairs of solids [index] whose relative pose depends on q, shape (m, 2).
-        solid_padding: Padding of each of those [m], shape (m,).
         solid_owner: For each of those the index in `pairs`, shape (m,).
+        padding: The scene's padding of each of `pairs` [m], shape (n_pairs,).
+        solid_padding: Distance to keep between each of `solid_pairs`, the margin included [m], shape (m,).
 
     Raises:
         UnknownNameError: no such arm.
-        InputError: a shape that cannot be made solid.
+        InputError: a shape that cannot be made solid, or a margin below zero.
     """
 
-    def __init__(self, scene: Scene, arms: Sequence[str] | None = None) -> None:
-        self.model = SceneModel(scene, arms)
-        self.layout = layout_of(self.model)
-        self.solid_pairs: NDArray[np.int64] = self.layout.pairs.moving
-        self.solid_owner: NDArray[np.int64] = self.layout.pairs.moving_owner
-        self.solid_padding: Array = read_only(scene.checked_padding[self.solid_owner])
+    def __init__(self, scene: Scene, arms: Sequence[str] | None = None, *, margin: float = 0.0) -> None:
+        of_kind("scene", scene, Scene)
+        self.scene = scene
+        # A second time, as a scene may have no arms at all.
+        self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
+        self.margin = checked_margin(margin)
+        self._use(collision_geometry(scene, self.arms, self.margin))
 
-    def __repr__(self) -> str:
-        return f"CollisionChecker({self.scene.name!r}, arms={list(self.arms)}, {len(self.pairs)} pairs)"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles as its scene and arms."""
-        return CollisionChecker, (self.scene, self.arms)
+    def _use(self, geometry: CollisionGeometry) -> None:
+        scene = self.scene
+        self.geometry = geometry
+        self.solid_pairs: NDArray[np.int64] = geometry.pairs.moving
+        self.solid_owner: NDArray[np.int64] = geometry.pairs.moving_owner
+        self.padding: Array = read_only(geometry.rules.paddings(scene.padding, scene.pair_padding))
+        self.solid_padding: Array = read_only(self.padding[self.solid_owner] + self.margin)
+        self.joint_names: tuple[str, ...] = scene.joint_names(self.arms)
+        self.nq = len(self.joint_names)
 
     # ---- what it is about ----------------------------------------------------------------
 
-    @property
-    def scene(self) -> Scene:
-        """The scene."""
-        return self.model.scene
+    @cached_property
+    def model(self) -> SceneModel:
+        """The moving arms alone as one Pinocchio model; its joints are numbered like those of the solids."""
+        return SceneModel(Scene({name: self.scene.arms[name] for name in self.arms}))
 
-    @property
+    @cached_property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """All pairs of elements that must not touch."""
-        return self.scene.checked_pairs
+        """Pairs of elements that must not touch, of which at least one belongs to a moving arm.
+
+        Pairs that are proven to stay more than 5 cm beyond the greatest padding apart, whatever q is, are left out,
+        arm by arm and obstacle by obstacle.
+        """
+        names = self.geometry.rules.names
+        return tuple((names[i], names[j]) for i, j in self.geometry.rules.checked.tolist())
 
     @property
     def solids(self) -> tuple[Solid, ...]:
-        """The convex pieces of all elements."""
-        return self.layout.solids
-
-    @property
-    def arms(self) -> tuple[str, ...]:
-        """The arms that move."""
-        return self.model.arms
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Columns of q, "arm/joint"."""
-        return self.model.joint_names
-
-    @property
-    def nq(self) -> int:
-        """Number of columns of q."""
-        return self.model.nq
-
-    @property
-    def limits(self) -> Limits:
-        """Limits of those columns."""
-        return self.model.limits
+        """The convex pieces of the elements."""
+        return self.geometry.solids
 
     @cached_property
-    def resting_is_free(self) -> bool:
-        """No two elements collide that do not move against each other."""
-        return self._resting_clearance(_ROUNDING) >= _ROUNDING or not self._resting.touching
+    def limits(self) -> Limits:
+        """Limits of the columns of q."""
+        return self.scene.limits(self.arms)
+
+    @cached_property
+    def static_is_free(self) -> bool:
+        """No two elements collide that do not move against each other, those of arms that stand still included."""
+        own = self._static_clearance(_ROUNDING) >= _ROUNDING or not self._static.touching
+        return own and not self._standing
 
     @property
-    def resting_contacts(self) -> tuple[tuple[str, str], ...]:
+    def static_contacts(self) -> tuple[tuple[str, str], ...]:
         """The pairs of elements that touch and do not move against each other."""
-        return tuple(dict.fromkeys(self.pairs[owner] for owner, *_ in self._resting.touching))
+        own = dict.fromkeys(self.pairs[owner] for owner, *_ in self._static.touching)
+        return (*own, *((contact.a, contact.b) for contact in self._standing))
 
     def limit_violations(self, q: Any) -> tuple[tuple[str, float], ...]:
         """Joints outside their position limits, each with how far [rad or m].
@@ -130,8 +129,8 @@ class CollisionChecker:
 
     # ---- one configuration ---------------------------------------------------------------
 
-    def is_free(self, q: Any) -> bool:
-        """No checked pair is nearer than its padding.
+    def is_free_slowly(self, q: Any) -> bool:
+        """The answer of `is_free`, by Coal alone; tests hold that to it.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
@@ -140,7 +139,7 @@ class CollisionChecker:
             InputError: wrong shape or not finite.
         """
         moving = self._placed(q)
-        return self.resting_is_free and not moving.any_touches()
+        return self.static_is_free and not moving.any_touches()
 
     def contacts(self, q: Any) -> tuple[Contact, ...]:
         """All pairs of elements that touch or are nearer than their padding, the deepest first.
@@ -152,7 +151,7 @@ class CollisionChecker:
             InputError: wrong shape or not finite.
         """
         moving = self._placed(q)
-        touching = list(self._resting.touching)
+        touching = list(self._static.touching)
         for i in moving.touching():
             distance, a, b = moving.distance(i)
             depth = max(0.0, float(self.solid_padding[i]) - distance)
@@ -162,7 +161,8 @@ class CollisionChecker:
             if owner not in deepest or depth > deepest[owner][0]:
                 deepest[owner] = (depth, point)
         ordered = sorted(deepest.items(), key=lambda item: (-item[1][0], item[0]))
-        return tuple(Contact(*self.pairs[k], depth, read_only(point)) for k, (depth, point) in ordered)
+        own = [Contact(*self.pairs[k], depth, read_only(point)) for k, (depth, point) in ordered]
+        return tuple(sorted([*own, *self._standing], key=lambda contact: -contact.depth))
 
     def distances(self, q: Any) -> Array:
         """Distance of every checked pair [m], negative where they overlap, shape (n_pairs,).
@@ -173,7 +173,7 @@ class CollisionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        out = self._resting.distances.copy()
+        out = self._static.distances.copy()
         np.minimum.at(out, self.solid_owner, self.solid_distances(q))
         return out
 
@@ -187,8 +187,11 @@ class CollisionChecker:
             InputError: wrong shape or not finite.
         """
         distances = self.solid_distances(q)
-        if len(distances) == 0 or distances.min() >= self._resting.nearest.distance:
-            return self._resting.nearest
+        least = min(float(distances.min(initial=np.inf)), self._static.nearest.distance)
+        if least > self.geometry.least_gap:
+            return self._whole.nearest(q)
+        if least == self._static.nearest.distance:
+            return self._static.nearest
         i = int(np.argmin(distances))
         distance, a, b = self._moving.distance(i)
         return Nearest(distance, self.pairs[self.solid_owner[i]], read_only(a), read_only(b))
@@ -208,9 +211,25 @@ class CollisionChecker:
         """
         q = self.checked(q)
         most = most if type(most) is float and most > 0.0 else finite_number("most", most)
-        return self.exact_kernel.least_clearance(q, self._resting_clearance(most))
+        least = self.exact_kernel.least_clearance(q, self._static_clearance(most))
+        return least if least <= self._left_out else self._whole.clearance(q, most)
 
-    # ---- for the motion checker -----------------------------------------------------------
+    def moving_clearance(self, q: Any, most: float = np.inf) -> float:
+        """Like `clearance`, of the pairs that move against each other.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+            most: What is more is not looked at [m].
+
+        Raises:
+            InputError: wrong shape or not finite, or elements that cannot be measured against each other.
+        """
+        q = self.checked(q)
+        most = most if type(most) is float and most > 0.0 else finite_number("most", most)
+        least = self.exact_kernel.least_clearance(q, most)
+        return least if least <= self._left_out else self._whole.moving_clearance(q, most)
+
+    # ---- for the kernels -----------------------------------------------------------
 
     @cached_property
     def tables(self) -> ExactTables:
@@ -258,6 +277,18 @@ class CollisionChecker:
     # ---- inside ---------------------------------------------------------------------------
 
     @cached_property
+    def _left_out(self) -> float:
+        """What `pairs` leaves out stays farther than this beyond its padding [m]."""
+        return self.geometry.least_gap - max((self.scene.padding, *self.scene.pair_padding.values())) - self.margin
+
+    @cached_property
+    def _whole(self) -> CoalChecker:
+        """A checker of the same arms that leaves nothing out."""
+        other = CoalChecker(self.scene, self.arms, margin=self.margin)
+        other._use(collision_geometry(self.scene, self.arms, np.inf))
+        return other
+
+    @cached_property
     def _moving(self) -> CoalPairs:
         return CoalPairs(self.model, self.solids, self.solid_pairs, self.solid_padding)
 
@@ -267,25 +298,41 @@ class CollisionChecker:
         self._moving.place(q)
         return self._moving
 
-    def _resting_clearance(self, most: float) -> float:
+    @cached_property
+    def _standing(self) -> tuple[Contact, ...]:
+        return standing_contacts(self.scene, self.arms)
+
+    def _static_clearance(self, most: float) -> float:
         """The least distance beyond their padding of pairs that do not move against each other [m], `most` at most."""
-        if len(self.layout.pairs.resting) == 0:
+        if len(self.geometry.pairs.static) == 0:
             return most
-        tables = build_resting_tables(self)
+        tables = build_static_tables(self)
         if tables is None:
-            beyond = self._resting.distances - self.scene.checked_padding
+            beyond = self._static.distances - self.padding
             return min(most, float(beyond.min()))
         return ExactKernel(tables, self.nq).least_clearance(np.zeros(self.nq), most)
 
     @cached_property
-    def _resting(self) -> Resting:
-        index, owner = self.layout.pairs.resting, self.layout.pairs.resting_owner
+    def _static(self) -> StaticPairs:
+        index, owner = self.geometry.pairs.static, self.geometry.pairs.static_owner
         if len(index) == 0:
-            return Resting(read_only(np.full(len(self.pairs), np.inf)))
-        padding = self.scene.checked_padding[owner]
+            return StaticPairs(read_only(np.full(len(self.pairs), np.inf)))
+        padding = self.padding[owner]
         things = CoalPairs(self.model, self.solids, index, padding)
         things.place(np.zeros(self.nq))
-        return measure_resting(things, self.pairs, owner, padding)
+        return measure_static(things, self.pairs, owner, padding)
+
+
+def checked_margin(margin: float) -> float:
+    """A margin [m].
+
+    Raises:
+        InputError: below zero or not finite.
+    """
+    margin = finite_number("margin", margin)
+    if margin < 0.0:
+        raise InputError(f"margin is {margin}, expected a distance >= 0")
+    return margin
 
 
 def _is_plain(q: Any, length: int) -> TypeGuard[Array]:

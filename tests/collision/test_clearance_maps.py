@@ -1,4 +1,4 @@
-"""Maps of neighbours against Coal, and how they are kept."""
+"""Clearance maps against Coal, and how they are kept."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import logging
 import numpy as np
 import pytest
 
-from rr1plan.collision import CollisionChecker, neighbour_maps
+from rr1plan.collision import CollisionChecker, arm_geometry, arm_instances, clearance_maps
 from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Robot
@@ -16,26 +16,31 @@ from rr1plan.shapes import Capsule
 from rr1plan.transforms import pose
 
 
+def forget():
+    """A new process has none of what this one keeps."""
+    clearance_maps._gaps.cache_clear()
+    arm_geometry._arm_geometry.cache_clear()
+    arm_instances._arm_instances.cache_clear()
+
+
 @pytest.fixture
 def own_cache(tmp_path, monkeypatch):
     folder = tmp_path / "cache"
     monkeypatch.setenv("RR1PLAN_CACHE", str(folder))
-    neighbour_maps._gaps.cache_clear()
-    neighbour_maps._maps.cache_clear()
+    forget()
     yield folder
-    neighbour_maps._gaps.cache_clear()
-    neighbour_maps._maps.cache_clear()
+    forget()
 
 
 def of(scene, least=0.001):
     """A checker, its pairs that move against each other by few columns, and their maps."""
     checker = CollisionChecker(scene)
-    groups = checker.layout.carried.groups
+    groups = checker.geometry.instances.groups
     pairs = checker.solid_pairs
     pairs = pairs[(pairs < len(groups)).all(axis=1)]
     pairs = pairs[(groups[pairs] > 0).all(axis=1)]
-    maps = neighbour_maps.neighbour_maps(
-        checker.layout.carried, pairs, np.full(len(pairs), least), np.zeros((0, 2), np.int64)
+    maps = clearance_maps.instance_maps(
+        checker.geometry.instances, pairs, np.full(len(pairs), least), np.zeros((0, 5), np.int64)
     )
     return checker, pairs, maps
 
@@ -53,7 +58,7 @@ def test_no_map_promises_more_than_coal_measures(robot, request, own_cache):
             continue
         begin, width, x, y = place.tolist()
         number = number_of(checker, pair)
-        sums = maps.counts[begin : begin + (neighbour_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
+        sums = maps.counts[begin : begin + (clearance_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
         near = np.diff(np.diff(sums.astype(np.int64), axis=0), axis=1)
         for q in rng.uniform(checker.limits.lower, checker.limits.upper, (40, checker.nq)):
             cell = int((q[x] - low_x) * per_x), int((q[y] - low_y) * per_y) if width > 1 else 0
@@ -94,11 +99,11 @@ def test_a_greater_gap_is_proven_in_fewer_cells_of_the_same_map(odd, own_cache):
     scene = Scene().with_arm("a", odd)
     _, _, maps = of(scene, 0.001)
     files = sorted(own_cache.iterdir())
-    made = neighbour_maps._gaps.cache_info().misses
+    made = clearance_maps._gaps.cache_info().misses
     assert len(files) == made > 0
     _, _, wider = of(scene, 0.01)
     assert sorted(own_cache.iterdir()) == files
-    assert neighbour_maps._gaps.cache_info().misses == made
+    assert clearance_maps._gaps.cache_info().misses == made
     assert (wider.counts >= maps.counts).all()
     assert wider.counts.sum() > maps.counts.sum()
 
@@ -108,7 +113,7 @@ def test_the_map_of_a_family_is_free_where_all_of_its_pairs_are(rr1, own_cache):
     tables = build_edge_tables(checker, checker.tables, 1e-6)
 
     def near(begin, width):
-        sums = tables.maps[begin : begin + (neighbour_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
+        sums = tables.maps[begin : begin + (clearance_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
         return np.diff(np.diff(sums.astype(np.int64), axis=0), axis=1) > 0
 
     seen = 0
@@ -134,13 +139,12 @@ def test_maps_are_the_same_wherever_the_arm_stands(odd, own_cache):
 
 def test_a_new_process_takes_the_maps_it_finds(odd, own_cache, monkeypatch):
     _, _, maps = of(Scene().with_arm("a", odd))
-    neighbour_maps._gaps.cache_clear()
-    neighbour_maps._maps.cache_clear()
+    forget()
 
     def made_again(*_):
         raise AssertionError("a map was made though there is one")
 
-    monkeypatch.setattr(neighbour_maps, "exact_struct", made_again)
+    monkeypatch.setattr(clearance_maps, "exact_struct", made_again)
     _, _, again = of(Scene().with_arm("a", odd))
     np.testing.assert_array_equal(again.counts, maps.counts)
 
@@ -152,8 +156,7 @@ def test_a_damaged_map_is_made_again(odd, own_cache, caplog):
             np.savez(file, gaps=np.full((3, 3), 9.0))
         else:
             file.write_bytes(file.read_bytes()[:-40])
-    neighbour_maps._gaps.cache_clear()
-    neighbour_maps._maps.cache_clear()
+    forget()
     with caplog.at_level(logging.WARNING):
         _, _, again = of(Scene().with_arm("a", odd))
     assert "cannot be used" in caplog.text
@@ -166,7 +169,6 @@ def test_without_a_folder_to_write_to_maps_are_made_all_the_same(odd, own_cache)
         file.unlink()
     own_cache.rmdir()
     own_cache.write_text("not a folder")
-    neighbour_maps._gaps.cache_clear()
-    neighbour_maps._maps.cache_clear()
+    forget()
     _, _, again = of(Scene().with_arm("a", odd))
     np.testing.assert_array_equal(again.counts, maps.counts)

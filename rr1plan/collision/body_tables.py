@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.carried import Solid
+from rr1plan.collision.arm_geometry import Solid
+from rr1plan.collision.enclosing_ball import around_points
 from rr1plan.collision.solids import occupied_cells
 from rr1plan.kernels.library import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
@@ -22,22 +23,22 @@ _KIND = constants()
 
 
 @dataclass(frozen=True, eq=False)
-class BodyRows:
+class BodyTables:
     """The tables of some bodies by themselves; columns as in `ExactTables`.
 
     Args:
         bodies, values, corners: As there, corners and chains counted from these bodies' first.
-        degrees, neighbours: How many edges leave each corner, and where they lead, corner after corner.
-        poses, centres: Where the bodies and the centres of their balls are at q = 0.
+        degrees, neighbors: How many edges leave each corner, and where they lead, corner after corner.
+        poses, centers: Where the bodies and the centers of their balls are at q = 0.
     """
 
     bodies: _INTS
     values: Array
     corners: Array
     degrees: _INTS
-    neighbours: _INTS
+    neighbors: _INTS
     poses: Array
-    centres: Array
+    centers: Array
 
 
 def flat(T: Array) -> Array:
@@ -45,10 +46,10 @@ def flat(T: Array) -> Array:
     return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
 
 
-def rows_of(solids: Sequence[Solid], joint_poses: Array) -> BodyRows:
+def body_tables(solids: Sequence[Solid], joint_poses: Array) -> BodyTables:
     """The tables of solids, their chains left empty."""
     cores = [_core(solid.shape) for solid in solids]
-    around = [_neighbours(solid.shape) for solid in solids]
+    around = [_neighbors(solid.shape) for solid in solids]
     joints = np.array([solid.joint for solid in solids], dtype=np.int64)
     T = np.array([solid.placement for solid in solids]).reshape(-1, 4, 4)
     balls = np.array([core.ball for core in cores]).reshape(-1, 3)
@@ -64,20 +65,20 @@ def rows_of(solids: Sequence[Solid], joint_poses: Array) -> BodyRows:
     poses = np.empty((len(solids), 12))
     poses[:, :9] = (R @ T[:, :3, :3]).reshape(-1, 9)
     poses[:, 9:] = np.einsum("nij,nj->ni", R, T[:, :3, 3]) + t
-    centres = np.einsum("nij,nj->ni", R, values[:, 12:15]) + t
-    return BodyRows(
+    centers = np.einsum("nij,nj->ni", R, values[:, 12:15]) + t
+    return BodyTables(
         bodies,
         values,
         np.concatenate([np.zeros((0, 3)), *(core.points for core in cores)]),
         np.concatenate([np.zeros(0, np.int64), *(degrees for degrees, _ in around)]),
         np.concatenate([np.zeros(0, np.int64), *(to + begin for (_, to), begin in zip(around, begins, strict=True))]),
         poses,
-        centres,
+        centers,
     )
 
 
 @lru_cache(maxsize=256)
-def _neighbours(shape: Shape) -> tuple[_INTS, _INTS]:
+def _neighbors(shape: Shape) -> tuple[_INTS, _INTS]:
     """How many edges leave each point of a shape's core, and where they lead, point after point."""
     count = len(_core(shape).points)
     if not isinstance(shape, Mesh):
@@ -148,16 +149,13 @@ def _cells(cloud: PointCloud) -> _Core:
 
 def _corners(mesh: Mesh) -> _Core:
     points = np.array(mesh.vertices)
+    ball = around_points(points)
     low, high = points.min(axis=0), points.max(axis=0)
     return _made(
-        _KIND["BODY_CORNERS"], np.zeros(3), 0.0, _ball(points), (0.5 * (low + high), 0.5 * (high - low)), points
+        _KIND["BODY_CORNERS"],
+        np.zeros(3),
+        0.0,
+        (ball[:3], float(ball[3])),
+        (0.5 * (low + high), 0.5 * (high - low)),
+        points,
     )
-
-
-def _ball(points: Array) -> tuple[Array, float]:
-    """A ball around points, a little larger than the least (Badoiu and Clarkson 2003)."""
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    for step in range(2, 100):
-        farthest = points[np.argmax(np.linalg.norm(points - centre, axis=1))]
-        centre = centre + (farthest - centre) / step
-    return centre, float(np.linalg.norm(points - centre, axis=1).max()) * (1.0 + 1e-12)

@@ -1,4 +1,4 @@
-"""Certified motions: a whole edge or curve is proven free, not sampled.
+"""The collision checker: configurations, and motions that are certified free as a whole, not sampled.
 
 The proof is in the kernels: straight edges and parabolas by `certify_edge.c`, other curves by `certify_curve.c`. It
 leaves no gap between samples for a thin obstacle to slip through. What passes at less than `tolerance` beyond the
@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import FARTHEST, Array, Value, finite_array, finite_number, of_kind, positive_number, read_only
+from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
-from rr1plan.collision.exact import CollisionChecker
 from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.errors import InputError
 from rr1plan.path import Path
@@ -42,47 +42,47 @@ class FirstContact(Value):
     pair: tuple[str, str]
 
 
-class MotionChecker:
-    """Certifies edges and curves of a scene's moving arms.
+class CollisionChecker(CoalChecker):
+    """Which elements of a scene touch at a configuration, how far apart they are, and which motions are free.
 
-    An instance keeps scratch memory: give each thread its own (they pickle, as scene and arms).
-    Joint limits are another question, and so is a continuous joint's shorter way round: an edge is the
-    straight line between the numbers it is given.
+    An edge is the straight line between two configurations; it is certified as a whole. Joint limits are another
+    question (`limit_violations`), and so is the shorter way round of a continuous joint.
+
+    An instance keeps scratch memory: give each thread its own (they pickle, as what they were made from).
 
     Args:
-        checker: A collision checker, or a scene.
-        arms: The arms that move, when a scene is given (default: all).
-        tolerance: Motions that pass at less than this beyond the padding are refused [m].
+        scene: The scene.
+        arms: The arms that move (default: all); the others stand in their configuration of the scene.
+        margin: Distance to keep beyond the scene's padding between elements that move against each other [m].
+        tolerance: Motions that pass at less than this beyond that are refused [m].
 
     Attributes:
-        checker: The collision checker.
-        edges_checked: Edges and curves looked at so far.
+        edges_checked: Edges and curves checked so far.
 
     Raises:
         UnknownNameError: no such arm.
-        InputError: no checker or scene, a tolerance that is not above zero, or a scene that cannot be checked.
+        InputError: no scene, one that cannot be checked, a margin below zero, or a tolerance that is not above zero.
     """
 
     def __init__(
-        self, checker: CollisionChecker | Scene, arms: Sequence[str] | None = None, *, tolerance: float = TOLERANCE
+        self,
+        scene: Scene,
+        arms: Sequence[str] | None = None,
+        *,
+        margin: float = 0.0,
+        tolerance: float = TOLERANCE,
     ) -> None:
-        if isinstance(checker, Scene):
-            checker = CollisionChecker(checker, arms)
-        else:
-            of_kind("checker", checker, CollisionChecker)
-            if arms is not None:
-                raise InputError("MotionChecker takes arms with a scene only; a checker has its own")
-        self.checker = checker
+        super().__init__(scene, arms, margin=margin)
         self.tolerance = positive_number("tolerance", tolerance)
         self._without: dict[frozenset[str], ExactKernel] = {}
         self.edges_checked = 0
 
     def __repr__(self) -> str:
-        return f"MotionChecker({self.checker!r}, tolerance={self.tolerance})"
+        return f"CollisionChecker({self.scene.name!r}, arms={list(self.arms)}, {len(self.pairs)} pairs)"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles as its checker; the counters begin anew."""
-        return _rebuild, (self.checker, self.tolerance)
+        """Pickles as what it was made from; the counters begin anew."""
+        return _rebuild, (self.scene, self.arms, self.margin, self.tolerance)
 
     @property
     def done(self) -> EdgeCounters:
@@ -91,17 +91,33 @@ class MotionChecker:
 
     def set_up(self) -> None:
         """Build the collision tables, which the first query needs."""
-        _ = self.context, self.checker.resting_is_free
+        _ = self.context, self.static_is_free
 
     @property
     def context(self) -> tuple[int, int]:
         """What compiled planners hand to the certified edge: addresses of the tables and the scratch memory."""
         return self._kernel.context
 
+    def memory_image(self) -> bytes:
+        """The collision tables and fresh scratch memory for `core.wasm`, where pages certify edges by themselves.
+
+        Equal scenes have equal images. `rr1plan/kernels/core.js` places one in memory, with the names `scene` and
+        `scratch`.
+
+        Raises:
+            InputError: two elements that do not move are in contact, which no kernel looks at.
+        """
+        if not self.static_is_free:
+            raise InputError(f"no edge is free: {' and '.join(self._names(-1))} are in contact, and neither moves")
+        return self._make_kernel(ExactKernel(self.tables, self.nq)).memory_image()
+
     @cached_property
     def _kernel(self) -> EdgeKernel:
-        tables = build_edge_tables(self.checker, self.checker.tables, self.tolerance)
-        return EdgeKernel(tables, self.checker.exact_kernel, self.checker.nq, self.tolerance)
+        return self._make_kernel(self.exact_kernel)
+
+    def _make_kernel(self, exact: ExactKernel) -> EdgeKernel:
+        tables = build_edge_tables(self, self.tables, self.tolerance)
+        return EdgeKernel(tables, exact, self.nq, self.tolerance)
 
     def is_free(self, q: Any) -> bool:
         """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.
@@ -112,9 +128,9 @@ class MotionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        q = self.checker.checked(q)
+        q = self.checked(q)
         status = self._certify(q, q)[0]
-        return status == FREE or (status != CONTACT and self.checker.is_free(q))
+        return status == FREE or (status != CONTACT and self.is_free_slowly(q))
 
     def is_free_but_for(self, q: Any, arms: frozenset[str]) -> bool:
         """The same, but that pairs do not count in which some arms have a part; nothing is nearer than a nanometre.
@@ -126,25 +142,21 @@ class MotionChecker:
         Raises:
             InputError: wrong shape or not finite, or elements that cannot be measured against each other.
         """
-        q = self.checker.checked(q)
+        q = self.checked(q)
         of_kind("arms", arms, frozenset)
         if self.is_free(q):
             return True
-        return (
-            bool(arms)
-            and self.checker.resting_is_free
-            and self._kernel_without(arms).least_clearance(q, _NEAR) >= _NEAR
-        )
+        return bool(arms) and self.static_is_free and self._kernel_without(arms).least_clearance(q, _NEAR) >= _NEAR
 
     def _kernel_without(self, arms: frozenset[str]) -> ExactKernel:
         """The exact kernel of the pairs that involve none of some arms."""
         if arms not in self._without:
-            owner = self.checker.scene.owner
-            counts = np.array([owner(a) not in arms and owner(b) not in arms for a, b in self.checker.pairs], np.bool_)
-            chosen = counts[self.checker.solid_owner]
-            tables = self.checker.tables
+            owner = self.scene.owner
+            counts = np.array([owner(a) not in arms and owner(b) not in arms for a, b in self.pairs], np.bool_)
+            chosen = counts[self.solid_owner]
+            tables = self.tables
             tables = tables._replace(pairs=tables.pairs[chosen], padding=tables.padding[chosen])
-            self._without[arms] = ExactKernel(tables, self.checker.nq)
+            self._without[arms] = ExactKernel(tables, self.nq)
         return self._without[arms]
 
     def edge_is_free(self, q0: Any, q1: Any) -> bool:
@@ -157,7 +169,7 @@ class MotionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        q0, q1 = self.checker.checked(q0), self.checker.checked(q1)
+        q0, q1 = self.checked(q0), self.checked(q1)
         self.edges_checked += 1
         return self._certify(q0, q1)[0] == FREE
 
@@ -171,7 +183,7 @@ class MotionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        q0, q1 = self.checker.checked(q0), self.checker.checked(q1)
+        q0, q1 = self.checked(q0), self.checked(q1)
         return self._certify_exactly(np.array([q0, q1 - q0]), 1.0)[0] == FREE
 
     def path_is_free(self, waypoints: Any) -> bool:
@@ -185,7 +197,7 @@ class MotionChecker:
         """
         if isinstance(waypoints, Path):
             waypoints = self._in_order(waypoints)
-        points = finite_array("waypoints", waypoints, (None, self.checker.nq))
+        points = finite_array("waypoints", waypoints, (None, self.nq))
         if len(points) == 0:
             raise InputError("a path has at least one waypoint, got none")
         if len(points) == 1:
@@ -194,7 +206,7 @@ class MotionChecker:
 
     def _in_order(self, path: Path) -> Array:
         """The waypoints of a path, columns in the checker's order."""
-        names = self.checker.joint_names
+        names = self.joint_names
         if sorted(path.joint_names) != sorted(names):
             raise InputError(f"the path's joints are {', '.join(path.joint_names)}, expected {', '.join(names)}")
         return path.waypoints[:, [path.joint_names.index(name) for name in names]]
@@ -213,7 +225,7 @@ class MotionChecker:
         if len(curve) > 3:
             return self._certify_exactly(curve, duration)[0] == FREE
         self.edges_checked += 1
-        return self.checker.resting_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
+        return self.static_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
 
     def polynomial_is_free_slowly(self, coefficients: Any, duration: float) -> bool:
         """The answer of `polynomial_is_free`, by the exact kernel alone; it is what tests hold that to.
@@ -237,7 +249,7 @@ class MotionChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        q0, q1 = self.checker.checked(q0), self.checker.checked(q1)
+        q0, q1 = self.checked(q0), self.checked(q1)
         status, _, pair = self._certify_exactly(np.array([q0, q1 - q0]), 1.0)
         if status == FREE:
             return None
@@ -253,7 +265,7 @@ class MotionChecker:
         return FirstContact(free, read_only(q0 + free * (q1 - q0)), self._names(pair))
 
     def _checked_curve(self, coefficients: Any, duration: float) -> tuple[Array, float]:
-        curve = finite_array("coefficients", coefficients, (None, self.checker.nq))
+        curve = finite_array("coefficients", coefficients, (None, self.nq))
         duration = finite_number("duration", duration)
         if len(curve) == 0 or duration < 0.0:
             raise InputError(f"a curve of {len(curve)} coefficients and duration {duration}, expected >= 1 and >= 0")
@@ -264,22 +276,19 @@ class MotionChecker:
 
     def _certify(self, q0: Array, q1: Array) -> Answer:
         """Status, where (0..1), and which pair of solids (-1: one that rests) of an edge that was checked for shape."""
-        if not self.checker.resting_is_free:
+        if not self.static_is_free:
             return CONTACT, 0.0, -1
         return self._kernel.certify_edge(q0, q1)
 
     def _certify_exactly(self, curve: Array, duration: float) -> Answer:
         """The same of a curve, by the exact kernel alone."""
         self.edges_checked += 1
-        if not self.checker.resting_is_free:
+        if not self.static_is_free:
             return CONTACT, 0.0, -1
         return self._kernel.certify_curve(curve, duration)
 
     def _names(self, pair: int) -> tuple[str, str]:
-        if pair >= 0:
-            return self.checker.pairs[self.checker.solid_owner[pair]]
-        contact = self.checker.contacts(np.zeros(self.checker.nq))[0]
-        return contact.a, contact.b
+        return self.pairs[self.solid_owner[pair]] if pair >= 0 else self.static_contacts[0]
 
 
 def _check_reach(curve: Array, duration: float) -> None:
@@ -292,5 +301,5 @@ def _check_reach(curve: Array, duration: float) -> None:
         raise InputError(f"a curve that may reach {reach.max():.6g} at {duration} s, expected at most {FARTHEST:g}")
 
 
-def _rebuild(checker: CollisionChecker, tolerance: float) -> MotionChecker:
-    return MotionChecker(checker, tolerance=tolerance)
+def _rebuild(scene: Scene, arms: tuple[str, ...], margin: float, tolerance: float) -> CollisionChecker:
+    return CollisionChecker(scene, arms, margin=margin, tolerance=tolerance)

@@ -15,7 +15,7 @@ _NONE = Nearest(np.inf, (), read_only(np.zeros(3)), read_only(np.zeros(3)))
 
 
 @dataclass(frozen=True, eq=False)
-class Resting:
+class StaticPairs:
     """Their distances and contacts.
 
     Args:
@@ -29,13 +29,13 @@ class Resting:
     nearest: Nearest = _NONE
 
 
-def measure_resting(
+def measure_static(
     things: CoalPairs, pairs: tuple[tuple[str, str], ...], owner: NDArray[np.int64], padding: Array
-) -> Resting:
-    """Ask Coal for them once.
+) -> StaticPairs:
+    """Measure them with Coal.
 
     Args:
-        things: Pairs of solids that rest, where they are; at least one.
+        things: Pairs of solids that do not move against each other, in place; at least one.
         pairs: Names of all checked pairs of elements.
         owner: For each pair of solids the index in `pairs`, shape (m,).
         padding: Padding of each pair of solids [m], shape (m,).
@@ -49,4 +49,4 @@ def measure_resting(
     nearest = int(np.argmin(found))
     _, a, b = things.distance(nearest)
     closest = Nearest(float(found[nearest]), pairs[owner[nearest]], read_only(a), read_only(b))
-    return Resting(read_only(distances), tuple(touching), closest)
+    return StaticPairs(read_only(distances), tuple(touching), closest)

@@ -1,0 +1,192 @@
+"""Structs and arrays as one block of bytes that a WebAssembly module can load at any address.
+
+An image is a line of JSON and then the memory. `core.js` reads it.
+
+- `digest`: of the declarations (`KernelSources.declarations`); a module of other declarations refuses the image.
+- `size`: bytes of the whole block; those behind the memory that the image contains are zero.
+- `pointers`: offsets of all pointers, of four bytes, which hold offsets from the begin of the block.
+- `roots`: kind, offset and count of each thing that was given a name.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from rr1plan.binding.memory import CStruct, address_of
+from rr1plan.binding.sources import KernelSources
+
+# Vectors of eight numbers have 64 bytes.
+_ALIGNMENT = 64
+
+Root = CStruct | tuple[str, NDArray[Any]]
+"""A struct, or a C type and an array of it."""
+
+
+def memory_image(sources: KernelSources, **roots: Root) -> bytes:
+    """Copy structs, arrays, and all that their pointers lead to.
+
+    Memory to which several pointers lead is copied once. Equal memory gives equal bytes.
+
+    Args:
+        sources: Where all types are declared.
+        **roots: What gets a name in the image.
+
+    Raises:
+        TypeError: an array that is not of its type; a pointer to memory that is neither a root nor known to a
+            `CStruct`, or to the middle of an item; or two arrays of which each has a part of the other.
+    """
+    regions: dict[int, _Region] = {}
+    named = {name: _collect(sources, root, regions) for name, root in roots.items()}
+    memory = _Memory(sources, regions)
+    header = {
+        "digest": json.loads(sources.declarations)["digest"],
+        "size": memory.size,
+        "pointers": memory.pointers,
+        "roots": {name: (kind, memory.offset(at, kind, name), count) for name, (kind, at, count) in named.items()},
+    }
+    return json.dumps(header, separators=(",", ":")).encode() + b"\n" + bytes(memory.data)
+
+
+@dataclass(frozen=True)
+class _Region:
+    """Memory of one kind.
+
+    Args:
+        kind: The C type of its items.
+        address: Where it is.
+        data: What it contains.
+    """
+
+    kind: str
+    address: int
+    data: bytes
+
+    @property
+    def end(self) -> int:
+        """The address behind it."""
+        return self.address + len(self.data)
+
+
+def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) -> tuple[str, int, int]:
+    """Add a root, and what is behind its pointers, to the regions by address; kind, address and count of the root."""
+    kind, given = (root.name, root) if isinstance(root, CStruct) else root
+    address = address_of(sources, given, kind)
+    data = bytes(given.value) if isinstance(given, CStruct) else given.tobytes()
+    known = regions.get(address)
+    if known is None or len(known.data) < len(data):
+        regions[address] = _Region(kind, address, data)
+        if isinstance(given, CStruct):
+            pointers = sources.pointers(kind)
+            for field, target in given.targets.items():
+                _collect(sources, target if isinstance(target, CStruct) else (pointers[field], target), regions)
+    return kind, address, len(data) // sources.item_size(kind)
+
+
+class _Memory:
+    """Regions one behind the other, as WebAssembly has them; those that are zero come last and are left out.
+
+    Args:
+        sources: Where the types are declared.
+        regions: By address.
+
+    Attributes:
+        data: The memory up to the end of the last region that is not zero.
+        size: Bytes of all.
+        pointers: Offsets of all pointers that are not null.
+    """
+
+    def __init__(self, sources: KernelSources, regions: dict[int, _Region]) -> None:
+        self._sources = sources
+        self._sorted = _without_parts(list(regions.values()))
+        self._addresses = [region.address for region in self._sorted]
+        self._offsets: dict[int, int] = {}
+        self.size = 0
+        # In the order in which they were found, which does not depend on where they are.
+        whole = set(self._addresses)
+        kept = sorted((r for r in regions.values() if r.address in whole), key=lambda region: not any(region.data))
+        for region in kept:
+            self._offsets[region.address] = self.size
+            items = len(region.data) // sources.item_size(region.kind)
+            self.size += -(-items * sources.item_size(region.kind, wasm=True) // _ALIGNMENT) * _ALIGNMENT
+        self.data = bytearray()
+        self.pointers: list[int] = []
+        for region in kept:
+            if any(region.data):
+                self._pad(self._offsets[region.address])
+                self._append(region.kind, region.data)
+
+    def offset(self, address: int, kind: str, name: str) -> int:
+        """Where the memory at an address is in the image.
+
+        Args:
+            address: The address.
+            kind: The C type there.
+            name: What leads there, for errors.
+
+        Raises:
+            TypeError: it is in no region, or in the middle of an item with pointers.
+        """
+        index = bisect_right(self._addresses, address) - 1
+        region = self._sorted[max(index, 0)]
+        inside = address - region.address
+        if index < 0 or (inside and address >= region.end):
+            raise TypeError(f"{name} leads to memory that is not known; pass the array of {kind} there as a root too")
+        if self._has_pointers(region.kind):
+            item, rest = divmod(inside, self._sources.item_size(region.kind))
+            if rest or kind != region.kind:
+                raise TypeError(f"{name} leads into the middle of a {region.kind}")
+            inside = item * self._sources.item_size(region.kind, wasm=True)
+        return self._offsets[region.address] + inside
+
+    def _append(self, kind: str, data: bytes) -> None:
+        """Append items, their pointers as offsets."""
+        if not self._has_pointers(kind):
+            self.data += data
+            return
+        native, wasm = self._sources.classes[kind], self._sources.wasm_classes[kind]
+        for first in range(0, len(data), self._sources.item_size(kind)):
+            begin = len(self.data)
+            for field in self._sources.structs[kind]:
+                place = getattr(native, field.name)
+                part = data[first + place.offset :][: place.size]
+                self._pad(begin + getattr(wasm, field.name).offset)
+                if field.pointer:
+                    self._append_pointer(int.from_bytes(part, sys.byteorder), field.kind, f"{kind}.{field.name}")
+                else:
+                    self._append(field.kind, part)
+            self._pad(begin + self._sources.item_size(kind, wasm=True))
+
+    def _append_pointer(self, address: int, kind: str, name: str) -> None:
+        if address:
+            self.pointers.append(len(self.data))
+        self.data += (self.offset(address, kind, name) if address else 0).to_bytes(4, "little")
+
+    def _pad(self, size: int) -> None:
+        self.data.extend(bytes(size - len(self.data)))
+
+    def _has_pointers(self, kind: str) -> bool:
+        fields = self._sources.structs.get(kind, ())
+        return any(field.pointer or self._has_pointers(field.kind) for field in fields)
+
+
+def _without_parts(regions: list[_Region]) -> list[_Region]:
+    """The regions that are not parts of others, by address.
+
+    Raises:
+        TypeError: two of them overlap.
+    """
+    whole: list[_Region] = []
+    for region in sorted(regions, key=lambda region: (region.address, -len(region.data))):
+        last = whole[-1] if whole else None
+        if last is not None and region.end <= last.end and region.address < last.end:
+            continue
+        if last is not None and region.address < last.end:
+            raise TypeError(f"an array of {last.kind} and one of {region.kind} overlap")
+        whole.append(region)
+    return whole

@@ -1,0 +1,149 @@
+"""The convex bodies of an arm and what it holds, in the frame of its base; every arm with the same ones shares them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, read_only
+from rr1plan.collision.solids import solid_pieces
+from rr1plan.errors import InputError
+from rr1plan.robot import Robot
+from rr1plan.scene import Arm, Attachment, Scene
+from rr1plan.shapes import HalfSpace, PointCloud, Shape
+from rr1plan.skeleton import Body, ElementGeometry, Skeleton, hang, skeleton_of
+
+_INTS = NDArray[np.int64]
+# The name of the only arm of the scene that a robot's model is made from.
+_ARM = "arm"
+_PREFIX = f"{_ARM}/"
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """One convex piece (or point cloud) of one element, carried by a joint of the model.
+
+    Args:
+        element: The element it is a part of.
+        shape: A shape Coal takes as solid.
+        joint: Index of the Pinocchio joint that carries it; 0 is the world.
+        placement: T_joint_solid, shape (4, 4).
+    """
+
+    element: str
+    shape: Shape
+    joint: int
+    placement: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ArmGeometry:
+    """The solids of an arm's links and held objects.
+
+    Args:
+        skeleton: The arm alone, its base at the origin.
+        solids: Its solids, those of links first; their elements are names of links and of held objects.
+        link_solids: How many of them are of links.
+        chains: Every set of joints that moves a solid, root first: those that a column of q drives. The first is empty.
+        groups: Index of each solid's in `chains`, shape (n,).
+        shared: How many joints two chains have in common, shape (len(chains), len(chains)).
+        surfaceless: Which solids are half-spaces or point clouds.
+        kept: Tables that were made of it.
+    """
+
+    skeleton: Skeleton
+    solids: tuple[Solid, ...]
+    link_solids: int
+    chains: tuple[tuple[int, ...], ...]
+    groups: _INTS
+    shared: _INTS
+    surfaceless: tuple[bool, ...]
+    kept: dict[str, Any] = field(default_factory=dict)
+
+    def elements(self, arm: str) -> list[str]:
+        """The element of each solid in a scene in which the arm has that name."""
+        names = [solid.element for solid in self.solids]
+        return [f"{arm}/{link}" for link in names[: self.link_solids]] + names[self.link_solids :]
+
+
+@dataclass(frozen=True)
+class _Content:
+    """All that an arm's geometry depends on, to compare; and what to make it from."""
+
+    robot: str
+    held: tuple[tuple[str, str, bytes, tuple[tuple[Shape, bytes], ...]], ...]
+    arm: Arm = field(compare=False)
+    attachments: Mapping[str, Attachment] = field(compare=False)
+
+
+def arm_geometry(arm: Arm, attachments: Mapping[str, Attachment]) -> ArmGeometry:
+    """The geometry of an arm that holds some objects; arms with equal robots and objects share it.
+
+    Args:
+        arm: The arm.
+        attachments: What it holds.
+
+    Raises:
+        InputError: a shape that cannot be made solid.
+    """
+    held = tuple(
+        (name, thing.link, thing.pose.tobytes(), tuple((g.shape, g.pose.tobytes()) for g in thing.geometries))
+        for name, thing in attachments.items()
+    )
+    return _arm_geometry(_Content(arm.robot.content_hash, held, arm, attachments))
+
+
+@lru_cache(maxsize=128)
+def _arm_geometry(content: _Content) -> ArmGeometry:
+    skeleton = arm_skeleton(content.arm.robot)
+    links = solids_of(replace(g, element=g.element[len(_PREFIX) :]) for g in skeleton.link_geometries)
+    held = solids_of(g for name, thing in content.attachments.items() for g in _held(skeleton, name, thing))
+    solids = (*links, *held)
+    above: list[tuple[int, ...]] = [()]
+    for joint in range(1, len(skeleton.model.parents)):
+        driven = skeleton.columns[joint - 1] >= 0 and skeleton.gains[joint - 1] != 0.0
+        above.append(above[skeleton.model.parents[joint]] + ((joint,) if driven else ()))
+    number = {chain: i for i, chain in enumerate(dict.fromkeys([(), *(above[s.joint] for s in solids)]))}
+    groups = np.array([number[above[s.joint]] for s in solids], dtype=np.int64)
+    sets = [frozenset(chain) for chain in number]
+    # Two chains run together from the root until they part.
+    shared = np.array([[len(a & b) for b in sets] for a in sets], dtype=np.int64)
+    kinds = surfaceless(solids)
+    return ArmGeometry(skeleton, solids, len(links), tuple(number), read_only(groups), read_only(shared), kinds)
+
+
+def arm_skeleton(robot: Robot) -> Skeleton:
+    """The Pinocchio model of a robot alone, its base at the origin and its planning joints free."""
+    return skeleton_of(Scene({_ARM: Arm(robot)}), (_ARM,))
+
+
+def _held(skeleton: Skeleton, name: str, thing: Attachment) -> tuple[ElementGeometry, ...]:
+    link = skeleton.bodies[_PREFIX + thing.link]
+    return hang(name, Body(link.joint, read_only(link.placement @ thing.pose)), thing.geometries)
+
+
+def solids_of(geometries: Iterable[ElementGeometry]) -> list[Solid]:
+    """Shapes of elements as convex solids.
+
+    Raises:
+        InputError: a shape that cannot be made solid.
+    """
+    return [Solid(g.element, piece, g.joint, g.placement) for g in geometries for piece in _pieces(g)]
+
+
+def _pieces(geometry: ElementGeometry) -> tuple[Shape, ...]:
+    """Convex pieces of a shape; errors name its element."""
+    try:
+        return solid_pieces(geometry.geometry.shape)
+    except InputError as error:
+        raise InputError(f"shape of {geometry.element!r}: {error}") from error
+
+
+def surfaceless(solids: Iterable[Solid]) -> tuple[bool, ...]:
+    """Which solids are half-spaces or point clouds: they have no surface to measure from, only one to measure to."""
+    return tuple(isinstance(solid.shape, HalfSpace | PointCloud) for solid in solids)

@@ -1,0 +1,227 @@
+"""What the moving arms of a scene can touch: instances of arms, obstacles near them, and the pairs to check.
+
+An arm that stands still is an obstacle. Arms and obstacles that a moving arm can never come near are left out (see
+`reach.py`), so that the size of everything built here grows with what is near, not with the scene.
+
+A geometry knows no padding, so scenes that differ in that alone share it as a whole; its parts are shared by content:
+an arm's geometry by all arms with equal robots and held objects, an obstacle's by all scenes that have it at the same
+place, and the pairs by all scenes that differ only in where things are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import read_only
+from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
+from rr1plan.collision.arm_instances import ArmInstances, arm_instances
+from rr1plan.collision.obstacle_geometry import obstacle_geometry, standing_geometry
+from rr1plan.collision.reach import Near, find_near
+from rr1plan.contact_rules import ContactRules, RuleContent, rules_of
+from rr1plan.errors import InputError
+from rr1plan.scene import Attachment, Scene
+
+_INTS = NDArray[np.int64]
+
+
+class CollisionGeometry:
+    """The solids of the moving arms and of what is near them, and the pairs of them that must not touch.
+
+    Args:
+        scene: The scene.
+        arms: The arms that move, in the order of the scene.
+        distance: What is proven to stay farther than this from every moving arm is left out [m].
+
+    Attributes:
+        instances: The moving arms.
+        obstacles: Solids that do not move: of arms that stand still, then of obstacles.
+        rules: Which elements must not touch; its `names` are the elements.
+        pairs: Which solids must not touch.
+        least_gap: What is left out stays at least this far from every moving arm [m]; inf when nothing is.
+
+    Raises:
+        InputError: a shape that cannot be made solid.
+    """
+
+    def __init__(self, scene: Scene, arms: tuple[str, ...], distance: float) -> None:
+        held = held_by_arm(scene)
+        geometries = {name: arm_geometry(arm, held.get(name, {})) for name, arm in scene.arms.items()}
+        near = find_near(scene, geometries, arms, distance)
+        self._arms = arms
+        self.least_gap = near.least_gap
+        self.instances = arm_instances([geometries[a] for a in arms], [scene.arms[a].base for a in arms])
+        standing = tuple(
+            standing_geometry(name, geometries[name], scene.arms[name].base, scene.arms[name].q) for name in near.arms
+        )
+        obstacles = tuple(obstacle_geometry(name, scene.obstacles[name]) for name in near.obstacles)
+        self.obstacles = (*standing, *obstacles)
+        self.rules = _rules(scene, near, arms)
+        moving = chain.from_iterable(g.elements(a) for a, g in zip(arms, self.instances.geometries, strict=True))
+        still = chain.from_iterable(geometries[name].elements(name) for name in near.arms)
+        owners = [*moving, *still, *(name for name, o in zip(near.obstacles, obstacles, strict=True) for _ in o.solids)]
+        number = {name: i for i, name in enumerate(self.rules.names)}
+        elements = np.array([number[name] for name in owners], np.int64)
+        kinds = tuple(kind for thing in self.obstacles for kind in thing.surfaceless)
+        self.pairs = _solid_pairs(_PairContent(self.instances, self.rules, elements.tobytes(), kinds))
+        self.kept: dict[str, Any] = {}
+
+    @cached_property
+    def solids(self) -> tuple[Solid, ...]:
+        """All solids: those of the moving arms, then those that do not move."""
+        return self.instances.solids(self._arms) + tuple(solid for thing in self.obstacles for solid in thing.solids)
+
+    def check_kinds(self) -> None:
+        """Refuse moving pairs of which neither has a surface to measure from.
+
+        Raises:
+            InputError: a half-space or a point cloud that would be checked against another one.
+        """
+        both = self.pairs.surfaceless[self.pairs.moving].all(axis=1)
+        if both.any():
+            one, two = (self.solids[i].element for i in self.pairs.moving[int(both.argmax())])
+            raise InputError(f"{one!r} and {two!r} are half-spaces or point clouds; they cannot be checked")
+
+
+def held_by_arm(scene: Scene) -> dict[str, dict[str, Attachment]]:
+    """What each arm holds, of those that hold anything."""
+    held: dict[str, dict[str, Attachment]] = {}
+    for name, thing in scene.attachments.items():
+        held.setdefault(thing.arm, {})[name] = thing
+    return held
+
+
+def _rules(scene: Scene, near: Near, moving: Sequence[str]) -> ContactRules:
+    """The rules about the moving arms and what is near them; others need no check."""
+    arms = [name for name in scene.arms if name in {*moving, *near.arms}]
+    if near.meeting is None:
+        return scene.contact_rules
+    held = [(name, thing) for name, thing in scene.attachments.items() if thing.arm in set(arms)]
+    links = [(f"{a}/{link.name}", a) for a in arms for link in scene.arms[a].robot.links if link.collisions]
+    owners = [*links, *((name, None) for name in near.obstacles), *((name, thing.arm) for name, thing in held)]
+    names = {name for name, _ in owners} | set(arms)
+    return rules_of(
+        RuleContent(
+            tuple(name for name, _ in owners),
+            tuple(owner for _, owner in owners),
+            tuple((a, scene.arms[a].robot.base, frozenset(scene.arms[a].robot.never_collide)) for a in arms),
+            tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
+            frozenset(both for both in scene.allowed if both <= names),
+            near.meeting,
+        )
+    )
+
+
+# ---- pairs -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SolidPairs:
+    """The pairs of solids that must not touch; solids are numbered as in `CollisionGeometry.solids`.
+
+    Args:
+        moving: Pairs of solids [index] whose relative pose depends on q, shape (m, 2).
+        moving_owner: For each of those the index in the `checked` of the rules, shape (m,).
+        moving_rows: The same pairs, a half-space or point cloud second, and how many driven joints move both;
+            shape (m, 3).
+        static, static_owner, static_rows: The same of pairs that do not move against each other.
+        surfaceless: Which solids are half-spaces or point clouds, shape (n,).
+        kept: Tables that were made of them.
+    """
+
+    moving: _INTS
+    moving_owner: _INTS
+    moving_rows: _INTS
+    static: _INTS
+    static_owner: _INTS
+    static_rows: _INTS
+    surfaceless: NDArray[np.bool_]
+    kept: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _PairContent:
+    """All that the pairs depend on, to compare."""
+
+    instances: ArmInstances
+    rules: ContactRules
+    elements: bytes
+    obstacle_kinds: tuple[bool, ...]
+
+
+@lru_cache(maxsize=128)
+def _solid_pairs(content: _PairContent) -> SolidPairs:
+    instances, rules = content.instances, content.rules
+    elements = np.frombuffer(content.elements, np.int64)
+    index, owner = _pairs_of(rules.checked, elements, len(rules.names))
+    groups = np.concatenate([instances.groups, np.zeros(len(content.obstacle_kinds), np.int64)])
+    surfaceless = np.array([*instances.surfaceless, *content.obstacle_kinds], np.bool_)
+    one, two = groups[index].T
+    moves = one != two
+    # Pairs are measured from the first to the second.
+    turned = np.where(surfaceless[index[:, 0]][:, None], index[:, ::-1], index)
+    rows = np.column_stack([turned, np.where(moves, instances.shared[one, two], 0)])
+    return SolidPairs(
+        read_only(index[moves]),
+        read_only(owner[moves]),
+        read_only(rows[moves]),
+        read_only(index[~moves]),
+        read_only(owner[~moves]),
+        read_only(rows[~moves]),
+        read_only(surfaceless),
+    )
+
+
+def _pairs_of(checked: _INTS, elements: _INTS, count: int) -> tuple[_INTS, _INTS]:
+    """Pairs of solids (m, 2) and the pair of elements each belongs to (m,).
+
+    Args:
+        checked: Pairs of elements, shape (k, 2).
+        elements: The element of each solid, shape (n,).
+        count: How many elements there are.
+    """
+    order = np.argsort(elements, kind="stable")
+    sizes = np.bincount(elements, minlength=count)
+    first = np.cumsum(sizes) - sizes
+    a, b = checked.T
+    many = sizes[a] * sizes[b]
+    owner = np.repeat(np.arange(len(a)), many)
+    place = np.arange(len(owner)) - (np.cumsum(many) - many)[owner]
+    a, b = a[owner], b[owner]
+    return np.column_stack([order[first[a] + place // sizes[b]], order[first[b] + place % sizes[b]]]), owner
+
+
+# What lies nearer than this beyond the greatest padding is part of a geometry [m], in steps, so that scenes that differ
+# in padding by millimeters share it.
+_NEAR = 0.05
+_STEP = 0.1
+
+
+def collision_geometry(scene: Scene, arms: tuple[str, ...], margin: float) -> CollisionGeometry:
+    """The geometry of a scene and its moving arms, which is kept with the scene.
+
+    Args:
+        scene: The scene.
+        arms: The arms that move, in the order of the scene.
+        margin: Distance to keep beyond its padding [m]; infinite: leave nothing out.
+    """
+    greatest = max((scene.padding, *scene.pair_padding.values())) + margin
+    distance = _STEP * np.ceil((greatest + _NEAR) / _STEP)
+    kept = scene.kept_for_any_padding
+    key = ("collision geometry", arms, float(distance))
+    if key not in kept:
+        kept[key] = CollisionGeometry(scene, arms, float(distance))
+    found: CollisionGeometry = kept[key]
+    return found
+
+
+def geometries_of(scene: Scene) -> Mapping[str, ArmGeometry]:
+    """The geometry of every arm of a scene."""
+    held = held_by_arm(scene)
+    return {name: arm_geometry(arm, held.get(name, {})) for name, arm in scene.arms.items()}

@@ -1,0 +1,65 @@
+"""A bar on stderr while something takes long: on a terminal only, and one at a time."""
+
+from __future__ import annotations
+
+import multiprocessing
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+
+class Advance(Protocol):
+    """What moves a bar."""
+
+    def __call__(self, fraction: float, what: str = "") -> None:
+        """Show the fraction done, and what is being done where that is said."""
+        ...
+
+
+class _Terminal:
+    """Whether something draws on it."""
+
+    taken = False
+
+
+@contextmanager
+def taken_terminal() -> Iterator[None]:
+    """Within the block the library draws no bars: the caller has the terminal."""
+    before, _Terminal.taken = _Terminal.taken, True
+    try:
+        yield
+    finally:
+        _Terminal.taken = before
+
+
+@contextmanager
+def progress_bar(text: str, console: Any) -> Iterator[Advance]:
+    """Draw a bar on a rich console; yields a function that takes the fraction done."""
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=24), TimeElapsedColumn())
+    with taken_terminal(), Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(text, total=1.0)
+
+        def advance(fraction: float, what: str = "") -> None:
+            bar.update(task, completed=fraction, description=what or text)
+
+        yield advance
+
+
+@contextmanager
+def library_bar(text: str) -> Iterator[Advance]:
+    """The same on stderr for work that nobody watches; no bar in a pipe, beside another one, or in a worker process."""
+    is_worker = multiprocessing.parent_process() is not None
+    if _Terminal.taken or is_worker or sys.stderr is None or not sys.stderr.isatty():
+        yield no_progress
+        return
+    from rich.console import Console
+
+    with progress_bar(text, Console(stderr=True, highlight=False, soft_wrap=True)) as advance:
+        yield advance
+
+
+def no_progress(fraction: float, what: str = "") -> None:
+    """Progress that nobody sees."""

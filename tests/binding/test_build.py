@@ -1,0 +1,66 @@
+"""What the build does where `core.wasm` cannot be made, and that it makes the same bytes everywhere."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from rr1plan.kernels import wasm
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def build() -> ModuleType:
+    """The build of this source tree."""
+    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def broken_ziglang(build: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Compilers that do nothing, and a ziglang that fails; names of what was compiled."""
+    compiled: list[str] = []
+
+    def compile_kernels(unit: Path, out: Path, *flags: str, compiler: Any = None) -> None:
+        if compiler == build.zig():
+            raise RuntimeError("No module named ziglang")
+        compiled.append(out.name)
+
+    monkeypatch.setattr(build, "compile_kernels", compile_kernels)
+    return compiled
+
+
+def test_with_cc_a_module_that_cannot_be_made_is_left_out_with_a_warning(
+    build: ModuleType, broken_ziglang: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "some-compiler")
+    warnings: list[str] = []
+    files = build.build_all(warnings.append)
+    assert sorted(file.name for file in files) == sorted(broken_ziglang)
+    assert all(file.suffix != ".wasm" for file in files)
+    (warning,) = warnings
+    assert warning.startswith("core.wasm is not built: CC is set, and ziglang does not work: No module named ziglang")
+
+
+def test_without_cc_that_is_an_error(
+    build: ModuleType, broken_ziglang: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("CC", raising=False)
+    with pytest.raises(RuntimeError, match="No module named ziglang"):
+        build.build_all(pytest.fail)
+
+
+def test_a_module_that_is_built_again_has_the_same_bytes(build: ModuleType, tmp_path: Path) -> None:
+    pytest.importorskip("ziglang", reason="ziglang is not installed")
+    again = tmp_path / "other" / "core.wasm"
+    build.compile_kernels(build.UNITS[0], again, *build.WASM, compiler=build.zig())
+    assert again.read_bytes() == wasm.core_module()

@@ -1,0 +1,246 @@
+"""`core.wasm` and its binding in JavaScript, in Node and in a page: all answers are those of the native kernels."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.binding.library import KernelLibrary
+from rr1plan.binding.sources import KernelSources
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError, InstallationError
+from rr1plan.kernels import wasm
+from rr1plan.kernels.library import LIBRARY, SOURCES, constants, load_library
+from rr1plan.planners import RrtConnect
+from rr1plan.planners.query import Query
+from rr1plan.planners.shortcut import shorten
+from rr1plan.planning import Budget
+from rr1plan.playback.viewer.capture import find_browser, open_browser
+from rr1plan.transforms import pose
+
+ANSWERS = Path(__file__).with_name("core_answers.js").read_text(encoding="utf-8")
+COUNTED = Budget(seconds=float("inf"), iterations=20_000)
+# Arrays of bytes and float64 pass as base64, so that every bit arrives.
+BOOTSTRAP = """async ([binding, answers, module, name, given]) => {
+  const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const decode = (key, value) =>
+    value?.bytes !== undefined ? bytesOf(value.bytes)
+    : value?.doubles !== undefined ? new Float64Array(bytesOf(value.doubles).buffer) : value;
+  const encode = (key, value) => {
+    if (!(value instanceof Float64Array)) return value;
+    const bytes = new Uint8Array(value.buffer, value.byteOffset, value.byteLength);
+    return { doubles: btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join("")) };
+  };
+  const load = (text) => import("data:text/javascript;base64," + text);
+  const core = await (await load(binding)).load(bytesOf(module));
+  return JSON.stringify((await load(answers))[name](core, ...JSON.parse(given, decode)), encode);
+}"""
+NODE = f"""
+let text = "";
+for await (const part of process.stdin) text += part;
+process.stdout.write(await ({BOOTSTRAP})(JSON.parse(text)));
+"""
+
+Ask = Callable[..., Any]
+
+
+@pytest.fixture(scope="module", params=["node", pytest.param("chromium", marks=pytest.mark.browser)])
+def ask(request: pytest.FixtureRequest) -> Iterator[Ask]:
+    """Calls a function of `core_answers.js` with a fresh core."""
+    if request.param == "node":
+        node = shutil.which("node")
+        if node is None:
+            pytest.skip("no Node on this machine")
+        command = [node, "--input-type=module", "--eval", NODE]
+
+        def run(message: list[str]) -> str:
+            done = subprocess.run(command, input=json.dumps(message), capture_output=True, text=True, check=False)
+            assert done.returncode == 0, re.sub(r"base64,\S+", "", done.stderr)
+            return done.stdout
+
+        yield lambda name, *given: _ask(run, name, *given)
+        return
+    if find_browser() is None:
+        pytest.skip("no Chromium on this machine")
+    pytest.importorskip("playwright", reason="playwright is not installed")
+    with open_browser((200, 200)) as context:
+        page = context.new_page()
+        yield lambda name, *given: _ask(lambda message: page.evaluate(BOOTSTRAP, message), name, *given)
+
+
+def _ask(run: Callable[[list[str]], str], name: str, *given: Any) -> Any:
+    def encode(value: Any) -> dict[str, str]:
+        key, data = ("bytes", value) if isinstance(value, bytes) else ("doubles", np.ascontiguousarray(value).tobytes())
+        return {key: base64.b64encode(data).decode()}
+
+    def decode(value: dict[str, Any]) -> Any:
+        return np.frombuffer(base64.b64decode(value["doubles"])) if "doubles" in value else value
+
+    texts = (base64.b64encode(text.encode()).decode() for text in (wasm.core_script(), ANSWERS))
+    module = base64.b64encode(wasm.core_module()).decode()
+    return json.loads(run([*texts, module, name, json.dumps(given, default=encode)]), object_hook=decode)
+
+
+def scenes() -> dict[str, rp.Scene]:
+    """All kinds of bodies and obstacles, padding, something held, a cloud of points, two arms."""
+    cloud = rp.PointCloud(np.random.default_rng(0).uniform(0.3, 0.6, (60, 3)), 0.03)
+    mixed = rp.load_scene("rr1_cluttered").with_obstacle("rod", rp.Capsule(0.01, 0.1))
+    touch = rp.load_robot("rr1").link_names[-4:]
+    mixed = mixed.attach("rod", next(iter(mixed.arms)), touch=touch, pose=pose([0.0, 0.0, 0.05]))
+    mixed = mixed.with_obstacle("ground", rp.HalfSpace((0, 0, 1), -0.3)).with_obstacle("cloud", cloud)
+    named = {name: rp.load_scene(name) for name in ("rr1_cluttered", "rr1_shelf", "rr1_pair", "planar2r_path")}
+    return {"mixed": mixed.with_padding(0.005), **named}
+
+
+SCENES = scenes()
+
+
+def native(checker: CollisionChecker, kernel: str, *given: Any) -> tuple[float, float, float]:
+    """Status, fraction and pair."""
+    status = getattr(load_library(), kernel)(*checker.context, *given)
+    result = SOURCES.classes["Scratch"].from_address(checker.context[1]).result
+    return status, result.fraction, result.pair
+
+
+def random_edges(nq: int, count: int) -> np.ndarray:
+    """Begins and ends of edges, from none to long, shape (count, 2, nq)."""
+    rng = np.random.default_rng(4)
+    begins = rng.uniform(-2.0, 2.0, (count, nq))
+    steps = rng.normal(size=(count, nq)) * rng.choice([0.0, 0.05, 0.3, 1.0], (count, 1))
+    return np.stack([begins, begins + steps], axis=1)
+
+
+def test_every_field_is_where_the_compiler_has_it(ask: Ask) -> None:
+    compiled, declared = ask("layouts")
+    assert compiled == declared
+    assert len(compiled) > 100
+
+
+@pytest.mark.parametrize("kernel", ["rr1_sine_cosine", "rr1_sine_cosine_lanes"])
+def test_sines_are_those_of_the_native_kernels(ask: Ask, kernel: str) -> None:
+    angles = np.random.default_rng(2).normal(size=1600) * 10.0 ** np.arange(-10, 6).repeat(100)
+    angles = np.clip(angles, -1e5, 1e5)
+    if kernel == "rr1_sine_cosine":
+        angles[:100] *= 10.0 ** np.linspace(1, 300, 100)
+    expected = np.empty((2, len(angles)))
+    getattr(load_library(), kernel)(angles, len(angles), *expected)
+    assert np.array(ask("sines", kernel, angles)).tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_edges_have_the_same_answers_to_the_last_bit(ask: Ask, name: str) -> None:
+    checker = CollisionChecker(SCENES[name])
+    ends = random_edges(checker.nq, 1200)
+    expected = np.array([native(checker, "rr1_certify_edge", *edge) for edge in ends], float)
+    assert np.array_equal(ask("edges", checker.memory_image(), ends), expected.ravel())
+    # Not one answer only.
+    assert 20 < np.count_nonzero(expected[:, 0] == constants()["EDGE_FREE"]) < 1180
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_parabolas_have_the_same_answers_to_the_last_bit(ask: Ask, name: str) -> None:
+    checker = CollisionChecker(SCENES[name])
+    rng = np.random.default_rng(5)
+    curves = rng.uniform(-1.5, 1.5, (300, 3, checker.nq)) * np.array([[1.0], [0.3], [0.1]])
+    expected = np.array([native(checker, "rr1_certify_parabola", curve, 3, 1.0) for curve in curves], float)
+    assert np.array_equal(ask("parabolas", checker.memory_image(), curves), expected.ravel())
+
+
+@pytest.mark.parametrize(
+    ("scene", "name"), [("rr1_shelf", "lower_level"), ("rr1_pair", "change_places"), ("planar2r_path", "over_the_seam")]
+)
+@pytest.mark.parametrize("seed", [0, 7, 2**60 + 1])
+def test_a_seed_gives_the_same_path_to_the_last_bit(ask: Ask, scene: str, name: str, seed: int) -> None:
+    problem = rp.load_problems(scene)[name]
+    step = 0.4
+    path = RrtConnect(range=step).plan(problem, COUNTED, rng=seed).path_or_raise()
+    shorter = shorten(path, CollisionChecker(problem.scene, problem.arms), rng=seed + 1, iterations=40)
+    assert len(path.waypoints) > 2
+    with Query("rrt_connect", problem, COUNTED, seed, None) as query:
+        assert query.refusal() is None
+        space = query.space
+        asked = {
+            "start": problem.start,
+            "goals": query.goals,
+            "lower": space.lower,
+            "extent": space.extent,
+            "step": step,
+            "domain": 0.3 * space.diagonal,
+            "seed": str(query.seed),
+            "iterations": 40,
+            "patience": 30,
+            "shortcut_seed": str(seed + 1),
+        }
+    image = CollisionChecker(problem.scene, problem.arms).memory_image()
+    found, found_shorter = ask("plan", image, asked)
+    assert found.tobytes() == path.waypoints.tobytes()
+    assert found_shorter.tobytes() == shorter.waypoints.tobytes()
+
+
+def test_wrong_calls_are_named(ask: Ask) -> None:
+    messages = ask("errors", CollisionChecker(SCENES["planar2r_path"]).memory_image())
+    assert messages == {
+        "function": "core.wasm has no function rr1_nothing",
+        "count": "rr1_certify_edge takes 4 arguments (SceneTables*, Scratch*, double*, double*), got 2",
+        "struct": "argument rr1_certify_edge, 1: Scratch is no SceneTables",
+        "missing": "argument rr1_certify_edge, 4: undefined is no double",
+        "number": "Float32Array is no array of double",
+        "array": "argument rr1_draw_uniform, 1: int64_t is no uint64_t",
+        "rows": "Array is no array of SceneTables",
+        "field": "Cannot add property capacities, object is not extensible",
+        "pointer": "Trees.path: float is no double",
+        "kind": "core.wasm has no type Nothing",
+        "image": "this is no memory image",
+        "stale": "the memory image was made for another core.wasm",
+    }
+
+
+def test_memory_is_used_again(ask: Ask) -> None:
+    assert ask("memory") == [1, True, True]
+
+
+# ---- in Python -------------------------------------------------------------------------------------
+
+
+def test_equal_scenes_have_equal_images_whatever_their_checker_has_done() -> None:
+    used = CollisionChecker(SCENES["planar2r_path"])
+    for q0, q1 in random_edges(2, 50):
+        used.edge_is_free(q0, q1)
+    assert used.memory_image() == CollisionChecker(rp.load_scene("planar2r_path")).memory_image()
+
+
+def test_a_scene_in_which_nothing_can_move_has_no_image(planar2r: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("one", planar2r).with_arm("two", planar2r, [5.0, 0.0, 0.0])
+    scene = scene.with_arm("three", planar2r, [5.0, 0.1, 0.0])
+    with pytest.raises(InputError, match=r"no edge is free: .* and .* are in contact, and neither moves"):
+        CollisionChecker(scene, ["one"]).memory_image()
+
+
+def test_the_module_is_small() -> None:
+    assert len(wasm.core_module()) < 400_000
+
+
+def test_a_module_that_is_missing_or_of_other_headers_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(LIBRARY.sources.unit.parent, tmp_path / "kernels")
+    unit = tmp_path / "kernels" / "kernels.c"
+    header = unit.with_name("trees.h")
+    header.write_text(header.read_text().replace("int64_t samples;", "int64_t samples, added;"))
+    monkeypatch.setattr(wasm, "SOURCES", KernelSources(unit))
+    monkeypatch.setattr(wasm, "LIBRARY", KernelLibrary(wasm.SOURCES))
+    with pytest.raises(InstallationError, match=r"core\.wasm was built from other headers; build them with"):
+        wasm.core_module()
+    (tmp_path / "kernels" / "built" / "core.wasm").unlink()
+    with pytest.raises(InstallationError, match=r"no .*core\.wasm; with ziglang installed, build them with"):
+        wasm.core_module()
