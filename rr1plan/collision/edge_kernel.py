@@ -126,7 +126,7 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
     """
-    depths, reach = _chain_tables(tables)
+    blocks, reach = _group_blocks(tables)
     arm = CStruct(
         "ArmGeometry",
         joint_count=len(tables.joints),
@@ -139,9 +139,10 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         groups=tables.groups,
         spheres=tables.spheres,
         chain=tables.chain,
-        depths=depths,
+        depths=_depths(tables),
+        group_blocks=blocks,
         reach=reach,
-        group_stride=reach.shape[1],
+        group_stride=_whole_lanes(len(tables.groups)),
         cores=tables.cores,
         core_shapes=tables.core_values,
         points=tables.points,
@@ -181,15 +182,29 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
     )
 
 
-def _chain_tables(tables: EdgeTables) -> tuple[NDArray[np.int64], Array]:
-    """How many driven joints are above each joint, and how far groups reach from each, -1 where it carries none."""
+def _depths(tables: EdgeTables) -> NDArray[np.int64]:
+    """How many driven joints are above each joint, shape (joints,)."""
     depths = np.zeros(len(tables.joints), np.int64)
     for j, parent in enumerate(tables.joints[1:, 0].tolist(), 1):
         depths[j] = depths[parent] + (parent > 0)
-    reach = np.full((len(tables.joints), _whole_lanes(len(tables.groups))), -1.0)
+    return depths
+
+
+def _group_blocks(tables: EdgeTables) -> tuple[NDArray[np.int64], Array]:
+    """`group_blocks` and `reach` of `ArmGeometry`: the joints of an arm carry its own groups, and no others."""
+    lanes = constants()["LANES"]
     lengths = tables.groups[:, 5] - tables.groups[:, 4]
-    reach[tables.chain, np.repeat(np.arange(len(tables.groups)), lengths)] = tables.chain_reach
-    return depths, reach
+    group = np.repeat(np.arange(len(tables.groups)), lengths)
+    count = _whole_lanes(len(tables.groups)) // lanes
+    first, last = np.full(count, len(tables.joints)), np.ones(count, np.int64)
+    np.minimum.at(first, group // lanes, tables.chain)
+    np.maximum.at(last, group // lanes, tables.chain + 1)
+    rows = np.cumsum(last - first)
+    begins = rows - (last - first)
+    reach = np.full((int(rows[-1]) if count else 0, lanes), -1.0)
+    block = group // lanes
+    reach[begins[block] + tables.chain - first[block], group % lanes] = tables.chain_reach
+    return np.column_stack([first, last, begins]).astype(np.int64), reach
 
 
 def _whole_lanes(count: int) -> int:

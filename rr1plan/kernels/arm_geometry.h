@@ -38,6 +38,13 @@ typedef struct {
     int64_t last_link;
 } Group;
 
+// The joints that carry any of LANES consecutive groups.
+typedef struct {
+    int64_t first_joint;
+    int64_t last_joint;   // one past
+    int64_t first_reach;  // row of `reach` of the first of them
+} GroupBlock;
+
 typedef struct {
     double center[3];  // in the joint's frame [m]
     double radius;
@@ -87,10 +94,11 @@ typedef struct {
     const LinkSphere *spheres;
     const int64_t *chain;  // joints above each group, root first
     const int64_t *depths;  // of each joint: how many driven joints are above it
-    // How far any point of a group can be from a joint's axis, prismatic joints at zero [m]; -1 where the joint does not
-    // carry the group. Shape (joints, `group_stride`), that stride being a multiple of LANES.
+    const GroupBlock *group_blocks;
+    // How far any point of each group of a block can be from the axis of each of its joints, prismatic joints at zero
+    // [m]; -1 where the joint does not carry the group. Shape (rows, LANES).
     const double *reach;
-    int64_t group_stride;
+    int64_t group_stride;  // number of groups, rounded up to a multiple of LANES
     // Cores of the bodies, then those of obstacles without a closed form.
     const CoreRange *cores;
     const CoreShape *core_shapes;

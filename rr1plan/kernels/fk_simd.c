@@ -60,9 +60,10 @@ NOINLINE void bound_motion(const SceneTables *scene, Scratch *scratch) {
             store_lanes(scratch->speeds + row * stride + block, zero);
             store_lanes(scratch->accelerations + row * stride + block, zero);
         }
-        for (int64_t j = arm->joint_count - 1; j > 0; j--) {
+        const GroupBlock *of = &arm->group_blocks[block / LANES];
+        for (int64_t j = of->last_joint - 1; j >= of->first_joint; j--) {
             const JointMotion *motion = &scratch->joint_motions[j];
-            f64x8 reach = load_lanes(arm->reach + j * stride + block);
+            f64x8 reach = load_lanes(arm->reach + (of->first_reach + j - of->first_joint) * LANES);
             i64x8 carried = reach >= zero;
             double rate = motion->max_rate, bend = 2.0 * SLACK * abs_number(motion->bend);
             f64x8 next_speed, next_acceleration;
