@@ -20,7 +20,7 @@ from rr1plan.transforms import rotation_from_quaternion
 # A solution uses at most this part of the goal's tolerance; where there is none, all of it but rounding.
 # Another kinematics agrees with both.
 _SHARE, _WHOLE = 0.9, 1.0 - 1e-6
-# Where no descent comes nearer than so many tolerances, the whole tolerance is of no help either.
+# A second attempt is made where a descent ended within this multiple of the tolerance.
 _NEAR = 2.0
 # A region's faces are kept this far away where it is thick enough, and met this exactly where it is flat [m].
 _REGION_MARGIN, _REGION_TOLERANCE = 1e-6, 1e-9
