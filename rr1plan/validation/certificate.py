@@ -69,7 +69,6 @@ class Findings:
         first_contact: First moment seen in contact [s], shape (pairs,); inf for none.
         undecided: Pairs for which an interval could not be decided, shape (pairs,).
         proven: Never is the clearance below this, where nothing is undecided [m], shape (pairs,).
-        ends: The smallest clearance at the first and at the last instant.
         cancelled: The search was cut off; what is left of it is not decided.
         statistics: Counts of the work done.
     """
@@ -79,7 +78,6 @@ class Findings:
     first_contact: Array
     undecided: Array
     proven: Array
-    ends: tuple[Nearest, ...] = ()
     cancelled: bool = False
     statistics: dict[str, float] = field(default_factory=dict)
 
@@ -123,7 +121,7 @@ class Certificate:
         """Decide every pair on every interval."""
         bodies = self._bodies
         if len(self._items):
-            self.found.ends = tuple(self.nearest(self._motion.breaks[[0, -1]], self._items))
+            self.nearest(self._motion.breaks[[0, -1]], self._items)
             waiting = deque([self._root()])
             while waiting and not self.found.cancelled:
                 if bodies.calls > self._most:

@@ -21,12 +21,13 @@ from rr1plan.scene import Scene
 from rr1plan.scene.held_contacts import resting_advice
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation.certificate import TOUCH
+from rr1plan.validation.compiled_search import ProofOptions
 from rr1plan.validation.extremes import Extremes, extremes
 from rr1plan.validation.goals import check_endpoints
 from rr1plan.validation.limits import Columns, Ledger, check_continuity, check_positions, check_rates, check_rest
 from rr1plan.validation.motion import TimedColumns
-from rr1plan.validation.proof import Aim, CollisionProof, Contact, prove
-from rr1plan.validation.referee_scene import RefereeScene, referee_scene
+from rr1plan.validation.moving_scene import MovingScene, moving_scene
+from rr1plan.validation.proof import CollisionProof, Contact, prove
 from rr1plan.validation.torque import check_torques
 
 _MOST_DISTANCES = 400_000
@@ -86,10 +87,10 @@ def validate(
     ledger = Ledger()
     if not _check_values(ledger, trajectory):
         return _no_motion(ledger)
-    tables, motion = referee_scene(scene), _motion_of(trajectory)
-    columns, found = tables.arranged(motion.joint_names).columns, extremes(motion.breaks, motion.coefficients)
-    aim = Aim(clearance_tolerance, _most_distances(columns, found), clearance)
-    _check_collisions(ledger, tables, motion, aim, progress)
+    moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
+    columns, found = moving.columns, extremes(motion.breaks, motion.coefficients)
+    options = ProofOptions(clearance_tolerance, _most_distances(columns, found), clearance)
+    _check_collisions(ledger, moving, motion, options, progress)
     _name_unchecked_links(ledger, scene)
     check_positions(ledger, columns, found)
     check_continuity(ledger, columns, found, motion.coefficients)
@@ -137,11 +138,11 @@ def certify_path(
     ledger = Ledger()
     if not _check_values(ledger, trajectory):
         return _no_motion(ledger)
-    tables, motion = referee_scene(scene), _motion_of(trajectory)
-    _check_collisions(ledger, tables, motion, Aim(clearance_tolerance, _MOST_DISTANCES, clearance), progress)
+    moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
+    options = ProofOptions(clearance_tolerance, _MOST_DISTANCES, clearance)
+    _check_collisions(ledger, moving, motion, options, progress)
     _name_unchecked_links(ledger, scene)
-    columns = tables.arranged(motion.joint_names).columns
-    check_positions(ledger, columns, extremes(motion.breaks, motion.coefficients))
+    check_positions(ledger, moving.columns, extremes(motion.breaks, motion.coefficients))
     for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
         ledger.not_checked[rule] = "a path has no times"
     return _report(ledger, trajectory.duration)
@@ -240,16 +241,20 @@ def _most_distances(columns: Columns, found: Extremes) -> int:
 
 
 def _check_collisions(
-    ledger: Ledger, tables: RefereeScene, motion: TimedColumns, aim: Aim, progress: ProgressCallback | None
+    ledger: Ledger,
+    scene: MovingScene,
+    motion: TimedColumns,
+    options: ProofOptions,
+    progress: ProgressCallback | None,
 ) -> None:
     began = clock.perf_counter()
-    found = prove(tables, motion, aim, _teller(progress))
+    found = prove(scene, motion, options, _fraction_callback(progress))
     if found.cancelled:
         ledger.not_checked["collision"] = "cancelled before all of the motion was decided"
     else:
         ledger.checked.append("collision")
-    ledger.violations += [_contact(tables.scene, contact) for contact in found.contacts]
-    if aim.clearance:
+    ledger.violations += [_contact(scene.tables.scene, contact) for contact in found.contacts]
+    if options.clearance:
         _clearance_margins(ledger, found)
     else:
         ledger.not_checked["clearance"] = "not asked for (option clearance)"
@@ -302,7 +307,7 @@ def _clearance_margins(ledger: Ledger, found: CollisionProof) -> None:
         ledger.not_checked["clearance"] = "the scene has no pair of elements that must not touch"
 
 
-def _teller(progress: ProgressCallback | None) -> Callable[[float], bool | None] | None:
+def _fraction_callback(progress: ProgressCallback | None) -> Callable[[float], bool | None] | None:
     if progress is None:
         return None
     began = clock.perf_counter()

@@ -15,9 +15,10 @@ from rr1plan.robot import Geometry, Joint, Link, Mimic
 from rr1plan.transforms import pose
 from rr1plan.validation.bodies import Bodies
 from rr1plan.validation.certificate import Certificate
+from rr1plan.validation.compiled_search import ProofOptions
 from rr1plan.validation.motion import SceneMotion, TimedColumns
-from rr1plan.validation.proof import Aim, CollisionProof, prove
-from rr1plan.validation.referee_scene import referee_scene
+from rr1plan.validation.moving_scene import moving_scene
+from rr1plan.validation.proof import CollisionProof, prove
 
 Shape = Any
 
@@ -143,7 +144,7 @@ class AllPairs:
 def search(scene: rp.Scene, move: rp.Trajectory, tolerance: float = 2e-4, clearance: bool = True) -> CollisionProof:
     """What the referee finds."""
     motion = TimedColumns(move.joint_names, move.breaks, move.coefficients)
-    return prove(referee_scene(scene), motion, Aim(tolerance, 400_000, clearance))
+    return prove(moving_scene(scene, move.joint_names), motion, ProofOptions(tolerance, 400_000, clearance))
 
 
 def fcl_shape(shape: Any) -> Any:

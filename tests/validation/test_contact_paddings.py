@@ -13,10 +13,10 @@ import pytest
 import rr1plan as rp
 from rr1plan.robot import Geometry
 from rr1plan.transforms import pose
+from rr1plan.validation.compiled_search import ProofOptions, Search
 from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.moving_scene import moving_scene
 from rr1plan.validation.native import load_library
-from rr1plan.validation.proof import Aim, Search
-from rr1plan.validation.referee_scene import referee_scene
 
 Make = Callable[..., Any]
 BALL = rp.Sphere(0.01)
@@ -52,14 +52,13 @@ def with_base(robot: rp.Robot) -> rp.Robot:
 
 def said(scene: rp.Scene, joint_names: tuple[str, ...]) -> dict[frozenset[str], float]:
     """Distances to keep between the pairs that must not touch, as the compiled search reads them."""
-    tables = referee_scene(scene)
-    arrangement, count = tables.arranged(joint_names), len(scene.element_names)
+    moving, count = moving_scene(scene, joint_names), len(scene.element_names)
     rest = TimedColumns(joint_names, np.zeros(1), np.zeros((1, 1, len(joint_names))))
     table = np.full((count, count), -1.0)
-    load_library().rr1_probe_paddings(Search(arrangement, rest, Aim(1e-3, 1)).struct, table)
-    names = [tables.element(arrangement, e)[1] for e in range(count)]
+    load_library().rr1_probe_paddings(Search(moving, rest, ProofOptions(1e-3, 1)).struct, table)
+    names = [moving.element(e)[1] for e in range(count)]
     for a, b in combinations(range(count), 2):
-        assert tables.padding_between(arrangement, a, b) == table[a, b]
+        assert moving.padding_between(a, b) == table[a, b]
     found = {frozenset((names[a], names[b])): float(table[a, b]) for a, b in combinations(range(count), 2)}
     return {both: distance for both, distance in found.items() if distance >= 0.0}
 

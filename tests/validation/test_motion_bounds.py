@@ -13,10 +13,10 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Link, Mimic
 from rr1plan.transforms import inverse, pose
+from rr1plan.validation.compiled_search import ProofOptions, Search
 from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.moving_scene import moving_scene
 from rr1plan.validation.native import ORIGIN, load_library
-from rr1plan.validation.proof import Aim, Search
-from rr1plan.validation.referee_scene import referee_scene
 from rr1plan.validation.solids import support
 
 Make = Callable[..., Any]
@@ -30,11 +30,11 @@ class Stretch:
     def __init__(self, robot: rp.Robot, coefficients: Array, at: float, half: float) -> None:
         self.robot, self.scene = robot, rp.Scene().with_arm("arm", robot)
         self.coefficients, self.at, self.half = coefficients, at, half
-        tables = referee_scene(self.scene)
-        self.model = tables.models[0]
         names = self.scene.joint_names()
+        moving = moving_scene(self.scene, names)
+        self.model = moving.tables.model(0)
         motion = TimedColumns(names, np.array([0.0, 1.0]), coefficients[None])
-        search = Search(tables.arranged(names), motion, Aim(1e-3, 1))
+        search = Search(moving, motion, ProofOptions(1e-3, 1))
         self.search, self.native = search.struct, load_library()
         self.native.rr1_probe_interval(self.search, 0, at, half)
         self.placed = search.tables["placed"].view(np.float64)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +19,12 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.transforms import pose
 from rr1plan.validation.clouds import CellBlocks
+from rr1plan.validation.compiled_search import ProofOptions
 from rr1plan.validation.extremes import extremes
 from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.moving_scene import moving_scene
 from rr1plan.validation.native import LIBRARY
-from rr1plan.validation.proof import Aim, prove
-from rr1plan.validation.referee_scene import referee_scene
+from rr1plan.validation.proof import prove
 from rr1plan.validation.solids import Solid, solid
 
 Make = Callable[..., Any]
@@ -49,7 +55,7 @@ def wander(scene: rp.Scene, rng: np.random.Generator, reach: float) -> rp.Trajec
 def findings(scene: rp.Scene, move: rp.Trajectory) -> tuple[Array, dict[str, float]]:
     """All numbers that the search writes down for the pairs, and the counts of its work."""
     motion = TimedColumns(move.joint_names, move.breaks, move.coefficients)
-    found = prove(referee_scene(scene), motion, Aim(2e-4, 400_000))
+    found = prove(moving_scene(scene, move.joint_names), motion, ProofOptions(2e-4, 400_000))
     contacts = [(contact.clearance, contact.time, contact.first) for contact in found.contacts]
     nearest = [(one.clearance, one.time) for one in (*found.nearest, *found.ends) if one is not None]
     return np.concatenate([np.ravel(row) for row in (contacts, nearest, found.proven)]), found.statistics
@@ -129,3 +135,62 @@ def test_threads_may_ask_for_the_nearest_cells_of_one_cloud() -> None:
     with ThreadPoolExecutor(8) as threads:
         together = list(threads.map(lambda body: nearest(cells, *body), bodies * 40))
     assert together == alone * 40
+
+
+def test_threads_may_validate_motions_of_different_arms_in_one_scene(chain: Make) -> None:
+    rng = np.random.default_rng(4)
+    robot = chain(rng, 3)
+    scene = rp.Scene()
+    for i in range(6):
+        scene = scene.with_arm(f"arm{i}", robot, [0.5 * i, 0.0, 0.0])
+    moves = []
+    for i in range(6):
+        names = scene.joint_names([f"arm{i}"])
+        rows = 0.3 * rng.normal(size=(3, len(names))) * np.array([[0.0], [1.0], [1.0]])
+        moves.append(rp.Trajectory.from_samples([0.0, 0.5, 1.0], rows, np.zeros_like(rows), joint_names=names))
+    alone = [findings(scene, move)[0].tobytes() for move in moves]
+    with ThreadPoolExecutor(6) as threads:
+        together = list(threads.map(lambda move: findings(scene, move)[0].tobytes(), moves * 20))
+    assert together == alone * 20
+
+
+def _sanitizers() -> tuple[str, str] | None:
+    """The compiler, and what its programs load first under AddressSanitizer; None if it has none."""
+    gcc = shutil.which("gcc")
+    if sys.platform != "linux" or gcc is None:
+        return None
+    # The latter so that the former finds how exceptions are thrown.
+    names = ("libasan.so", "libstdc++.so")
+    found = [
+        subprocess.run([gcc, f"-print-file-name={name}"], capture_output=True, text=True, check=True) for name in names
+    ]
+    files = [Path(one.stdout.strip()) for one in found]
+    return (gcc, " ".join(str(file.resolve()) for file in files)) if files[0].is_absolute() else None
+
+
+@pytest.mark.skipif(_sanitizers() is None, reason="no gcc with AddressSanitizer")
+def test_no_memory_is_misused_and_nothing_is_undefined(tmp_path: Path) -> None:
+    """Compiled by another compiler, with its sanitizers; answers are those of the library that ships."""
+    sanitizers = _sanitizers()
+    assert sanitizers is not None
+    gcc, preloaded = sanitizers
+    root = Path(__file__).parents[2]
+    code = f"""
+import sys
+sys.path.insert(0, {str(root)!r})
+from pathlib import Path
+import hatch_build
+flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Og"]
+out = Path({str(tmp_path)!r}) / "checked.so"
+hatch_build.compile_kernels(hatch_build.UNITS[1], out, "-shared", "-fPIC", *flags, compiler=[{gcc!r}])
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=root)
+    done = subprocess.run(
+        [sys.executable, Path(__file__).with_name("sanitized_search.py"), tmp_path / "checked.so"],
+        env=os.environ | {"LD_PRELOAD": preloaded, "ASAN_OPTIONS": "detect_leaks=0"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-4000:]
+    assert done.stdout.startswith("same answers")

@@ -139,7 +139,7 @@ static ClearanceBounds surface_clearance(RefereeSearch *s, int64_t k, double bas
     SurfacePair pair;
     place_in_surface(view_pair(s, k), s->pairs[k].padding, &pair);
     const SurfaceNode *nodes = pair.triangles.nodes + pair.surface->first_node;
-    ClearanceBounds bounds = {1e300, 1e300};
+    ClearanceBounds bounds = {INFINITY, INFINITY};
     int64_t nearest = remembered_triangle(s, k);
     if (nearest >= 0) {
         Separation found = triangle_clearance(&pair, nearest, base, enough);
@@ -207,7 +207,7 @@ static IntervalClearance surface_interval(RefereeSearch *s, int64_t k, double ti
     place_in_surface(view_pair(s, k), of->padding, &pair);
     const SurfaceNode *nodes = pair.triangles.nodes + pair.surface->first_node;
     int64_t known = remembered_triangle(s, k);
-    double least = 1e300, nearest = 1e300;
+    double least = INFINITY, nearest = INFINITY;
     if (known >= 0) add_plane(&pair, (Direction){s->directions[k].x, s->directions[k].y, s->directions[k].z});
     s->search_count++;
     s->chunk_searches++;
