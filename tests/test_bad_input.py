@@ -35,9 +35,9 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "arms_number": (lambda s: rp.Problem(s, "home", "home", arms=3), rp.InputError, "sequence of names"),
     "arms_of_model": (lambda s: rp.CollisionChecker(s, 3), rp.InputError, "sequence of names"),
     "roadmap_arms": (lambda s: rp.Roadmap(s, 3), rp.InputError, "sequence of names"),
-    "flat_obstacle": (
+    "flat_mesh_in_the_hand": (
         lambda s: rp.CollisionChecker(
-            s.with_obstacle("sheet", rp.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2]]))
+            s.with_obstacle("sheet", rp.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2]])).attach("sheet")
         ),
         rp.InputError,
         "shape of 'sheet'.*flat",

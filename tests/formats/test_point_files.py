@@ -233,7 +233,7 @@ def test_a_scene_file_takes_a_scan_and_a_mesh_by_their_names(tmp_path: Path) -> 
     short.write_text('[obstacles.scan]\npoints = "scan.pcd"\n[obstacles.box]\nmesh = "box.stl"\n')
     long.write_text(
         'name = "short"\n[obstacles.scan]\npoints = { file = "scan.pcd", resolution = 0.02 }\n'
-        '[obstacles.box]\nmesh = { file = "box.stl", scale = 1.0, convex = "pieces" }\n'
+        '[obstacles.box]\nmesh = { file = "box.stl", scale = 1.0 }\n'
     )
     assert rp.load_scene(short).content_hash == rp.load_scene(long).content_hash
 
