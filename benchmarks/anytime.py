@@ -1,4 +1,4 @@
-"""How short a path is that a planner has after 10, 100 and 1000 ms: ours, and OMPL's optimising ones.
+"""How short a path is that a planner has after 10, 100 and 1000 ms: ours, and OMPL's optimizing ones.
 
     python benchmarks/anytime.py [PROBLEMS.json.gz --robot panda.urdf]
 

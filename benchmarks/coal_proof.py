@@ -1,7 +1,7 @@
 """What Coal alone says of configurations and edges, without the package's compiled kernels.
 
 `PlainCoal` places every shape by the robot's own numpy kinematics and asks Coal for each pair; where an answer
-depends on the last micrometre, it brackets the distance between points that are in both bodies and a plane between
+depends on the last micrometer, it brackets the distance between points that are in both bodies and a plane between
 them. `CoalProof` proves edges free: when joint i turns by d_i, no distance of two bodies changes by more than the sum
 of d_i times how far anything is from the axis of i, so bodies that Coal finds farther apart than that stay apart on the
 interval (Schwarzer, Saha, Latombe 2005).
@@ -98,8 +98,8 @@ def _convex(shape: Any) -> list[tuple[Array, Any]]:
     """A shape as convex ones, each with its pose."""
     if not isinstance(shape, rp.PointCloud):
         return [(np.eye(4), piece) for piece in solid_pieces(shape)]
-    cell, poses = rp.Box((shape.resolution,) * 3), np.tile(np.eye(4), (len(centres := occupied_cells(shape)), 1, 1))
-    poses[:, :3, 3] = centres
+    cell, poses = rp.Box((shape.resolution,) * 3), np.tile(np.eye(4), (len(centers := occupied_cells(shape)), 1, 1))
+    poses[:, :3, 3] = centers
     return [(pose, cell) for pose in poses]
 
 

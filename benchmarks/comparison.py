@@ -108,7 +108,7 @@ def excess(samples: Any, step: float, limits: rp.Limits) -> float:
     Differences over some 10 ms are means of the true values, so what is above 1 here is above 1 there.
 
     Args:
-        samples: Positions, shape (n, nq); the last may lie nearer to its neighbour than the others.
+        samples: Positions, shape (n, nq); the last may lie nearer to its neighbor than the others.
         step: Time between samples [s].
         limits: The limits of the joints.
     """
@@ -142,7 +142,7 @@ def compare(runs: Sequence[Run], reference: str) -> list[str]:
         time_table(ran),
     ]
     parts += [
-        "Medians, the share of results that Coal or FCL sees in collision at a millimetre, and of timed motions whose "
+        "Medians, the share of results that Coal or FCL sees in collision at a millimeter, and of timed motions whose "
         "speed or acceleration is more than 5 % above a limit:",
         result_table(ran),
     ]

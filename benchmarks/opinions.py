@@ -1,4 +1,4 @@
-"""Second and third opinions on a motion: sampled at a millimetre, asked of Coal and of python-fcl.
+"""Second and third opinions on a motion: sampled at a millimeter, asked of Coal and of python-fcl.
 
 Nothing here is rr1plan's kinematics or collision checking. Frames come from a plain product of
 the description's transforms, many samples at once. Two bodies whose oriented boxes are apart (separating
@@ -148,8 +148,8 @@ def path_motion(waypoints: Array) -> tuple[Motion, Array]:
     return at, places
 
 
-def millimetre_samples(bodies: Bodies, motion: Motion, places: Array) -> Array:
-    """Places so near together that no point of the robot moves more than a millimetre between two."""
+def millimeter_samples(bodies: Bodies, motion: Motion, places: Array) -> Array:
+    """Places so near together that no point of the robot moves more than a millimeter between two."""
     places = np.unique(np.concatenate([places, np.linspace(places[0], places[-1], 50)]))
     while True:
         travel = _travel(bodies, motion(places))
@@ -265,7 +265,7 @@ class Opinions:
         return self._judge(trajectory, np.array(trajectory.breaks))
 
     def _judge(self, motion: Motion, places: Array) -> Verdict:
-        places = millimetre_samples(self.bodies, motion, places)
+        places = millimeter_samples(self.bodies, motion, places)
         touches: dict[str, tuple[str, str, float] | None] = {opinion.name: None for opinion in self._all}
         asked = 0
         for part in np.array_split(places, max(1, len(places) // 1000)):

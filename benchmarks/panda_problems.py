@@ -10,7 +10,7 @@ hulls. Each problem is asked several times, with a seed of its own each: a plann
 caches, the next ones have not, and all of them count. Each answer is shortened, timed and proven before the next
 question; with `--order paths` a problem's paths are planned and shortened one after the other, and then its motions
 timed and proven. The raw path, the short path and the timed motion of the first answer are sampled so finely that no
-point of the robot moves more than a millimetre, and every sample is asked of Coal and of python-fcl.
+point of the robot moves more than a millimeter, and every sample is asked of Coal and of python-fcl.
 """
 
 from __future__ import annotations
@@ -68,10 +68,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name, seconds in clocks:
         if name not in firsts:
             seconds.pop("set up", None)
-    verdicts = {o.name: _judge(o, opinions[o.name]) for o in track(judged, "rr1plan at a millimetre")}
+    verdicts = {o.name: _judge(o, opinions[o.name]) for o in track(judged, "rr1plan at a millimeter")}
     for run in others:
         answers = [answer for answer in run.solved if answer["name"] in firsts]
-        for answer in track(answers, f"{run.name} at a millimetre") if answers else ():
+        for answer in track(answers, f"{run.name} at a millimeter") if answers else ():
             answer |= _judge_peer(answer, opinions[answer["name"]], chosen[answer["name"]].scene.limits())
     runs = [_own_run(args.planner, chosen, outcomes, verdicts), *others]
     facts = {

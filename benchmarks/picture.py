@@ -11,7 +11,7 @@ from comparison import KINDS, WORDS, Run, quantile
 from shared import mark_powers, number
 
 _COLORS = ("#c8102e", "#1f4e79", "#6fa0cc", "#d98e04", "#4f8f5b", "#7d5a99", "#6b6b6b", "#2aa6a1")
-# So that curves are told apart without colours, too.
+# So that curves are told apart without colors, too.
 _DASHES, _MARKS = ("-", "-", (0, (5, 1.5)), (0, (1, 1)), "-."), "osD^vP*X"
 _INK, _FAINT = "#222222", "#8a8a8a"
 _TINTS = {"raw": 0.35, "path": 0.65, "timed": 1.0}
@@ -91,7 +91,7 @@ def _draw_touches(axes: Any, runs: Sequence[Run], colors: dict[str, str]) -> Non
         label.set(color=colors[run.name], fontweight="bold")
     axes.set(xlim=(0, 1.4 * most), ylim=(len(runs) - 0.5, -0.5), xlabel="share of the results [%]")
     axes.set_xticks([tick for tick in axes.get_xticks() if tick <= 100])
-    axes.set_title("In collision at a millimetre", loc="left", fontweight="bold")
+    axes.set_title("In collision at a millimeter", loc="left", fontweight="bold")
 
 
 def draw_race(file: Path, race: Mapping[str, Sequence[Mapping[str, float]]], budgets: Sequence[float]) -> None:

@@ -44,8 +44,8 @@ class Roadmap:
     Two ends that a certified edge joins to the same part of it are proven to have a path between them.
     """
 
-    def __init__(self, motions: rp.CollisionChecker, points: Array, neighbours: int = 30) -> None:
-        self._motions, self._points, self._neighbours = motions, points, neighbours
+    def __init__(self, motions: rp.CollisionChecker, points: Array, neighbors: int = 30) -> None:
+        self._motions, self._points, self._neighbors = motions, points, neighbors
         self._part = np.arange(len(points))
         for i in range(len(points)):
             for j in self._nearest(points[i]):
@@ -61,7 +61,7 @@ class Roadmap:
 
     def _nearest(self, q: Array) -> Array:
         far = np.linalg.norm(self._points - q, axis=1)
-        return np.asarray(np.argsort(far, kind="stable")[: self._neighbours])
+        return np.asarray(np.argsort(far, kind="stable")[: self._neighbors])
 
 
 class Drawer:

@@ -19,8 +19,8 @@ box = next(g for g in scene.arm("rr1").robot.link("forearm_link").collisions if 
 corners = np.array(np.meshgrid(*([-0.5, 0.5],) * 3)).reshape(3, -1).T * np.array(box.shape.size)
 corners = corners @ box.pose[:3, :3].T + box.pose[:3, 3]
 for level in range(3):
-    centres, radii = covers["rr1/forearm_link"].at(level)
-    inside = np.linalg.norm(corners[:, None] - centres, axis=2) <= radii
+    centers, radii = covers["rr1/forearm_link"].at(level)
+    inside = np.linalg.norm(corners[:, None] - centers, axis=2) <= radii
     print(f"level {level}: {inside.any(axis=1).sum()} of 8 corners are inside")
 
 print("page:", motion.save_html("16_spheres.html", spheres=True, title="Spheres that contain"))

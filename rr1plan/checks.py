@@ -17,7 +17,7 @@ from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.errors import shown as shown
 
 Array = NDArray[np.float64]
-# Beyond this [m] distances are no longer good to a micrometre, and Coal gives wrong ones (or none).
+# Beyond this [m] distances are no longer good to a micrometer, and Coal gives wrong ones (or none).
 FARTHEST = 1e4
 # A whole turn [rad], rounded up.
 _TURN = 6.2832

@@ -86,7 +86,7 @@ def load_robot(
     "home" is the SRDF's state of that name, else "ready", else its first one; without any, zero or
     the middle of the range where that is free of self-collision, else a free configuration near it.
 
-    Where no SRDF switches pairs of links off, neighbours and links that touch in each of 200 random
+    Where no SRDF switches pairs of links off, neighbors and links that touch in each of 200 random
     configurations are not checked against each other; see `propose_never_collide`. Where no configuration
     is free even so, links that touch at home are not checked either, as the log warns.
 

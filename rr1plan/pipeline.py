@@ -199,7 +199,7 @@ def plan_motion(
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; the Cartesian planner's is left as it is.
         margin: Distance to keep beyond the scene's padding [m]: a proof of zero clearance is little use to an
-            arm that tracks to a fraction of a millimetre. It is halved until start and goal have
+            arm that tracks to a fraction of a millimeter. It is halved until start and goal have
             twice as much, and given up when no configuration found for a goal in space has it.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When the planner has to stop (default: 10 s).

@@ -1,6 +1,6 @@
 """The shapes that links and obstacles are made of: small immutable values, SI units.
 
-Each shape is centred in its own frame; cylinders and capsules run along z; a half-space is
+Each shape is centerd in its own frame; cylinders and capsules run along z; a half-space is
 the matter below its plane.
 """
 
@@ -98,7 +98,7 @@ class HalfSpace:
     """All points p with normal . p <= offset; the ground is `HalfSpace((0, 0, 1), 0)`.
 
     Args:
-        normal: Outward direction, normalised here, shape (3,).
+        normal: Outward direction, normalized here, shape (3,).
         offset: Distance of the plane from the origin along the normal [m].
 
     Raises:

@@ -62,7 +62,7 @@ def unit_quaternion(wxyz: Any) -> Array:
 
 
 def rotation_from_quaternion(wxyz: Any) -> Array:
-    """Rotation matrix of a quaternion wxyz, normalised first, shape (3, 3).
+    """Rotation matrix of a quaternion wxyz, normalized first, shape (3, 3).
 
     Raises:
         InputError: not four finite numbers, or a norm too near zero to have a direction.

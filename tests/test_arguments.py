@@ -204,12 +204,12 @@ def calls(folder: Path) -> dict[str, Call]:
         "Limits.stack": (rp.Limits.stack, {"parts": [robot.limits, robot.limits]}),
         "place_grid": (
             rp.place_grid,
-            {"robot": robot, "rows": 1, "columns": 2, "spacing": 3.0, "centre": [0, 0, 0], "yaw": 0.0, "q": "home"}
+            {"robot": robot, "rows": 1, "columns": 2, "spacing": 3.0, "center": [0, 0, 0], "yaw": 0.0, "q": "home"}
             | {"scene": None, "prefix": "arm"},
         ),
         "place_ring": (
             rp.place_ring,
-            {"robot": robot, "count": 2, "radius": 3.0, "facing": "centre", "front": [1, 0, 0], "centre": [0, 0, 0]}
+            {"robot": robot, "count": 2, "radius": 3.0, "facing": "center", "front": [1, 0, 0], "center": [0, 0, 0]}
             | {"start_angle": 0.0, "q": "home", "scene": None, "prefix": "arm"},
         ),
         "Path": (rp.Path, {"joint_names": names, "waypoints": [q, q + 0.1]}),

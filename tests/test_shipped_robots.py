@@ -50,7 +50,7 @@ def test_its_configurations_are_free_and_within_the_limits_and_home_within_all(s
         assert ((shipped.home >= limits.lower) & (shipped.home <= limits.upper)).all()
 
 
-def test_pairs_switched_off_are_neighbours_or_never_meet(shipped: rp.Robot) -> None:
+def test_pairs_switched_off_are_neighbors_or_never_meet(shipped: rp.Robot) -> None:
     proposed = propose_never_collide(shipped, 1500, rng=0)
     fingers = frozenset(("finger_link", "opposite_finger_link"))
     assert shipped.never_collide - {fingers} <= set(proposed)

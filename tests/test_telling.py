@@ -61,7 +61,7 @@ def test_no_plan_shows_its_reason() -> None:
     assert "infeasible" in repr(motion.result)
 
 
-def test_degrees_are_recognised() -> None:
+def test_degrees_are_recognized() -> None:
     scene = rp.load_scene("rr1_table")
     for start, goal in (("home", [0, 20, -45, 0, 30, 0]), ([0, 20, -45, 0, 30, 0], "home")):
         assert "are these degrees?" in rp.plan_motion(rp.Problem(scene, start, goal), rng=0).result.reason
@@ -125,7 +125,7 @@ BENT = """<robot name="bent"><link name="a"/>
 </robot>"""
 
 
-def test_rotations_in_degrees_are_recognised_wherever_they_are_read(tmp_path: Path) -> None:
+def test_rotations_in_degrees_are_recognized_wherever_they_are_read(tmp_path: Path) -> None:
     with pytest.raises(rp.InputError, match=r"rpy is \[0, 0, 90\] rad, expected angles within a turn.* " + DEGREES):
         rp.transforms.pose(rpy=(0, 0, 90))
     scene, robot = tmp_path / "scene.toml", tmp_path / "bent.urdf"

@@ -133,7 +133,7 @@ class CollisionChecker(CoalChecker):
         return status == FREE or (status != CONTACT and self.is_free_slowly(q))
 
     def is_free_but_for(self, q: Any, arms: frozenset[str]) -> bool:
-        """The same, but that pairs do not count in which some arms have a part; nothing is nearer than a nanometre.
+        """The same, but that pairs do not count in which some arms have a part; nothing is nearer than a nanometer.
 
         Args:
             q: Configuration [rad or m], shape (nq,).

@@ -24,7 +24,7 @@ from rr1plan.kernels.library import constants, load_library
 _INTS = NDArray[np.int64]
 # Gaps up to these are told apart [m]; a map takes the least that the padding allows.
 _STEPS = (0.02, 0.06, 0.2)
-# Joints that turn without end have a map of a turn to both sides; one that slides, of as many metres.
+# Joints that turn without end have a map of a turn to both sides; one that slides, of as many meters.
 _TURN = 2.0 * np.pi
 _VERSION = "clearance-maps-1"
 CELLS = constants()["MAP_CELLS"]

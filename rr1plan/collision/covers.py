@@ -32,25 +32,25 @@ class ElementCover(Value):
     An element without collision geometry has none.
 
     Args:
-        centres: Centres [m], shape (n, 3).
+        centers: Centers [m], shape (n, 3).
         radii: Radii [m], shape (n,).
         levels: 0 for the sphere around the whole, 1 for those around its convex bodies, 2 for those that fill them,
             ascending, shape (n,).
     """
 
-    centres: Array
+    centers: Array
     radii: Array
     levels: NDArray[np.int64]
 
     def at(self, level: int) -> tuple[Array, Array]:
-        """Centres [m], shape (m, 3), and radii [m], shape (m,), of a level.
+        """Centers [m], shape (m, 3), and radii [m], shape (m,), of a level.
 
         Raises:
             InputError: a level other than 0, 1 and 2.
         """
         whole_number("level (0: around the whole, 1: around its bodies, 2: parts)", level, WHOLE, PARTS)
         chosen = self.levels == level
-        return self.centres[chosen], self.radii[chosen]
+        return self.centers[chosen], self.radii[chosen]
 
 
 def cover_with_spheres(thing: Robot | Scene) -> dict[str, ElementCover]:
@@ -98,10 +98,10 @@ def cover_geometries(name: str, geometries: Iterable[Geometry]) -> ElementCover:
 
 def _placed(made: SphereCover, T: Array) -> tuple[Array, Array]:
     """The ball around a body, shape (4,), and its spheres, shape (n, 4), where a pose puts them."""
-    rows = np.concatenate([made.ball[None], np.column_stack([made.centres, made.radii])])
-    centres = rows[:, :3] @ T[:3, :3].T + T[:3, 3]
+    rows = np.concatenate([made.ball[None], np.column_stack([made.centers, made.radii])])
+    centers = rows[:, :3] @ T[:3, :3].T + T[:3, 3]
     far = np.linalg.norm(rows[:, :3], axis=1) + np.linalg.norm(T[:3, 3])
-    moved = np.column_stack([centres, rows[:, 3] + _ROUNDING * far])
+    moved = np.column_stack([centers, rows[:, 3] + _ROUNDING * far])
     return moved[0], moved[1:]
 
 

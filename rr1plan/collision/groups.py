@@ -13,7 +13,7 @@ _INTS = NDArray[np.int64]
 
 
 def group_rows(frames: list[int], chains: list[list[int]], reaches: list[list[float]]) -> tuple[_INTS, _INTS, Array]:
-    """Neighbouring bodies of one joint put into groups.
+    """Neighboring bodies of one joint put into groups.
 
     Args:
         frames: The joint that carries each body.

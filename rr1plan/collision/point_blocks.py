@@ -1,4 +1,4 @@
-"""Points put in an order in which blocks of neighbours follow each other, and balls around the blocks."""
+"""Points put in an order in which blocks of neighbors follow each other, and balls around the blocks."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ _ROUNDING = 1e-12
 
 
 def in_blocks(points: Array) -> tuple[Array, Array]:
-    """Points in blocks of neighbours, and a ball around each block.
+    """Points in blocks of neighbors, and a ball around each block.
 
     Args:
         points: Points [m], shape (n, 3).
 
     Returns:
-        The same points in another order, neighbours side by side, shape (n, 3); centres and radii of the balls around
+        The same points in another order, neighbors side by side, shape (n, 3); centers and radii of the balls around
         each `BLOCK` of them [m], shape (ceil(n / BLOCK), 4).
     """
     ordered = np.array(_split(points))
     balls = []
     for first in range(0, len(points), BLOCK):
         block = ordered[first : first + BLOCK]
-        centre = 0.5 * (block.min(axis=0) + block.max(axis=0))
-        radius = float(np.linalg.norm(block - centre, axis=1).max())
-        balls.append([*centre, radius * _SAFETY + _ROUNDING * (1.0 + float(np.abs(block).max()))])
+        center = 0.5 * (block.min(axis=0) + block.max(axis=0))
+        radius = float(np.linalg.norm(block - center, axis=1).max())
+        balls.append([*center, radius * _SAFETY + _ROUNDING * (1.0 + float(np.abs(block).max()))])
     return ordered, np.array(balls)
 
 

@@ -1,10 +1,10 @@
 """Spheres that contain a solid: few, tight, and proven.
 
 A solid is cut into small cells. A sphere holds a cell when it holds the cell's corners, and the cells
-together are the solid, so spheres that hold every cell contain it. Candidates are centred at the cells
+together are the solid, so spheres that hold every cell contain it. Candidates are centerd at the cells
 and as large as the solid is deep there, and a little more; the one that holds most of what is left is taken
 next (greedy set cover, Chvatal 1979). Capsules and long cylinders are chains of spheres along their
-axis. Each sphere also knows how large a ball about its centre lies wholly inside the solid: what touches
+axis. Each sphere also knows how large a ball about its center lies wholly inside the solid: what touches
 that ball touches the solid.
 """
 
@@ -46,14 +46,14 @@ class SphereCover:
     """Spheres whose union contains a solid, in the solid's frame.
 
     Args:
-        centres: Centres [m], shape (n, 3).
+        centers: Centers [m], shape (n, 3).
         radii: Radii [m], shape (n,).
-        inner: Radius of a ball about the same centre that lies in the solid [m], shape (n,); -inf
-            where the centre lies outside.
-        ball: A sphere that contains the solid: its centre and its radius [m], shape (4,).
+        inner: Radius of a ball about the same center that lies in the solid [m], shape (n,); -inf
+            where the center lies outside.
+        ball: A sphere that contains the solid: its center and its radius [m], shape (4,).
     """
 
-    centres: Array
+    centers: Array
     radii: Array
     inner: Array
     ball: Array
@@ -79,25 +79,25 @@ def cover(shape: Shape) -> SphereCover:
         case Cylinder(radius, length):
             # Its corners are those of a prism around it: what is inside that may be outside the cylinder.
             made = _polytope(_corners(shape))
-            rim = radius - np.hypot(made.centres[:, 0], made.centres[:, 1])
-            inner = np.minimum(rim, 0.5 * length - np.abs(made.centres[:, 2]))
+            rim = radius - np.hypot(made.centers[:, 0], made.centers[:, 1])
+            inner = np.minimum(rim, 0.5 * length - np.abs(made.centers[:, 2]))
             inner = np.where(inner > 0.0, inner / _SAFETY, -np.inf)
-            return _frozen(made.centres, made.radii, inner, made.ball)
+            return _frozen(made.centers, made.radii, inner, made.ball)
         case Mesh(convex=True) | Box():
             return _polytope(_corners(shape))
         case Mesh() | HalfSpace() | PointCloud():
             raise InputError(f"a {type(shape).__name__} has no spheres around it, expected a convex solid")
 
 
-def _made(centres: Array, radii: Array | list[float], inner: Array | list[float]) -> SphereCover:
+def _made(centers: Array, radii: Array | list[float], inner: Array | list[float]) -> SphereCover:
     radii = np.array(radii) * _SAFETY
-    centre = 0.5 * ((centres - radii[:, None]).min(axis=0) + (centres + radii[:, None]).max(axis=0))
-    reach = float((np.linalg.norm(centres - centre, axis=1) + radii).max()) * _SAFETY
-    return _frozen(centres, radii, np.array(inner) / _SAFETY, np.array([*centre, reach]))
+    center = 0.5 * ((centers - radii[:, None]).min(axis=0) + (centers + radii[:, None]).max(axis=0))
+    reach = float((np.linalg.norm(centers - center, axis=1) + radii).max()) * _SAFETY
+    return _frozen(centers, radii, np.array(inner) / _SAFETY, np.array([*center, reach]))
 
 
-def _frozen(centres: Array, radii: Array, inner: Array, ball: Array) -> SphereCover:
-    return SphereCover(*(read_only(np.array(a, dtype=np.float64)) for a in (centres, radii, inner, ball)))
+def _frozen(centers: Array, radii: Array, inner: Array, ball: Array) -> SphereCover:
+    return SphereCover(*(read_only(np.array(a, dtype=np.float64)) for a in (centers, radii, inner, ball)))
 
 
 def _capsule(radius: float, length: float) -> SphereCover:
@@ -105,9 +105,9 @@ def _capsule(radius: float, length: float) -> SphereCover:
     widest = 2.0 * sqrt((radius + EXCESS) ** 2 - radius**2)
     count = min(1 + max(1, ceil(length / widest)), MOST)
     step = length / (count - 1)
-    centres = np.zeros((count, 3))
-    centres[:, 2] = np.linspace(-0.5 * length, 0.5 * length, count)
-    return _made(centres, [hypot(radius, 0.5 * step)] * count, [radius] * count)
+    centers = np.zeros((count, 3))
+    centers[:, 2] = np.linspace(-0.5 * length, 0.5 * length, count)
+    return _made(centers, [hypot(radius, 0.5 * step)] * count, [radius] * count)
 
 
 def _cylinder(radius: float, length: float) -> SphereCover:
@@ -115,10 +115,10 @@ def _cylinder(radius: float, length: float) -> SphereCover:
     widest = 2.0 * sqrt((radius + EXCESS) ** 2 - radius**2)
     count = min(ceil(length / widest), MOST)
     half = 0.5 * length / count
-    centres = np.zeros((count, 3))
-    centres[:, 2] = np.linspace(half - 0.5 * length, 0.5 * length - half, count)
-    inner = np.minimum(radius, 0.5 * length - np.abs(centres[:, 2]))
-    return _made(centres, [hypot(radius, half)] * count, inner)
+    centers = np.zeros((count, 3))
+    centers[:, 2] = np.linspace(half - 0.5 * length, 0.5 * length - half, count)
+    inner = np.minimum(radius, 0.5 * length - np.abs(centers[:, 2]))
+    return _made(centers, [hypot(radius, half)] * count, inner)
 
 
 def _corners(shape: Box | Cylinder | Mesh) -> Array:
@@ -140,11 +140,11 @@ def _corners(shape: Box | Cylinder | Mesh) -> Array:
 def _polytope(corners: Array) -> SphereCover:
     key = cache_key(_VERSION, f"{EXCESS} {MOST} {_SIDES} {_LOOSER} {_CUTS}", corners)
     kept = load_cached(key)
-    if kept is None or sorted(kept) != ["ball", "centres", "inner", "radii"]:
+    if kept is None or sorted(kept) != ["ball", "centers", "inner", "radii"]:
         made = _fill(corners) if len(corners) <= _MANY else _fill_around(corners)
-        store_cached(key, {"centres": made.centres, "radii": made.radii, "inner": made.inner, "ball": made.ball})
+        store_cached(key, {"centers": made.centers, "radii": made.radii, "inner": made.inner, "ball": made.ball})
         return made
-    return _frozen(kept["centres"], kept["radii"], kept["inner"], kept["ball"])
+    return _frozen(kept["centers"], kept["radii"], kept["inner"], kept["ball"])
 
 
 def _fill(corners: Array) -> SphereCover:
@@ -153,22 +153,22 @@ def _fill(corners: Array) -> SphereCover:
     # Cells have different numbers of corners; the last one repeated changes nothing.
     count = max(len(cell) for cell in cells)
     points = np.array([np.concatenate([cell, np.repeat(cell[-1:], count - len(cell), axis=0)]) for cell in cells])
-    centres = points.mean(axis=1)
-    depth = -(centres @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    centers = points.mean(axis=1)
+    depth = -(centers @ planes[:, :3].T + planes[:, 3]).max(axis=1)
     # How large a sphere about each candidate has to be to hold each cell.
-    needed = np.array([np.linalg.norm(points - centre, axis=2).max(axis=1) for centre in centres])
+    needed = np.array([np.linalg.norm(points - center, axis=2).max(axis=1) for center in centers])
     excess = EXCESS
     while (taken := _choose(needed, depth + excess)) is None:
         excess *= _LOOSER
     chosen, radii = taken
     whole = around_points(corners)
-    return _frozen(centres[chosen], radii * _SAFETY, np.maximum(depth[chosen], 0.0) / _SAFETY, whole)
+    return _frozen(centers[chosen], radii * _SAFETY, np.maximum(depth[chosen], 0.0) / _SAFETY, whole)
 
 
 def _fill_around(corners: Array) -> SphereCover:
     """Spheres that contain a simpler hull around many corners; of balls inside nothing is known then."""
     made = _fill(_simpler(corners))
-    return _frozen(made.centres, made.radii, np.full(len(made.radii), -np.inf), made.ball)
+    return _frozen(made.centers, made.radii, np.full(len(made.radii), -np.inf), made.ball)
 
 
 def _simpler(corners: Array) -> Array:

@@ -46,7 +46,7 @@ class _Triangles(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """A part of a mesh file with its colour, where the file gives one."""
+    """A part of a mesh file with its color, where the file gives one."""
 
     mesh: Mesh
     color: Color | None = None
@@ -122,7 +122,7 @@ def _unit(data: bytes, file: Path) -> float:
     except ValueError:
         unit = np.nan
     if not (np.isfinite(unit) and unit > 0.0):
-        raise FormatError(f"has the unit {word!r}, expected a number of metres above zero", file)
+        raise FormatError(f"has the unit {word!r}, expected a number of meters above zero", file)
     return unit
 
 

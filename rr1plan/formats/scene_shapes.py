@@ -1,4 +1,4 @@
-"""Poses, colours and shapes as tables of a scene file, both ways.
+"""Poses, colors and shapes as tables of a scene file, both ways.
 
 box = [0.4, 0.3, 0.02]                       full sides [m]
 sphere = 0.05                                radius [m]
@@ -66,7 +66,7 @@ def pose_entries(T: Array) -> dict[str, Any]:
 
 
 def read_color(table: Table, default: Color | None = None) -> Color | None:
-    """A colour from "#rrggbb", "#rrggbbaa" or three or four numbers 0..1."""
+    """A color from "#rrggbb", "#rrggbbaa" or three or four numbers 0..1."""
     value = table.raw("color")
     if value is None:
         return default

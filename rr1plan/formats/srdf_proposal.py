@@ -41,7 +41,7 @@ def rigid_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
 
 
 def adjacent_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
-    """Pairs of links that a movable joint joins, rigid neighbours of both included."""
+    """Pairs of links that a movable joint joins, rigid neighbors of both included."""
     bodies: dict[str, set[str]] = {}
     for joint in joints:
         members = bodies.setdefault(joint.parent, {joint.parent})

@@ -1,4 +1,4 @@
-"""The links of a URDF: masses, shapes and colours."""
+"""The links of a URDF: masses, shapes and colors."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class LinkReader:
         """One link.
 
         Raises:
-            FormatError: an impossible mass, shape or colour, or a mesh that cannot be read.
+            FormatError: an impossible mass, shape or color, or a mesh that cannot be read.
         """
         name = element.text("name")
         inertial = element.child("inertial")
@@ -90,7 +90,7 @@ class LinkReader:
                 raise element.error(str(error)) from error
         return self._meshes[key]
 
-    # ---- colours -----------------------------------------------------------------------
+    # ---- colors -----------------------------------------------------------------------
 
     def _shared_materials(self, root: Element) -> dict[str, Color | None]:
         """The materials by name; those inside links count too, as in other readers."""
@@ -110,7 +110,7 @@ class LinkReader:
         color = _rgba(material)
         name = material.attributes.get("name", "")
         if color is None and name and name not in self._materials:
-            log.warning("%s:%d: material %r is nowhere defined, the default colour is used", *material.at, name)
+            log.warning("%s:%d: material %r is nowhere defined, the default color is used", *material.at, name)
         return color or self._materials.get(name)
 
 
@@ -121,7 +121,7 @@ def _rgba(material: Element) -> Color | None:
     try:
         r, g, b, a = color.vector("rgba", 4)
     except FormatError as error:
-        log.warning("%s; the default colour is used", error)
+        log.warning("%s; the default color is used", error)
         return None
     if not all(0.0 <= c <= 1.0 for c in (r, g, b, a)):
         written = color.attributes["rgba"]
@@ -160,7 +160,7 @@ def _primitive(element: Element) -> Shape:
 
 
 def _inertial(element: Element, link: str) -> Inertial | None:
-    """Mass, centre and inertia, turned into the link's axes; a mass of zero marks a mere frame.
+    """Mass, center and inertia, turned into the link's axes; a mass of zero marks a mere frame.
 
     An inertia that is zero in all is that of a point; any other has to be positive definite, which one
     of a rod or written with few digits may miss by rounding. One that misses it by more makes the link a point.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -19,12 +20,12 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
-from rr1plan.scene import Scene
+from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import pose
 
-Facing = Literal["centre", "outward", "along"]
+Facing = Literal["center", "outward", "along"]
 _MOST_ARMS = 10_000
-_FACING = ("centre", "outward", "along")
+_FACING = ("center", "outward", "along")
 
 
 def place_grid(
@@ -33,7 +34,7 @@ def place_grid(
     columns: int,
     spacing: float | tuple[float, float] = 1.0,
     *,
-    centre: Any = (0.0, 0.0, 0.0),
+    center: Any = (0.0, 0.0, 0.0),
     yaw: float = 0.0,
     q: Any = "home",
     scene: Scene | None = None,
@@ -45,8 +46,8 @@ def place_grid(
         robot: The robot all of them are.
         rows: How many along x.
         columns: How many along y.
-        spacing: Distance between neighbours [m], the same both ways or (along x, along y).
-        centre: Middle of the grid in the world [m], shape (3,).
+        spacing: Distance between neighbors [m], the same both ways or (along x, along y).
+        center: Middle of the grid in the world [m], shape (3,).
         yaw: How every base is turned about z [rad].
         q: Posture of every arm: a configuration's name or numbers (nq,).
         scene: The scene they are added to (default: an empty one).
@@ -60,7 +61,7 @@ def place_grid(
     of_two = isinstance(spacing, list | tuple | np.ndarray)
     both = np.broadcast_to(near_array("spacing", spacing, (2,) if of_two else ()), (2,))
     along_x, along_y = (positive_number("spacing", s) for s in both)
-    middle = finite_array("centre", centre, (3,))
+    middle = finite_array("center", center, (3,))
     turn = float(turn_angles("yaw", yaw, ()))
     xs = along_x * (np.arange(rows) - (rows - 1) / 2)
     ys = along_y * (np.arange(columns) - (columns - 1) / 2)
@@ -72,10 +73,10 @@ def place_ring(
     robot: Robot,
     count: int,
     radius: float,
-    facing: Facing = "centre",
+    facing: Facing = "center",
     *,
     front: Any = (1.0, 0.0, 0.0),
-    centre: Any = (0.0, 0.0, 0.0),
+    center: Any = (0.0, 0.0, 0.0),
     start_angle: float = 0.0,
     q: Any = "home",
     scene: Scene | None = None,
@@ -87,9 +88,9 @@ def place_ring(
         robot: The robot all of them are.
         count: How many.
         radius: Radius of the circle of their bases [m].
-        facing: Where their fronts point: to the "centre", "outward", or "along" the circle (counter-clockwise).
+        facing: Where their fronts point: to the "center", "outward", or "along" the circle (counter-clockwise).
         front: Which way the robot's front points in its base frame, shape (3,); (-1, 0, 0) for RR1.
-        centre: Middle of the circle in the world [m], shape (3,).
+        center: Middle of the circle in the world [m], shape (3,).
         start_angle: Where on the circle the first one stands [rad].
         q: Posture of every arm: a configuration's name or numbers (nq,).
         scene: The scene they are added to (default: an empty one).
@@ -104,11 +105,11 @@ def place_ring(
     _check_counts(count=count)
     distance = positive_number("radius", radius)
     known_name("facing", facing, _FACING)
-    middle, ahead = finite_array("centre", centre, (3,)), finite_array("front", front, (3,))
+    middle, ahead = finite_array("center", center, (3,)), finite_array("front", front, (3,))
     if np.hypot(ahead[0], ahead[1]) < 1e-9:
         raise InputError(f"front is {ahead.tolist()}, expected a direction that is not vertical")
     first = float(turn_angles("start_angle", start_angle, ()))
-    turn = {"centre": np.pi, "outward": 0.0, "along": np.pi / 2}[facing] - np.arctan2(ahead[1], ahead[0])
+    turn = {"center": np.pi, "outward": 0.0, "along": np.pi / 2}[facing] - np.arctan2(ahead[1], ahead[0])
     bases = []
     for angle in first + 2.0 * np.pi * np.arange(count) / count:
         place = middle + distance * np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -128,9 +129,10 @@ def _place(robot: Robot, bases: list[Any], q: Any, scene: Scene | None, prefix: 
     check_text("prefix", prefix)
     scene = Scene() if scene is None else scene
     digits = max(2, len(str(len(bases))))
+    arms = dict(scene.arms)
     for number, base in enumerate(bases, start=1):
         name = f"{prefix}{number:0{digits}d}"
-        if name in scene.arms:
+        if name in arms:
             raise InputError(f"the scene has an arm named {name!r} already; try another prefix")
-        scene = scene.with_arm(name, robot, base, q)
-    return scene
+        arms[name] = Arm(robot, base, q)
+    return replace(scene, arms=arms)

@@ -155,9 +155,9 @@ class _Walk:
             step *= 0.5
             if step < _SMALLEST_STEP:
                 why = self.why(line, following, waypoints[-1], q, fits)
-                metres = part * float(np.linalg.norm(line.p1 - line.p0))
+                meters = part * float(np.linalg.norm(line.p1 - line.p0))
                 where = f"the line to the goal ends after {100 * part:.1f} %"
-                return _Stop(PlanStatus.INFEASIBLE, f"{where} ({metres:.4g} m): {why}")
+                return _Stop(PlanStatus.INFEASIBLE, f"{where} ({meters:.4g} m): {why}")
         return np.array(waypoints)
 
     def correct(self, line: Line, part: float, q: Array, goal: PoseGoal) -> Array | None:
@@ -165,9 +165,9 @@ class _Walk:
         limits = self.robot.limits
         target, chain = line.at(part), self.chain_of(line)
         q, _ = descend(chain, target, q, limits.lower, limits.upper, steps=30)
-        metres, radians = errors_at(chain, target, q)
-        most_metres, most_radians = self.waypoint_tolerances(goal)
-        return q if metres <= most_metres and radians <= most_radians else None
+        meters, radians = errors_at(chain, target, q)
+        most_meters, most_radians = self.waypoint_tolerances(goal)
+        return q if meters <= most_meters and radians <= most_radians else None
 
     def waypoint_tolerances(self, goal: PoseGoal) -> tuple[float, float]:
         """How far a waypoint itself may be from the line [m], [rad]."""
@@ -178,10 +178,10 @@ class _Walk:
 
     def is_straight(self, line: Line, bound: EdgeBound, a: Array, b: Array) -> bool:
         """The edge stays within the tolerances and is no jump."""
-        metres, radians = bound.bound(a, b)
+        meters, radians = bound.bound(a, b)
         share = 1.0 - _WAYPOINT_SHARE
         return (
-            metres <= share * self.planner.tolerance
+            meters <= share * self.planner.tolerance
             and (line.turn is None or radians <= share * self.planner.orientation_tolerance)
             and float(np.abs(b - a).sum()) <= _LARGEST_EDGE
         )

@@ -124,7 +124,7 @@ class _Shortener:
         return all(not self._expired() and self._checker.edge_is_free(a, b) for a, b in pairwise(points))
 
     def cut_corners(self, points: Array) -> Array:
-        """Each corner replaced by two points, a quarter of the way to its neighbours or closer."""
+        """Each corner replaced by two points, a quarter of the way to its neighbors or closer."""
         result = list(points[:1])
         for before, corner, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
             cut = 0.25

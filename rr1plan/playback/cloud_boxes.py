@@ -14,7 +14,7 @@ def cloud_boxes(cloud: PointCloud) -> tuple[Array, Array]:
     Cells in a row become one box, rows of one length side by side a plate, equal plates a block.
 
     Returns:
-        Centres and half edges [m], each of shape (n, 3).
+        Centers and half edges [m], each of shape (n, 3).
     """
     lower = np.unique(np.floor(cloud.points / cloud.resolution), axis=0)
     upper = lower + 1.0

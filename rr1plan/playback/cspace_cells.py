@@ -39,7 +39,7 @@ def label_components(free: Mask, periodic: tuple[bool, bool], diagonal: bool = F
 def shortest_way(
     free: Mask, periodic: tuple[bool, bool], start: tuple[int, int], goal: tuple[int, int]
 ) -> list[tuple[int, int]]:
-    """Cells of a shortest path (8 neighbours, Dijkstra 1959); start and goal are in the same component."""
+    """Cells of a shortest path (8 neighbors, Dijkstra 1959); start and goal are in the same component."""
     steps = [(di, dj) for di in (-1, 0, 1) for dj in (-1, 0, 1) if di or dj]
     cost = {start: 0.0}
     came: dict[tuple[int, int], tuple[int, int]] = {}
@@ -51,7 +51,7 @@ def shortest_way(
         if spent > cost[cell]:
             continue
         for step in steps:
-            following = _neighbour(free, periodic, cell, step)
+            following = _neighbor(free, periodic, cell, step)
             if following is not None:
                 total = spent + float(np.hypot(*step))
                 if total < cost.get(following, np.inf) - 1e-12:
@@ -64,7 +64,7 @@ def shortest_way(
     return cells[::-1]
 
 
-def _neighbour(
+def _neighbor(
     free: Mask, periodic: tuple[bool, bool], cell: tuple[int, int], step: tuple[int, int]
 ) -> tuple[int, int] | None:
     """The free cell one step on, or None; a diagonal step needs both its sides free."""

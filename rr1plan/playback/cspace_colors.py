@@ -1,4 +1,4 @@
-"""Colours of a configuration space, the same in the figure and on the page."""
+"""Colors of a configuration space, the same in the figure and on the page."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ START, GOAL = "#2f66c8", "#14855a"
 _PALETTE = ("#3b6fd4", "#d1495b", "#3f9b5f", "#8e63c7", "#e0a030", "#2fa7a0", "#b2673f", "#d26fb0")
 _SELF_COLOR = "#4a4f57"
 _LIMIT_COLOR = "#c9ced6"
-_TINTS = ("#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7")  # the page's colours of components
+_TINTS = ("#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7")  # the page's colors of components
 
 
 def layer_colors(grid: CSpaceGrid) -> dict[str, str]:
-    """A colour for each layer: the obstacle's own, where it has one, else one of a palette."""
+    """A color for each layer: the obstacle's own, where it has one, else one of a palette."""
     colors: dict[str, str] = {}
     for index, name in enumerate(grid.layers):
         obstacle = grid.scene.obstacles.get(name)
@@ -37,7 +37,7 @@ def layer_colors(grid: CSpaceGrid) -> dict[str, str]:
 
 
 def end_tints(cspace: CSpace) -> dict[int, str]:
-    """Where there is no path: the components that hold the start and the goals, each in a colour of its own."""
+    """Where there is no path: the components that hold the start and the goals, each in a color of its own."""
     if not cspace.proves_no_path or cspace.start is None:
         return {}
     ends = [cspace.grid.component_of(q) for q in (cspace.start, *cspace.goals)]
@@ -45,6 +45,6 @@ def end_tints(cspace: CSpace) -> dict[int, str]:
 
 
 def is_light(color: str) -> bool:
-    """Whether dark letters are read better on a colour than white ones."""
+    """Whether dark letters are read better on a color than white ones."""
     red, green, blue = (int(color[i : i + 2], 16) for i in (1, 3, 5))
     return 0.299 * red + 0.587 * green + 0.114 * blue > 150

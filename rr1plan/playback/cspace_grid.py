@@ -35,7 +35,7 @@ class CSpaceGrid(Value):
         scene: The scene; everything but the two joints stands as it does there.
         arm: The arm the joints belong to.
         joint_names: The two joints.
-        axes: Values at the cell centres of each joint [rad], shapes (n,) and (m,).
+        axes: Values at the cell centers of each joint [rad], shapes (n,) and (m,).
         periodic: Whether each axis is a full turn whose ends are the same place.
         layers: For each obstacle (and "self-collision", "joint limits") the cells it makes impossible,
             shape (n, m).
@@ -81,14 +81,14 @@ class CSpaceGrid(Value):
         return i, j
 
     def _index(self, axis: int, value: float) -> int:
-        centres = self.axes[axis]
-        step = float(centres[1] - centres[0])
-        index = int(np.floor((value - centres[0]) / step + 0.5))
+        centers = self.axes[axis]
+        step = float(centers[1] - centers[0])
+        index = int(np.floor((value - centers[0]) / step + 0.5))
         if self.periodic[axis]:
-            return index % len(centres)
-        if index == len(centres) and value <= centres[-1] + step * (0.5 + 1e-9):
+            return index % len(centers)
+        if index == len(centers) and value <= centers[-1] + step * (0.5 + 1e-9):
             index -= 1
-        if not 0 <= index < len(centres):
+        if not 0 <= index < len(centers):
             raise InputError(f"{self.joint_names[axis]} = {value} is outside the picture")
         return index
 
@@ -139,14 +139,14 @@ class CSpaceGrid(Value):
         }
 
     def shortest_path(self, a: Any, b: Any) -> Array | None:
-        """A shortest path over free cells (8 neighbours), unwrapped across the seams.
+        """A shortest path over free cells (8 neighbors), unwrapped across the seams.
 
         Args:
             a: Start [rad], shape (2,).
             b: Goal [rad], shape (2,).
 
         Returns:
-            Cell centres from the cell of a to that of b, shape (k, 2), or None when there is no path.
+            Cell centers from the cell of a to that of b, shape (k, 2), or None when there is no path.
         """
         if not self.connected(a, b):
             return None

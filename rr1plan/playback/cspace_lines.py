@@ -25,7 +25,7 @@ def along(points: Array, count: int) -> Array:
 def gradient(
     points: Array, width: float, start: float = 0.0, end: float = 1.0, color: Any = None, zorder: int = 3
 ) -> Any:
-    """A polyline coloured along its length, the same colours as the arm's postures."""
+    """A polyline colored along its length, the same colors as the arm's postures."""
     segments = np.stack([points[:-1], points[1:]], axis=1)
     shades = colormaps["plasma"](0.05 + 0.8 * np.linspace(start, end, len(segments)))
     return LineCollection(
@@ -34,7 +34,7 @@ def gradient(
 
 
 def write_name(axes: Any, name: str, at: Any, color: str) -> None:
-    """Write an obstacle's name on it, or on its image, so that nobody has to tell colours apart."""
+    """Write an obstacle's name on it, or on its image, so that nobody has to tell colors apart."""
     ink, rim = (INK, "white") if is_light(color) else ("white", color)
     text = axes.annotate(name, at, ha="center", va="center", color=ink, fontsize=12, zorder=5)
     text.set_path_effects([withStroke(linewidth=3, foreground=rim)])

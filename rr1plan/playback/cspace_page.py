@@ -33,7 +33,7 @@ from rr1plan.trajectory import Trajectory
 if TYPE_CHECKING:
     from rr1plan.playback.configuration_space import CSpace
 
-_CRUMB = 255  # label of all components too small to have a colour of their own
+_CRUMB = 255  # label of all components too small to have a color of their own
 
 
 def save_page(
@@ -126,7 +126,7 @@ def _data(cspace: CSpace, names: tuple[str, str]) -> dict[str, Any]:
     grid = cspace.grid
     joints = [grid.scene.arms[grid.arm].robot.joint(name) for name in grid.joint_names]
     columns = grid.scene.joint_names()
-    steps = [float(centres[1] - centres[0]) for centres in grid.axes]
+    steps = [float(centers[1] - centers[0]) for centers in grid.axes]
     labels, shares = _ranked_components(cspace)
     return {
         "arm": grid.arm,
@@ -171,7 +171,7 @@ def _layers(grid: CSpaceGrid) -> list[dict[str, Any]]:
 
 
 def _ranked_components(cspace: CSpace) -> tuple[NDArray[np.uint8], list[float]]:
-    """Components as the page colours them: the start's first, then the goals', then by size; and their shares."""
+    """Components as the page colors them: the start's first, then the goals', then by size; and their shares."""
     grid = cspace.grid
     counts = np.bincount(grid.labels.ravel(), minlength=grid.components + 1)
     ends = [grid.component_of(q) for q in ([] if cspace.start is None else [cspace.start]) + list(cspace.goals)]

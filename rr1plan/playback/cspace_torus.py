@@ -27,7 +27,7 @@ def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Arr
 
     Args:
         grid: The grid.
-        tints: Colours of components of free space, by number; the others stay white.
+        tints: Colors of components of free space, by number; the others stay white.
     """
     n, m = grid.free.shape
     image = np.ones((n, m, 3))
@@ -73,9 +73,9 @@ def draw_torus(axes: Any, cspace: CSpace) -> None:
             _pi_ticks(axis, *_edges(grid.axes[k]))
 
 
-def _edges(centres: Array) -> tuple[float, float]:
-    half = 0.5 * float(centres[1] - centres[0])
-    return float(centres[0]) - half, float(centres[-1]) + half
+def _edges(centers: Array) -> tuple[float, float]:
+    half = 0.5 * float(centers[1] - centers[0])
+    return float(centers[0]) - half, float(centers[-1]) + half
 
 
 def wrapped_pieces(points: Array, grid: CSpaceGrid) -> list[Array]:
@@ -92,7 +92,7 @@ def wrapped_pieces(points: Array, grid: CSpaceGrid) -> list[Array]:
 
 
 def _draw_tree(axes: Any, cspace: CSpace, tree: DrawnTree) -> None:
-    """The tree of the start and that of the goals, each in its end's colour, a dot at each vertex of small ones."""
+    """The tree of the start and that of the goals, each in its end's color, a dot at each vertex of small ones."""
     dense = len(tree.edges) > 800
     for side, color in enumerate((START, GOAL)):
         edges = tree.edges[tree.sides == side]

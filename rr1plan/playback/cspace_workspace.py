@@ -38,9 +38,9 @@ def draw_workspace(axes: Any, cspace: CSpace) -> None:
     if cspace.path is not None:
         tips = np.array([_tool(grid, q) for q in along(cspace.path, 200)])
         axes.add_collection(gradient(tips, 2.2, zorder=6))
-    centre = arm.base[:2, 3]
+    center = arm.base[:2, 3]
     span = 1.08 * max(reach, 1e-3)
-    axes.set(xlim=(centre[0] - span, centre[0] + span), ylim=(centre[1] - span, centre[1] + span))
+    axes.set(xlim=(center[0] - span, center[0] + span), ylim=(center[1] - span, center[1] + span))
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.spines[["top", "right"]].set_visible(False)
 
@@ -62,7 +62,7 @@ def _draw_reach(axes: Any, cspace: CSpace) -> float:
 
 
 def _postures(cspace: CSpace) -> list[tuple[Array, Any, float]]:
-    """Configurations to draw the arm in, with colour and opacity: along the path, or start and goals."""
+    """Configurations to draw the arm in, with color and opacity: along the path, or start and goals."""
     if cspace.path is not None:
         return [
             (q, colormaps["plasma"](0.05 + 0.8 * k / 8), 0.9 if k in (0, 8) else 0.4)

@@ -7,7 +7,7 @@ Reachability Analysis", IEEE T-RO 34(3), 2018.
 
 The constraints are our own: d²q/ds² is constant on every interval of a parabola and x linear, so
 acceleration is linear in s there, and holding it at both ends (with the interval's own
-second derivative, not the neighbour's) holds it between them. Without torque limits
+second derivative, not the neighbor's) holds it between them. Without torque limits
 `speed.time_curve` does the same, compiled; here gravity's part asks for a full linear program.
 """
 

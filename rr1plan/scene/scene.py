@@ -61,7 +61,7 @@ class Scene(SceneContent):
             name: Its name, without "/".
             shape: A shape, or several posed ones.
             pose: T_world_object: (4, 4), or a position (3,) [m].
-            color: Its colour (rgba, 0..1).
+            color: Its color (rgba, 0..1).
         """
         check_text("name", name)
         if isinstance(shape, Shape):

@@ -97,7 +97,7 @@ def test_what_passes_within_coals_error_is_told_apart(proof_of, gap, verdict):
         (rp.PointCloud([[-0.05, 0.0, 0.0]], 0.1), 0.1),
     ],
 )
-def test_a_distance_is_bracketed_to_a_nanometre(proof_of, shape, size, padding):
+def test_a_distance_is_bracketed_to_a_nanometer(proof_of, shape, size, padding):
     for gap in (0.3, 1e-3, 3e-7, -3e-7, -1e-3):
         _, plain = proof_of(shape, [1.74 + size + gap, 0.0, 0.0], padding)
         found = plain.bracket(np.zeros(2))

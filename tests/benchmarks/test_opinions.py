@@ -63,12 +63,12 @@ def test_boxes_meet_exactly_when_coal_says_so(script):
     assert 0.2 < meet.mean() < 0.8
 
 
-def test_no_point_moves_more_than_a_millimetre_between_samples(script, opinions, scene):
+def test_no_point_moves_more_than_a_millimeter_between_samples(script, opinions, scene):
     module = script("opinions")
     motion, places = module.path_motion(
         np.array([[0.0] * 6, [0.5, 0.1, -0.4, 1.0, 0.5, 1.0], [0.5, 0.1, -0.3, 1.0, 2.0, 1.0]])
     )
-    samples = module.millimetre_samples(opinions.bodies, motion, places)
+    samples = module.millimeter_samples(opinions.bodies, motion, places)
     assert set(places) <= set(samples)
     tip = scene.arms["rr1"].robot.link("finger_link").collisions[-1]
     ends = [tip.pose @ pose([0, 0, s * tip.shape.length / 2]) for s in (-1, 1)]

@@ -120,7 +120,7 @@ def test_every_cell_reached_the_page(calm: Any, lesson: rp.CSpace) -> None:
     assert ((labels > 0) == grid.free).all()
 
 
-def test_obstacles_images_are_drawn_in_their_own_colours(calm: Any, lesson: rp.CSpace) -> None:
+def test_obstacles_images_are_drawn_in_their_own_colors(calm: Any, lesson: rp.CSpace) -> None:
     calm.ask("RR1.lesson.showTree = false, RR1.lesson.redraw()")
     pixels = canvas_pixels(calm)
     calm.ask("RR1.lesson.showTree = true, RR1.lesson.redraw()")
@@ -296,7 +296,7 @@ def test_a_click_and_a_drag_in_the_workspace_bring_the_tool_there(calm: Any) -> 
     assert not calm.ask("RR1.lesson.workspace.turned")
 
 
-def test_components_get_colours(calm: Any) -> None:
+def test_components_get_colors(calm: Any) -> None:
     plain = canvas_pixels(calm)
     calm.page.keyboard.press("c")
     tinted = canvas_pixels(calm)
@@ -306,7 +306,7 @@ def test_components_get_colours(calm: Any) -> None:
     assert (canvas_pixels(calm) == plain).all()
 
 
-def test_where_no_path_exists_the_page_says_so_in_two_colours(tab: Any, tmp_path: FilePath) -> None:
+def test_where_no_path_exists_the_page_says_so_in_two_colors(tab: Any, tmp_path: FilePath) -> None:
     problem = load_problems("planar2r_no_path")["no_way"]
     picture = rp.cspace(problem.scene, problem, resolution=CELLS)
     file = picture.save_html(tmp_path / "none.html", title="<b>no & way</b>")

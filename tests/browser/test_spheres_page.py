@@ -73,9 +73,9 @@ def in_the_world(scene: rp.Scene, q: np.ndarray, level: int) -> list[tuple[str, 
     for name, held in scene.attachments.items():
         poses[name] = poses[f"{held.arm}/{held.link}"] @ held.pose
     return [
-        (name, poses[name][:3, :3] @ centre + poses[name][:3, 3], radius)
+        (name, poses[name][:3, :3] @ center + poses[name][:3, 3], radius)
         for name, cover in rp.cover_with_spheres(scene).items()
-        for centre, radius in zip(*cover.at(level), strict=True)
+        for center, radius in zip(*cover.at(level), strict=True)
     ]
 
 

@@ -87,7 +87,7 @@ def _over_each_other(gap):
     return Robot("passing", links, joints, ("first", "second"), limits, {"home": np.zeros(2)}, {}, frozenset(), "two")
 
 
-def test_what_passes_at_three_millimetres_is_told_from_a_contact(own_cache):
+def test_what_passes_at_three_millimeters_is_told_from_a_contact(own_cache):
     scene = Scene().with_arm("a", _over_each_other(0.003))
     for least, proven in ((0.001, True), (0.0035, False)):
         _, _, maps = of(scene, least)

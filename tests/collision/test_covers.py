@@ -63,12 +63,12 @@ def surface_of(geometries: tuple[Geometry, ...], count: int, rng: np.random.Gene
     return np.concatenate(placed)
 
 
-def worst_outside(points: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> float:
+def worst_outside(points: np.ndarray, centers: np.ndarray, radii: np.ndarray) -> float:
     """How far the point that is farthest from all spheres is outside of them [m]; -1 when all are inside."""
     nearest = np.full(len(points), np.inf)
     for k in np.argsort(-radii, kind="stable"):
         # What is in one of them is looked at no more.
-        nearest = np.minimum(nearest, np.linalg.norm(points - centres[k], axis=1) - radii[k])
+        nearest = np.minimum(nearest, np.linalg.norm(points - centers[k], axis=1) - radii[k])
         points, nearest = points[nearest > 0.0], nearest[nearest > 0.0]
     return float(nearest.max(initial=-1.0))
 
@@ -190,7 +190,7 @@ def test_covers_are_read_only_and_can_be_pickled(rr1: rp.Robot) -> None:
     with pytest.raises(ValueError, match="read-only"):
         cover.radii[0] = 1.0
     again = pickle.loads(pickle.dumps(cover))
-    np.testing.assert_array_equal(again.centres, cover.centres)
+    np.testing.assert_array_equal(again.centers, cover.centers)
     assert not again.levels.flags.writeable
 
 

@@ -108,7 +108,7 @@ def test_a_parabola_that_comes_back_to_its_begin_is_refused_for_a_contact_half_w
         assert motion.polynomial_is_free([[0, 0], [4 * swing, 0], [-4 * swing, 0]], 1.0) is free
 
 
-def test_a_parabola_that_folds_neighbours_together_and_comes_back_is_refused():
+def test_a_parabola_that_folds_neighbors_together_and_comes_back_is_refused():
     """Begin and end have one place on the map of the two links, and there they are apart."""
     checker = CollisionChecker(Scene().with_arm("a", load_robot("rr1")))
     motion, rng, refused = checker, np.random.default_rng(18), 0

@@ -158,10 +158,10 @@ SEEDS = st.integers(0, 2**32)
 # ---- how spheres move ----------------------------------------------------------------------
 
 
-def centres_of(world, body, places):
-    """Centres of a body's spheres, the ball around all first, by numpy."""
+def centers_of(world, body, places):
+    """Centers of a body's spheres, the ball around all first, by numpy."""
     made, T = cover(world.checker.solids[body].shape), places[body]
-    return np.vstack([made.ball[None, :3], made.centres]) @ T[:3, :3].T + T[:3, 3]
+    return np.vstack([made.ball[None, :3], made.centers]) @ T[:3, :3].T + T[:3, 3]
 
 
 def moving(world):
@@ -186,7 +186,7 @@ def test_no_joint_is_farther_or_faster_than_its_bound(seed):
 @given(SEEDS)
 def test_no_sphere_gets_farther_along_any_direction_than_its_bound(seed):
     world = World(seed, solid)
-    centres, travels, velocities = world.take_interval()
+    centers, travels, velocities = world.take_interval()
     _, speeds, accelerations = world.bounds()
     h = world.half
     directions = world.rng.normal(size=(12, 3))
@@ -196,7 +196,7 @@ def test_no_sphere_gets_farther_along_any_direction_than_its_bound(seed):
         lost = 0.5 * h * h * accelerations[g, 0]
         along = np.abs(velocities[its] @ directions.T) * h + lost
         for places in world.places:
-            moved = centres_of(world, i, places) - centres[its]
+            moved = centers_of(world, i, places) - centers[its]
             assert (np.abs(moved @ directions.T) <= along + ROUNDING).all()
             size = np.linalg.norm(moved, axis=1)
             assert (size <= travels[its] + ROUNDING).all()
@@ -207,19 +207,19 @@ def test_no_sphere_gets_farther_along_any_direction_than_its_bound(seed):
 @given(SEEDS)
 def test_no_two_spheres_come_nearer_than_their_bound(seed):
     world = World(seed, solid)
-    centres, _, velocities = world.take_interval()
+    centers, _, velocities = world.take_interval()
     _, speeds, accelerations = world.bounds()
     h = world.half
     known = {k: (i, first) for k, i, first, _ in moving(world)}
     for a, b, shared, *_ in world.tables.body_pairs.tolist():
         (one, at), (other, to) = known[a], known[b]
-        apart, g, other_g = centres[at] - centres[to], world.group(a), world.group(b)
+        apart, g, other_g = centers[at] - centers[to], world.group(a), world.group(b)
         gap = np.linalg.norm(apart)
         speed = abs(apart @ (velocities[at] - velocities[to])) / max(gap, 1e-12)
         lost = 0.5 * h * h * (accelerations[g, shared] + accelerations[other_g, shared])
         far = h * (speeds[g, shared] + speeds[other_g, shared])
         for places in world.places:
-            there = np.linalg.norm(centres_of(world, one, places)[0] - centres_of(world, other, places)[0])
+            there = np.linalg.norm(centers_of(world, one, places)[0] - centers_of(world, other, places)[0])
             assert there >= gap - min(speed * h + lost, far) - ROUNDING
 
 

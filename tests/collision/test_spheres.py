@@ -56,8 +56,8 @@ def test_no_point_of_a_solid_is_outside_its_spheres(shape, seed):
     made = cover(shape)
     points = fill_randomly(shape, 4000, np.random.default_rng(seed))
     outside = np.ones(len(points), dtype=bool)
-    for centre, radius in zip(made.centres, made.radii, strict=True):
-        outside &= np.linalg.norm(points - centre, axis=1) > radius
+    for center, radius in zip(made.centers, made.radii, strict=True):
+        outside &= np.linalg.norm(points - center, axis=1) > radius
     assert not outside.any()
     assert (np.linalg.norm(points - made.ball[:3], axis=1) <= made.ball[3]).all()
     assert len(made.radii) <= MOST
@@ -74,7 +74,7 @@ def test_the_inner_balls_are_inside_the_solid(shape, seed):
         unit = direction / np.linalg.norm(direction)
         reach = support_of(shape, unit, points)
         inside = made.inner > -1.0
-        assert (made.centres[inside] @ unit + made.inner[inside] <= reach + 1e-12).all()
+        assert (made.centers[inside] @ unit + made.inner[inside] <= reach + 1e-12).all()
 
 
 def boundary(shape):
@@ -99,13 +99,13 @@ def test_a_hundred_thousand_points_of_a_plate_are_inside():
     plate = Box((0.2, 0.3, 0.02))
     made = cover(plate)
     points = fill_randomly(plate, 100_000, np.random.default_rng(0))
-    assert (np.linalg.norm(points[:, None] - made.centres, axis=2) <= made.radii).any(axis=1).all()
+    assert (np.linalg.norm(points[:, None] - made.centers, axis=2) <= made.radii).any(axis=1).all()
 
 
 def test_a_sphere_is_its_own_cover_and_a_capsule_a_chain_of_exact_ends():
     assert cover(Sphere(0.2)).radii == pytest.approx([0.2])
     made = cover(Capsule(0.05, 0.3))
-    assert made.centres[[0, -1], 2] == pytest.approx([-0.15, 0.15])
+    assert made.centers[[0, -1], 2] == pytest.approx([-0.15, 0.15])
     assert made.radii.max() < 0.05 + spheres.EXCESS + 1e-6
 
 
@@ -124,7 +124,7 @@ def test_covers_are_kept_on_disk_and_made_anew_when_damaged(tmp_path, monkeypatc
     assert np.array_equal(first.radii, again.radii)
     kept.write_bytes(b"damaged")
     anew = cover(convex_hull(corners))
-    assert np.array_equal(first.centres, anew.centres)
+    assert np.array_equal(first.centers, anew.centers)
 
 
 @pytest.mark.parametrize("flat", [1.0, 0.02, 1e-5])
@@ -138,7 +138,7 @@ def test_a_hull_of_many_corners_is_contained_by_way_of_a_simpler_one(flat: float
     weights = rng.dirichlet(np.full(4, 0.3), size=4000)
     inside = np.einsum("ij,ijk->ik", weights, mesh.vertices[rng.integers(0, len(mesh.vertices), (4000, 4))])
     for sample in (mesh.vertices, inside):
-        gap = np.linalg.norm(sample[:, None] - made.centres, axis=2) - made.radii
+        gap = np.linalg.norm(sample[:, None] - made.centers, axis=2) - made.radii
         assert gap.min(axis=1).max() <= 0.0
         assert (np.linalg.norm(sample - made.ball[:3], axis=1) <= made.ball[3]).all()
     assert (made.inner == -np.inf).all()

@@ -1,4 +1,4 @@
-"""Plates, needles and specks of a millimetre in the way of arms that move fast: no edge passes through them."""
+"""Plates, needles and specks of a millimeter in the way of arms that move fast: no edge passes through them."""
 
 from __future__ import annotations
 

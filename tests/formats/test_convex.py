@@ -407,5 +407,5 @@ def test_a_disc_of_many_corners_is_no_fan_that_coal_cannot_count() -> None:
 def test_a_corner_that_coal_cannot_hold_is_an_input_error() -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 301)[:-1]
     rim = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
-    with pytest.raises(InputError, match="neighbours"):
+    with pytest.raises(InputError, match="neighbors"):
         convex_hull(np.concatenate([rim, [[0.0, 0.0, 1.0]]]))

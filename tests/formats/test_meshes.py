@@ -128,7 +128,7 @@ print("trimesh" in sys.modules)
     assert said.stdout.strip() == "False"
 
 
-def test_a_dae_brings_its_colour_its_unit_and_its_nodes_place(tmp_path: Path, block: Mesh) -> None:
+def test_a_dae_brings_its_color_its_unit_and_its_nodes_place(tmp_path: Path, block: Mesh) -> None:
     file = tmp_path / "a.dae"
     file.write_bytes(dae(block, unit="0.001", matrix="1 0 0 500 0 1 0 0 0 0 1 0 0 0 0 1"))
     (part,) = read_mesh(file)

@@ -230,7 +230,7 @@ def test_a_group_that_only_holds_a_gripper_with_no_joint_is_refused(chain: Tree)
         assemble(chain, semantics, Choice(groups=["g"]))
 
 
-def test_neighbours_links_that_always_touch_and_that_never_can_are_proposed() -> None:
+def test_neighbors_links_that_always_touch_and_that_never_can_are_proposed() -> None:
     rod = '<collision><geometry><sphere radius="{}"/></geometry></collision>'
     links = [("a", 0.1), ("b", 0.05), ("c", 0.1), ("d", 0.05)]
     text = "".join(f'<link name="{n}">{rod.format(r)}</link>' for n, r in links)

@@ -184,7 +184,7 @@ def test_an_unknown_convex_is_refused(tmp_path: Path) -> None:
         read_urdf(one_shape('<sphere radius="1"/>'), convex="hulls")
 
 
-def test_shapes_poses_and_colours_are_read() -> None:
+def test_shapes_poses_and_colors_are_read() -> None:
     shapes = ('<box size="1 2 3"/>', '<sphere radius="1"/>', '<cylinder radius="1" length="2"/>')
     shapes += ('<capsule radius="1" length="2"/>',)
     visuals = [f'<visual><geometry>{s}</geometry><material name="m"/></visual>' for s in shapes]
@@ -243,7 +243,7 @@ def test_an_inertia_that_is_not_definite_makes_the_link_a_point(text: str, caplo
 
 
 @pytest.mark.parametrize("rgba", ["255 0 0 1", "0.5 0.5 0.5 0 1", "red"])
-def test_a_colour_that_is_none_is_logged(rgba: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_color_that_is_none_is_logged(rgba: str, caplog: pytest.LogCaptureFixture) -> None:
     material = f'<material name="m"><color rgba="{rgba}"/></material>'
     visual = f'<visual><geometry><sphere radius="1"/></geometry>{material}</visual>'
     color = read_urdf(robot_text(link_text("a", visual))).links[0].visuals[0].color

@@ -32,9 +32,9 @@ def test_the_bound_holds(name, seed, size, request):
     bound = EdgeBound(kinematics, kinematics.scene_model.frame_id("arm/" + robot.tool))
     a = rng.uniform(-1.0, 1.0, robot.nq)
     b = a + size * rng.uniform(-1.0, 1.0, robot.nq)
-    metres, radians = bound.bound(a, b)
-    real_metres, real_radians = leave_of_chord(kinematics, a, b)
-    assert real_metres <= metres + 1e-12
+    meters, radians = bound.bound(a, b)
+    real_meters, real_radians = leave_of_chord(kinematics, a, b)
+    assert real_meters <= meters + 1e-12
     assert real_radians <= radians + 1e-12
 
 
@@ -42,9 +42,9 @@ def test_the_bound_of_one_turning_joint_is_the_sagitta(planar2r):
     kinematics = Kinematics(planar2r)
     bound = EdgeBound(kinematics, kinematics.scene_model.frame_id("arm/tool"))
     a, b = np.zeros(2), np.array([0.02, 0.0])
-    metres, _ = bound.bound(a, b)
-    assert metres == pytest.approx(1.7 * 0.02**2 / 8)
-    assert leave_of_chord(kinematics, a, b)[0] == pytest.approx(metres, rel=1e-3)
+    meters, _ = bound.bound(a, b)
+    assert meters == pytest.approx(1.7 * 0.02**2 / 8)
+    assert leave_of_chord(kinematics, a, b)[0] == pytest.approx(meters, rel=1e-3)
 
 
 def test_a_line_starts_and_ends_where_it_should(rr1):

@@ -11,8 +11,8 @@ from rr1plan.multi.placement import place_grid, place_ring
 from rr1plan.robot import Robot
 
 
-def test_a_grid_is_centred_and_spaced(rr1: Robot) -> None:
-    scene = place_grid(rr1, 2, 3, (0.8, 0.5), centre=(1.0, 2.0, 0.1))
+def test_a_grid_is_centerd_and_spaced(rr1: Robot) -> None:
+    scene = place_grid(rr1, 2, 3, (0.8, 0.5), center=(1.0, 2.0, 0.1))
     places = np.array([arm.base[:3, 3] for arm in scene.arms.values()])
     assert list(scene.arms) == [f"arm{k:02d}" for k in range(1, 7)]
     assert np.allclose(places.mean(axis=0), (1.0, 2.0, 0.1))
@@ -24,16 +24,16 @@ def test_all_arms_of_a_grid_share_one_robot(rr1: Robot) -> None:
     assert all(arm.robot is rr1 for arm in place_grid(rr1, 3, 4).arms.values())
 
 
-@pytest.mark.parametrize(("facing", "sign"), [("centre", -1.0), ("outward", 1.0)])
-def test_ring_fronts_point_to_or_from_the_centre(rr1: Robot, facing: str, sign: float) -> None:
-    scene = place_ring(rr1, 5, 0.9, facing, front=(-1, 0, 0), centre=(0.3, -0.2, 0.0), start_angle=0.4)
+@pytest.mark.parametrize(("facing", "sign"), [("center", -1.0), ("outward", 1.0)])
+def test_ring_fronts_point_to_or_from_the_center(rr1: Robot, facing: str, sign: float) -> None:
+    scene = place_ring(rr1, 5, 0.9, facing, front=(-1, 0, 0), center=(0.3, -0.2, 0.0), start_angle=0.4)
     for arm in scene.arms.values():
         outward = (arm.base[:3, 3] - (0.3, -0.2, 0.0)) / 0.9
         assert np.allclose(arm.base[:3, :3] @ (-1.0, 0.0, 0.0), sign * outward)
         assert np.isclose(np.linalg.norm(outward), 1.0)
 
 
-def test_a_ring_facing_the_centre_brings_the_tools_nearer_to_it(rr1: Robot) -> None:
+def test_a_ring_facing_the_center_brings_the_tools_nearer_to_it(rr1: Robot) -> None:
     scene = place_ring(rr1, 4, 1.2, front=(-1, 0, 0))
     poses = scene.link_poses()
     for name, arm in scene.arms.items():
@@ -47,7 +47,7 @@ def test_fronts_along_the_ring_are_square_to_the_radius(rr1: Robot) -> None:
 
 def test_arms_are_added_to_a_scene_under_new_names(rr1: Robot) -> None:
     scene = load_scene("rr1_table")
-    more = place_grid(rr1, 1, 2, 0.7, centre=(3, 0, 0), scene=scene, prefix="more")
+    more = place_grid(rr1, 1, 2, 0.7, center=(3, 0, 0), scene=scene, prefix="more")
     assert list(more.arms) == ["rr1", "more01", "more02"]
     assert more.obstacles == scene.obstacles
     with pytest.raises(InputError, match=r"'more01' already.*prefix"):
@@ -86,5 +86,5 @@ def test_rings_that_make_no_sense_are_refused(rr1: Robot) -> None:
         place_ring(rr1, 2, -1.0)
     with pytest.raises(InputError, match="not vertical"):
         place_ring(rr1, 2, 1.0, front=(0, 0, 1))
-    with pytest.raises(UnknownNameError, match="Did you mean 'centre'"):
-        place_ring(rr1, 2, 1.0, "center")
+    with pytest.raises(UnknownNameError, match="Did you mean 'center'"):
+        place_ring(rr1, 2, 1.0, "centre")

@@ -16,7 +16,7 @@ from rr1plan.shapes import Box, Sphere
 
 
 def gantry_scene():
-    """A ball that two sliding joints carry over the plane: configurations are places in metres."""
+    """A ball that two sliding joints carry over the plane: configurations are places in meters."""
     ball = Link("ball", collisions=(Geometry("ball", Sphere(0.05)),))
     axes = np.eye(3)
     joints = (

@@ -113,7 +113,7 @@ def test_both_elbow_solutions_put_the_tool_in_the_same_place(question: rp.Proble
     assert np.abs(picture.goals[0] - picture.goals[1]).max() > 0.1
 
 
-def test_the_grid_path_is_free_and_steps_to_neighbours(question: rp.Problem) -> None:
+def test_the_grid_path_is_free_and_steps_to_neighbors(question: rp.Problem) -> None:
     picture = rp.cspace(question.scene, question, resolution=120)
     goal = next(g for g, ok in zip(picture.goals, picture.reachable_goals, strict=True) if ok)
     path = picture.grid.shortest_path(picture.start, goal)
@@ -207,7 +207,7 @@ def test_self_collision_and_two_of_six_joints_are_shown(rr1_table: rp.Scene) -> 
         assert checker.is_free(q) == (not any(m[i, j] for n, m in grid.layers.items() if n != LIMITS))
 
 
-def test_overlaps_show_both_colours(lesson: rp.Scene) -> None:
+def test_overlaps_show_both_colors(lesson: rp.Scene) -> None:
     scene = lesson
     name = next(iter(scene.obstacles))
     thing = scene.obstacles[name]

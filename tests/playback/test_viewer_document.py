@@ -227,7 +227,7 @@ def test_arrays_are_packed_exactly() -> None:
 
 
 def spheres_sent(document: dict) -> dict[str, list[np.ndarray]]:
-    """Levels, centres and radii by the names of links of the first robot and of held objects."""
+    """Levels, centers and radii by the names of links of the first robot and of held objects."""
     (robot,) = document["robots"]
     things = [(robot["links"], robot["spheres"])] + [([a["name"]], a["spheres"]) for a in document["attachments"]]
     sent = {}
@@ -245,9 +245,9 @@ def test_spheres_are_sent_when_asked_for_as_they_are_computed(rr1: rp.Robot) -> 
     covers = rp.cover_with_spheres(scene)
     expected = {name.removeprefix("a/"): c for name, c in covers.items() if name[0] != "b" and len(c.radii)}
     assert set(sent) == set(expected)
-    for name, (levels, centres, radii) in sent.items():
+    for name, (levels, centers, radii) in sent.items():
         np.testing.assert_array_equal(levels, expected[name].levels)
-        np.testing.assert_array_equal(centres, expected[name].centres)
+        np.testing.assert_array_equal(centers, expected[name].centers)
         np.testing.assert_array_equal(radii, expected[name].radii)
 
 

@@ -44,7 +44,7 @@ def test_one_point_and_all_the_same_points_are_one():
     assert clean(np.zeros((5, 3))).shape == (1, 3)
 
 
-def test_a_blend_is_at_most_half_its_neighbours_and_the_given_size():
+def test_a_blend_is_at_most_half_its_neighbors_and_the_given_size():
     assert blend_sizes(CORNER, 10.0, None)[1] == pytest.approx(0.5)
     assert blend_sizes(CORNER, 0.1, None)[1] == pytest.approx(0.1)
 

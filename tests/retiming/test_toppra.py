@@ -100,7 +100,7 @@ def test_durations_are_those_of_toppra_itself_or_shorter(tools):
         sizes = blend_sizes(points, 0.3, None)
         (curve,) = curves(points, sizes)
         ratios.append(time_polyline(points, sizes, limits).duration / toppra_duration(curve, limits))
-    # its interpolation takes the neighbour's second derivative at the knots, which costs it a percent
+    # its interpolation takes the neighbor's second derivative at the knots, which costs it a percent
     assert max(ratios) <= 1.0 + 1e-3
     assert min(ratios) >= 0.97
 

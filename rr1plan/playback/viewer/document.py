@@ -185,12 +185,12 @@ def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind
 
 
 def _spheres(links: Mapping[str, Iterable[Geometry]]) -> dict[str, Any]:
-    """Spheres around the shapes of links: of each its link, its level (see `collision.covers`), centre and radius."""
+    """Spheres around the shapes of links: of each its link, its level (see `collision.covers`), center and radius."""
     # Only here: what computes them loads Coal.
     from rr1plan.collision.covers import cover_geometries
 
     covers = [cover_geometries(name, geometries) for name, geometries in links.items()]
-    rows = [np.column_stack([c.centres, c.radii]) for c in covers]
+    rows = [np.column_stack([c.centers, c.radii]) for c in covers]
     return {
         "links": pack(np.repeat(np.arange(len(covers)), [len(c.radii) for c in covers]), "u4"),
         "levels": pack(np.concatenate([c.levels for c in covers]), "u4"),

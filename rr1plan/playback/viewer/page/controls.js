@@ -288,4 +288,4 @@ class Controls {
 }
 
 /** A distance in the unit it is read best in. */
-const length = (metres) => (Math.abs(metres) < 0.1 ? `${(1000 * metres).toFixed(1)} mm` : `${metres.toFixed(3)} m`);
+const length = (meters) => (Math.abs(meters) < 0.1 ? `${(1000 * meters).toFixed(1)} mm` : `${meters.toFixed(3)} m`);

@@ -6,7 +6,7 @@ const CRUMBS = "#e6e9ee", INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
 const START = "#2f66c8", GOAL = "#14855a";
 
 const rgb = (color) => [1, 3, 5].map((i) => parseInt(color.slice(i, i + 2), 16));
-/** Whether dark letters are read better on a colour than white ones. */
+/** Whether dark letters are read better on a color than white ones. */
 const isLight = (color) => { const [r, g, b] = rgb(color); return 0.299 * r + 0.587 * g + 0.114 * b > 150; };
 const modulo = (value, size) => ((value % size) + size) % size;
 const bytes = (packed) => new Uint8Array(viewer.unpack(packed).values.buffer);
@@ -30,7 +30,7 @@ class Cells {
     return i >= 0 && j >= 0 && i < this.n && j < this.m ? i * this.m + j : -1;
   }
 
-  /** What forbids a place: {free, edge, outside, layers}; edge: a neighbouring cell answers otherwise. */
+  /** What forbids a place: {free, edge, outside, layers}; edge: a neighboring cell answers otherwise. */
   answer(u, v) {
     const cell = this.at(u, v);
     if (cell < 0) return { free: false, edge: false, outside: true, layers: [] };
@@ -59,7 +59,7 @@ class Cells {
         const any = a | b | c | d;
         let color = [255, 255, 255];
         if (tinted) {
-          // Beside a rim the nearest cell may be forbidden, and its free neighbour tells the colour.
+          // Beside a rim the nearest cell may be forbidden, and its free neighbor tells the color.
           const label = labels[ni * m + jn] || labels[i0 * m + j0] || labels[i1 * m + j0] || labels[i0 * m + j1] || labels[i1 * m + j1];
           if (label) color = parts[label > PARTS.length ? PARTS.length : label - 1];
         }

@@ -95,7 +95,7 @@ function scaled(pose, scale) {
   return out;
 }
 
-/** A colour as written (sRGB) for a renderer that counts in light. */
+/** A color as written (sRGB) for a renderer that counts in light. */
 function light(rgb) {
   return new THREE.Color(rgb[0], rgb[1], rgb[2]).convertSRGBToLinear();
 }
@@ -151,7 +151,7 @@ class Bodies {
     drawn.renderOrder = clear ? style.order || 2 : 0;
     this.group.add(drawn);
     if (clear) {
-      // Depth first, colour second: only the nearest surface of a clear body is seen.
+      // Depth first, color second: only the nearest surface of a clear body is seen.
       const depth = new THREE.InstancedMesh(set.geometry, new THREE.MeshBasicMaterial({
         colorWrite: false, transparent: true, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2,
       }), set.items.length);
@@ -178,7 +178,7 @@ class Bodies {
     }
   }
 
-  /** Gives every item the colour that choose(item) returns (rgb, 0..1). */
+  /** Gives every item the color that choose(item) returns (rgb, 0..1). */
   paint(choose) {
     for (const { drawn, items } of this.sets) {
       items.forEach((item, i) => drawn.setColorAt(i, light(choose(item))));

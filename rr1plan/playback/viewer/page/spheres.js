@@ -34,9 +34,9 @@ class Spheres {
     return levels;
   }
 
-  item({ centre, radius }, pose, frame, color, element, arm) {
+  item({ center, radius }, pose, frame, color, element, arm) {
     const shift = identity(), placed = identity();
-    shift.set(centre, 12);
+    shift.set(center, 12);
     multiply(placed, 0, pose, 0, shift, 0);
     return { shape: { kind: "sphere", radius: this.wider * radius }, radius, pose: placed, frame, color, element, arm, opacity: 1 };
   }
@@ -63,11 +63,11 @@ class Spheres {
   }
 }
 
-/** Rows {link, level, centre, radius}; none where no spheres were sent. */
+/** Rows {link, level, center, radius}; none where no spheres were sent. */
 function unpackSpheres(packed) {
   if (!packed) return [];
   const links = unpack(packed.links).values, levels = unpack(packed.levels).values, spheres = unpack(packed.spheres).values;
   return Array.from(links, (link, i) => ({
-    link, level: levels[i], centre: spheres.subarray(4 * i, 4 * i + 3), radius: spheres[4 * i + 3],
+    link, level: levels[i], center: spheres.subarray(4 * i, 4 * i + 3), radius: spheres[4 * i + 3],
   }));
 }

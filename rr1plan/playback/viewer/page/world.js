@@ -7,7 +7,7 @@ const TOUCHED = [0.86, 0.08, 0.2];
 const GHOSTS = { start: [0.25, 0.47, 0.85], goal: [0.1, 0.62, 0.42], replay: [0.62, 0.3, 0.78] };
 const IDENTITY = identity();
 
-/** Colours of arms, far apart from each other; beyond twelve they are spread around the wheel. */
+/** Colors of arms, far apart from each other; beyond twelve they are spread around the wheel. */
 const ARMS = [
   [0.894, 0.314, 0.055], [0.13, 0.45, 0.85], [0.16, 0.6, 0.31], [0.55, 0.27, 0.78], [0.93, 0.68, 0.1], [0.05, 0.6, 0.65],
   [0.86, 0.2, 0.5], [0.5, 0.62, 0.1], [0.3, 0.33, 0.75], [0.72, 0.13, 0.16], [0.35, 0.7, 0.9], [0.55, 0.38, 0.25],
@@ -205,7 +205,7 @@ class World {
     this.replay.update(this.replayPoses);
   }
 
-  /** Colours by arm (on coloured parts only: grey and black parts stay), and touching elements in red. */
+  /** Colors by arm (on colored parts only: gray and black parts stay), and touching elements in red. */
   paint(byArm, touched = []) {
     const hsl = {};
     const choose = (item) => {
