@@ -30,7 +30,7 @@ class RuleContent:
         arms: Of each arm its name, its base link, and pairs of its links that need no check.
         held: Of each attached object its name, its arm, its link, and the links it may touch.
         allowed: Pairs of elements or arms that may touch.
-        meeting: Pairs of arms, or of an arm and an obstacle, that need a check at all (default: all pairs).
+        near_pairs: Pairs of arms, or of an arm and an obstacle, that need a check at all (default: all pairs).
     """
 
     names: tuple[str, ...]
@@ -38,7 +38,7 @@ class RuleContent:
     arms: tuple[tuple[str, str, frozenset[_Names]], ...]
     held: tuple[tuple[str, str, str, _Names], ...]
     allowed: frozenset[_Names]
-    meeting: frozenset[_Names] | None = None
+    near_pairs: frozenset[_Names] | None = None
 
 
 @lru_cache(maxsize=128)
@@ -87,8 +87,8 @@ class ContactRules:
             if len(both) == 2:
                 one, two = (self._members(name) for name in both)
                 checked[np.ix_(one, two)] = checked[np.ix_(two, one)] = False
-        if self._content.meeting is not None:
-            checked &= self._meets(self._content.meeting)
+        if self._content.near_pairs is not None:
+            checked &= self._are_near(self._content.near_pairs)
         return read_only(np.argwhere(np.triu(checked, 1)))
 
     def paddings(self, general: float, special: Mapping[_Names, float]) -> Array:
@@ -105,13 +105,13 @@ class ContactRules:
             table[np.ix_(first, second)] = distance
         return table[self.checked[:, 0], self.checked[:, 1]]
 
-    def _meets(self, meeting: frozenset[_Names]) -> NDArray[np.bool_]:
-        """Which elements belong to arms or obstacles that meet, shape (n, n)."""
+    def _are_near(self, pairs: frozenset[_Names]) -> NDArray[np.bool_]:
+        """Which pairs of elements belong to such pairs of arms or obstacles, shape (n, n)."""
         named = zip(self._content.names, self._content.owners, strict=True)
         owners = [name if arm is None else arm for name, arm in named]
         number = {owner: i for i, owner in enumerate(dict.fromkeys(owners))}
         table = np.zeros((len(number), len(number)), dtype=np.bool_)
-        for both in meeting:
+        for both in pairs:
             one, two = (tuple(both) * 2)[:2]
             if one in number and two in number:
                 table[number[one], number[two]] = table[number[two], number[one]] = True

@@ -47,17 +47,21 @@ class UnknownNameError(InputError):
         name: The name that was given.
         known: All names that would have been right.
         advice: What else to try, a sentence.
+        near: Those of them that may be meant (default: those that are spelled nearly alike).
     """
 
-    def __init__(self, kind: str, name: str, known: Iterable[str], advice: str = "") -> None:
+    def __init__(
+        self, kind: str, name: str, known: Iterable[str], advice: str = "", near: Iterable[str] | None = None
+    ) -> None:
         self.kind = kind
         self.name = name
         self.known = tuple(known)
-        # Loaded in every process otherwise, and few make mistakes.
-        import difflib
+        if near is None:
+            # Loaded in every process otherwise, and few make mistakes.
+            import difflib
 
-        near = difflib.get_close_matches(name[:200], self.known, n=3, cutoff=0.5) if isinstance(name, str) else []
-        hint = f" Did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
+            near = difflib.get_close_matches(name[:200], self.known, n=3, cutoff=0.5) if isinstance(name, str) else []
+        hint = f" Did you mean {' or '.join(map(repr, near))}?" if near else ""
         listed = ", ".join(self.known[:30]) + (", ..." if len(self.known) > 30 else "")
         advice = f" {advice}" if advice else ""
         super().__init__(f"unknown {kind} {shown(name)}.{hint} Known: {listed or 'none'}.{advice}")

@@ -162,6 +162,7 @@ class MotionPlan:
 _T = TypeVar("_T")
 # The time [s] in which nothing is imported but names of loaded modules are looked up.
 _NO_IMPORTS = 0.01
+_MARGIN = 0.002  # [m]
 # Tried to shorten a path that is going to be driven: seconds of motion are worth milliseconds of thought.
 _SHORTCUTS = 48
 _DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
@@ -181,7 +182,7 @@ def plan_motion(
     planner: str = "rrt_connect",
     retiming: str = "blend",
     shorten: bool = True,
-    margin: float = 0.002,
+    margin: float | None = None,
     torque_limits: bool = False,
     budget: Budget | None = None,
     rng: Seed = None,
@@ -198,7 +199,8 @@ def plan_motion(
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; the Cartesian planner's is left as it is.
-        margin: Distance to keep beyond the scene's padding [m]: a proof of zero clearance is little use to an
+        margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm where it has
+            none): a proof of zero clearance is little use to an
             arm that tracks to a fraction of a millimeter. It is halved until start and goal have
             twice as much, and given up when no configuration found for a goal in space has it.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
@@ -224,7 +226,7 @@ def plan_motion(
     try:
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
-            margin = affordable_margin(problem, margin)
+            margin = affordable_margin(problem, (problem.margin or _MARGIN) if margin is None else margin)
             roomy = problem.with_margin(margin)
             set_up(roomy)
     except CancelledError as error:

@@ -77,6 +77,13 @@ def test_every_planner_keeps_the_margin_of_a_question(planner: str) -> None:
     assert refused.status is rp.PlanStatus.INVALID_START
 
 
+def test_a_motion_keeps_the_margin_of_its_problem_unless_another_is_given(problem: rp.Problem) -> None:
+    roomy = problem.with_margin(0.0005)
+    assert rp.plan_motion(roomy, rng=0).margin == 0.0005
+    assert rp.plan_motion(roomy, rng=0, margin=0.0).margin == 0.0
+    assert rp.plan_motion(problem, rng=0).margin == 0.002
+
+
 def test_a_margin_is_halved_until_the_start_has_twice_as_much() -> None:
     scene = rp.load_scene("rr1_table")
     problem = rp.Problem(scene, None, "home")

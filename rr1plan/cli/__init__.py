@@ -1,6 +1,6 @@
 """The command line: parse, run one command, turn every outcome into an exit code.
 
-Exit codes: 0 done, 2 bad input, 3 no plan, 4 an invalid plan, 130 interrupted.
+Exit codes: 0 done, 2 bad input, 3 no plan, 4 an invalid plan or a failed replay, 130 interrupted.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ class Console:
         self.write("".join(f"{line.rstrip()}\n" for line in text.getvalue().splitlines()))
 
     def names(self, names: Sequence[str]) -> None:
-        """The names of what is listed, a line for each: what `--quiet` leaves of a list."""
+        """Print only the names of a list, one per line, where `--quiet` was given."""
         if self.quiet and not self.as_json:
             self.write("".join(f"{name}\n" for name in names))
 

@@ -37,7 +37,7 @@ def play(options: Namespace, console: Console) -> int:
     console.say(str(replay))
     console.say(f"  it took {milliseconds(replay.wall_seconds)}")
     console.result({**replay.to_dict(), **about(motion)})
-    return 0 if replay.free else 4
+    return 0 if replay else 4
 
 
 def saved_motion(file: str, options: Namespace, console: Console, checks: dict[str, bool] | None = None) -> MotionPlan:

@@ -10,7 +10,7 @@ from typing import Any
 import rr1plan
 from rr1plan.cli.arguments import Parser, Show
 
-_EXIT_CODES = "exit codes: 0 done, 2 bad input, 3 no plan, 4 invalid plan, 130 interrupted"
+_EXIT_CODES = "exit codes: 0 done, 2 bad input, 3 no plan, 4 invalid plan or failed replay, 130 interrupted"
 
 _MOTION = "a motion: a file that plan wrote, a trajectory (.json, .csv), a ROS JointTrajectory (.yaml), or a ROS bag"
 

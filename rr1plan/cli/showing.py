@@ -54,7 +54,7 @@ def demo(options: Namespace, console: Console) -> int:
     console.result(
         {**summary(motion), "replay": replay.to_dict(), "steps": steps, "files": {k: str(v) for k, v in files.items()}}
     )
-    return 0 if motion.solved and replay.free else 4
+    return 0 if motion.solved and replay else 4
 
 
 def _made(folder: Path) -> Path:

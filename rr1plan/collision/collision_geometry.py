@@ -32,7 +32,7 @@ _INTS = NDArray[np.int64]
 
 
 class CollisionGeometry:
-    """The solids of the moving arms and of what is near them, and the pairs of them that must not touch.
+    """Solids of the moving arms and of all arms and obstacles near them, and the pairs that must not touch.
 
     Args:
         scene: The scene.
@@ -100,7 +100,7 @@ def held_by_arm(scene: Scene) -> dict[str, dict[str, Attachment]]:
 def _rules(scene: Scene, near: Near, moving: Sequence[str]) -> ContactRules:
     """The rules about the moving arms and what is near them; others need no check."""
     arms = [name for name in scene.arms if name in {*moving, *near.arms}]
-    if near.meeting is None:
+    if near.near_pairs is None:
         return scene.contact_rules
     held = [(name, thing) for name, thing in scene.attachments.items() if thing.arm in set(arms)]
     links = [(f"{a}/{link.name}", a) for a in arms for link in scene.arms[a].robot.links if link.collisions]
@@ -113,7 +113,7 @@ def _rules(scene: Scene, near: Near, moving: Sequence[str]) -> ContactRules:
             tuple((a, scene.arms[a].robot.base, frozenset(scene.arms[a].robot.never_collide)) for a in arms),
             tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
             frozenset(both for both in scene.allowed if both <= names),
-            near.meeting,
+            near.near_pairs,
         )
     )
 

@@ -1,7 +1,7 @@
-"""The plain arrays that the exact kernel reads: those of the arms that move, then those of what stands.
+"""The plain arrays that the exact kernel reads: rows of the moving arms, then rows of fixed bodies.
 
-Those of an arm are made once for all arms with its geometry, those of an obstacle once for all scenes that have it at
-the same place, and a scene's tables once for all paddings.
+Rows of an arm are shared by all arms with its geometry, rows of an obstacle by all scenes that have it at the same
+place, and a scene's tables by all paddings.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _joined_tables(geometry: CollisionGeometry) -> ExactTables:
 
 
 def _joined(parts: list[BodyTables], links: int) -> BodyTables:
-    """Tables as one; only the first of them have chains, of so many links."""
+    """Concatenated tables; only bodies of the first have a chain, of `links` links."""
     names = ("bodies", "values", "corners", "degrees", "neighbors", "poses", "centers")
     joined = BodyTables(*(np.concatenate([getattr(rows, name) for rows in parts]) for name in names))
     before = np.cumsum([len(rows.corners) for rows in parts])[:-1]

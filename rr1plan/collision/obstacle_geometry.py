@@ -1,4 +1,4 @@
-"""The convex solids of what does not move: of an obstacle, or of an arm that stands still. Made once for a place."""
+"""Convex solids that do not move: of obstacles, and of arms that stand still. Cached by their pose."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class Posture:
     ball: Array
 
 
-# Configurations of which an arm's posture is kept.
+# Most configurations of an arm whose solids are cached.
 _MOST_POSTURES = 1024
 _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 

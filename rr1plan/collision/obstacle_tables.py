@@ -58,7 +58,7 @@ def obstacle_tables(obstacles: Sequence[ObstacleGeometry]) -> list[ObstacleTable
 
 
 def fixed_links(instances: ArmInstances) -> ObstacleTables:
-    """The rows of what the arms carry that no joint moves, made once."""
+    """Rows of the arms' bodies that no joint moves; cached."""
     if "fixed links" not in instances.kept:
         bodies, fixed = instance_tables(instances).bodies, np.flatnonzero(instances.groups == 0)
         shapes = [solid.shape for geometry in instances.geometries for solid in geometry.solids]

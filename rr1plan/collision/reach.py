@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_tables import arm_tables
-from rr1plan.collision.obstacle_geometry import arm_posture, obstacle_bodies, obstacle_geometry
+from rr1plan.collision.obstacle_geometry import arm_posture, obstacle_geometry
+from rr1plan.collision.obstacle_tables import obstacle_tables
 from rr1plan.scene import Obstacle, Scene
 
 # Far above the rounding of the sums here, relative and absolute [m].
@@ -25,14 +26,14 @@ class Near:
     Args:
         arms: Arms that stand still.
         obstacles: Obstacles.
-        meeting: Pairs of arms, and of arms and obstacles, that can come near each other; None: all moving arms
+        near_pairs: Pairs of arms, and of arms and obstacles, that can come near each other; None: all moving arms
             with each other and with all obstacles, and no arm stands still.
         least_gap: All others stay at least this far apart [m].
     """
 
     arms: tuple[str, ...]
     obstacles: tuple[str, ...]
-    meeting: frozenset[frozenset[str]] | None
+    near_pairs: frozenset[frozenset[str]] | None
     least_gap: float
 
 
@@ -52,20 +53,20 @@ def find_near(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: tuple[s
     boxes = obstacle_boxes(scene.obstacles)
     gaps = np.concatenate([ball_gaps(balls, balls), ball_gaps(balls, still), box_gaps(balls, boxes)], axis=1)
     np.fill_diagonal(gaps, -np.inf)
-    meets = np.array(gaps <= distance, dtype=np.bool_)
+    is_near = np.array(gaps <= distance, dtype=np.bool_)
     everyone = [*arms, *others, *names]
-    kept: NDArray[np.bool_] = np.any(meets, axis=0)
+    kept: NDArray[np.bool_] = np.any(is_near, axis=0)
     first, last = len(arms), len(arms) + len(others)
-    least_gap = float(gaps[~meets].min(initial=np.inf))
+    least_gap = float(gaps[~is_near].min(initial=np.inf))
     near_arms = tuple(name for name, near in zip(others, kept[first:last].tolist(), strict=True) if near)
     near_obstacles = tuple(name for name, near in zip(names, kept[last:].tolist(), strict=True) if near)
-    meeting = None
-    if near_arms or not meets.all():
-        rows, columns = np.nonzero(meets)
-        meeting = frozenset(
+    near_pairs = None
+    if near_arms or not is_near.all():
+        rows, columns = np.nonzero(is_near)
+        near_pairs = frozenset(
             frozenset((arms[i], everyone[j])) for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
         )
-    return Near(near_arms, near_obstacles, meeting, least_gap)
+    return Near(near_arms, near_obstacles, near_pairs, least_gap)
 
 
 def posture_balls(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: Sequence[str]) -> Array:
@@ -145,20 +146,15 @@ def placed_balls(balls: Array, bases: Array) -> Array:
 
 
 def obstacle_boxes(obstacles: Mapping[str, Obstacle]) -> Array:
-    """Low and high corner of a box around each obstacle [m], very far out for a half-space, shape (n, 6)."""
-    geometries = [obstacle_geometry(name, obstacle) for name, obstacle in obstacles.items()]
-    tables = obstacle_bodies(geometries)
-    for geometry, bodies in zip(geometries, tables, strict=True):
-        if "box" not in geometry.kept:
-            low, high = bodies.centers - bodies.values[:, 15:16], bodies.centers + bodies.values[:, 15:16]
-            geometry.kept["box"] = np.concatenate([low.min(axis=0), high.max(axis=0)])
-    return np.array([geometry.kept["box"] for geometry in geometries]).reshape(-1, 6)
+    """Low and high corner of a box around each obstacle [m], infinite for a half-space, shape (n, 6)."""
+    tables = obstacle_tables([obstacle_geometry(name, obstacle) for name, obstacle in obstacles.items()])
+    return np.array([[*own.boxes[:, :3].min(axis=0), *own.boxes[:, 3:].max(axis=0)] for own in tables]).reshape(-1, 6)
 
 
 def ball_gaps(one: Array, two: Array) -> Array:
     """Gaps between balls [m], shape (n, m)."""
-    apart = np.linalg.norm(one[:, None, :3] - two[None, :, :3], axis=2)
-    return np.asarray(apart / _RELATIVE - one[:, None, 3] - two[None, :, 3] - _ROUNDING)
+    distances = np.linalg.norm(one[:, None, :3] - two[None, :, :3], axis=2)
+    return np.asarray(distances / _RELATIVE - one[:, None, 3] - two[None, :, 3] - _ROUNDING)
 
 
 def near_balls(balls: Array, distance: float) -> NDArray[np.int64]:

@@ -65,11 +65,15 @@ def _contacts(scene: Scene) -> Iterator[Contact]:
     for i, j in near.tolist():
         yield from _contacts_between(scene, (names[i], names[j]), geometries)
     for i, j in np.argwhere(box_gaps(balls, boxes) <= padding).tolist():
-        own = placed_balls(postures[i].bodies[None], scene.arms[names[i]].base[None])[0]
+        # The base may touch what it stands on.
+        bodies = postures[i].bodies[_above_base(geometries[names[i]], scene.arms[names[i]])]
+        own = placed_balls(bodies[None], scene.arms[names[i]].base[None])[0]
         if (box_gaps(own, boxes[j : j + 1]) <= padding).any():
             yield from _contacts_between(scene, (names[i], obstacles[j]), geometries)
 
 
+# Configurations of which an arm's contacts with itself are kept.
+_MOST_KEPT = 1024
 # Pairs of parts that are measured at once.
 _CHUNK = 1 << 18
 
@@ -103,6 +107,13 @@ def _still_near(pairs: NDArray[np.int64], parts: Sequence[Array], bases: Array, 
     return np.asarray(pairs[np.concatenate(kept)])
 
 
+def _above_base(geometry: ArmGeometry, arm: Arm) -> list[int]:
+    """The solids of an arm that are not part of its base link."""
+    return [
+        i for i, solid in enumerate(geometry.solids) if i >= geometry.link_solids or solid.element != arm.robot.base
+    ]
+
+
 def _own_contacts(scene: Scene, name: str, geometry: ArmGeometry) -> Iterator[Contact]:
     """Contacts of one arm with itself: those in the frame of its base serve all arms with equal rules."""
     arm = scene.arms[name]
@@ -115,6 +126,8 @@ def _own_contacts(scene: Scene, name: str, geometry: ArmGeometry) -> Iterator[Co
     # What a held object may touch is a rule, and no part of the geometry.
     key = (arm.q.tobytes(), scene.padding, *(thing.touch for thing in held.values()))
     if key not in kept:
+        if len(kept) >= _MOST_KEPT:
+            kept.clear()
         alone = Scene({name: Arm(arm.robot, identity(), arm.q)}, {}, held, padding=scene.padding)
         kept[key] = tuple(
             Contact(_local(c.a, name), _local(c.b, name), c.depth, c.point)

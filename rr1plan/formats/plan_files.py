@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from rr1plan.checks import Value, file_path, known_name, of_kind
 from rr1plan.errors import FormatError, InputError
@@ -34,6 +35,8 @@ from rr1plan.shapes import Mesh, PointCloud
 from rr1plan.trajectory import Trajectory
 
 _FORMAT = "rr1plan"
+# A trajectory starts and ends where its path does, up to rounding [rad or m].
+_SAME_END = 1e-6
 _File = str | pathlib.Path
 
 
@@ -119,7 +122,8 @@ def save_motion(
 
     Raises:
         UnknownNameError: a joint the scene does not have.
-        InputError: a value that has no form, or the file cannot be written.
+        InputError: a value that has no form, a trajectory that does not start and end where the path does, or the file
+            cannot be written.
     """
     return _save(file, "motion", scene, _motion_entries(scene, path, trajectory, report, problem), embed)
 
@@ -147,6 +151,7 @@ def _motion_entries(
         entries["path"] = _path_entry(path, scene)
     if trajectory is not None:
         entries["trajectory"] = _trajectory_entry(trajectory, scene)
+    _check_ends(path, trajectory)
     if report is not None:
         of_kind("report", report, Report)
         entries["report"] = report.to_dict()
@@ -318,15 +323,39 @@ def _saved(document: schema.Document, geometry: _Geometry) -> SavedMotion:
     columns = [entry for entry in (path, trajectory) if entry is not None]
     for entry in columns:
         _check_units(entry, scene)
+    built_path = None if path is None else values.build_path(path)
+    built_trajectory = None if trajectory is None else values.build_trajectory(trajectory)
+    _check_ends(built_path, built_trajectory)
     return SavedMotion(
         scene=scene,
-        path=None if path is None else values.build_path(path),
-        trajectory=None if trajectory is None else values.build_trajectory(trajectory),
+        path=built_path,
+        trajectory=built_trajectory,
         report=None if motion is None or motion.report is None else Report.from_dict(motion.report),
         problem=_problem(motion, scene),
         units=None if motion is not None else tuple(columns[0].units),
         made_for=document.made_for,
     )
+
+
+def _check_ends(path: Path | None, trajectory: Trajectory | None) -> None:
+    """A trajectory along a path starts and ends where the path does, in all joints that both move.
+
+    Raises:
+        InputError: a path of another motion, or one that runs the other way.
+    """
+    if path is None or trajectory is None:
+        return
+    both = [name for name in path.joint_names if name in trajectory.joint_names]
+    ends = path.waypoints[[0, -1]][:, [path.joint_names.index(name) for name in both]]
+    timed = trajectory([trajectory.start_time, trajectory.end_time])
+    timed = timed[:, [trajectory.joint_names.index(name) for name in both]]
+    for verb, off in zip(("starts", "ends"), np.abs(ends - timed), strict=True):
+        if off.max(initial=0.0) > _SAME_END:
+            reversed_path = np.abs(ends[::-1] - timed).max() <= _SAME_END
+            raise InputError(
+                f"the path is not that of the trajectory: {both[int(off.argmax())]!r} {verb} {off.max():.3g} rad or m "
+                f"from where the trajectory {verb}{', because the path runs backwards' if reversed_path else ''}"
+            )
 
 
 def _problem(motion: schema.MotionDocument | None, scene: Scene | None) -> Problem | None:

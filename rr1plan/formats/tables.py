@@ -19,6 +19,14 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, finite_array, shown
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 
+# Words for the same thing in formats of robotics: who writes one of them means what is called by another here.
+_SYNONYMS = (
+    ("xyz", "position", "translation", "origin", "pose"),
+    ("quaternion", "rpy", "rotation", "orientation", "euler"),
+    ("box", "size", "dimensions"),
+    ("sphere", "radius"),
+)
+
 
 class Table:
     """One table of a file; remembers which keys were asked for.
@@ -149,7 +157,8 @@ class Table:
         from difflib import get_close_matches
 
         for key in self.unasked():
-            near = get_close_matches(key, wanted, n=1, cutoff=0.7)
+            synonyms = _synonyms(key, wanted)
+            near = get_close_matches(key, wanted, n=1, cutoff=0.7) if synonyms is None else synonyms
             if near:
                 return f". Did you mean {near[0]!r} where it says {key!r}?"
         return ""
@@ -165,7 +174,8 @@ class Table:
             FormatError: names the first of them and the near ones that are known.
         """
         for key in self.unasked():
-            raise self.error(str(UnknownNameError("key", key, sorted(self._asked))), key)
+            known = sorted(self._asked)
+            raise self.error(str(UnknownNameError("key", key, known, near=_synonyms(key, known))), key)
 
     def error(self, message: str, key: str | None = None) -> FormatError:
         """A FormatError that says where."""
@@ -182,6 +192,14 @@ class Table:
             raise
         except InputError as error:
             raise self.error(str(error), key) from error
+
+
+def _synonyms(key: str, wanted: Iterable[str]) -> list[str] | None:
+    """The wanted keys that mean the same as another; None for a key without known synonyms."""
+    for words in _SYNONYMS:
+        if key in words:
+            return [word for word in words if word in set(wanted)]
+    return None
 
 
 def is_number(value: Any) -> bool:

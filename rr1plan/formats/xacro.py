@@ -1,7 +1,8 @@
 """Xacro: a robot written as macros, expanded to URDF by the optional package xacrodoc.
 
 A xacro file is a program: it reads files and evaluates expressions. Load only those you trust. It is expanded in
-a process with bounds of time and memory, so that one that does not end (`${10**10**10}`) is an error.
+a process with bounds of time and memory, so that one that does not end (`${10**10**10}`) is an error. It may include
+regular files only.
 """
 
 from __future__ import annotations

@@ -5,8 +5,10 @@ Run by `rr1plan.formats.xacro`; imports nothing of the package, so that it start
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import stat
 import sys
 from pathlib import Path
 from typing import Any
@@ -42,11 +44,24 @@ def _expand(request: dict[str, Any]) -> str:
     import xacrodoc
     from xacrodoc import packages
 
+    sys.addaudithook(_refuse_special_files)
     packages.update_package_cache(request["packages"])
     xacro.init_stacks(request["file"])  # what it includes by a plain name is beside it
     file = Path(request["file"])
     document = xacrodoc.XacroDoc.from_file(file, subargs=request["arguments"], resolve_packages=False)
     return str(document.dom.toxml())
+
+
+def _refuse_special_files(event: str, arguments: tuple[Any, ...]) -> None:
+    """Refuse to open a FIFO or device, which a file may include or load: reading it may never end."""
+    if event != "open" or not isinstance(arguments[0], str | bytes):
+        return
+    try:
+        mode = Path(os.fsdecode(arguments[0])).stat().st_mode
+    except (OSError, ValueError):
+        return  # what opens it says why it cannot
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise OSError(errno.EINVAL, "is a FIFO or device, expected a regular file", os.fsdecode(arguments[0]))
 
 
 def _told(error: Exception) -> dict[str, str]:

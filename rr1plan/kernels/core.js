@@ -84,7 +84,7 @@ class Core {
     }
   }
 
-  /** An array: so many zeroed items, or the given numbers. */
+  /** An array of the given numbers, or of that many zeros. */
   array(kind, values) {
     if (typeof values === "number") {
       return new CoreArray(this, kind, this.#allocate(values * this.#sizeOf(kind)), values);

@@ -92,6 +92,9 @@ def solve_ik(
 ) -> IkResult:
     """Every distinct configuration found that brings a frame of one arm to its goal.
 
+    Solutions use at most nine tenths of the goal's tolerance. Where there is none, but a descent came near, a second
+    attempt uses all of it.
+
     Args:
         kinematics: Of the scene, or of the robot alone.
         goal: A position, a full pose, or a box for the frame's origin. A random start aims at a
@@ -100,7 +103,7 @@ def solve_ik(
         seeds: Where to start first [rad or m], shape (nq,) or (k, nq), clipped to the limits
             (default: the arm's posture in the scene).
         rng: Generator or seed of the random starts; the same seed gives the same answer.
-        attempts: Starts in all, seeds included.
+        attempts: Starts in all, seeds included; of a second attempt as many again.
         accept: Asked for each distinct solution, e.g. whether it is free of collision; gets (nq,).
         max_solutions: Stop after so many accepted ones (default: all that are found).
         patience: Stop after so many starts in a row that led to no other accepted one, once there is one (default:

@@ -17,8 +17,11 @@ from rr1plan.problem import PoseGoal, RegionGoal
 from rr1plan.robot import Robot
 from rr1plan.transforms import rotation_from_quaternion
 
-# A solution uses at most this part of the goal's tolerance, so that another kinematics agrees.
-_SHARE = 0.9
+# A solution uses at most this part of the goal's tolerance; where there is none, all of it but rounding.
+# Another kinematics agrees with both.
+_SHARE, _WHOLE = 0.9, 1.0 - 1e-6
+# A second attempt is made where a descent ended within this multiple of the tolerance.
+_NEAR = 2.0
 # A region's faces are kept this far away where it is thick enough, and met this exactly where it is flat [m].
 _REGION_MARGIN, _REGION_TOLERANCE = 1e-6, 1e-9
 _DISTINCT, _DISTINCT_REDUNDANT = 1e-3, 0.2
@@ -73,9 +76,10 @@ class IkSearch:
             fixed = int((self.target.lower == self.target.upper).sum()) + 3 * (self.target.rotation is not None)
             separation = _DISTINCT_REDUNDANT if robot.nq > fixed else _DISTINCT
         tolerance = goal.position_tolerance if isinstance(goal, PoseGoal) else _REGION_TOLERANCE
+        self._whole = _WHOLE * tolerance, _WHOLE * goal.orientation_tolerance
         self.position_tolerance = _SHARE * tolerance
         self.orientation_tolerance = _SHARE * goal.orientation_tolerance
-        self._state = state
+        self._state, self._seeds = state, seeds
         self._solutions, self._nearest = np.empty((_CAPACITY, robot.nq)), seeds[0].copy()
         lower, upper, corner, extent, wraps = _joint_rows(robot)
         self._struct = CStruct(
@@ -99,13 +103,14 @@ class IkSearch:
             nearest_squared=np.inf,
             memory=np.empty(robot.nq + load_library().rr1_descent_memory(robot.nq)),
         )
-        self._last = 0
+        self._last = self._tried_before = 0
+        self._is_widened = False
 
     @property
     def tried(self) -> int:
         """Starts so far."""
         starts: int = self._struct.value.starts
-        return starts
+        return self._tried_before + starts
 
     def nearest(self) -> Array:
         """The configuration within the limits that comes nearest to the goal, of those at hand, shape (nq,)."""
@@ -127,12 +132,44 @@ class IkSearch:
     ) -> list[Array]:
         """Go on for so many starts; what is new and accepted.
 
+        Where no start ever led into nine tenths of the tolerance, but one led near, as many again for the whole
+        tolerance, with random numbers of their own.
+
         Args:
             attempts: How many starts.
             accept: See `solve_ik`.
             most: Stop after so many accepted ones.
             patience: Stop after so many starts in a row that led to no other accepted one, once there is one.
         """
+        found = self._collect(attempts, accept, most, patience)
+        if not (self.accepted or self.rejected or self._is_widened) and self._came_near():
+            self._widen()
+            found = self._collect(attempts, accept, most, patience)
+        return found
+
+    def _came_near(self) -> bool:
+        """A descent ended so near to the goal that the whole tolerance may make a difference."""
+        position, orientation = self._whole
+        weight = self.target.struct.value.weight
+        near: bool = self._struct.value.nearest_squared <= _NEAR**2 * (position**2 + (weight * orientation) ** 2)
+        return near
+
+    def _widen(self) -> None:
+        """Begin again with the whole tolerance, from where a descent came nearest."""
+        self.position_tolerance, self.orientation_tolerance = self._whole
+        self._is_widened, self._tried_before, self._state = True, self.tried, self._state.copy()
+        seeds = np.vstack([self.nearest(), self._seeds])
+        self._struct.set(
+            seeds=seeds,
+            seed_count=len(seeds),
+            starts=0,
+            position_tolerance=self.position_tolerance,
+            orientation_tolerance=self.orientation_tolerance,
+        )
+
+    def _collect(
+        self, attempts: int, accept: Callable[[Array], bool] | None, most: int | None, patience: int | None
+    ) -> list[Array]:
         begin, self._last = len(self.accepted), self.tried
         end = self.tried + attempts
         while len(self.accepted) - begin < (most or np.inf):
@@ -155,7 +192,7 @@ class IkSearch:
         if count == len(self._solutions):
             self._solutions = np.concatenate([self._solutions, np.empty_like(self._solutions)])
             self._struct.set(solutions=self._solutions)
-        found = load_library().rr1_search_ik(self._struct, self._state, starts)
+        found = load_library().rr1_search_ik(self._struct, self._state, starts - self._tried_before)
         return self._solutions[count].copy() if found else None
 
 

@@ -102,8 +102,8 @@ def plan(
             look for others where they do not get on.
         planner: A name of `planner_names()`, or a planner with settings of its own.
         budget: When to stop (default: 10 s). Under a budget of iterations alone the same seed gives the
-            same path to the byte. A twentieth of it (at most 0.5 s) goes into a hint why a search failed, where it
-            is a second or more, or a thousand iterations.
+            same path to the byte. A hint why a search failed gets a tenth of the seconds (at most 1 s) and a twentieth
+            of the iterations; below a second or a thousand iterations there is none.
         rng: Generator or seed of everything random.
         progress: Called about ten times a second; it may return False to cancel.
 

@@ -5,8 +5,9 @@ somewhere on every line from the start to a goal, so few pairs are left to try: 
 the search repeated for a moment, then all of them together, less those that make no difference. A path found that way
 is a hint, not a proof.
 
-The time comes out of the budget of the search: a twentieth of it and at most half a second, and a twentieth of its
-iterations. A budget of less than a second or a thousand iterations gets no hint.
+The time comes out of the budget of the search: a tenth of it and at most a second, and a twentieth of its iterations.
+Half of that time is processor time: on a busy machine, where a hint takes longer, it may take all of it.
+A budget of less than a second or a thousand iterations gets no hint.
 """
 
 from __future__ import annotations
@@ -31,8 +32,10 @@ from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressC
 from rr1plan.problem import Problem
 from rr1plan.scene import pair as unordered
 
-_SHARE = 0.05
-_MOST_SECONDS = 0.5
+_SHARE, _MOST_SECONDS = 0.1, 1.0
+_ITERATIONS_SHARE = 0.05
+# Processor time that a hint may take, of its wall time.
+_PROCESSOR_SHARE = 0.5
 _LEAST_SECONDS, _LEAST_ITERATIONS = 1.0, 1000
 # What the searches may take of the time, so that some is left to describe what they find.
 _SEARCHES = 0.6
@@ -52,7 +55,7 @@ def split_budget(budget: Budget) -> tuple[Budget, Budget | None]:
     if seconds < _LEAST_SECONDS or (iterations is not None and iterations < _LEAST_ITERATIONS):
         return budget, None
     reserve = min(_SHARE * seconds, _MOST_SECONDS) if math.isfinite(seconds) else math.inf
-    extra = None if iterations is None else int(_SHARE * iterations)
+    extra = None if iterations is None else int(_ITERATIONS_SHARE * iterations)
     rest = seconds - reserve if math.isfinite(seconds) else math.inf
     return Budget(rest, iterations), Budget(reserve, extra)
 
@@ -79,7 +82,8 @@ class _HintSearch:
     def __init__(self, problem: Problem, result: PlanResult, budget: Budget, progress: ProgressCallback | None) -> None:
         self._problem, self._budget, self._progress = problem, budget, progress
         self._seed, self._planner, self._before = result.seed, result.planner, result.seconds
-        self._began, self._reported = time.perf_counter(), -math.inf
+        self._began, self._processor_began = time.perf_counter(), time.thread_time()
+        self._reported = -math.inf
         self._iterations_left = NO_LIMIT if budget.iterations is None else budget.iterations
         self._bodies: dict[str, LinkBodies] = {}
         self.cancelled = False
@@ -198,7 +202,11 @@ class _HintSearch:
 
     @property
     def _seconds_left(self) -> float:
-        return _SEARCHES * self._budget.seconds - (time.perf_counter() - self._began)
+        """Wall time left: what the processor time left takes at the pace so far, within the budget [s]."""
+        budget = _SEARCHES * self._budget.seconds
+        wall, processor = time.perf_counter() - self._began, time.thread_time() - self._processor_began
+        pace = max(1.0, wall / processor) if processor > 0.0 else math.inf
+        return min(budget - wall, pace * (_PROCESSOR_SHARE * budget - processor))
 
     def _goes_on(self) -> bool:
         """Whether there is time left; reports progress about ten times a second."""

@@ -329,7 +329,7 @@ def cspace(
 
 
 def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: Any) -> Scene:
-    """The scene with an arm's joints at `at`, but for the two that a picture shows, which stay."""
+    """The scene with all joints of an arm at `at` except the two that the picture shows."""
     robot, q = scene.arms[arm].robot, np.array(scene.arms[arm].q)
     others = [i for i, name in enumerate(robot.joint_names) if name not in joints]
     if not others:

@@ -9,8 +9,8 @@ import numpy as np
 
 from rr1plan.checks import Array, Value, counted, read_only
 
-# A joint that is farther than this behind lost its way, not some accuracy [rad or m].
-_LEFT_BEHIND = 0.01
+# An arm is tracked while no joint is farther than this from its set-point [rad or m].
+_TRACKED = 0.01
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,19 @@ class Replay(Value):
         """No contact that the scene forbids."""
         return not self.contacts
 
+    @property
+    def tracked(self) -> bool:
+        """No joint was farther than 0.01 rad (or m) from its set-point at any step; always so in a kinematic replay."""
+        return bool((self.max_error <= _TRACKED).all())
+
     def __bool__(self) -> bool:
-        """The same as `free`."""
-        return self.free
+        """The arms followed their motion: `free` and `tracked`."""
+        return self.free and self.tracked
 
     @property
     def _is_spent(self) -> bool:
         """A motor gave all it had, and its joint was left behind."""
-        return bool(((self.peak_effort > 0.999) & (self.max_error > _LEFT_BEHIND)).any())
+        return bool(((self.peak_effort > 0.999) & ~(self.max_error <= _TRACKED)).any())
 
     def __repr__(self) -> str:
         seconds = self.steps * self.timestep
@@ -113,6 +118,12 @@ class Replay(Value):
                 f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
                 + ("; plan with option torque_limits, or with lower limits of acceleration" if self._is_spent else "")
             )
+        if not self.tracked:
+            lost = int((~(self.max_error <= _TRACKED)).sum())
+            lines.append(
+                f"  the motion was not followed: {counted(lost, 'joint')} of {len(self.joint_names)} more than "
+                f"{_TRACKED:g} rad or m from the set-point"
+            )
         lines += [f"  {what}" for what in self.remarks]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
@@ -129,6 +140,8 @@ class Replay(Value):
             "timestep": self.timestep,
             "wall_seconds": self.wall_seconds,
             "real_time_factor": self.real_time_factor,
+            "free": self.free,
+            "tracked": self.tracked,
             "joints": {
                 name: {"max_error": float(worst), "rms_error": float(rms), "peak_effort": float(effort)}
                 for name, worst, rms, effort in joints

@@ -61,7 +61,7 @@ def simulate(
         progress: Called about ten times a second with the fraction done, 0 to 1.
 
     Returns:
-        Tracking error, contacts, effort and speed.
+        Tracking error, contacts, effort and speed; true where the arms followed the motion without contact.
 
     Raises:
         InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know.

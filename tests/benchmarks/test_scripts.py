@@ -168,3 +168,36 @@ def test_fresh_processes_are_timed(script, tmp_path):
     assert all(run["cpu"] > 0.0 for runs in results["processes"].values() for run in runs)
     assert set(results["stages"][0]) >= {"import rr1plan", "first plan"}
     assert "| first plan, from Python" in (tmp_path / "cold_start.md").read_text()
+
+
+def test_many_arms_are_measured_in_processes_of_their_own(script, tmp_path):
+    arguments = ["--arms", "4", "2", "--out", str(tmp_path)]
+    assert script("many_instances").main([*arguments, "--columns", "plan", "referee", "edge"]) == 0
+    results = json.loads((tmp_path / "many_instances.json").read_text())
+    by_column = {}
+    for result in results["results"]:
+        assert result["found"]
+        assert result["seconds"] > 0.0
+        assert result["memory"] > 10.0
+        by_column.setdefault(result["column"], []).append((result["arms"], result.get("warm", result.get("layout"))))
+    assert by_column == {
+        "plan": [(2, True), (2, False), (4, True), (4, False)],
+        "referee": [(2, None), (4, None)],
+        "edge": [(2, "grid"), (2, "row"), (4, "grid"), (4, "row")],
+    }
+    # Four arms on a grid: each can meet each other.
+    near = {(r["arms"], r["layout"]): r["near"] for r in results["results"] if r["column"] == "edge"}
+    assert near[2, "grid"] == near[2, "row"] == 1
+    assert near[4, "row"] < near[4, "grid"] == 6
+    assert results["fit"]["arm"] >= 0.0
+    text = (tmp_path / "many_instances.md").read_text()
+    assert "| plan " in text
+    assert "| validate " not in text
+    assert (tmp_path / "many_instances.png").stat().st_size > 0
+
+
+def test_what_takes_too_long_with_many_arms_is_told(script, tmp_path):
+    arguments = ["--arms", "2", "--columns", "motion", "--limit", "0.01", "--out", str(tmp_path)]
+    assert script("many_instances").main(arguments) == 0
+    assert "> 0.01 s" in (tmp_path / "many_instances.md").read_text()
+    assert (tmp_path / "many_instances.png").stat().st_size > 0

@@ -63,7 +63,7 @@ def page_file(two_arms: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> F
     zeros = np.zeros(trajectory.coefficients.shape[2])
     actual = trajectory(times) + 0.01
     replay = Replay(
-        "dynamic", trajectory.joint_names, times, trajectory(times), actual, zeros, zeros, zeros, (), 1, 0.1, 1.0
+        "dynamic", trajectory.joint_names, times, trajectory(times), actual, zeros + 0.02, zeros, zeros, (), 1, 0.1, 1.0
     )
     file = tmp_path_factory.mktemp("page") / "page.html"
     return save_html(file, two_arms, trajectory, problem=problem, report=report, replay=replay, play=False)
@@ -260,6 +260,7 @@ def test_a_violation_leads_to_its_moment_and_pair(calm: Any) -> None:
     facts = calm.page.inner_text("#facts")
     assert re.search(r"Clearance\s+-4.0 mm", facts)
     assert re.search(r"Self clearance\s+10.2 mm", facts)
+    assert re.search(r"MuJoCo\s+motion not followed, off by 2.0e-2 rad at most, no contact", facts)
     assert "self clearance" in calm.page.text_content("#report")
     calm.page.click("#report .violation")
     assert calm.ask("RR1.time") == 1.25

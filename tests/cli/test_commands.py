@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -239,6 +240,18 @@ def test_play_reports_tracking_and_contacts(motion: Path, capsys: pytest.Capture
     assert 0.0 < max(j["max_error"] for j in value["joints"].values()) < 5e-3
     assert run(["play", str(motion), "--mode", "kinematic"]) == OK
     assert "contacts: none" in capsys.readouterr().out
+
+
+def test_a_replay_that_does_not_follow_its_motion_is_no_success(
+    motion: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(["play", str(motion), "--timestep", "0.5"]) == INVALID_PLAN
+    assert "the motion was not followed" in capsys.readouterr().out
+    assert run(["play", str(motion), "--timestep", "0.5", "--json"]) == INVALID_PLAN
+    assert answer(capsys)["tracked"] is False
+    monkeypatch.setattr(rp, "simulate", partial(rp.simulate, timestep=0.5))
+    assert run(["demo", "--output", "out"]) == INVALID_PLAN
+    assert "the motion was not followed" in capsys.readouterr().out
 
 
 def test_demo_goes_the_whole_way(capsys: pytest.CaptureFixture[str]) -> None:

@@ -86,6 +86,7 @@ def test_a_motion_is_read_without_anything_but_its_file(
     violation = Violation("velocity", ("arm/joint1",), 0.5, 2.0, 1.0, "too fast")
     margins = {"clearance": Margin(0.1, "m", ("arm/upper", "red"), 0.25), "velocity": Margin(2.0)}
     report = Report((violation,), margins, ("velocity",), {"torque": "not asked"}, 2.0)
+    path = Path(path.joint_names, [trajectory(0.0), *path.waypoints, trajectory(2.0)])
     file = plan_files.save_motion(tmp_path / "m.json", scene, path, trajectory, report, problem)
     read = read_plan_file(file)
     assert read.scene is not None
@@ -316,6 +317,31 @@ def test_files_that_are_too_large_are_refused_packed_or_not(tmp_path: FilePath) 
     (tmp_path / "c.json.gz").write_bytes(b"not gzip")
     with pytest.raises(FormatError, match="cannot be read"):
         files.read_bytes(tmp_path / "c.json.gz")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda w: w.reverse(), r"'arm/joint2' starts .* because the path runs backwards"),
+        (lambda w: w.pop(), r"ends [\d.]+ rad or m from where the trajectory ends$"),
+        (lambda w: w[0].__setitem__(1, w[0][1] + 2e-6), r"'arm/joint2' starts 2e-06 rad or m from where"),
+    ],
+)
+def test_a_path_that_is_not_that_of_its_trajectory_is_refused(
+    tmp_path: FilePath, scene: Scene, trajectory: Trajectory, change: Callable[[list[Any]], object], words: str
+) -> None:
+    waypoints = [trajectory(0.0), trajectory(0.5), trajectory(2.0)]
+    path = Path(scene.joint_names(), waypoints)
+    file = plan_files.save_motion(tmp_path / "m.json", scene, path, trajectory)
+    assert read_plan_file(file).path is not None
+    forged = resealed(file, lambda content: change(content["path"]["waypoints"]))
+    with pytest.raises(FormatError, match=rf"m\.json: the path is not that of the trajectory: .*{words}"):
+        read_plan_file(forged)
+    wrong = path.waypoints.tolist()
+    change(wrong)
+    with pytest.raises(InputError, match=f"the path is not that of the trajectory: .*{words}"):
+        plan_files.save_motion(tmp_path / "n.json", scene, Path(path.joint_names, wrong), trajectory)
+    assert not (tmp_path / "n.json").exists()
 
 
 # ---- values ------------------------------------------------------------------------------------

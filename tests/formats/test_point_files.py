@@ -165,7 +165,7 @@ def damaged(data: bytes) -> bytes:
 
 
 def bomb(packed: int, size: int) -> bytes:
-    """A file that repeats a byte 264 times for three bytes of its own."""
+    """A file that repeats a byte 264 times for each three bytes of its content."""
     body = b"\0\0" + b"\xe0\xff\0" * (packed // 3)
     return pcd("binary", POINTS[:0], DATA="binary_compressed") + struct.pack("<II", len(body), size) + body
 

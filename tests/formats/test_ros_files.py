@@ -117,7 +117,7 @@ def test_a_bag_that_was_written_reads_back_the_same_motion(bag: tuple[rp.Traject
 
 @pytest.fixture(scope="module")
 def ros1_bag(bag: tuple[rp.Trajectory, Path]) -> Callable[..., Path]:
-    """Writes a bag of ROS 1 whose points carry so many derivatives."""
+    """Writes a bag of ROS 1 whose points carry the given number of derivatives."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 

@@ -256,6 +256,18 @@ def test_robots_point_files_and_meshes_are_found_beside_the_scene_file(tmp_path:
         ("padding = nan\n" + SIMPLE, "scene.toml:1: padding: expected a finite number"),
         ("padding = true\n" + SIMPLE, "padding: expected a number, got True"),
         ("paddng = 0.1\n" + SIMPLE, "scene.toml:1: paddng: unknown key 'paddng'. Did you mean 'padding'"),
+        (SIMPLE + "[obstacles.a]\nposition = [0, 0, 1]\nbox = [1, 1, 1]\n", "'position'. Did you mean 'xyz'? Known"),
+        (
+            SIMPLE + "[obstacles.a]\nposition = [0, 0, 1]\npoints = { points = [[0, 0, 0]] }\n",
+            "obstacles.a.position: unknown key 'position'. Did you mean 'xyz'? Known",
+        ),
+        (SIMPLE + "[obstacles.a]\norigin = [0, 0, 1]\nsphere = 1\n", "'origin'. Did you mean 'xyz'? Known"),
+        (
+            SIMPLE + "orientation = [1, 0, 0, 0]\n",
+            "'orientation'. Did you mean 'quaternion' or 'rpy' or 'rotation'? Known",
+        ),
+        (SIMPLE + "[obstacles.a]\nsize = [1, 1, 1]\n", "Did you mean 'box' where it says 'size'?"),
+        (SIMPLE + "[queries.q]\ngoal = { xyz = [1, 0, 0] }\n", "Did you mean 'position' where it says 'xyz'?"),
         ("version = 7\n", "version 7, expected 1"),
         ("arms = 3\n", "arms: expected a table"),
         ("name = 3\n", "name: expected text, got 3"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -125,3 +126,24 @@ def test_what_a_xacro_includes_by_a_plain_name_is_beside_it(
         monkeypatch.chdir(folder)
         assert rp.load_robot(outer).nq == 2
         assert rp.load_robot(Path("../outer.xacro") if folder != tmp_path else Path("outer.xacro")).nq == 2
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="has no FIFOs")
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<xacro:include filename="pipe"/>',
+        '<xacro:include filename="p*"/>',
+        '<xacro:include filename="link"/>',
+        '<xacro:include filename="/dev/zero"/>',
+        '<xacro:property name="x" value="${xacro.load_yaml(\'pipe\')}"/><link name="${x}"/>',
+    ],
+)
+def test_a_fifo_or_device_that_is_included_is_refused_before_it_is_read(tmp_path: Path, inside: str) -> None:
+    pytest.importorskip("xacrodoc")
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("pipe")
+    file = tmp_path / "arm.xacro"
+    file.write_text(f'<robot name="r" xmlns:xacro="http://x"><link name="base"/>{inside}</robot>')
+    with pytest.raises(FormatError, match=r"arm\.xacro: cannot be expanded: .*is a FIFO or device, expected a regular"):
+        expand_xacro(file)

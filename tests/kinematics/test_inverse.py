@@ -248,3 +248,37 @@ def test_wrong_calls_are_told(rr1):
         solve_ik(kinematics, goal, separation=0.0)
     with pytest.raises(UnknownNameError, match="unknown arm"):
         solve_ik(kinematics, goal, "left")
+
+
+@pytest.mark.parametrize("share", [0.92, 0.96, 0.999])
+def test_a_pose_that_is_reached_only_at_the_edge_of_its_tolerance_is_solved(planar2r, rr1, share):
+    """Goals beyond a stretched arm, by a share of the tolerance."""
+    arm = rp.Scene().with_arm("arm", planar2r)
+    tolerance, stretched = 1e-4, np.array([1.7 * np.cos(0.4), 1.7 * np.sin(0.4), 0.0])
+    goal = PoseGoal("tool", stretched * (1.0 + share * tolerance / 1.7))
+    result = solve_ik(Kinematics(arm), goal, rng=0)
+    assert result.solved
+    for q in result.solutions:
+        off = np.linalg.norm(planar2r.link_poses(q)[planar2r.tool][:3, 3] - goal.position)
+        assert 0.9 * tolerance < off <= tolerance
+    assert rp.plan_motion(rp.Problem(arm, [0.0, 0.5], goal), rng=0)
+    # The same with an orientation, for an arm of six joints.
+    kinematics = Kinematics(rr1)
+    far = np.array([2.0, 6.0, 1.0])
+    T = kinematics.pose(solve_ik(kinematics, PoseGoal("tool", far), rng=0).nearest).copy()
+    direction = far - T[:3, 3]
+    T[:3, 3] += share * tolerance * direction / np.linalg.norm(direction)
+    result = solve_ik(kinematics, PoseGoal("tool", T), rng=0)
+    assert result.solved
+    for q in result.solutions:
+        assert_solves(rr1, q, T)
+
+
+@pytest.mark.parametrize("share", [1.01, 3.0])
+def test_a_pose_beyond_its_tolerance_stays_out_of_reach(planar2r, share):
+    goal = PoseGoal("tool", [1.7 + share * 1e-4, 0.0, 0.0])
+    result = solve_ik(Kinematics(planar2r), goal, rng=0)
+    assert not result.solved
+    assert "out of reach" in result.reason
+    problem = rp.Problem(rp.Scene().with_arm("arm", planar2r), [0.0, 0.5], goal)
+    assert rp.plan(problem, rng=0).status is rp.PlanStatus.INFEASIBLE

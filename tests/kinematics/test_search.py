@@ -120,3 +120,15 @@ def test_solutions_are_reached_by_pinocchio_within_the_tolerances(redundant_arm)
             assert np.linalg.norm(pin.log3(reached[:3, :3] @ T[:3, :3].T)) <= 1e-7
             assert (q >= redundant_arm.limits.lower).all()
             assert (q <= redundant_arm.limits.upper).all()
+
+
+def test_a_second_attempt_with_the_whole_tolerance_leaves_the_random_numbers_of_others(planar2r):
+    """What a search with the same state finds next does not depend on it."""
+    states, chain = [], chain_of(Kinematics(planar2r).scene_model.skeleton, f"arm/{planar2r.tool}")
+    for share in (0.95, 50.0):
+        state = random_state(3)
+        search = IkSearch(chain, planar2r, PoseGoal("tool", [1.7 + share * 1e-4, 0, 0]), planar2r.home[None], state)
+        assert bool(search.collect(60)) == (share < 1.0)
+        assert search.tried == (120 if share < 1.0 else 60)
+        states.append(state)
+    np.testing.assert_array_equal(*states)

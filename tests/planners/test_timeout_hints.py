@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.planners.timeout_hints import split_budget
+from rr1plan.planners import timeout_hints
+from rr1plan.planners.timeout_hints import split_budget, with_hint
 from rr1plan.robot import Geometry, Joint, Link
 from rr1plan.transforms import pose
 
@@ -128,17 +130,39 @@ def test_a_small_budget_gets_no_hint(separated: rp.Problem, budget: rp.Budget) -
     assert "separated" not in result.reason
 
 
-def test_a_hint_takes_a_twentieth_of_the_budget_and_half_a_second_at_most() -> None:
+def test_a_hint_takes_a_tenth_of_the_time_and_a_second_at_most_and_a_twentieth_of_the_iterations() -> None:
     for budget in (rp.Budget(1.0), rp.Budget(10.0), rp.Budget(600.0, 10**6), rp.Budget(math.inf, 10**6)):
         search, hint = split_budget(budget)
         assert hint is not None
         assert search.seconds + hint.seconds == budget.seconds
         assert search.iterations == budget.iterations
         if math.isfinite(budget.seconds):
-            assert hint.seconds <= min(0.5, 0.05 * budget.seconds)
+            assert hint.seconds <= min(1.0, 0.1 * budget.seconds)
         if budget.iterations is not None:
             assert hint.iterations == budget.iterations // 20
     assert split_budget(rp.Budget(0.9)) == (rp.Budget(0.9), None)
+
+
+@pytest.mark.parametrize(("share", "reports"), [(1.0, 3), (0.5, 6), (0.1, 6), (0.0, 6)])
+def test_a_hint_takes_longer_where_it_gets_only_a_share_of_the_processor_but_never_more_than_its_budget(
+    gate: rp.Robot, monkeypatch: pytest.MonkeyPatch, share: float, reports: int
+) -> None:
+    """Every look at the clock takes a millisecond, of which the thread has only a share; reports come each 0.1 s."""
+    scene = rp.Scene().with_arm("a", gate).with_obstacle("wall", rp.Box((0.8, 0.02, 2.0)), [0.5, 0.0, 0.0])
+    problem = rp.Problem(scene, [-0.7, -0.5], [0.7, -0.5])
+    result = rp.PlanResult(rp.PlanStatus.TIMEOUT, None, "no path found")
+    seconds = [0.0]
+
+    def wall() -> float:
+        seconds[0] += 1e-3
+        return seconds[0]
+
+    clock = SimpleNamespace(perf_counter=wall, thread_time=lambda: share * seconds[0])
+    monkeypatch.setattr(timeout_hints, "time", clock)
+    told: list[float] = []
+    with_hint(problem, result, rp.Budget(1.0, 10**6), lambda p: told.append(p.seconds))
+    assert len(told) == pytest.approx(reports, abs=1)
+    assert max(told) < 1.0
 
 
 def test_the_progress_may_cancel_while_a_hint_is_looked_for(separated: rp.Problem) -> None:

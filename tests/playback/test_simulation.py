@@ -105,7 +105,24 @@ def test_a_motor_that_is_too_weak_is_told_with_what_to_try(rr1: rp.Robot) -> Non
         q = scene.configuration()
         replay = rp.simulate(quintic(scene, q, q + 0.2, 1.0), scene)
         assert (replay.worst_error > 0.01) == told
+        assert bool(replay) == replay.tracked == (not told)
         assert ("option torque_limits" in str(replay)) == told
+
+
+def test_a_replay_far_off_its_motion_is_no_success(rr1_table: rp.Scene) -> None:
+    start = rr1_table.configuration()
+    motion = quintic(rr1_table, start, start + np.array([0.3, 0.05, -0.2, 0.2, 0.1, 0.3]), 2.0)
+    fine, coarse = rp.simulate(motion, rr1_table), rp.simulate(motion, rr1_table, timestep=0.5)
+    kinematic = rp.simulate(motion, rr1_table, "kinematic", timestep=0.5)
+    for replay in (fine, kinematic):
+        assert replay
+        assert replay.to_dict()["tracked"]
+        assert "not followed" not in str(replay)
+    assert not coarse
+    assert not coarse.tracked
+    assert not coarse.to_dict()["tracked"]
+    count = int((coarse.max_error > 0.01).sum())
+    assert f"the motion was not followed: {count} joint" in str(coarse)
 
 
 def test_an_arm_that_is_driven_into_a_wall_reports_the_contact_with_time_and_pair(rr1: rp.Robot) -> None:

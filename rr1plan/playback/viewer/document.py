@@ -266,7 +266,12 @@ def _replayed(replay: Replay) -> Trajectory:
 
 
 def _summary(replay: Replay) -> dict[str, Any]:
-    return {"mode": replay.mode, "worst_error": replay.worst_error, "contacts": [list(c.pair) for c in replay.contacts]}
+    return {
+        "mode": replay.mode,
+        "worst_error": replay.worst_error,
+        "tracked": replay.tracked,
+        "contacts": [list(c.pair) for c in replay.contacts],
+    }
 
 
 def _waypoints(path: Path, scene: Scene) -> dict[str, Any]:

@@ -131,8 +131,8 @@ class Controls {
     const around = this.viewer.world.spheres.summary();
     if (around) rows.push(["Spheres", around]);
     if (doc.replay) {
-      const { worst_error: worst, contacts, mode } = doc.replay.summary;
-      rows.push(["MuJoCo", `${mode === "dynamic" ? `off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contact${contacts.length > 1 ? "s" : ""}` : "no contact"}`]);
+      const { worst_error: worst, tracked, contacts, mode } = doc.replay.summary;
+      rows.push(["MuJoCo", `${mode === "dynamic" ? `${tracked ? "" : "motion not followed, "}off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contact${contacts.length > 1 ? "s" : ""}` : "no contact"}`]);
     }
     facts.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
   }
