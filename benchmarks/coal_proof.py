@@ -20,7 +20,7 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.coal_pairs import CoalPairs
-from rr1plan.collision.solids import coal_geometry, occupied_cells, solid_pieces
+from rr1plan.collision.solids import coal_geometry, is_concave, obstacle_pieces, occupied_cells
 from rr1plan.transforms import inverse
 
 # Coal may overstate a distance of round bodies by this much [m].
@@ -95,9 +95,16 @@ class PlainCoal:
 
 
 def _convex(shape: Any) -> list[tuple[Array, Any]]:
-    """A shape as convex ones, each with its pose."""
+    """A shape as convex ones, each with its pose.
+
+    Raises:
+        ValueError: a concave mesh; Coal's distances to triangles are not bracketed here.
+    """
     if not isinstance(shape, rp.PointCloud):
-        return [(np.eye(4), piece) for piece in solid_pieces(shape)]
+        pieces = obstacle_pieces(shape)
+        if any(is_concave(piece) for piece in pieces):
+            raise ValueError("a mesh that is not convex has no convex parts that are the same solid")
+        return [(np.eye(4), piece) for piece in pieces]
     cell, poses = rp.Box((shape.resolution,) * 3), np.tile(np.eye(4), (len(centers := occupied_cells(shape)), 1, 1))
     poses[:, :3, 3] = centers
     return [(pose, cell) for pose in poses]

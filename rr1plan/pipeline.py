@@ -206,8 +206,8 @@ def plan_motion(
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
-        progress: Called about ten times a second while a path is searched for and while meshes are cut into convex
-            pieces, and once at the begin of each other stage; False cancels.
+        progress: Called about ten times a second while a path is searched for and while meshes that move are cut into
+            convex pieces, and once at the begin of each other stage; False cancels.
 
     Returns:
         A `MotionPlan`; `solved` says whether there is a proven trajectory.
@@ -261,7 +261,7 @@ def plan_motion(
 
 
 def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
-    """Make the convex pieces of the scene's meshes: the one part of the preparation that may take a minute."""
+    """Make the convex pieces of meshes that move: the one part of the preparation that may take a minute."""
     began = time.perf_counter()
 
     def told(fraction: float) -> bool | None:
@@ -278,8 +278,8 @@ def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
 
     Args:
         problem: Any problem in the scene that moves the same arms.
-        progress: Called about ten times a second while meshes are cut into convex pieces, the one part that may take
-            long; False cancels.
+        progress: Called about ten times a second while meshes that move are cut into convex pieces, the one part that
+            may take long; False cancels.
 
     Raises:
         InputError: no problem, or a scene that cannot be checked.

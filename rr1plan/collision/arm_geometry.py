@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.solids import solid_pieces
+from rr1plan.collision.solids import is_concave, solid_pieces
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Attachment, Scene
@@ -19,6 +19,7 @@ from rr1plan.shapes import HalfSpace, PointCloud, Shape
 from rr1plan.skeleton import Body, ElementGeometry, Skeleton, hang, skeleton_of
 
 _INTS = NDArray[np.int64]
+Pieces = Callable[[Shape], tuple[Shape, ...]]
 # The name of the only arm of the scene that a robot's model is made from.
 _ARM = "arm"
 _PREFIX = f"{_ARM}/"
@@ -26,7 +27,7 @@ _PREFIX = f"{_ARM}/"
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """One convex piece (or point cloud) of one element, carried by a joint of the model.
+    """One convex piece (or point cloud, or concave mesh) of one element, carried by a joint of the model.
 
     Args:
         element: The element it is a part of.
@@ -127,23 +128,23 @@ def _held(skeleton: Skeleton, name: str, thing: Attachment) -> tuple[ElementGeom
     return hang(name, Body(link.joint, read_only(link.placement @ thing.pose)), thing.geometries)
 
 
-def solids_of(geometries: Iterable[ElementGeometry]) -> list[Solid]:
-    """Shapes of elements as convex solids.
+def solids_of(geometries: Iterable[ElementGeometry], pieces: Pieces = solid_pieces) -> list[Solid]:
+    """Shapes of elements as solids: convex ones, unless `pieces` makes others.
 
     Raises:
         InputError: a shape that cannot be made solid.
     """
-    return [Solid(g.element, piece, g.joint, g.placement) for g in geometries for piece in _pieces(g)]
+    return [Solid(g.element, piece, g.joint, g.placement) for g in geometries for piece in _pieces(g, pieces)]
 
 
-def _pieces(geometry: ElementGeometry) -> tuple[Shape, ...]:
-    """Convex pieces of a shape; errors name its element."""
+def _pieces(geometry: ElementGeometry, pieces: Pieces) -> tuple[Shape, ...]:
+    """The solids of a shape; errors name its element."""
     try:
-        return solid_pieces(geometry.geometry.shape)
+        return pieces(geometry.geometry.shape)
     except InputError as error:
         raise InputError(f"shape of {geometry.element!r}: {error}") from error
 
 
 def surfaceless(solids: Iterable[Solid]) -> tuple[bool, ...]:
-    """Which solids are half-spaces or point clouds: they have no surface to measure from, only one to measure to."""
-    return tuple(isinstance(solid.shape, HalfSpace | PointCloud) for solid in solids)
+    """Which solids are half-spaces, point clouds or concave meshes: distances are measured to them, not from them."""
+    return tuple(isinstance(solid.shape, HalfSpace | PointCloud) or is_concave(solid.shape) for solid in solids)

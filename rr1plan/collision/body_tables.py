@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.enclosing_ball import around_points
+from rr1plan.collision.mesh_trees import box_of_mesh
 from rr1plan.collision.solids import occupied_cells
 from rr1plan.kernels.library import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
@@ -81,7 +82,7 @@ def body_tables(solids: Sequence[Solid], joint_poses: Array) -> BodyTables:
 def _neighbors(shape: Shape) -> tuple[_INTS, _INTS]:
     """How many edges leave each point of a shape's core, and where they lead, point after point."""
     count = len(_core(shape).points)
-    if not isinstance(shape, Mesh):
+    if not (isinstance(shape, Mesh) and shape.convex):
         return np.zeros(count, np.int64), np.zeros(0, np.int64)
     edges = np.concatenate([shape.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2])])
     edges = np.unique(edges, axis=0).astype(np.int64)
@@ -125,7 +126,7 @@ def _core(shape: Shape) -> _Core:
         case PointCloud():
             return _cells(shape)
         case _:
-            return _corners(shape)
+            return _corners(shape) if shape.convex else _surface(shape)
 
 
 def _made(
@@ -145,6 +146,13 @@ def _cells(cloud: PointCloud) -> _Core:
     low, high = cells.min(axis=0) - half, cells.max(axis=0) + half
     ball = (0.5 * (low + high), float(np.linalg.norm(0.5 * (high - low))))
     return _made(_KIND["BODY_CELLS"], np.full(3, half), 0.0, ball, (0.5 * (low + high), 0.5 * (high - low)), cells)
+
+
+def _surface(mesh: Mesh) -> _Core:
+    """The bounds of a mesh that is not convex; its triangles are in its `MeshTree`."""
+    (center, half), none = box_of_mesh(mesh), np.zeros((0, 3))
+    ball = float(np.linalg.norm(mesh.vertices[mesh.faces.ravel()] - center, axis=1).max()) * (1.0 + 1e-12)
+    return _made(_KIND["BODY_MESH"], np.zeros(3), 0.0, (center, ball), (center, half), none)
 
 
 def _corners(mesh: Mesh) -> _Core:

@@ -18,6 +18,7 @@ from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.arm_tables import ArmTables, arm_tables, chain_reach, joint_motion
 from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
 from rr1plan.collision.kernel_tables import ExactTables
+from rr1plan.collision.mesh_trees import NO_MESHES
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.kernels.library import constants, load_library
 
@@ -276,6 +277,7 @@ def _two_bodies(
         poses,
         body_poses,
         centers,
+        NO_MESHES,
     )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -11,8 +12,10 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import Solid
-from rr1plan.collision.solids import coal_geometry
+from rr1plan.collision.coal_meshes import holds_point
+from rr1plan.collision.solids import coal_geometry, is_concave, occupied_cells
 from rr1plan.model import SceneModel
+from rr1plan.shapes import HalfSpace, Mesh, PointCloud, Shape
 
 # Coal's distances of cylinders are this sharp, not 1e-5 m as with its own default.
 _GJK_TOLERANCE = 1e-10
@@ -42,6 +45,11 @@ class CoalPairs:
         self._manager = pin.BroadPhaseManager_NaiveCollisionManager(self._pinocchio, self._geometry, self._scratch)
         self._callback = pin.CollisionCallBackDefault(self._geometry, self._scratch)
         self._callback.stopAtFirstCollision = True
+        self._padding = padding
+        self._hollow = {hollow.pair: hollow for hollow in _hollow_pairs(solids, pairs)}
+        for pair in self._hollow:
+            # Coal's test of a surface overlooks shallow contacts; its distance does not.
+            self._scratch.deactivateCollisionPair(pair)
 
     def place(self, q: Array) -> None:
         """Move the solids to where they are at q (nq,)."""
@@ -52,19 +60,24 @@ class CoalPairs:
         """Whether any pair is nearer than its padding."""
         self._manager.update(False)
         self._callback.init()
-        return bool(pin.computeCollisions(self._manager, self._callback))
+        return bool(pin.computeCollisions(self._manager, self._callback)) or any(map(self._touches, self._hollow))
 
     def touching(self) -> list[int]:
         """The pairs that are nearer than their padding."""
         pin.computeCollisions(self._geometry, self._scratch, False)
-        return [i for i, result in enumerate(self._scratch.collisionResults) if result.isCollision()]
+        results = enumerate(self._scratch.collisionResults)
+        return [i for i, found in results if (self._touches(i) if i in self._hollow else found.isCollision())]
 
     def distances(self) -> Array:
-        """Distance of every pair [m], negative where they overlap, shape (m,)."""
+        """Distance of every pair [m], negative where they overlap, shape (m,).
+
+        Where a body crosses the surface of a mesh that is not convex, it is minus the depth in one of the triangles;
+        where it is wholly inside, minus its distance from the surface.
+        """
         pin.computeDistances(self._geometry, self._scratch)
         found = np.array([r.min_distance for r in self._scratch.distanceResults], dtype=np.float64)
-        for pair in np.flatnonzero(found < _NO_DISTANCE):
-            found[pair] = self.distance(int(pair))[0]
+        for pair in (*np.flatnonzero(found < _NO_DISTANCE).tolist(), *self._hollow):
+            found[pair] = self.distance(pair)[0]
         return found
 
     def distance(self, pair: int) -> tuple[float, Array, Array]:
@@ -76,7 +89,58 @@ class CoalPairs:
             placement.translation = exactly + _NUDGE
             result = pin.computeDistance(self._geometry, self._scratch, pair)
             placement.translation = exactly
-        return float(result.min_distance), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+        distance = float(result.min_distance)
+        if distance > 0.0 and pair in self._hollow and self._is_inside(self._hollow[pair]):
+            distance = -distance
+        return distance, np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+
+    def _touches(self, pair: int) -> bool:
+        """Whether a pair with a mesh that is not convex is nearer than its padding."""
+        return self.distance(pair)[0] <= float(self._padding[pair])
+
+    def _is_inside(self, hollow: _Hollow) -> bool:
+        """Whether a point of the solid, and so all of what does not touch the surface, is inside the mesh."""
+        placed = self._scratch.oMg[hollow.surface].actInv(self._scratch.oMg[hollow.solid])
+        return any(holds_point(hollow.mesh, placed.act(point)) for point in hollow.points)
+
+
+class _Hollow(NamedTuple):
+    """A pair of a solid and a mesh that is not convex.
+
+    Args:
+        pair: Its number.
+        solid: Number of the solid.
+        points: A point of each of its connected parts in its frame, shape (n, 3).
+        surface: Number of the mesh among the solids.
+        mesh: The mesh.
+    """
+
+    pair: int
+    solid: int
+    points: Array
+    surface: int
+    mesh: Mesh
+
+
+def _hollow_pairs(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Iterator[_Hollow]:
+    for pair, (i, j) in enumerate(pairs.tolist()):
+        for solid, surface in ((i, j), (j, i)):
+            mesh = solids[surface].shape
+            if is_concave(mesh):
+                yield _Hollow(pair, solid, _points_in(solids[solid].shape), surface, mesh)
+
+
+def _points_in(shape: Shape) -> Array:
+    """A point of a convex shape, of each cell of a cloud, and none of a half-space, which is never inside."""
+    match shape:
+        case PointCloud():
+            return occupied_cells(shape)
+        case Mesh():
+            return np.asarray(shape.vertices[:1])
+        case HalfSpace():
+            return np.zeros((0, 3))
+        case _:
+            return np.zeros((1, 3))
 
 
 def _geometry_model(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Any:

@@ -328,7 +328,9 @@ def _search(a: _Body, b: _Body, most: Array) -> tuple[Mask, Mask]:
             rows, x, last, middle, gap = rows[left], x[left], last[left], middle[left], gap[left]
             a, b = a.rows(left), b.rows(left)
     # Shrinking the solids by the depths aimed at has widened the gap between them.
-    may[rows] = gap <= _AIM * _AIM * (a.travel(middle) + b.travel(middle)) + most[rows]
+    near = gap <= _AIM * _AIM * (a.travel(middle) + b.travel(middle)) + most[rows]
+    # Projections onto a solid that is not convex may end where another part of it is nearer.
+    may[rows] = near | ~(a.side.interior.convex and b.side.interior.convex)
     return certain, may
 
 

@@ -65,6 +65,7 @@ def exact_struct(tables: ExactTables, columns: int) -> CStruct:
         chain_reach=tables.chain_reach,
         pairs=tables.pairs,
         padding=tables.padding,
+        meshes=CStruct("MeshTables", **vars(tables.meshes)),
     )
 
 
@@ -232,6 +233,7 @@ def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
         # One more than there are: what is not kept is written behind the last.
         near_obstacles=("Near", obstacles + 1),
         near_spheres=("Near", len(tables.spheres) + 1),
+        mesh_spheres=("MeshSphere", len(tables.spheres)),
         near_groups=("int64_t", len(tables.group_pairs) + 1),
         near_bodies=("NearBody", largest * max(largest, obstacles) + 1),
         candidates=("Candidate", len(tables.padding) + 1),

@@ -16,7 +16,10 @@ from rr1plan.collision.arm_tables import instance_tables
 from rr1plan.collision.body_tables import BodyTables
 from rr1plan.collision.collision_geometry import CollisionGeometry
 from rr1plan.collision.kernel_tables import ExactTables
+from rr1plan.collision.mesh_trees import joined_trees, mesh_tree
 from rr1plan.collision.obstacle_geometry import obstacle_bodies
+from rr1plan.collision.solids import is_concave
+from rr1plan.kernels.library import constants
 
 if TYPE_CHECKING:
     from rr1plan.collision.coal_checker import CoalChecker
@@ -59,6 +62,8 @@ def _bare_tables(geometry: CollisionGeometry) -> ExactTables:
 def _joined_tables(geometry: CollisionGeometry) -> ExactTables:
     arms = instance_tables(geometry.instances)
     bodies = _joined([arms.bodies, *obstacle_bodies(geometry.obstacles)], len(arms.chain))
+    meshes = [mesh_tree(s.shape) for thing in geometry.obstacles for s in thing.solids if is_concave(s.shape)]
+    bodies.bodies[bodies.bodies[:, 0] == constants()["BODY_MESH"], 2] = np.arange(len(meshes))
     begins = np.concatenate([[0], np.cumsum(bodies.degrees)]) + len(bodies.corners) + 1
     return ExactTables(
         arms.joints,
@@ -74,6 +79,7 @@ def _joined_tables(geometry: CollisionGeometry) -> ExactTables:
         arms.joint_poses,
         read_only(bodies.poses),
         read_only(bodies.centers),
+        joined_trees(meshes),
     )
 
 

@@ -16,7 +16,9 @@ import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
 
 from rr1plan.checks import Array
+from rr1plan.collision.mesh_trees import box_of_mesh, mesh_tree
 from rr1plan.collision.solids import occupied_cells
+from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 _TINY = 1e-300
@@ -35,6 +37,11 @@ class Interior(Protocol):
     @property
     def radius(self) -> float:
         """Every point of the solid is this near to `center` [m]; inf for a half-space."""
+        ...
+
+    @property
+    def convex(self) -> bool:
+        """Whether a point nearest to another one is so everywhere."""
         ...
 
     @property
@@ -71,7 +78,7 @@ def interior_of(shape: Shape) -> Interior:
         case PointCloud():
             return _CloudInterior(shape)
         case Mesh():
-            return _PolytopeInterior(shape)
+            return _PolytopeInterior(shape) if shape.convex else _SurfaceInterior(shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +88,7 @@ class _Round:
     radius_of_ball: float
     half: float
 
-    faces = 1
+    faces, convex = 1, True
 
     @property
     def center(self) -> Array:
@@ -116,7 +123,7 @@ def _box_depths(beyond: Array) -> Array:
 class _BoxInterior:
     half: Array
 
-    faces = 1
+    faces, convex = 1, True
 
     @property
     def center(self) -> Array:
@@ -139,7 +146,7 @@ class _CylinderInterior:
     radius_of_disc: float
     half: float
 
-    faces = 1
+    faces, convex = 1, True
 
     @property
     def center(self) -> Array:
@@ -165,7 +172,7 @@ class _HalfSpaceInterior:
     normal: Array
     offset: float
 
-    faces = 1
+    faces, convex = 1, True
 
     @property
     def center(self) -> Array:
@@ -184,6 +191,8 @@ class _HalfSpaceInterior:
 
 class _PolytopeInterior:
     """A convex mesh by the planes of its faces."""
+
+    convex = True
 
     def __init__(self, mesh: Mesh) -> None:
         planes = np.unique(ConvexHull(mesh.vertices).equations.round(15), axis=0)
@@ -216,8 +225,39 @@ class _PolytopeInterior:
         return moved
 
 
+class _SurfaceInterior:
+    """A mesh that is not convex, by the nearest point of its surface."""
+
+    convex = False
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.faces = len(mesh.faces)
+        self.center, half = box_of_mesh(mesh)
+        self.radius = float(np.linalg.norm(half))
+        self._tables = CStruct("MeshTables", **vars(mesh_tree(mesh)))
+
+    def _measured(self, points: Array) -> tuple[Array, Array]:
+        """Depths (n,) and vectors to the surface (n, 3) of points (n, 3) [m]."""
+        depths, vectors = np.zeros(len(points)), np.zeros((len(points), 3))
+        load_library().rr1_mesh_depths(self._tables, points - self.center, len(points), depths, vectors)
+        return depths, vectors
+
+    def depths(self, points: Array, margin: float) -> Array:
+        return self._measured(points)[0]
+
+    def nearest(self, points: Array, depth: Array) -> Array:
+        found, vectors = self._measured(points)
+        # Inwards is towards the surface from outside, away from it from inside.
+        share = (found - depth) / np.maximum(np.abs(found), _TINY)
+        return np.asarray(
+            points + np.where((found < depth) & (found != 0.0), share * np.sign(found), 0.0)[:, None] * vectors
+        )
+
+
 class _CloudInterior:
     """A point cloud by the cell whose center is nearest to a point."""
+
+    convex = False
 
     def __init__(self, cloud: PointCloud) -> None:
         self._centers, self._half = occupied_cells(cloud), 0.5 * cloud.resolution

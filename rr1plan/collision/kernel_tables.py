@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
+from rr1plan.collision.mesh_trees import MeshTree
 
 _INTS = NDArray[np.int64]
 
@@ -19,7 +20,8 @@ class ExactTables(NamedTuple):
         joints: Parent, 1 for prismatic, column (or -1), 1 if anything drives it or a joint above it; row 0 is the
             world, shape (n, 4).
         joint_values: T_parent_joint (12), axis (3), gain, offset; shape (n, 17).
-        bodies: Kind, joint, first and last corner, first and last entry of its chain; shape (b, 6).
+        bodies: Kind, joint, first and last corner (of a mesh its number), first and last entry of its chain;
+            shape (b, 6).
         body_values: T_joint_body (12), center of its ball in the joint's frame (3), radius of the ball,
             radius around the core, center (3) and half sizes (3) of its box in its own frame, size (3;
             a half-space's normal), a half-space's offset; shape (b, 27).
@@ -33,6 +35,7 @@ class ExactTables(NamedTuple):
         joint_poses: World poses of joints at q = 0: rotation row by row, then origin; shape (n, 12).
         poses: The same of bodies, shape (b, 12).
         centers: Centers of their balls, shape (b, 3).
+        meshes: Triangles of all bodies of kind BODY_MESH.
     """
 
     joints: _INTS
@@ -48,6 +51,7 @@ class ExactTables(NamedTuple):
     joint_poses: Array
     poses: Array
     centers: Array
+    meshes: MeshTree
 
 
 class EdgeTables(NamedTuple):

@@ -14,6 +14,7 @@ from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, solids_of, surfaceless
 from rr1plan.collision.arm_tables import arm_tables
 from rr1plan.collision.body_tables import BodyTables, body_tables, flat
+from rr1plan.collision.solids import obstacle_pieces
 from rr1plan.scene import Obstacle
 from rr1plan.shapes import Shape
 from rr1plan.skeleton import ElementGeometry
@@ -25,7 +26,7 @@ class ObstacleGeometry:
 
     Args:
         solids: The solids; their joint is the world.
-        surfaceless: Which of them are half-spaces or point clouds.
+        surfaceless: Which of them are half-spaces, point clouds or concave meshes.
         kept: Tables that were made of them.
     """
 
@@ -58,7 +59,7 @@ def obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
 def _obstacle(content: _Content) -> ObstacleGeometry:
     pose = content.obstacle.pose
     placed = (ElementGeometry(content.name, g, 0, read_only(pose @ g.pose)) for g in content.obstacle.geometries)
-    solids = tuple(solids_of(placed))
+    solids = tuple(solids_of(placed, obstacle_pieces))
     return ObstacleGeometry(solids, surfaceless(solids))
 
 

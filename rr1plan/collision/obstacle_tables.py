@@ -14,6 +14,7 @@ from rr1plan.collision.arm_tables import instance_tables
 from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, joined_cores
 from rr1plan.collision.link_spheres import matrix
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_bodies
+from rr1plan.collision.solids import is_concave
 from rr1plan.kernels.library import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
@@ -94,7 +95,9 @@ def _cores(shapes: list[Shape], poses: Array) -> tuple[_INTS, CoreTables]:
     """`core_of` of solids, counted from their first core, and their cores."""
     core_of, cores = np.full(len(shapes), _KIND["CORE_CLOSED_FORM"], np.int64), Cores()
     for i, shape in enumerate(shapes):
-        if isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
+        if is_concave(shape):
+            core_of[i] = _KIND["CORE_MESH"]
+        elif isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
             core_of[i] = cores.add(0, shape, matrix(poses[i]))
         elif isinstance(shape, Mesh | PointCloud):
             core_of[i] = _KIND["CORE_LEFT_OUT"]

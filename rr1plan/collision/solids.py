@@ -1,7 +1,7 @@
-"""Our shapes as Coal's: every one of them solid.
+"""Our shapes as Coal's.
 
-A triangle surface is hollow to Coal's mesh types: a body wholly inside one touches nothing. So a
-mesh is never given to Coal as a surface, only as convex pieces.
+Every one of them is solid but for the meshes of obstacles that are not convex: their surface is hollow to Coal, and
+`coal_pairs.py` adds their inside.
 """
 
 from __future__ import annotations
@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeGuard
 
 import coal
 import numpy as np
 
 from rr1plan.checks import Array
+from rr1plan.collision.coal_meshes import surface_of
 from rr1plan.errors import BackendError, InputError
-from rr1plan.formats.convex import convex_hull
+from rr1plan.formats.convex import convex_hull, is_own_hull
 from rr1plan.formats.convex_pieces import convex_pieces
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
@@ -36,8 +37,29 @@ def solid_pieces(shape: Shape) -> tuple[Shape, ...]:
     return _mesh_pieces(_Whole(shape)) if isinstance(shape, Mesh) else (shape,)
 
 
+def obstacle_pieces(shape: Shape) -> tuple[Shape, ...]:
+    """The shape of an obstacle as what is checked: itself, or of a convex mesh its hull.
+
+    Raises:
+        InputError: a point cloud too far out for an octree.
+    """
+    if isinstance(shape, Mesh):
+        return _obstacle_mesh(shape)
+    return solid_pieces(shape)
+
+
+@lru_cache(maxsize=256)
+def _obstacle_mesh(mesh: Mesh) -> tuple[Mesh, ...]:
+    return (convex_hull(mesh.vertices),) if mesh.convex or is_own_hull(mesh) else (mesh,)
+
+
+def is_concave(shape: Shape) -> TypeGuard[Mesh]:
+    """Whether it is a mesh that is checked triangle by triangle."""
+    return isinstance(shape, Mesh) and not shape.convex
+
+
 def cut_meshes(scene: Scene, progress: Callable[[float], bool | None]) -> None:
-    """Make the convex pieces of all meshes of a scene that are not convex, which may take long, ahead of their use.
+    """Make the convex pieces of all concave meshes that move, which may take long, ahead of their use.
 
     Args:
         scene: The scene.
@@ -50,9 +72,8 @@ def cut_meshes(scene: Scene, progress: Callable[[float], bool | None]) -> None:
     # Arms of one robot have the same meshes.
     robots = {id(arm.robot): (name, arm.robot) for name, arm in scene.arms.items()}
     arms = ((f"{name}/{link.name}", link.collisions) for name, robot in robots.values() for link in robot.links)
-    obstacles = ((name, obstacle.geometries) for name, obstacle in scene.obstacles.items())
     attachments = ((name, held.geometries) for name, held in scene.attachments.items())
-    for element, geometries in (*arms, *obstacles, *attachments):
+    for element, geometries in (*arms, *attachments):
         for mesh in (g.shape for g in geometries if isinstance(g.shape, Mesh) and not g.shape.convex):
             try:
                 _mesh_pieces(_Whole(mesh, progress))
@@ -92,7 +113,7 @@ def occupied_cells(cloud: PointCloud) -> Array:
 
 @lru_cache(maxsize=256)
 def coal_geometry(shape: Shape) -> Any:
-    """A convex shape or a point cloud as a `coal.CollisionGeometry`."""
+    """A shape as a `coal.CollisionGeometry`."""
     try:
         return _coal_geometry(shape)
     except InputError:
@@ -116,7 +137,7 @@ def _coal_geometry(shape: Shape) -> Any:
         case PointCloud():
             return _octree(shape)
         case _:
-            return _convex(shape)
+            return _convex(shape) if shape.convex else surface_of(shape)
 
 
 def _convex(mesh: Mesh) -> Any:

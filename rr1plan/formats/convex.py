@@ -17,6 +17,8 @@ Faces = NDArray[np.int32]
 _MOST_PRODUCTS = 20_000_000
 # Share of a mesh's size by which a vertex may lie outside the plane of a face.
 _FLAT_TOLERANCE = 1e-7
+# Share of a hull's volume and area that may be missing of a mesh that is its own hull.
+_WHOLE = 1e-6
 # Coal counts the neighbours of a corner in a byte.
 _MOST_NEIGHBOURS = 255
 
@@ -82,6 +84,23 @@ def is_convex(mesh: Mesh, tolerance: float = 2e-3) -> bool:
     return bool(
         -distance_outside(mesh.vertices, centers).min() <= tolerance * float(np.ptp(mesh.vertices, axis=0).max())
     )
+
+
+def is_own_hull(mesh: Mesh) -> bool:
+    """Whether a mesh is the whole surface of its hull, within rounding; one that is flat has none.
+
+    Triangles and the middle of the mesh make tetrahedra: where a triangle is missing, doubled or lies deeper than the
+    hull's surface, either their volumes or the areas do not add up to the hull's.
+    """
+    try:
+        hull = _qhull(mesh.vertices)
+    except InputError:
+        return False
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices[hull.vertices].mean(axis=0) for k in range(3))
+    volume = np.abs(np.einsum("ij,ij->i", a, np.cross(b, c))).sum() / 6.0
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0
+    whole = abs(volume - hull.volume) <= _WHOLE * hull.volume and abs(area - hull.area) <= _WHOLE * hull.area
+    return bool(whole) and is_convex(mesh, _FLAT_TOLERANCE)
 
 
 def distance_outside(corners: Array, points: Array) -> Array:

@@ -10,6 +10,7 @@ glTF's y axis is up and becomes z, as in Drake, Blender and RViz (since 2025).
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -93,8 +94,8 @@ def load_mesh(file: str | Path, scale: float | tuple[float, float, float] = 1.0,
     Args:
         file: A mesh file, as `read_mesh` takes it.
         scale: Factor of all axes or of each one (a file in millimeters: 0.001); negative ones mirror.
-        hull: Take the convex hull. Otherwise collision checks decompose a mesh that is not convex, which is slow the
-            first time.
+        hull: Take the convex hull. Otherwise an obstacle is checked triangle by triangle, and an object that is held
+            or on a link is cut into convex pieces, which is slow the first time.
 
     Raises:
         FormatError: as `read_mesh`.
@@ -109,6 +110,13 @@ def load_mesh(file: str | Path, scale: float | tuple[float, float, float] = 1.0,
     parts = [part.mesh for part in read_mesh(file, (x, y, z))]
     if hull:
         return convex_hull(np.concatenate([mesh.vertices for mesh in parts]))
+    return joined_mesh(parts)
+
+
+def joined_mesh(parts: Sequence[Mesh]) -> Mesh:
+    """Several meshes as one."""
+    if len(parts) == 1:
+        return parts[0]
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in parts)])
     faces = [mesh.faces + start for mesh, start in zip(parts, starts, strict=False)]
     return Mesh(np.concatenate([mesh.vertices for mesh in parts]), np.concatenate(faces))

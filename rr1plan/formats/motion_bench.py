@@ -25,7 +25,6 @@ from typing import Any
 
 from rr1plan.checks import Array, counted
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.convex_pieces import convex_shapes
 from rr1plan.formats.documents import read_json, read_yaml
 from rr1plan.formats.moveit_scene import cone
 from rr1plan.formats.tables import Table
@@ -212,8 +211,7 @@ def _read_primitive(entry: Table) -> list[Shape]:
 def _read_mesh(entry: Table) -> list[Shape]:
     if "vertices" not in entry or "triangles" not in entry:
         raise entry.error("expected vertices and triangles; a mesh that is named by a resource is not read")
-    mesh = Mesh(entry.numbers("vertices", (None, 3)), entry.indices("triangles", (None, 3)))
-    return list(convex_shapes([mesh], "pieces"))
+    return [Mesh(entry.numbers("vertices", (None, 3)), entry.indices("triangles", (None, 3)))]
 
 
 def _read_pose(entry: Table, key: str) -> Array:
@@ -288,7 +286,7 @@ def _read_problem(entry: Table, robot: Robot, order: list[int], name: str) -> Pr
 
 
 def _mesh_of(row: Sequence[Any]) -> list[Shape]:
-    return list(convex_shapes([Mesh(row[1], row[2])], "pieces"))
+    return [Mesh(row[1], row[2])]
 
 
 # The length of a row, and the shapes it stands for.

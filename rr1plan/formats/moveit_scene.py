@@ -23,7 +23,6 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.convex import convex_hull
-from rr1plan.formats.convex_pieces import convex_shapes
 from rr1plan.formats.files import read_text, write_text
 from rr1plan.robot import Geometry
 from rr1plan.scene import Obstacle, Scene
@@ -203,7 +202,7 @@ def _read_mesh(words: _Words) -> list[Shape]:
     n_vertices, n_faces = words.count(), words.count()
     vertices = np.array(words.numbers(3 * n_vertices)).reshape(-1, 3)
     faces = np.array([words.count() for _ in range(3 * n_faces)], dtype=np.int32).reshape(-1, 3)
-    return list(convex_shapes([Mesh(vertices, faces)], "pieces"))
+    return [Mesh(vertices, faces)]
 
 
 _READERS: dict[str, Callable[[_Words], list[Shape]]] = {

@@ -5,7 +5,7 @@ sphere = 0.05                                radius [m]
 cylinder = { radius = 0.03, length = 0.12 }  along z
 capsule = { radius = 0.03, length = 0.12 }   length without the round ends
 half_space = { normal = [0, 0, 1], offset = 0 }
-mesh = "chair.stl"                           or { file = "chair.stl", scale = 1.0, convex = "pieces" },
+mesh = "chair.stl"                           or { file = "chair.stl", scale = 1.0, convex = "hull" },
                                              or { vertices = [...], faces = [...] }
 points = "scan.pcd"                          or { file = "scan.pcd", resolution = 0.02 }, or { points = [...] }
 """
@@ -20,15 +20,13 @@ import numpy as np
 
 from rr1plan.checks import Array, known_name, read_only, resolved_path
 from rr1plan.formats.convex import bounds_its_hull
-from rr1plan.formats.convex_pieces import convex_shapes
-from rr1plan.formats.meshes import read_mesh
+from rr1plan.formats.convex_pieces import CONVEXITIES, convex_shapes
+from rr1plan.formats.meshes import joined_mesh, read_mesh
 from rr1plan.formats.point_files import read_points
 from rr1plan.formats.tables import Table, is_number
 from rr1plan.robot import Color, Geometry
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.transforms import pose, quaternion_from_rotation, rotation_from_quaternion
-
-_CONVEX = ("hull", "pieces")
 
 
 def read_pose(table: Table) -> Array:
@@ -186,15 +184,17 @@ def _file_or_table(table: Table, key: str) -> Table:
 
 
 def _mesh_from_file(entry: Table, folder: Path) -> tuple[Shape, ...]:
-    """The convex pieces of a mesh file (or their hull): convex solids are what is checked exactly."""
+    """A mesh file as one mesh, as its hull or as convex pieces."""
     path = _inside(entry, folder)
     scale = entry.raw("scale", 1.0)
     factors = entry.numbers("scale", (3,)) if isinstance(scale, list) else np.full(3, entry.number("scale", 1.0))
-    convex = entry.string("convex", "pieces")
+    convex = entry.string("convex", "")
     entry.finish()
     x, y, z = factors.tolist()
-    parts = [part.mesh for part in read_mesh(path, (x, y, z))]
-    return tuple(convex_shapes(parts, "hull" if known_name("convex", convex, _CONVEX) == "hull" else "pieces"))
+    mesh = joined_mesh([part.mesh for part in read_mesh(path, (x, y, z))])
+    if not convex:
+        return (mesh,)
+    return tuple(convex_shapes([mesh], "hull" if known_name("convex", convex, CONVEXITIES) == "hull" else "pieces"))
 
 
 def _read_points(table: Table, folder: Path) -> tuple[Shape, ...]:

@@ -84,10 +84,51 @@ static GapBounds cells_gap(int64_t a, int64_t b, double least, double enough, Ex
     return gap;
 }
 
-// Bounds of the distance of two bodies [m], b being the half-space or cloud if there is one.
+// Bounds of the distance of a body to mesh b [m], -inf inside.
 //
-// It may stop where the distance is proven to be at most `least`, if that is below `enough`, or at least `enough`. `direction`: to begin with,
-// zero where none is known; on return the last one.
+// What does not touch the surface is inside with all of its points or with none.
+static GapBounds mesh_body_gap(int64_t a, int64_t b, double least, double enough, const ExactTables *exact,
+                               const ExactScratch *scratch) {
+    const ExactShape *shape = &exact->shapes[a];
+    const double *A = scratch->poses[a].rotation, *o = scratch->poses[a].origin, *middle = shape->box_center;
+    const ExactPoint *ball = &scratch->centers[a];
+    Pose frame = scratch->poses[b];
+    const double *R = frame.rotation, *shift = exact->shapes[b].box_center;
+    BodyBounds bounds = {.radius = shape->ball_radius};
+    double box[3], point[3];
+    for (int r = 0; r < 3; r++) {
+        frame.origin[r] += R[3 * r] * shift[0] + R[3 * r + 1] * shift[1] + R[3 * r + 2] * shift[2];
+        box[r] = A[3 * r] * middle[0] + A[3 * r + 1] * middle[1] + A[3 * r + 2] * middle[2] + o[r] - frame.origin[r];
+    }
+    double dx = ball->x - frame.origin[0], dy = ball->y - frame.origin[1], dz = ball->z - frame.origin[2];
+    for (int r = 0; r < 3; r++) {
+        double x = R[r], y = R[3 + r], z = R[6 + r];
+        bounds.center[r] = x * box[0] + y * box[1] + z * box[2];
+        bounds.ball[r] = x * dx + y * dy + z * dz;
+        bounds.half[r] = shape->box_half[r];
+        for (int k = 0; k < 3; k++) {
+            double along = x * A[k] + y * A[3 + k] + z * A[6 + k];
+            bounds.rotation[3 * r + k] = along;
+            bounds.extent[r] += abs_number(along) * shape->box_half[k];
+        }
+    }
+    Core core = core_of(a, exact, scratch);
+    int64_t mesh = exact->bodies[b].first_corner;
+    GapBounds gap = surface_gap(&core, shape->radius, &bounds, mesh, &frame, least, enough, exact->meshes);
+    if (!(gap.lower > 0.0)) return gap;
+    Vec p = farthest_point(&core, (Vec){0.0, 0.0, 1.0});
+    dx = p.x - frame.origin[0];
+    dy = p.y - frame.origin[1];
+    dz = p.z - frame.origin[2];
+    for (int r = 0; r < 3; r++) point[r] = R[r] * dx + R[3 + r] * dy + R[6 + r] * dz;
+    if (mesh_holds(point, mesh, exact->meshes)) return (GapBounds){-__builtin_inf(), -__builtin_inf()};
+    return gap;
+}
+
+// Bounds of the distance of two bodies [m], b being the half-space, cloud or mesh if there is one.
+//
+// It may stop where the distance is proven to be at most `least`, if that is below `enough`, or at least `enough`.
+// `direction`: to begin with, zero where none is known; on return the last one.
 static GapBounds fine_gap(int64_t a, int64_t b, double least, double enough, ExactPoint *direction,
                           const ExactTables *exact, const ExactScratch *scratch) {
     double radius = exact->shapes[a].radius + exact->shapes[b].radius;
@@ -96,6 +137,7 @@ static GapBounds fine_gap(int64_t a, int64_t b, double least, double enough, Exa
         return (GapBounds){gap, gap};
     }
     if (exact->bodies[b].kind == BODY_CELLS) return cells_gap(a, b, least, enough, direction, exact, scratch);
+    if (exact->bodies[b].kind == BODY_MESH) return mesh_body_gap(a, b, least, enough, exact, scratch);
     if (direction->x == 0.0 && direction->y == 0.0 && direction->z == 0.0) {
         const ExactPoint *p = &scratch->centers[a], *o = &scratch->centers[b];
         *direction = (ExactPoint){p->x - o->x, p->y - o->y, p->z - o->z};

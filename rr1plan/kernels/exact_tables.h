@@ -4,6 +4,8 @@
 
 #include <stdint.h>
 
+#include "mesh_tables.h"
+
 // Row 0 is the world.
 typedef struct {
     int64_t parent;
@@ -20,7 +22,17 @@ typedef struct {
     double offset;  // value of the joint where q is zero [rad or m]
 } ExactPlacement;
 
-enum { BODY_POINT, BODY_SEGMENT, BODY_BOX, BODY_CYLINDER, BODY_CORNERS, BODY_HALF_SPACE, BODY_CELLS };
+enum {
+    BODY_POINT,
+    BODY_SEGMENT,
+    BODY_BOX,
+    BODY_CYLINDER,
+    BODY_CORNERS,
+    BODY_HALF_SPACE,
+    BODY_CELLS,
+    BODY_MESH,      // its first corner is a row of `MeshTables.ranges`
+    BODY_TRIANGLE,  // of a mesh
+};
 
 typedef struct {
     int64_t kind;
@@ -48,7 +60,7 @@ typedef struct {
     double origin[3];
 } Pose;
 
-// The half-space or cloud, if there is one, comes second.
+// The half-space, cloud or mesh, if there is one, comes second.
 typedef struct {
     int64_t body;
     int64_t other;
@@ -81,6 +93,7 @@ typedef struct {
     const double *chain_reach;  // for each, how far the center of the body's ball can ever be from its axis [m]
     const ExactPair *pairs;
     const double *padding;
+    const MeshTables *meshes;
 } ExactTables;
 
 typedef struct {

@@ -72,6 +72,16 @@ static Vec farthest_point(Core *core, Vec n) {
         p.z = d.z >= 0.0 ? size[2] : -size[2];
     } else if (core->kind == BODY_CORNERS) {
         p = climb(core, d);
+    } else if (core->kind == BODY_TRIANGLE) {
+        const ExactPoint *c = core->corners;
+        double a = vec_dot((Vec){c[0].x, c[0].y, c[0].z}, d), b = vec_dot((Vec){c[1].x, c[1].y, c[1].z}, d);
+        if (b > a) {
+            a = b;
+            c++;
+        }
+        const ExactPoint *last = core->corners + 2;
+        if (vec_dot((Vec){last->x, last->y, last->z}, d) > a) c = last;
+        p = (Vec){c->x, c->y, c->z};
     } else if (core->kind == BODY_SEGMENT) {
         p.z = d.z >= 0.0 ? size[2] : -size[2];
     } else if (core->kind == BODY_CYLINDER) {

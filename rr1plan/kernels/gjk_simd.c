@@ -21,6 +21,14 @@ typedef struct {
     uint64_t touching;
 } Separation8;
 
+// A triangle in the world, where the search for directions from it begins, and the best ones that it found.
+typedef struct {
+    const double *corners;
+    Vec8 begin;
+    int within;
+    Vec8 found;
+} MeshTriangle8;
+
 // What is to be separated: a body, and another body or an obstacle.
 typedef struct {
     int64_t core;
@@ -32,6 +40,7 @@ typedef struct {
     int64_t other_sphere;
     double padding;        // distance to keep [m]
     double acceleration;   // the greatest of one against the other
+    MeshTriangle8 *triangle;  // of a mesh, in place of an obstacle's closed form; null: none
 } GjkQuery;
 
 // Against a half-space there is but one direction.
@@ -61,6 +70,7 @@ typedef struct {
 
 // From the other to the sphere that is too near, or the last direction on this edge.
 INLINE GjkBegin begin_search(const GjkQuery *query, const SceneTables *scene, Scratch *scratch) {
+    if (query->triangle) return (GjkBegin){query->triangle->begin, query->triangle->within};
     DirectionSeed *seed = &scratch->seeds[query->pair];
     if (seed->edge == scratch->edge) return (GjkBegin){vec8_splat(seed->direction), 0};
     seed->edge = scratch->edge;
@@ -86,8 +96,22 @@ typedef struct {
     Vec8 local;
 } OtherSupport;
 
+INLINE OtherSupport highest_of_triangle(const double *corners, Vec8 n) {
+    OtherSupport best = {splat(-1e300), n, n};
+    for (int k = 0; k < 3; k++) {
+        Vec8 p = vec8_splat(corners + 3 * k);
+        f64x8 along = vec8_dot(n, p);
+        i64x8 higher = along > best.along;
+        best.point = vec8_select(higher, p, best.point);
+        best.along = select_mask(higher, along, best.along);
+    }
+    best.local = best.point;
+    return best;
+}
+
 INLINE OtherSupport highest_of_other(const GjkQuery *query, Vec8 n, uint64_t lanes, const SceneTables *scene,
                                      const Scratch *scratch) {
+    if (query->triangle) return highest_of_triangle(query->triangle->corners, n);
     if (query->other_core < 0) {
         Support8 high = farthest_in(scene->obstacles, query->obstacle, n);
         return (OtherSupport){high.along, high.point, high.point};
@@ -103,7 +127,7 @@ INLINE OtherSupport highest_of_other(const GjkQuery *query, Vec8 n, uint64_t lan
 static f64x8 gap_within(const GjkQuery *query, Vec8 n, Vec8 low, Vec8 high, uint64_t lanes, f64x8 h,
                         const SceneTables *scene, const Scratch *scratch) {
     f64x8 gap = lowest_within(query->core, n, low, query->base, lanes, h, scene, scratch);
-    if (query->other_core < 0) return gap - farthest_in(scene->obstacles, query->obstacle, n).along;
+    if (query->other_core < 0) return gap - highest_of_other(query, n, lanes, scene, scratch).along;
     return gap + lowest_within(query->other_core, vec8_negative(n), high, query->base, lanes, h, scene, scratch);
 }
 
@@ -143,6 +167,7 @@ NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
         i64x8 better = best < gap;
         best_n = vec8_select(better, n, best_n);
         best = select_mask(better, gap, best);
+        if (query->triangle) query->triangle->found = best_n;
         if ((less_than(best, splat(needed)) & lanes) == 0) {
             // All middles are proven; perhaps what any point can move along the direction leaves enough.
             f64x8 travel = h * fastest_along(query->core, best_n, query->base, scene, scratch);
@@ -178,9 +203,11 @@ NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
         f64x8 gap = gap_within(query, best_n, low_point, high_point, lanes, h, scene, scratch) - radius - lost;
         left = (less_than(gap, splat(needed)) & lanes) | stuck;
     }
-    if (left) end_search(query->pair, left, best_n, scratch);
+    if (left && !query->triangle) end_search(query->pair, left, best_n, scratch);
     return (Separation8){left, stuck, 0};
 }
+
+static Separation8 separate_mesh(const Candidate *candidate, f64x8 h, const SceneTables *scene, Scratch *scratch);
 
 // A candidate in the lanes in which it is open.
 static Separation8 separate(const Candidate *candidate, f64x8 h, const SceneTables *scene, Scratch *scratch) {
@@ -197,6 +224,7 @@ static Separation8 separate(const Candidate *candidate, f64x8 h, const SceneTabl
         query.other_core = scene->obstacles->core[candidate->other];
         query.obstacle = candidate->other;
         if (query.other_core == CORE_LEFT_OUT) return (Separation8){candidate->lanes, 0, 0};
+        if (query.other_core == CORE_MESH) return separate_mesh(candidate, h, scene, scratch);
         query.acceleration = scratch->accelerations[group];
         if (query.other_core < 0 && scene->obstacles->kinds[query.obstacle].kind == OBSTACLE_HALF_SPACE)
             return separate_half_space(&query, candidate->lanes, h, scene, scratch);

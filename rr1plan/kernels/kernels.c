@@ -12,6 +12,7 @@
 // One configuration: exact distances.
 #include "fk.c"
 #include "gjk.c"
+#include "mesh_gap.c"
 #include "distance.c"
 #include "certify_curve.c"
 #include "clearance.c"
@@ -22,6 +23,7 @@
 #include "clearance_map.c"
 #include "broad_phase.c"
 #include "gjk_simd.c"
+#include "mesh_simd.c"
 #include "certify_edge.c"
 // Loops of planners, which ask for certified edges.
 #include "trees.c"

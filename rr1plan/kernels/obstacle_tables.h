@@ -5,8 +5,8 @@
 #include <stdint.h>
 
 enum { OBSTACLE_ROUNDED_BOX, OBSTACLE_CYLINDER, OBSTACLE_HALF_SPACE };
-// In `core`: it has a closed form; it is left to the exact kernel.
-enum { CORE_CLOSED_FORM = -1, CORE_LEFT_OUT = -2 };
+// In `core`: it has a closed form; it is left to the exact kernel; it is a mesh, its shape the box around that.
+enum { CORE_CLOSED_FORM = -1, CORE_LEFT_OUT = -2, CORE_MESH = -3 };
 
 typedef struct {
     int64_t kind;

@@ -33,6 +33,12 @@ typedef struct {
     f64x8 velocity[3];  // of the center
 } SphereLanes;
 
+// A sphere in the frame of a mesh.
+typedef struct {
+    f64x8 center[3];
+    f64x8 limit;  // as near it may be, at least [m]
+} MeshSphere;
+
 // The box around a ball on the whole edge, with all that any pair has to keep [m]: low x, y, z, then -high x, y, z.
 typedef struct {
     double ends[8];  // the last two are of no meaning
@@ -109,6 +115,7 @@ typedef struct {
     int64_t *near_groups;  // of `group_pairs`
     NearBody *near_bodies;
     Near *near_spheres;
+    MeshSphere *mesh_spheres;  // of one body
     int64_t *group_ready;   // 1 once velocity and travel of a group's ball are known
     uint64_t *group_lanes;  // in which a body may be near the group at hand
     // Bounds over the edge of the points of groups, by how many of the joints above do not count (those that move both,

@@ -18,7 +18,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
-from rr1plan.formats.convex_pieces import convex_shapes
+from rr1plan.formats.convex import is_own_hull
 from rr1plan.playback.cloud_boxes import cloud_boxes
 from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.scene import Scene
@@ -34,6 +34,10 @@ _LEAST_CARRIED = 1e-4
 _NOTHING_CARRIED = 1e-7
 # Input signature of the `pid` actuator: position, velocity and feed-forward [MuJoCo's mjtCtrlInput].
 _POSITION_VELOCITY_FEEDFORWARD = 7
+# Half the thickness of a plate in place of a triangle [m].
+_HALF_PLATE = 1e-5
+# Triangles of one mesh; these take about ten seconds to build.
+_MOST_PLATES = 20_000
 # Boxes of one point cloud; these take about twenty seconds to build.
 _MOST_BOXES = 100_000
 
@@ -206,17 +210,30 @@ class _Builder:
     def _mesh_names(self, mesh: Mesh) -> list[str]:
         if id(mesh) not in self.meshes:
             names: list[str] = []
-            for piece in [mesh] if mesh.convex else convex_shapes([mesh], "pieces"):
+            for points in [mesh.vertices] if mesh.convex or is_own_hull(mesh) else _plates(mesh):
                 name = f"mesh{sum(map(len, self.meshes.values())) + len(names)}"
-                self.spec.add_mesh(
-                    name=name,
-                    uservert=piece.vertices.ravel(),
-                    userface=piece.faces.ravel(),
-                    inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
-                )
+                convex = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+                self.spec.add_mesh(name=name, uservert=points.ravel(), inertia=convex)
                 names.append(name)
             self.meshes[id(mesh)] = names
         return self.meshes[id(mesh)]
+
+
+def _plates(mesh: Mesh) -> Iterator[Array]:
+    """Corners of a thin plate for each triangle, as MuJoCo takes the hull of any mesh."""
+    if len(mesh.faces) > _MOST_PLATES:
+        raise InputError(
+            f"a mesh of {len(mesh.faces)} triangles is not convex, MuJoCo is given at most {_MOST_PLATES} of them; "
+            "try a decimated mesh, or its hull"
+        )
+    around = _HALF_PLATE * np.concatenate([np.eye(3), -np.eye(3)])
+    for corners in mesh.vertices[mesh.faces]:
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        length = float(np.linalg.norm(normal))
+        thin = length <= _HALF_PLATE * float(np.ptp(corners, axis=0).max())
+        # A needle has no normal to rely on: a little of everything around its corners.
+        sides = around if thin else _HALF_PLATE * np.array([normal, -normal]) / length
+        yield (corners[:, None] + sides).reshape(-1, 3)
 
 
 def _few_boxes(cloud: PointCloud) -> tuple[Array, Array]:

@@ -26,6 +26,7 @@ from rr1plan.validation.native import (
     PLANE,
     SHAPE,
     SHAPE_CONCAVE,
+    SHAPE_SURFACE,
     SHIFT,
     SLIDES,
     TURNS,
@@ -187,7 +188,7 @@ def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
     local = np.array([geometry.pose for geometry in geometries]).reshape(-1, 4, 4)
     rows = ElementBodies.of([geometry.shape for geometry in geometries], poses.repeat(counts, axis=0) @ local)
     checked = np.zeros((len(counts), len(counts)), dtype=np.uint8)
-    return _tables((), [], [], [()], rows, counts, [0] * len(counts), -1, checked, 0)
+    return _tables((), [], [], [()], rows, counts, [0] * len(counts), -1, checked, 0, stands=True)
 
 
 def _tables(
@@ -201,14 +202,33 @@ def _tables(
     base: int,
     own_checked: NDArray[np.uint8],
     columns: int,
+    *,
+    stands: bool = False,
 ) -> ArmTables:
-    """A model of elements, of each of which the number of bodies and the link that carries them are given."""
+    """A model of elements, of each of which the number of bodies and the link that carries them are given.
+
+    Only of one that stands are surfaces searched triangle by triangle.
+    """
     first = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts, dtype=np.int64)])
     link = np.repeat(np.array(carriers, dtype=np.int64), counts)
     kind, corner_count, corner_columns = rows.cores.T
+    if not stands:
+        kind = np.where(kind == SHAPE_SURFACE, SHAPE_CONCAVE, kind)
+    surfaces = [s.surface for s, k in zip(rows.solids, kind.tolist(), strict=True) if k == SHAPE_SURFACE and s.surface]
+    node_counts = np.zeros(len(kind), dtype=np.int64)
+    node_counts[kind == SHAPE_SURFACE] = [len(surface.nodes) for surface in surfaces]
     depth = np.array([len(chain) for chain in chains], dtype=np.int64)[link]
     kinds = np.stack(
-        [kind, np.cumsum(corner_columns) - corner_columns, corner_count, link, np.cumsum(depth) - depth, depth], axis=1
+        [
+            kind,
+            np.cumsum(corner_columns) - corner_columns,
+            corner_count,
+            link,
+            np.cumsum(depth) - depth,
+            depth,
+            np.cumsum(node_counts) - node_counts,
+        ],
+        axis=1,
     ).astype(np.int64)
     hulls = [body.core.corners for body, n in zip(rows.solids, corner_columns.tolist(), strict=True) if n]
     corners = np.concatenate([np.zeros((4, 0)), *hulls], axis=1)
@@ -217,6 +237,8 @@ def _tables(
         bodies=kinds,
         sizes=rows.sizes,
         corners=corners,
+        boxes=np.concatenate([np.zeros((0, 6)), *(surface.boxes for surface in surfaces)]),
+        nodes=np.concatenate([np.zeros((0, 3), np.int64), *(surface.nodes for surface in surfaces)]),
         body_count=len(kinds),
         corner_count=corners.shape[1],
     )

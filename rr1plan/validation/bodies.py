@@ -16,7 +16,7 @@ from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
 from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.motion import Frames, SceneMotion
-from rr1plan.validation.native import CENTER
+from rr1plan.validation.native import CENTER, SHAPE_SURFACE
 from rr1plan.validation.polynomials import Index, Mask
 from rr1plan.validation.solids import CONCAVE, CONVEX, HALF_SPACE, Solid, solid, support
 
@@ -143,8 +143,12 @@ class Bodies:
 
     @property
     def searched(self) -> Mask:
-        """Pairs that the compiled search decides: of two convex shapes, or one and a half-space, shape (k,)."""
-        return np.asarray((self._kind_a == CONVEX) & (self._kind_b != CONCAVE))
+        """Pairs that the compiled search decides, shape (k,): of two convex shapes, or one and a half-space or surface.
+
+        Of surfaces those of obstacles.
+        """
+        one = (self._kind_a == CONVEX) | self._surface[self.a]
+        return np.asarray(one & ((self._kind_b != CONCAVE) | self._surface[self.b]))
 
     @cached_property
     def meter(self) -> DistanceMeter:
@@ -172,6 +176,7 @@ class Bodies:
         rows = ElementBodies.joined([found for _, found in elements])
         self.solids, self.forms = rows.solids, rows.forms
         self.link = np.repeat(np.array([number for number, _ in elements], dtype=np.intp), counts)
+        self._surface = (rows.cores[:, 0] == SHAPE_SURFACE) & (self.link == self.motion.links[""])
         self.radius, self.half = rows.radius, rows.half
         self.local_rotation, self.local_origin, self.local_center = rows.rotation, rows.origin, rows.center
         self.moved = self.motion.movers[self.link].reshape(len(self.link), len(self.motion.column))

@@ -89,7 +89,7 @@ class CellBlocks:
             origin: Where its frame is in the cloud's [m], shape (3,).
             middle: Centre of its bounding box there [m], shape (3,).
         """
-        bodies, table, placed = np.zeros((2, 6), np.int64), np.zeros((2, 23)), np.zeros((2, 15))
+        bodies, table, placed = np.zeros((2, 7), np.int64), np.zeros((2, 23)), np.zeros((2, 15))
         bodies[0, SHAPE], bodies[0, COUNT], bodies[1, SHAPE] = core.kind, core.single, BOX
         table[0, :CENTER], table[1, HALF:ROUND] = sizes, self.half
         placed[0, :ORIGIN], placed[0, ORIGIN:MIDDLE], placed[0, MIDDLE:] = rotation.ravel(), origin, middle

@@ -5,10 +5,9 @@ convex solids is only taken as a hint: the normal it returns gives a plane, and 
 the two solids along it, worked out in `bodies.py` from their support functions, is a proven lower bound.
 Half-spaces are answered by the support function alone.
 
-The surface of a mesh that is not convex is asked by Coal's hierarchy of triangles,
-which takes a body wholly inside for free, so the winding of its faces around a point (or, where they
-disagree about outside, crossings of a ray) decides. The cells of a point cloud are asked by `cells.py`, and by
-Coal where one is touched or the other solid is not convex.
+The surface of a mesh that is not convex is measured by Coal's hierarchy of triangles, which takes a body wholly inside
+for free, so whether the surface holds a point of it decides (`surfaces.py`). The cells of a point cloud are asked by
+`clouds.py`, and by Coal where one is touched or the other solid is not convex.
 """
 
 from __future__ import annotations
@@ -106,35 +105,8 @@ class DistanceMeter:
 
 def _holds(body: Solid, T: Any, other: Solid, To: Any) -> bool:
     """Whether a concave mesh holds a point of another solid."""
-    mesh = body.shape
-    if not isinstance(mesh, Mesh) or body.convex:
+    if body.surface is None:
         return False
     inside = other.points[0] if isinstance(other.shape, Mesh) else other.center
     point = T.getRotation().T @ (To.getRotation() @ inside + To.getTranslation() - T.getTranslation())
-    if (np.abs(point - body.center) > body.half).any():
-        return False
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] - point for k in range(3))
-    return _winds_around(a, b, c) if body.oriented else _crosses_oddly(a, b, c)
-
-
-def _winds_around(a: Array, b: Array, c: Array) -> bool:
-    """Whether oriented triangles (m, 3) each wind around the origin; small holes do no harm.
-
-    Van Oosterom, Strackee (1983), The solid angle of a plane triangle.
-    """
-    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    base = la * lb * lc + np.einsum("ij,ij->i", a, b) * lc
-    base += np.einsum("ij,ij->i", b, c) * la + np.einsum("ij,ij->i", c, a) * lb
-    return bool(abs(np.arctan2(volume, base).sum()) > np.pi)
-
-
-def _crosses_oddly(a: Array, b: Array, c: Array) -> bool:
-    """Whether any of three rays from the origin crosses triangles (m, 3) each an odd number of times."""
-    for ray in ((0.5257, 0.3141, 0.7905), (-0.7071, 0.6612, 0.2503), (0.1732, -0.8660, -0.4691)):
-        sides = np.stack([np.cross(u, v) @ np.array(ray) for u, v in ((a, b), (b, c), (c, a))])
-        pierced = (sides > 0.0).all(axis=0) | (sides < 0.0).all(axis=0)
-        ahead = np.einsum("ij,ij->i", a, np.cross(b, c)) * sides.sum(axis=0) > 0.0
-        if np.count_nonzero(pierced & ahead) % 2:
-            return True
-    return False
+    return body.surface.holds(point)

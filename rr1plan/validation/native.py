@@ -45,8 +45,8 @@ def _columns(struct: str, *fields: str) -> tuple[int, ...]:
 
 _C = SOURCES.constants
 # What a shape is to the kernels; see `referee_tables.h`.
-HULL, BOX, CYLINDER, PLANE, TABLE, SHAPE_CONCAVE = (
-    _C[f"SHAPE_{n}"] for n in ("HULL", "BOX", "CYLINDER", "PLANE", "TABLE", "CONCAVE")
+HULL, BOX, CYLINDER, PLANE, TABLE, SHAPE_CONCAVE, SHAPE_SURFACE = (
+    _C[f"SHAPE_{n}"] for n in ("HULL", "BOX", "CYLINDER", "PLANE", "TABLE", "CONCAVE", "SURFACE")
 )
 # Cells of directions: on each face of a cube SIDE by SIDE.
 SIDE, CELLS = _C["SUPPORT_SIDE"], _C["SUPPORT_CELLS"]
@@ -55,7 +55,7 @@ STARTS = 3
 TURNS, SLIDES = _C["MOVE_TURNS"], _C["MOVE_SLIDES"]
 LEFT, UNDECIDED = _C["PAIR_LEFT"], _C["PAIR_UNDECIDED"]
 GROUPS, OTHERS, OWN = _C["PAIR_GROUPS"], _C["GROUP_OTHERS"], _C["GROUP_OWN"]
-# Columns of the tables of bodies (b, 6), of their sizes (b, 23), of placed bodies (b, 15), of joints' frames (j, 17).
+# Columns of the tables of bodies (b, 7), of their sizes (b, 23), of placed bodies (b, 15), of joints' frames (j, 17).
 SHAPE, COUNT = _columns("RefereeBody", "shape", "corner_count")
 HALF, ROUND, RADIUS, BOUND, CENTER, LOCAL = _columns(
     "BodySizes", "half", "rounding", "radius", "box", "center", "rotation"

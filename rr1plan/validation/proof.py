@@ -1,7 +1,8 @@
 """The collision certificate as a whole: the compiled search first, Coal for what it leaves.
 
-The search settles pairs of convex shapes, and half-spaces. Coal gets every pair of elements in which the search found
-contact or could not decide, once more from the start, and shapes near each other of which one is not convex.
+The search settles pairs of convex shapes, and of one with a half-space or with an obstacle's mesh that is not convex.
+Coal gets every pair of elements in which the search found contact or could not decide, once more from the start, and
+shapes near each other of which one is not convex in another way: clouds, and meshes that move.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Shapes as the referee sees them: their bounds, their support functions and what Coal makes of them.
 
-A mesh that is not convex is a solid, a point cloud the union of the cells of its grid (an octree's leaves).
+A mesh that is not convex is its triangles and what its closed parts enclose, a point cloud the union of the cells of
+its grid (an octree's leaves).
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.validation.clouds import CellBlocks
-from rr1plan.validation.native import BOX, CENTER, CYLINDER, PLANE, SHAPE_CONCAVE
+from rr1plan.validation.native import BOX, CENTER, CYLINDER, PLANE, SHAPE_CONCAVE, SHAPE_SURFACE
 from rr1plan.validation.support_tables import Core, hull_core
+from rr1plan.validation.surfaces import Surface
 
 CONVEX, CONCAVE, HALF_SPACE = 1, 2, 3
 
@@ -33,7 +35,7 @@ class Solid:
         radius: All its points are within this of the centre [m].
         points: Corners of a hull, of a mesh, or centres of a cloud's cells, shape (n, 3).
         convex: Coal's normal for it can be proven by its support function.
-        oriented: Neighbouring faces of a concave mesh agree about outside.
+        surface: The triangles of a mesh that is not convex.
         cells: Those of a cloud.
     """
 
@@ -43,7 +45,7 @@ class Solid:
     radius: float
     points: Array
     convex: bool = True
-    oriented: bool = False
+    surface: Surface | None = None
     cells: CellBlocks | None = None
 
     @cached_property
@@ -56,6 +58,9 @@ class Solid:
             return Core(CYLINDER)
         if isinstance(shape, HalfSpace):
             return Core(PLANE)
+        if self.surface is not None and self.surface.can_be_searched:
+            columns = self.surface.columns
+            return Core(SHAPE_SURFACE, columns.shape[1], columns)
         return hull_core(self.points) if self.convex else Core(SHAPE_CONCAVE)
 
     @property
@@ -133,7 +138,7 @@ def _mesh_solid(mesh: Mesh) -> Solid:
         # A hull of the corners again: it holds the mesh even where the flag is wrong.
         return _bounded(mesh, mesh.vertices, 0.0, convex=True)
     corners = mesh.vertices if mesh.convex else mesh.vertices[np.unique(mesh.faces)]
-    return replace(_bounded(mesh, corners, 0.0, convex=False), oriented=_is_oriented(mesh))
+    return replace(_bounded(mesh, corners, 0.0, convex=False), surface=Surface(mesh))
 
 
 def _coal_geometry(body: Solid) -> Any:
@@ -205,11 +210,3 @@ def support(body: Solid, directions: Array) -> Array:
     if isinstance(shape, PointCloud):
         reach = reach + 0.5 * shape.resolution * np.abs(directions).sum(axis=1)
     return np.asarray(reach)
-
-
-def _is_oriented(mesh: Mesh) -> bool:
-    """Whether neighbouring faces agree about outside: no edge is run along twice in one direction."""
-    _, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
-    faces = welded.ravel()[mesh.faces]
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return len(np.unique(edges, axis=0)) == len(edges)

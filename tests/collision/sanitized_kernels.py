@@ -1,6 +1,7 @@
 """Kernels of a library with sanitizers, compared with the one that ships; run by `test_edge_kernel.py`.
 
-Scenes of edges hold all kinds of bodies and obstacles, padding, something held, and two arms.
+Scenes of edges hold all kinds of bodies and obstacles, meshes that are not convex among them, padding, something held,
+and two arms.
 """
 
 from __future__ import annotations
@@ -11,6 +12,10 @@ from pathlib import Path
 import numpy as np
 
 import rr1plan as rp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from concave_meshes import mug, soup
+
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel, ExactKernel
 from rr1plan.collision.sphere_tables import build_edge_tables
@@ -32,6 +37,7 @@ def scenes():
     hull = rp.load_scene("rr1_cluttered").obstacles
     for name, obstacle in hull.items():
         scene = scene.with_obstacle(name, obstacle.geometries[0].shape, obstacle.pose)
+    scene = scene.with_obstacle("mug", mug(16, 6), [0.3, -0.3, 0.4]).with_obstacle("scraps", soup(), [0.0, 0.4, 0.6])
     yield scene.with_padding(0.005)
     yield rp.load_scene("rr1_pair")
     yield rp.load_scene("planar2r_path")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from concave_meshes import half_shell, soup, terrain, torus
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
@@ -38,9 +39,19 @@ def holding(six):
     return held.attach("tray", "a", touch=["l5"], pose=pose([0, 0, 0.12]))
 
 
+def among_triangles(six):
+    """A closed, a half open, an open and a hollow mesh that are not convex, and loose triangles."""
+    scene = rp.Scene().with_arm("a", six).with_obstacle("ring", torus(), pose([0.45, 0.2, 0.3], rpy=[1.0, 0.3, 0]))
+    scene = scene.with_obstacle("ground", terrain(12, 2.0), [0.0, 0.0, -0.08])
+    scene = scene.with_obstacle("bowl", half_shell(), pose([-0.5, 0.1, 0.5], rpy=[0.4, 0.2, 0.1]))
+    return scene.with_obstacle("scraps", soup(12, 0.3), [0.1, -0.6, 0.5])
+
+
 @pytest.fixture(scope="module")
 def worlds(cluttered, odd, six):
     return {
+        "triangles": (among_triangles(six), 2.0),
+        "triangles, padded": (among_triangles(six).with_padding(0.02), 2.0),
         "cluttered": (cluttered, 2.5),
         "padded": (cluttered.with_padding(0.03).with_padding(0.08, "arm", "ball"), 2.5),
         "strange": (strange(odd), 1.0),
@@ -52,7 +63,18 @@ def worlds(cluttered, odd, six):
     }
 
 
-WORLDS = ("cluttered", "padded", "strange", "strange, padded", "holding", "two arms", "rr1 pair", "planar")
+WORLDS = (
+    "triangles",
+    "triangles, padded",
+    "cluttered",
+    "padded",
+    "strange",
+    "strange, padded",
+    "holding",
+    "two arms",
+    "rr1 pair",
+    "planar",
+)
 
 
 def kernel_of(checker, library=None, queue_size=None):

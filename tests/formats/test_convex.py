@@ -171,8 +171,8 @@ def test_a_decomposition_is_cancelled_by_its_progress(gate: Mesh, endless: Path)
     assert not is_running(int(endless.read_text()))
 
 
-def test_planning_among_concave_meshes_reports_progress_and_is_cancelled(gate: Mesh, endless: Path) -> None:
-    scene = rp.load_scene("rr1_table").with_obstacle("gate", gate, [3.0, 0.0, 0.0])
+def test_planning_with_a_concave_mesh_in_the_hand_reports_progress_and_is_cancelled(gate: Mesh, endless: Path) -> None:
+    scene = rp.load_scene("rr1_table").with_obstacle("gate", gate, [3.0, 0.0, 0.0]).attach("gate")
     problem = rp.Problem(scene, "home", "zero")
     heard: list[str] = []
 
@@ -186,6 +186,12 @@ def test_planning_among_concave_meshes_reports_progress_and_is_cancelled(gate: M
     assert heard == ["set up", "set up"]
     with pytest.raises(CancelledError):
         rp.set_up(problem, lambda _: False)
+
+
+def test_planning_among_concave_meshes_decomposes_nothing(gate: Mesh, endless: Path) -> None:
+    scene = rp.load_scene("rr1_table").with_obstacle("gate", gate, [3.0, 0.0, 0.0])
+    assert rp.plan_motion(rp.Problem(scene, "home", "zero"), rng=0).solved
+    assert not endless.exists()
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), "many"])

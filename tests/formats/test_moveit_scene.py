@@ -108,12 +108,13 @@ def test_a_cone_is_taken_as_a_convex_mesh_around_it() -> None:
     assert mesh.vertices[:, 2].max() == 0.15
 
 
-def test_a_mesh_becomes_convex_solids(tmp_path: Path) -> None:
+def test_a_mesh_is_read_with_its_triangles(tmp_path: Path) -> None:
     corners = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
     text = f"s\n* m\n1\nmesh\n4 4\n{corners}0 2 1\n0 1 3\n0 3 2\n1 2 3\n0 0 0\n0 0 0 1\n0 0 0 0\n.\n"
-    shapes = [g.shape for g in read(tmp_path, text).obstacles["m"].geometries]
-    assert shapes
-    assert all(isinstance(shape, Mesh) and shape.convex for shape in shapes)
+    (shape,) = (g.shape for g in read(tmp_path, text).obstacles["m"].geometries)
+    assert isinstance(shape, Mesh)
+    assert shape.faces.tolist() == [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    assert shape.vertices[1].tolist() == [1.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("name", scene_names())

@@ -244,6 +244,24 @@ def test_robots_point_files_and_meshes_are_found_beside_the_scene_file(tmp_path:
     assert np.allclose(solid.vertices.max(axis=0), 2.0)
 
 
+def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
+    """Two tetrahedra that have a corner in common, as they are unless the scene file says otherwise."""
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv -1 0 0\nv 0 -1 0\nv 0 0 -1\n"
+    faces = "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\nf 1 5 6\nf 1 7 5\nf 1 6 7\nf 5 7 6\n"
+    (tmp_path / "two.obj").write_text(corners + faces)
+    table = 'mesh = { file = "two.obj", convex = "%s" }\n'
+    text = '[obstacles.a]\nmesh = "two.obj"\n[obstacles.b]\n' + table % "hull" + "[obstacles.c]\n" + table % "pieces"
+    (tmp_path / "scene.toml").write_text(text)
+    found = load_scene(tmp_path / "scene.toml").obstacles
+    (plain,), (hull,), pieces = ([g.shape for g in found[name].geometries] for name in "abc")
+    assert isinstance(plain, Mesh)
+    assert isinstance(hull, Mesh)
+    assert (len(plain.faces), plain.convex) == (8, False)
+    assert (len(hull.vertices), hull.convex) == (6, True)
+    assert [(len(piece.faces), piece.convex) for piece in pieces if isinstance(piece, Mesh)] == [(4, True)] * 2
+    assert "convex" in refusal(tmp_path, '[obstacles.a]\nmesh = { file = "two.obj", convex = "hulls" }\n')
+
+
 # ---- what is refused, and how ----------------------------------------------------------------
 
 

@@ -12,6 +12,7 @@ import coal
 import fcl
 import numpy as np
 import pytest
+from concave_meshes import angle_block, half_shell, soup, terrain, torus
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
@@ -197,6 +198,33 @@ def shape_in(library: Any, shape: Shape) -> Any:
         return library.Sphere(shape.radius)
     assert isinstance(shape, rp.Capsule | rp.Cylinder)
     return getattr(library, type(shape).__name__)(shape.radius, shape.length)
+
+
+def among_meshes(seed: int) -> tuple[rp.Scene, np.random.Generator]:
+    """An arm of two joints among meshes that are not convex, closed ones and an open one."""
+    rng = np.random.default_rng(seed)
+    scene = rp.Scene().with_arm("arm", an_arm(rng, True, 4))
+    for k, mesh in enumerate(
+        (torus(0.25, 0.12, 16, 8), angle_block(0.5, 0.2), half_shell(0.4, 0.15, 12, 4), soup(8, 0.5))
+    ):
+        at = pose(np.append(rng.uniform(-0.9, 0.9, 2), 0.0), rpy=rng.normal(size=3))
+        scene = scene.with_obstacle(f"thing{k}", mesh, at)
+    return scene, rng
+
+
+def test_cells_certified_in_contact_with_concave_meshes_are_in_contact() -> None:
+    """The inside of a closed mesh certifies cells; that of its hull, and an open surface, do not."""
+    shares = []
+    for seed in range(6):
+        scene, rng = among_meshes(seed)
+        checker = CollisionChecker(scene)
+        places, blocked = certified_cells(scene, rng)
+        assert [q for q in places if checker.is_free(q)] == []
+        shares.append(blocked.mean())
+    assert max(shares) > 0.05
+    sheet = rp.Scene().with_arm("arm", gantry()).with_obstacle("sheet", terrain(4, 2.0, 0.0))
+    cells = ContactCells(CollisionChecker(sheet), np.zeros(2), (0, 1))
+    assert not cells.classify(np.zeros((1, 2)), np.full(2, 0.01), np.ones((1, 1), dtype=bool))[0].any()
 
 
 # ---- the verdict -----------------------------------------------------------------------------

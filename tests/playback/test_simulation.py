@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from concave_meshes import angle_block, half_shell, soup
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
@@ -281,3 +282,32 @@ def test_a_cloud_of_too_many_boxes_is_refused(rr1_table: rp.Scene, monkeypatch: 
     scene = rr1_table.with_obstacle("cloud", rp.PointCloud(np.diag([1.0, 2.0, 3.0]), 0.1))
     with pytest.raises(InputError, match="takes 3 boxes"):
         build_mujoco(scene)
+
+
+@pytest.mark.parametrize("mesh", [half_shell(0.15, 0.02, 18, 6), soup(12, 0.3), angle_block()], ids=repr)
+def test_a_replay_touches_the_triangles_of_a_concave_mesh_and_not_its_hull(mesh: rp.Mesh, rr1: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("arm", rr1).with_obstacle("mesh", mesh, pose([-0.4, 0.1, 0.5], rpy=[0.3, 0.2, 0.1]))
+    world, checker, rng = build_mujoco(scene), CollisionChecker(scene), np.random.default_rng(0)
+    columns = [world.joint_names.index(name) for name in checker.joint_names]
+    pairs = [k for k, pair in enumerate(checker.pairs) if "mesh" in pair]
+    data, touched = mujoco.MjData(world.model), 0
+    for _ in range(150):
+        q = random_q(scene, rng)
+        data.qpos[columns] = q
+        mujoco.mj_forward(world.model, data)
+        contacts = zip(data.contact.geom, data.contact.dist, strict=True)
+        found = {frozenset(world.geom_elements[g] for g in geoms) for geoms, distance in contacts if distance <= 0.0}
+        distances = checker.distances(q)
+        for k in pairs:
+            if abs(distances[k]) > 2e-5:
+                assert (frozenset(checker.pairs[k]) in found) == (distances[k] < 0.0)
+                touched += distances[k] < 0.0
+    assert touched > 5
+
+
+def test_too_many_triangles_are_refused_by_the_replay_with_what_to_try(
+    rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mujoco_model, "_MOST_PLATES", 10)
+    with pytest.raises(InputError, match="12 triangles is not convex"):
+        build_mujoco(rp.Scene().with_arm("arm", rr1).with_obstacle("mesh", soup(12), [3.0, 0.0, 0.0]))

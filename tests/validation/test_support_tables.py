@@ -39,7 +39,7 @@ def test_a_table_reaches_as_far_as_all_corners(kind: str) -> None:
     points = KINDS[kind](rng)
     core = hull_core(points)
     assert core.kind == TABLE
-    kinds, sizes = np.zeros((1, 6), np.int64), np.zeros((1, 23))
+    kinds, sizes = np.zeros((1, 7), np.int64), np.zeros((1, 23))
     kinds[0, 0] = core.kind
     columns = core.corners.shape[1]
     bodies = RefereeStruct(

@@ -207,20 +207,23 @@ static inline void note_proven(RefereeSearch *s, int64_t group, double bound) {
     s->proven[group] = lesser(s->proven[group], bound);
 }
 
+static int encloses(const RefereeSearch *s, int64_t arm_a, int64_t a, int64_t arm_b, int64_t b);
+
 // Add all pairs of bodies of two elements to the chunk.
 static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64_t eb, double padding) {
     const RefereeModel *model_a = model_of(s, one.arm), *model_b = model_of(s, two.arm);
-    int64_t elements = s->element_pair_count, before = s->pair_count;
+    int64_t elements = s->element_pair_count, before = s->pair_count, mark = PAIR_FREE;
     const int64_t *in_a = model_a->element_bodies + one.first + ea, *in_b = model_b->element_bodies + two.first + eb;
     for (int64_t a = in_a[0]; a < in_a[1]; a++) {
         if (is_concave(model_a, a)) continue;
         for (int64_t b = in_b[0]; b < in_b[1]; b++) {
             if (is_concave(model_b, b)) continue;
             set_pair(s, s->pair_count++, one.arm, a, two.arm, b, elements, padding);
+            if (encloses(s, one.arm, a, two.arm, b)) mark = PAIR_LEFT;
         }
     }
     if (s->pair_count == before) return;
-    s->elements[s->element_pair_count++] = (ElementPair){one.index + ea, two.index + eb, PAIR_FREE, INFINITY, 0.0};
+    s->elements[s->element_pair_count++] = (ElementPair){one.index + ea, two.index + eb, mark, INFINITY, 0.0};
 }
 
 // The slices on which an owner comes near one that is no earlier.

@@ -49,6 +49,8 @@ static inline PairView view_pair(const RefereeSearch *s, int64_t k) {
 
 static inline int is_plane(BodyView b) { return b.all->bodies[b.index].shape == SHAPE_PLANE; }
 
+static inline int is_surface(BodyView b) { return b.all->bodies[b.index].shape == SHAPE_SURFACE; }
+
 static inline double radius_of(BodyView b) { return b.all->sizes[b.index].radius; }
 
 static inline double rounding_of(BodyView b) { return b.all->sizes[b.index].rounding; }
@@ -131,6 +133,8 @@ typedef struct {
     double upper, lower;
 } ClearanceBounds;
 
+static ClearanceBounds surface_clearance(RefereeSearch *s, int64_t k, double base, double enough);
+
 // Bounds of the clearance of a pair [m]; the direction found is remembered.
 //
 // They may differ by a quarter of the upper one's distance from `base`; the search ends above `enough`.
@@ -145,6 +149,7 @@ static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base,
     }
     s->search_count++;
     s->chunk_searches++;
+    if (is_surface(v.b)) return surface_clearance(s, k, base, enough);
     double off = rounding_of(v.a) + rounding_of(v.b) + padding;
     Separation found = separate(v.a, v.b, &s->gjk[k], base + off, enough + off);
     s->directions[k] = (KnownDirection){found.direction.x, found.direction.y, found.direction.z, 1.0};
@@ -185,6 +190,7 @@ static int note_clearance(RefereeSearch *s, int64_t k, double value, double time
             s->elements[best] = *elements;
             s->elements[best].mark = PAIR_FREE;
             s->gjk[best].count = 0;
+            s->directions[best].known = 0.0;
         }
         s->elements[best].seen = value;
         s->elements[best].when = time;
@@ -207,6 +213,9 @@ typedef struct {
     int settled;
 } IntervalClearance;
 
+static IntervalClearance surface_interval(RefereeSearch *s, int64_t k, double time, double half, double approach,
+                                          double error);
+
 // A lower bound of the clearance of a pair within `half` of the posed time, and whether that settles it.
 //
 // `single`: the interval is on one piece, so the joints have steady speeds.
@@ -227,6 +236,7 @@ static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double 
     if (single)
         error = unsteadiness(s, pair->arm_a, pair->body_a, pair->shared) + ball.rounding +
                 unsteadiness(s, pair->arm_b, pair->body_b, pair->shared);
+    if (is_surface(v.b)) return surface_interval(s, k, time, half, approach, error);
     if (lesser(approach, error) > greater(COARSE, most - need)) return (IntervalClearance){least, 0};
     approach += ball.rounding;
     if (s->directions[k].known > 0.0) {

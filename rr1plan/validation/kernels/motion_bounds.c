@@ -212,9 +212,15 @@ static double unsteadiness(const RefereeSearch *s, int64_t arm, int64_t b, int64
     return total;
 }
 
-// Support of a body along d, from its frame's origin, after `time` at its steady velocity: that under the joints up to
-// the last that carries it, less that under those up to `before`.
-static double steady_reach(const RefereeSearch *s, BodyView b, int64_t last, int64_t before, double time, Direction d) {
+// How far the origin of a body's frame gets along a direction, and that direction as the body sees it after it has turned.
+typedef struct {
+    double moved;
+    Direction direction;
+} SteadyTurn;
+
+// What `time` at the steady velocity of a body changes along d: that under the joints up to the last that carries it, less
+// that under those up to `before`.
+static SteadyTurn steady_turn(const RefereeSearch *s, BodyView b, int64_t last, int64_t before, double time, Direction d) {
     const JointState *end = state_of(s, last), *begin = state_of(s, before);
     const double *p = b.placed->origin;
     double wx = end->angular[0] - begin->angular[0], wy = end->angular[1] - begin->angular[1];
@@ -229,7 +235,13 @@ static double steady_reach(const RefereeSearch *s, BodyView b, int64_t last, int
         d.y + time * (d.z * wx - d.x * wz),
         d.z + time * (d.x * wy - d.y * wx),
     };
-    return moved + body_reach(b, turned);
+    return (SteadyTurn){moved, turned};
+}
+
+// Support of a body along d, from its frame's origin, after `time` at its steady velocity; see `steady_turn`.
+static double steady_reach(const RefereeSearch *s, BodyView b, int64_t last, int64_t before, double time, Direction d) {
+    SteadyTurn turn = steady_turn(s, b, last, before, time, d);
+    return turn.moved + body_reach(b, turn.direction);
 }
 
 // Distance of the center of one body from the bounding box of another [m]; 0 inside.

@@ -38,8 +38,9 @@ typedef struct {
 
 // A ball is a box without edges, a capsule one with a single edge, each with a rounding. The corners of a hull are
 // looked at one by one, those of a table by direction.
-// The search passes over concave bodies.
-enum { SHAPE_HULL, SHAPE_BOX, SHAPE_CYLINDER, SHAPE_PLANE, SHAPE_TABLE, SHAPE_CONCAVE };
+// The search passes over concave bodies but for surfaces, of which each three corners are a triangle; only obstacles
+// are surfaces.
+enum { SHAPE_HULL, SHAPE_BOX, SHAPE_CYLINDER, SHAPE_PLANE, SHAPE_TABLE, SHAPE_CONCAVE, SHAPE_SURFACE };
 
 typedef struct {
     int64_t shape;
@@ -48,6 +49,7 @@ typedef struct {
     int64_t link;
     int64_t first_joint;  // of `chains` of its model
     int64_t depth;        // joints that carry it
+    int64_t first_node;   // of a surface
 } RefereeBody;
 
 // Sizes of a body; of a half-space `half` is its normal and `rounding` its offset along it.
@@ -71,10 +73,27 @@ typedef struct {
 // Cells of directions: on each face of a cube SIDE by SIDE; see `support_tables.py`.
 enum { SUPPORT_SIDE = 4, SUPPORT_CELLS = 96 };
 
+// The box around the triangles of a node of a surface.
+typedef struct {
+    double center[3];  // in the frame of the surface [m]
+    double half[3];
+} SurfaceBox;
+
+// A node of a surface, before those below it; nodes and triangles are counted from the first of the surface.
+typedef struct {
+    int64_t next;   // the next node that is not below it
+    int64_t first;  // triangle of a leaf, elsewhere equal to `last`
+    int64_t last;
+} SurfaceNode;
+
 typedef struct {
     const RefereeBody *bodies;
     const BodySizes *sizes;
-    const double *corners;  // rows x, y, z; and of a table where the corners of each cell begin; shape (4, corner_count)
+    // Rows x, y, z; and of a table where the corners of each cell begin, of a surface 1 for those of closed parts; shape
+    // (4, corner_count).
+    const double *corners;
+    const SurfaceBox *boxes;  // of the nodes of all surfaces
+    const SurfaceNode *nodes;
     int64_t body_count;
     int64_t corner_count;
 } RefereeBodies;
