@@ -32,8 +32,8 @@ class Solid:
         shape: The shape.
         center: Middle of its bounding box [m], shape (3,).
         half: Half the edges of that box [m], shape (3,); infinite for a half-space.
-        radius: All its points are within this of the centre [m].
-        points: Corners of a hull, of a mesh, or centres of a cloud's cells, shape (n, 3).
+        radius: All its points are within this of the center [m].
+        points: Corners of a hull, of a mesh, or centers of a cloud's cells, shape (n, 3).
         convex: Coal's normal for it can be proven by its support function.
         surface: The triangles of a mesh that is not convex.
         cells: Those of a cloud.
