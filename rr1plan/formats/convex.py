@@ -100,7 +100,32 @@ def is_own_hull(mesh: Mesh) -> bool:
     volume = np.abs(np.einsum("ij,ij->i", a, np.cross(b, c))).sum() / 6.0
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0
     whole = abs(volume - hull.volume) <= _WHOLE * hull.volume and abs(area - hull.area) <= _WHOLE * hull.area
-    return bool(whole) and is_convex(mesh, _FLAT_TOLERANCE)
+    return bool(whole) and _lies_on(hull, mesh, _FLAT_TOLERANCE * float(np.ptp(mesh.vertices, axis=0).max()))
+
+
+def _lies_on(hull: Any, mesh: Mesh, tolerance: float) -> bool:
+    """Whether each triangle of a mesh lies in the plane of a face of the hull of its vertices, within `tolerance` [m].
+
+    Of a hull of many faces only those at one of the triangle's corners are compared; where there is none, the answer is no.
+    """
+    corners, planes = mesh.vertices[mesh.faces], np.unique(hull.equations.round(12), axis=0)
+    if len(corners) * len(planes) <= _MOST_PRODUCTS:
+        heights = np.abs(corners @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        return bool((heights.min(axis=1) <= tolerance).all())
+    counts = np.bincount(hull.simplices.ravel(), minlength=len(mesh.vertices))
+    at = counts[mesh.faces]
+    fewest = np.where(at > 0, at, np.iinfo(at.dtype).max).argmin(axis=1)
+    corner = mesh.faces[np.arange(len(corners)), fewest]
+    many = counts[corner]
+    if not many.all():
+        return False
+    faces = np.argsort(hull.simplices.ravel(), kind="stable") // 3
+    first = (np.cumsum(counts) - counts)[corner]
+    begins = np.cumsum(many) - many
+    triangle = np.repeat(np.arange(len(corners)), many)
+    plane = hull.equations[faces[np.arange(len(triangle)) + np.repeat(first - begins, many)]]
+    heights = np.abs(np.einsum("nij,nj->ni", corners[triangle], plane[:, :3]) + plane[:, 3:]).max(axis=1)
+    return bool((np.minimum.reduceat(heights, begins) <= tolerance).all())
 
 
 def distance_outside(corners: Array, points: Array) -> Array:

@@ -9,6 +9,7 @@ from pathlib import Path
 import coal
 import numpy as np
 import pytest
+from concave_meshes import revolved, terrain, torus
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,7 +18,7 @@ from rr1plan.errors import BackendError, CancelledError, InputError, UnknownName
 from rr1plan.formats import coacd_process, convex
 from rr1plan.formats import convex_pieces as pieces_module
 from rr1plan.formats.cache import cache_folder, cache_key, load_cached, store_cached
-from rr1plan.formats.convex import convex_hull, distance_outside, is_convex
+from rr1plan.formats.convex import convex_hull, distance_outside, is_convex, is_own_hull
 from rr1plan.formats.convex_pieces import Convexity, convex_pieces, convex_shapes
 from rr1plan.shapes import Mesh
 
@@ -76,6 +77,27 @@ def test_a_convex_mesh_stays_as_it_is(block: Mesh) -> None:
 def test_convex_and_other_meshes_are_told_apart(block: Mesh, gate: Mesh) -> None:
     assert is_convex(block)
     assert not is_convex(gate)
+
+
+@pytest.mark.parametrize("products", [1, 20_000_000], ids=["by corner", "all planes"])
+def test_a_mesh_is_its_own_hull_only_where_nothing_is_missing(products: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(convex, "_MOST_PRODUCTS", products)
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 9)
+    ball = revolved(np.stack([np.cos(angles).round(15), np.sin(angles)], axis=1), 16, closed_profile=False)
+    assert is_own_hull(ball)
+    assert is_own_hull(Mesh(ball.vertices, ball.faces[:, ::-1]))
+    assert is_own_hull(Mesh(ball.vertices.astype(np.float32), ball.faces))
+    assert not is_own_hull(Mesh(ball.vertices, ball.faces[1:]))
+    assert not is_own_hull(Mesh(ball.vertices, np.concatenate([ball.faces, ball.faces[:1]])))
+    dented = ball.vertices.copy()
+    dented[40] *= 1.0 - 1e-5
+    assert not is_own_hull(Mesh(dented, ball.faces))
+    middle = np.concatenate([ball.vertices, 0.999999 * ball.vertices[ball.faces[5]].mean(axis=0, keepdims=True)])
+    a, b, c = ball.faces[5]
+    pressed = [(a, b, len(ball.vertices)), (b, c, len(ball.vertices)), (c, a, len(ball.vertices))]
+    assert not is_own_hull(Mesh(middle, np.concatenate([np.delete(ball.faces, 5, axis=0), pressed])))
+    assert not is_own_hull(torus())
+    assert not is_own_hull(terrain(3, height=0.0))
 
 
 def test_the_hull_of_parts_holds_them_all(block: Mesh, gate: Mesh) -> None:
