@@ -106,7 +106,7 @@ def is_own_hull(mesh: Mesh) -> bool:
 def _lies_on(hull: Any, mesh: Mesh, tolerance: float) -> bool:
     """Whether each triangle of a mesh lies in the plane of a face of the hull of its vertices, within `tolerance` [m].
 
-    Of a hull of many faces only those at one of the triangle's corners are compared; where there is none, the answer is no.
+    Of a hull of many faces only those at one of the triangle's corners are compared; without one the answer is no.
     """
     corners, planes = mesh.vertices[mesh.faces], np.unique(hull.equations.round(12), axis=0)
     if len(corners) * len(planes) <= _MOST_PRODUCTS:

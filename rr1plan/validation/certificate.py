@@ -7,8 +7,8 @@ the interval is cut in two. There is no sampling step: a contact of any duration
 what remains closer than a micrometer is called undecided, never free. All times of one round are
 handled side by side in numpy; Coal measures only the pairs that bounding volumes leave open.
 
-The referee decides with it what the compiled search leaves: contacts, whose depth Coal measures, and shapes that are not
-convex. The tests hold the search to it on all pairs.
+The referee decides with it what the compiled search leaves: contacts, whose depth Coal measures, and shapes that are
+not convex. The tests hold the search to it on all pairs.
 
 Schwarzer, Saha, Latombe (2005), Adaptive dynamic collision checking, IEEE T-RO 21.
 """
