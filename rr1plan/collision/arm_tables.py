@@ -12,6 +12,7 @@ from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.body_tables import FAR, BodyTables, body_tables, flat
+from rr1plan.kept import kept_in
 from rr1plan.skeleton import Skeleton, joint_twist
 from rr1plan.transforms import rotation_about
 
@@ -35,10 +36,7 @@ class ArmTables:
 
 def instance_tables(instances: ArmInstances) -> ArmTables:
     """The tables of all arms that move, made once."""
-    if "exact" not in instances.kept:
-        instances.kept["exact"] = _instance_tables(instances)
-    found: ArmTables = instances.kept["exact"]
-    return found
+    return kept_in(instances.kept, "exact", lambda: _instance_tables(instances))
 
 
 def _instance_tables(instances: ArmInstances) -> ArmTables:
@@ -133,10 +131,7 @@ def moved(T: Array, poses: Array) -> Array:
 
 def arm_tables(geometry: ArmGeometry) -> ArmTables:
     """The tables of an arm's bodies, made once."""
-    if "exact" not in geometry.kept:
-        geometry.kept["exact"] = _arm_tables(geometry)
-    found: ArmTables = geometry.kept["exact"]
-    return found
+    return kept_in(geometry.kept, "exact", lambda: _arm_tables(geometry))
 
 
 def _arm_tables(geometry: ArmGeometry) -> ArmTables:

@@ -20,6 +20,7 @@ from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
 from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.collision.mesh_trees import NO_MESHES
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
+from rr1plan.kept import kept_in
 from rr1plan.kernels.library import constants, load_library
 
 _INTS = NDArray[np.int64]
@@ -121,11 +122,7 @@ def _arm_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, groups: _INTS) 
     """The maps of one arm; `groups` are first and last of the pairs that have one together, shape (f, 2)."""
     kept: dict[tuple[bytes, ...], ClearanceMaps] = geometry.kept.setdefault("maps", {})
     key = (pairs.tobytes(), least.tobytes(), groups.tobytes())
-    if key not in kept:
-        if len(kept) >= _MOST_MAPS:
-            kept.clear()
-        kept[key] = _new_maps(geometry, pairs, least, groups)
-    return kept[key]
+    return kept_in(kept, key, lambda: _new_maps(geometry, pairs, least, groups), _MOST_MAPS)
 
 
 def _new_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, groups: _INTS) -> ClearanceMaps:

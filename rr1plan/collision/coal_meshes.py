@@ -12,7 +12,7 @@ from rr1plan.checks import Array
 from rr1plan.collision.mesh_trees import orientations_of
 from rr1plan.shapes import Mesh
 
-# Far below a micrometre, as a share of a mesh's size.
+# Far below a micrometer, as a share of a mesh's size.
 _A_LITTLE = 1e-12
 
 

@@ -19,7 +19,7 @@ from rr1plan.shapes import HalfSpace, Mesh, PointCloud, Shape
 
 # Coal's distances of cylinders are this sharp, not 1e-5 m as with its own default.
 _GJK_TOLERANCE = 1e-10
-# Where a core lies exactly in another surface, Coal may end with -1.8e308; a nanometre beside it, it does not.
+# Where a core lies exactly in another surface, Coal may end with -1.8e308; a nanometer beside it, it does not.
 _NO_DISTANCE = -1e300
 _NUDGE = np.array([0.7e-9, -0.5e-9, 0.6e-9])
 
@@ -162,7 +162,7 @@ def _geometry_data(geometry: Any, padding: Array) -> Any:
     for request, distance in zip(data.collisionRequests, padding.tolist(), strict=True):
         request.security_margin = distance
         # Without contacts Coal 3.0.3 answers "free" for balls and capsules whose core lies within
-        # its tolerance of the other shape's surface: centimetres deep, and not seen.
+        # its tolerance of the other shape's surface: centimeters deep, and not seen.
         request.enable_contact = True
     _forget_guesses(data.distanceRequests)
     _forget_guesses(data.collisionRequests)

@@ -26,6 +26,7 @@ from rr1plan.collision.obstacle_geometry import obstacle_geometry, standing_geom
 from rr1plan.collision.reach import Near, find_near
 from rr1plan.contact_rules import ContactRules, RuleContent, rules_of
 from rr1plan.errors import InputError
+from rr1plan.kept import kept_in
 from rr1plan.scene import Attachment, Scene
 
 _INTS = NDArray[np.int64]
@@ -215,10 +216,7 @@ def collision_geometry(scene: Scene, arms: tuple[str, ...], margin: float) -> Co
     distance = _STEP * np.ceil((greatest + _NEAR) / _STEP)
     kept = scene.kept_for_any_padding
     key = ("collision geometry", arms, float(distance))
-    if key not in kept:
-        kept[key] = CollisionGeometry(scene, arms, float(distance))
-    found: CollisionGeometry = kept[key]
-    return found
+    return kept_in(kept, key, lambda: CollisionGeometry(scene, arms, float(distance)))
 
 
 def geometries_of(scene: Scene) -> Mapping[str, ArmGeometry]:

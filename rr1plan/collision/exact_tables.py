@@ -19,6 +19,7 @@ from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.collision.mesh_trees import joined_trees, mesh_tree
 from rr1plan.collision.obstacle_geometry import obstacle_bodies
 from rr1plan.collision.solids import is_concave
+from rr1plan.kept import kept_in
 from rr1plan.kernels.library import constants
 
 if TYPE_CHECKING:
@@ -53,10 +54,7 @@ def _with_pairs(bare: ExactTables, pairs: _INTS, padding: Array) -> ExactTables:
 
 def _bare_tables(geometry: CollisionGeometry) -> ExactTables:
     """Tables without pairs and padding."""
-    if "exact" not in geometry.kept:
-        geometry.kept["exact"] = _joined_tables(geometry)
-    found: ExactTables = geometry.kept["exact"]
-    return found
+    return kept_in(geometry.kept, "exact", lambda: _joined_tables(geometry))
 
 
 def _joined_tables(geometry: CollisionGeometry) -> ExactTables:

@@ -15,6 +15,7 @@ from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, extremes
 from rr1plan.collision.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.groups import group_rows
 from rr1plan.collision.spheres import SphereCover, cover
+from rr1plan.kept import kept_in
 from rr1plan.transforms import rotation_about
 
 _INTS = NDArray[np.int64]
@@ -48,10 +49,7 @@ class LinkSpheres:
 
 def instance_spheres(instances: ArmInstances) -> LinkSpheres:
     """The tables of all arms that move, made once."""
-    if "spheres" not in instances.kept:
-        instances.kept["spheres"] = _instance_spheres(instances)
-    found: LinkSpheres = instances.kept["spheres"]
-    return found
+    return kept_in(instances.kept, "spheres", lambda: _instance_spheres(instances))
 
 
 def _instance_spheres(instances: ArmInstances) -> LinkSpheres:
@@ -124,10 +122,7 @@ class _SharedCores:
 
 def arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
     """The tables of an arm's bodies that move, made once."""
-    if "spheres" not in geometry.kept:
-        geometry.kept["spheres"] = _arm_spheres(geometry)
-    found: LinkSpheres = geometry.kept["spheres"]
-    return found
+    return kept_in(geometry.kept, "spheres", lambda: _arm_spheres(geometry))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from rr1plan.collision.arm_geometry import ArmGeometry, Solid, solids_of, surfac
 from rr1plan.collision.arm_tables import arm_tables
 from rr1plan.collision.body_tables import BodyTables, body_tables, flat
 from rr1plan.collision.solids import obstacle_pieces
+from rr1plan.kept import kept_in
 from rr1plan.scene import Obstacle
 from rr1plan.shapes import Shape
 from rr1plan.skeleton import ElementGeometry
@@ -143,11 +144,7 @@ _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 def arm_posture(geometry: ArmGeometry, q: bytes) -> Posture:
     """Where an arm's solids are at a configuration, given as bytes; arms with equal geometries share it."""
     kept: dict[bytes, Posture] = geometry.kept.setdefault("postures", {})
-    if q not in kept:
-        if len(kept) >= _MOST_POSTURES:
-            kept.clear()
-        kept[q] = _new_posture(geometry, np.frombuffer(q))
-    return kept[q]
+    return kept_in(kept, q, lambda: _new_posture(geometry, np.frombuffer(q)), _MOST_POSTURES)
 
 
 def _new_posture(geometry: ArmGeometry, q: Array) -> Posture:

@@ -15,6 +15,7 @@ from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, joined_cores
 from rr1plan.collision.link_spheres import matrix
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_bodies
 from rr1plan.collision.solids import is_concave
+from rr1plan.kept import kept_in
 from rr1plan.kernels.library import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
@@ -60,15 +61,14 @@ def obstacle_tables(obstacles: Sequence[ObstacleGeometry]) -> list[ObstacleTable
 
 def fixed_links(instances: ArmInstances) -> ObstacleTables:
     """Rows of the arms' bodies that no joint moves; cached."""
-    if "fixed links" not in instances.kept:
-        bodies, fixed = instance_tables(instances).bodies, np.flatnonzero(instances.groups == 0)
-        shapes = [solid.shape for geometry in instances.geometries for solid in geometry.solids]
-        own, poses = [shapes[i] for i in fixed], bodies.poses[fixed]
-        instances.kept["fixed links"] = ObstacleTables(
-            *_measured(own, poses, bodies.values[fixed]), *_cores(own, poses)
-        )
-    found: ObstacleTables = instances.kept["fixed links"]
-    return found
+    return kept_in(instances.kept, "fixed links", lambda: _fixed_links(instances))
+
+
+def _fixed_links(instances: ArmInstances) -> ObstacleTables:
+    bodies, fixed = instance_tables(instances).bodies, np.flatnonzero(instances.groups == 0)
+    shapes = [solid.shape for geometry in instances.geometries for solid in geometry.solids]
+    own, poses = [shapes[i] for i in fixed], bodies.poses[fixed]
+    return ObstacleTables(*_measured(own, poses, bodies.values[fixed]), *_cores(own, poses))
 
 
 def _measured(shapes: list[Shape], poses: Array, bodies: Array) -> tuple[_INTS, Array, Array]:

@@ -13,6 +13,7 @@ from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_tables import arm_tables
 from rr1plan.collision.obstacle_geometry import arm_posture, obstacle_geometry
 from rr1plan.collision.obstacle_tables import obstacle_tables
+from rr1plan.kept import kept_in
 from rr1plan.scene import Obstacle, Scene
 
 # Far above the rounding of the sums here, relative and absolute [m].
@@ -85,10 +86,7 @@ def reach_ball(geometry: ArmGeometry) -> Array:
 
     Its radius is infinite where a joint slides: the configurations that are checked need not be within limits.
     """
-    if "reach" not in geometry.kept:
-        geometry.kept["reach"] = _reach_ball(geometry)
-    found: Array = geometry.kept["reach"]
-    return found
+    return kept_in(geometry.kept, "reach", lambda: _reach_ball(geometry))
 
 
 def _reach_ball(geometry: ArmGeometry) -> Array:

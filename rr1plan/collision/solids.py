@@ -106,7 +106,7 @@ def _mesh_pieces(whole: _Whole) -> tuple[Mesh, ...]:
 
 
 def occupied_cells(cloud: PointCloud) -> Array:
-    """Centres of the occupied cells of the grid of side `resolution` [m], shape (n, 3)."""
+    """Centers of the occupied cells of the grid of side `resolution` [m], shape (n, 3)."""
     keys = np.unique(np.floor(cloud.points / cloud.resolution), axis=0)
     return np.asarray((keys + 0.5) * cloud.resolution)
 
@@ -151,5 +151,5 @@ def _convex(mesh: Mesh) -> Any:
 
 def _octree(cloud: PointCloud) -> Any:
     _check_reach(cloud)
-    # The cells' centres, not the points: a point on a cell's face then cannot fall on either side.
+    # The cells' centers, not the points: a point on a cell's face then cannot fall on either side.
     return coal.makeOctree(occupied_cells(cloud), cloud.resolution)

@@ -15,6 +15,7 @@ from rr1plan.collision.groups import families_of
 from rr1plan.collision.kernel_tables import EdgeTables, ExactTables
 from rr1plan.collision.link_spheres import instance_spheres
 from rr1plan.collision.obstacle_tables import LANES, fixed_links, joined_obstacles, obstacle_tables
+from rr1plan.kept import kept_in
 
 _INTS = NDArray[np.int64]
 
@@ -73,11 +74,7 @@ class _KernelPairs:
 
 def _kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     """The pairs of a geometry as the kernel reads them; they are kept with its pairs of solids."""
-    kept = geometry.pairs.kept
-    if "kernel" not in kept:
-        kept["kernel"] = _new_kernel_pairs(geometry)
-    found: _KernelPairs = kept["kernel"]
-    return found
+    return kept_in(geometry.pairs.kept, "kernel", lambda: _new_kernel_pairs(geometry))
 
 
 def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:

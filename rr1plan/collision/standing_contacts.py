@@ -29,6 +29,7 @@ from rr1plan.collision.reach import (
     placed_balls,
     posture_balls,
 )
+from rr1plan.kept import kept_in
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import identity
 
@@ -42,10 +43,11 @@ def standing_contacts(scene: Scene, moving: Sequence[str]) -> tuple[Contact, ...
     """
     if set(scene.arms) <= set(moving):
         return ()
-    kept = scene.kept
-    if "standing contacts" not in kept:
-        kept["standing contacts"] = tuple(sorted(_contacts(scene), key=lambda contact: -contact.depth))
-    found: tuple[Contact, ...] = kept["standing contacts"]
+    found = kept_in(
+        scene.kept,
+        "standing contacts",
+        lambda: tuple(sorted(_contacts(scene), key=lambda contact: -contact.depth)),
+    )
     arms = set(moving)
     return tuple(c for c in found if scene.owner(c.a) not in arms and scene.owner(c.b) not in arms)
 

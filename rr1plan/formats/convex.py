@@ -19,8 +19,8 @@ _MOST_PRODUCTS = 20_000_000
 _FLAT_TOLERANCE = 1e-7
 # Share of a hull's volume and area that may be missing of a mesh that is its own hull.
 _WHOLE = 1e-6
-# Coal counts the neighbours of a corner in a byte.
-_MOST_NEIGHBOURS = 255
+# Coal counts the neighbors of a corner in a byte.
+_MOST_NEIGHBORS = 255
 
 
 def bounds_its_hull(mesh: Mesh) -> bool:
@@ -43,20 +43,20 @@ def convex_hull(points: Array) -> Mesh:
         points: Points [m], shape (n, 3).
 
     Raises:
-        InputError: the points lie in a plane, or a corner has more neighbours than Coal can count.
+        InputError: the points lie in a plane, or a corner has more neighbors than Coal can count.
     """
     hull = _qhull(points)
     faces, normals = hull.simplices, hull.equations[:, :3]
-    if _most_neighbours(faces) > _MOST_NEIGHBOURS:
+    if _most_neighbors(faces) > _MOST_NEIGHBORS:
         faces, normals = _without_fans(points, faces, normals)
-    if (most := _most_neighbours(faces)) > _MOST_NEIGHBOURS:
+    if (most := _most_neighbors(faces)) > _MOST_NEIGHBORS:
         raise InputError(
-            f"a convex mesh has a corner with {most} neighbours, expected at most {_MOST_NEIGHBOURS}; try a coarser one"
+            f"a convex mesh has a corner with {most} neighbors, expected at most {_MOST_NEIGHBORS}; try a coarser one"
         )
     return _oriented(points, hull.vertices, faces, normals)
 
 
-def _most_neighbours(faces: Faces) -> int:
+def _most_neighbors(faces: Faces) -> int:
     """Of a closed mesh: as many as triangles meet at the corner."""
     return int(np.bincount(faces.ravel()).max())
 
@@ -106,7 +106,7 @@ def is_own_hull(mesh: Mesh) -> bool:
 def _lies_on(hull: Any, mesh: Mesh, tolerance: float) -> bool:
     """Whether each triangle of a mesh lies in the plane of a face of the hull of its vertices, within `tolerance` [m].
 
-    Of a hull of many faces only those at one of the triangle's corners are compared; where there is none, it is not.
+    Of a hull of many faces only those at one of the triangle's corners are compared; without one the answer is no.
     """
     corners, planes = mesh.vertices[mesh.faces], np.unique(hull.equations.round(12), axis=0)
     if len(corners) * len(planes) <= _MOST_PRODUCTS:

@@ -90,12 +90,12 @@ def element_bodies(geometries: tuple[Geometry, ...], T: Array) -> ElementBodies:
 
 
 class Placed(NamedTuple):
-    """Poses at n times: shapes' frames and the centres of their bounding spheres.
+    """Poses at n times: shapes' frames and the centers of their bounding spheres.
 
     Args:
         rotation: R_world_shape, shape (n, bodies, 3, 3).
         origin: Positions of the shapes' frames [m], shape (n, bodies, 3).
-        center: Centres [m], shape (n, bodies, 3).
+        center: Centers [m], shape (n, bodies, 3).
     """
 
     rotation: Array
@@ -119,7 +119,7 @@ class Bodies:
         solids: The bodies.
         forms: Their forms, shape (b,).
         link: Number of the link of each body, shape (b,).
-        local_rotation, local_origin, local_center: Pose of each shape's frame and centre of its bounding ball
+        local_rotation, local_origin, local_center: Pose of each shape's frame and center of its bounding ball
             in its link's frame, shapes (b, 3, 3), (b, 3), (b, 3).
         moved: Which moving joints carry each body, shape (b, joints) of 0 and 1.
 
@@ -265,13 +265,13 @@ class Bodies:
         near_b = np.einsum("kij,ki->kj", placed.rotation[node, b], gap)
         from_a = np.linalg.norm(np.maximum(np.abs(near_a) - self.half[a], 0.0), axis=1)
         from_b = np.linalg.norm(np.maximum(np.abs(near_b) - self.half[b], 0.0), axis=1)
-        # A centre inside the other's box says nothing about how deep it is.
+        # A center inside the other's box says nothing about how deep it is.
         from_a = np.where(from_a > 0.0, from_a - self.radius[b], -np.inf)
         from_b = np.where(from_b > 0.0, from_b - self.radius[a], -np.inf)
         return np.asarray(np.maximum(from_a, from_b) - self.padding[self.pair[item]])
 
     def _above_plane(self, placed: Placed, node: Index, item: Index) -> Array:
-        """Height of the centre of body a above the half-space b [m], shape (k,)."""
+        """Height of the center of body a above the half-space b [m], shape (k,)."""
         height = np.empty(len(item))
         for b in np.unique(self.b[item]):
             at = self.b[item] == b

@@ -4,8 +4,11 @@ A pair of bodies with clearance c at one time is free as long as the two cannot 
 How far each can get within an interval follows from the exact range of every joint there
 (Bernstein coefficients) and from its distance to the joints' axes. Where that does not decide,
 the interval is cut in two. There is no sampling step: a contact of any duration is found, and
-what remains closer than a micrometre is called undecided, never free. All times of one round are
+what remains closer than a micrometer is called undecided, never free. All times of one round are
 handled side by side in numpy; Coal measures only the pairs that bounding volumes leave open.
+
+The referee decides with it what the compiled search leaves: contacts, whose depth Coal measures, and shapes that are
+not convex. The tests hold the search to it on all pairs.
 
 Schwarzer, Saha, Latombe (2005), Adaptive dynamic collision checking, IEEE T-RO 21.
 """

@@ -1,6 +1,6 @@
 """The cells of a point cloud in blocks, to ask only those near a body.
 
-A block is a box around neighbouring cells. Boxes around the blocks, and around the cells of the near
+A block is a box around neighboring cells. Boxes around the blocks, and around the cells of the near
 ones, give lower bounds that leave few cells to ask. Every cell asked of a convex body leaves a
 separating plane, and that plane bounds the distances of all other cells as well.
 """
@@ -34,14 +34,14 @@ _BLOCK = 64
 # A cell is asked no more when it could be nearer than the nearest by less than this [m].
 _ROUNDING = 1e-9
 
-# Distance [m] of a body to the cell at a centre (3,) in the cloud's frame, and the normal from the body
+# Distance [m] of a body to the cell at a center (3,) in the cloud's frame, and the normal from the body
 # to the cell (3,) in the cloud's frame with the body's support along it from the cloud's origin [m];
 # None where no plane parts them.
 Ask = Callable[[Array], tuple[float, tuple[Array, float] | None]]
 
 
 class BodyBox(NamedTuple):
-    """A box around a body: axes as columns (3, 3), centre [m] and half edges [m], in the cloud's frame."""
+    """A box around a body: axes as columns (3, 3), center [m] and half edges [m], in the cloud's frame."""
 
     axes: Array
     center: Array
@@ -52,7 +52,7 @@ class CellBlocks:
     """The occupied cells of a cloud.
 
     Attributes:
-        centers: Their centres [m], shape (n, 3); cells of a block are neighbours.
+        centers: Their centers [m], shape (n, 3); cells of a block are neighbors.
         half: Half a cell's edge [m].
     """
 
@@ -87,7 +87,7 @@ class CellBlocks:
             sizes: Its sizes, shape (8,), as `BodySizes` has them.
             rotation: R_cloud_body, shape (3, 3).
             origin: Where its frame is in the cloud's [m], shape (3,).
-            middle: Centre of its bounding box there [m], shape (3,).
+            middle: Center of its bounding box there [m], shape (3,).
         """
         bodies, table, placed = np.zeros((2, 7), np.int64), np.zeros((2, 23)), np.zeros((2, 15))
         bodies[0, SHAPE], bodies[0, COUNT], bodies[1, SHAPE] = core.kind, core.single, BOX
@@ -110,7 +110,7 @@ class CellBlocks:
         return distance, proven, int(asked)
 
     def _cells(self, blocks: Index) -> Array:
-        """Centres of the cells of some blocks [m], shape (k, 3)."""
+        """Centers of the cells of some blocks [m], shape (k, 3)."""
         count = self._count[blocks]
         offsets = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         return np.asarray(self.centers[np.repeat(self._first[blocks], count) + offsets])
@@ -141,7 +141,7 @@ def _gaps(body: BodyBox, centers: Array, halves: Array) -> Array:
 
 
 def _halve(centers: Array) -> list[Index]:
-    """Indices of points (n, 3) in groups of neighbours, each halved along its longest side until it is small."""
+    """Indices of points (n, 3) in groups of neighbors, each halved along its longest side until it is small."""
     done, waiting = [], [np.arange(len(centers))]
     while waiting:
         part = waiting.pop()

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rr1plan.binding.memory import slab
 from rr1plan.checks import Array
 from rr1plan.validation.certificate import TOUCH
 from rr1plan.validation.motion import TimedColumns
@@ -20,7 +20,6 @@ from rr1plan.validation.native import GROUPS, LEFT, SOURCES, RefereeStruct, load
 _INTERVALS = 512
 # Pairs of shapes that are searched at once, unless those of two owners are more.
 _CHUNK = 4096
-_NUMBERS: dict[str, type[np.generic]] = {"int64_t": np.int64, "double": np.float64}
 
 # Called with the fraction that is decided; False from it cancels.
 ProgressCallback = Callable[[float], bool | None]
@@ -79,35 +78,33 @@ class Search:
         room, sizes = _room(scene), SOURCES.constants
         elements, owners = scene.fields["element_count"], scene.fields["owner_count"]
         bodies, slices = scene.body_count, sizes["MOTION_SLICES"]
-        made = {
-            "links": ("LinkPose", scene.link_count),
-            "ranges": ("ColumnRange", pieces * columns),
-            "placed": ("PlacedBody", bodies),
-            "terms_scratch": ("double", terms),
-            "element_boxes": ("BoundingBox", elements),
-            "owner_boxes": ("BoundingBox", owners),
-            "element_slices": ("BoundingBox", slices * elements),
-            "owner_slices": ("BoundingBox", slices * owners),
-            "owner_sweeps": ("BoundingBox", owners),
-            "slices": ("TimeInterval", slices),
-            "intervals": ("TimeInterval", sizes["SEARCH_DEPTH"]),
-            "elements": ("ElementPair", room + GROUPS + 1),
-            "directions": ("KnownDirection", room + GROUPS + 1),
-            "pairs": ("RefereePair", room + GROUPS + 1),
-            "gjk": ("GjkState", room + GROUPS + 1),
-            "left": ("ElementPair", room),
-            "items": ("int64_t", room * sizes["SEARCH_DEPTH"]),
+        counts = {
+            "columns": columns + len(scene.postures),
+            "states": scene.fields["joint_count"] + 1,
+            "sweeps": bodies * scene.fields["sweep_stride"],
+            "placed_on": bodies,
+            "links": scene.link_count,
+            "ranges": pieces * columns,
+            "placed": bodies,
+            "terms_scratch": terms,
+            "element_boxes": elements,
+            "owner_boxes": owners,
+            "element_slices": slices * elements,
+            "owner_slices": slices * owners,
+            "owner_sweeps": owners,
+            "slices": slices,
+            "intervals": sizes["SEARCH_DEPTH"],
+            "elements": room + GROUPS + 1,
+            "directions": room + GROUPS + 1,
+            "pairs": room + GROUPS + 1,
+            "gjk": room + GROUPS + 1,
+            "left": room,
+            "items": room * sizes["SEARCH_DEPTH"],
         }
-        self.tables = {name: _uninitialized(kind, count) for name, (kind, count) in made.items()}
+        self._tables = _Tables("RefereeSearch", counts)
         # What stands still has no speed and goes nowhere.
-        self.tables |= slab(
-            SOURCES,
-            columns=("ColumnMotion", columns + len(scene.postures)),
-            states=("JointState", scene.fields["joint_count"] + 1),
-            sweeps=("Sweep", bodies * scene.fields["sweep_stride"]),
-            placed_on=("int64_t", bodies),
-        )
-        self.tables["columns"].view(np.float64)[columns:, 0] = scene.postures
+        self._tables.clear("columns", "states", "sweeps", "placed_on")
+        self.table("columns")[columns:, 0] = scene.postures
         self.struct = RefereeStruct(
             "RefereeSearch",
             breaks=breaks,
@@ -122,10 +119,14 @@ class Search:
             max_searches=options.max_distances,
             pair_room=room,
             **scene.fields,
-            **self.tables,
         )
         value = self._search = self.struct.value
+        self._tables.point_from(value)
         value.smallest[:], value.proven[:] = [np.inf] * GROUPS, [np.inf] * GROUPS
+
+    def table(self, name: str) -> Array:
+        """A table that the search writes, as rows of numbers; integers among them have to be viewed as such."""
+        return self._tables.rows(name)
 
     def run(self, progress: ProgressCallback | None) -> None:
         """Search until all is decided, or cancelled."""
@@ -139,8 +140,8 @@ class Search:
     def _take_left(self) -> None:
         """Take over the pairs of elements of the last chunk that have a mark."""
         count, self._search.left_count = self._search.left_count, 0
-        rows = self.tables["left"][:count]
-        numbers, seen = rows.view(np.int64)[:, :3].tolist(), rows.view(np.float64)[:, 3:].tolist()
+        rows = self.table("left")[:count]
+        numbers, seen = rows.view(np.int64)[:, :3].tolist(), rows[:, 3:].tolist()
         for (a, b, mark), (clearance, time) in zip(numbers, seen, strict=True):
             if mark == LEFT:
                 self.left.add((a, b))
@@ -171,9 +172,9 @@ class Search:
         """The smallest clearance of a group, if there is one."""
         if not self._search.has_nearest[group]:
             return None
-        row = self.tables["elements"][self._search.pair_room + group]
+        row = self.table("elements")[self._search.pair_room + group]
         a, b = row.view(np.int64)[:2].tolist()
-        seen, when = row.view(np.float64)[3:].tolist()
+        seen, when = row[3:].tolist()
         return FoundPair(seen, (a, b), when)
 
     @property
@@ -185,9 +186,8 @@ class Search:
     def boxes(self) -> Array:
         """Boxes around the elements on each slice of the motion [m], shape (slices, elements, 2, 3)."""
         count, scene = self._search.slice_count, self.scene
-        boxes: Array = self.tables["element_slices"].view(np.float64).reshape(-1, scene.element_count, 2, 3)[:count]
+        boxes = self.table("element_slices").reshape(-1, scene.element_count, 2, 3)[:count].copy()
         still = int(scene.first_element[scene.moving])
-        boxes = boxes.copy()
         boxes[1:, still:] = boxes[0, still:]
         return boxes
 
@@ -200,11 +200,44 @@ class Search:
         return {name: float(count) for name, count in zip(names, counts, strict=True)}
 
 
-def _uninitialized(kind: str, count: int) -> NDArray[Any]:
-    """Memory for structs or numbers of a kind: a row of bytes or a number for each."""
-    if kind in _NUMBERS:
-        return np.empty(count, _NUMBERS[kind])
-    return np.empty((count, SOURCES.item_size(kind)), np.uint8)
+class _Tables:
+    """Memory for arrays that the pointers of a struct lead to, in one block and not initialized.
+
+    Args:
+        struct: Name of the struct.
+        counts: Number of items of each array, by field.
+    """
+
+    def __init__(self, struct: str, counts: dict[str, int]) -> None:
+        kinds, end = SOURCES.pointers(struct), 0
+        self._widths = {name: _item_size(kinds[name]) for name in counts}
+        self._starts: dict[str, tuple[int, int]] = {}
+        for name, count in counts.items():
+            start, end = end, end + count * self._widths[name]
+            self._starts[name] = start, end
+        # All items are structs of numbers of eight bytes, or such numbers.
+        self._block = np.empty(end // 8)
+
+    def rows(self, name: str) -> Array:
+        """An array as rows of numbers."""
+        start, end = self._starts[name]
+        return self._block[start // 8 : end // 8].reshape(-1, self._widths[name] // 8)
+
+    def clear(self, *names: str) -> None:
+        """Set arrays to zero."""
+        for name in names:
+            self.rows(name)[:] = 0.0
+
+    def point_from(self, struct: ctypes.Structure) -> None:
+        """Set the pointers of a struct, which must not outlive this object."""
+        address = self._block.__array_interface__["data"][0]
+        for name, (start, _) in self._starts.items():
+            setattr(struct, name, address + start)
+
+
+@cache
+def _item_size(kind: str) -> int:
+    return SOURCES.item_size(kind)
 
 
 def _room(scene: MovingScene) -> int:

@@ -53,7 +53,9 @@ def columns_of(arms: Mapping[str, Arm], names: tuple[str, ...]) -> Columns:
     every = [(f"{arm}/{j}", unit) for arm in moving for j, unit in units[id(arms[arm].robot)]]
     place = {name: i for i, (name, _) in enumerate(every)}
     order = [place[name] for name in names]
-    limits = Limits(*(getattr(stacked, f.name)[order] for f in fields(Limits)))
+    limits = stacked
+    if order != list(range(len(every))):
+        limits = Limits(*(getattr(stacked, f.name)[order] for f in fields(Limits)))
     return Columns(names, tuple(every[i][1] for i in order), limits)
 
 

@@ -17,18 +17,7 @@ from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.validation.clouds import CellBlocks
-from rr1plan.validation.native import (
-    BOUND,
-    BOX,
-    CENTER,
-    CYLINDER,
-    HALF,
-    PLANE,
-    RADIUS,
-    ROUND,
-    SHAPE_CONCAVE,
-    SHAPE_SURFACE,
-)
+from rr1plan.validation.native import BOX, CENTER, CYLINDER, PLANE, SHAPE_CONCAVE, SHAPE_SURFACE
 from rr1plan.validation.support_tables import Core, hull_core
 from rr1plan.validation.surfaces import Surface
 
@@ -43,8 +32,8 @@ class Solid:
         shape: The shape.
         center: Middle of its bounding box [m], shape (3,).
         half: Half the edges of that box [m], shape (3,); infinite for a half-space.
-        radius: All its points are within this of the centre [m].
-        points: Corners of a hull, of a mesh, or centres of a cloud's cells, shape (n, 3).
+        radius: All its points are within this of the center [m].
+        points: Corners of a hull, of a mesh, or centers of a cloud's cells, shape (n, 3).
         convex: Coal's normal for it can be proven by its support function.
         surface: The triangles of a mesh that is not convex.
         cells: Those of a cloud.
@@ -74,22 +63,10 @@ class Solid:
             return Core(SHAPE_SURFACE, columns.shape[1], columns)
         return hull_core(self.points) if self.convex else Core(SHAPE_CONCAVE)
 
-    @cached_property
+    @property
     def sizes(self) -> Array:
         """What the compiled search reads of its size, in columns `HALF` to `BOUND`, shape (8,)."""
-        sizes, shape = np.zeros(CENTER), self.shape
-        if isinstance(shape, Box):
-            sizes[HALF:ROUND] = self.half
-        elif isinstance(shape, Cylinder):
-            sizes[HALF:ROUND] = shape.radius, shape.radius, 0.5 * shape.length
-        elif isinstance(shape, Sphere):
-            sizes[ROUND] = shape.radius
-        elif isinstance(shape, Capsule):
-            sizes[HALF + 2], sizes[ROUND] = 0.5 * shape.length, shape.radius
-        elif isinstance(shape, HalfSpace):
-            sizes[HALF:ROUND], sizes[ROUND] = shape.normal, shape.offset
-        sizes[RADIUS], sizes[BOUND:CENTER] = self.radius, self.half
-        return sizes
+        return self.row[-CENTER:]
 
     @property
     def form(self) -> int:
@@ -99,7 +76,20 @@ class Solid:
     @cached_property
     def row(self) -> Array:
         """Its form, radius, half edges, center, `core.row` and `sizes`, one after the other, shape (19,)."""
-        return np.concatenate([[self.form, self.radius], self.half, self.center, self.core.row, self.sizes])
+        shape, half, rounding = self.shape, (0.0, 0.0, 0.0), 0.0
+        bound = self.half.tolist()
+        if isinstance(shape, Box):
+            half = bound
+        elif isinstance(shape, Cylinder):
+            half = shape.radius, shape.radius, 0.5 * shape.length
+        elif isinstance(shape, Sphere):
+            rounding = shape.radius
+        elif isinstance(shape, Capsule):
+            half, rounding = (0.0, 0.0, 0.5 * shape.length), shape.radius
+        elif isinstance(shape, HalfSpace):
+            half, rounding = shape.normal, shape.offset
+        numbers = (self.form, self.radius, *bound, *self.center.tolist(), *self.core.row)
+        return np.array([*numbers, *half, rounding, self.radius, *bound])
 
     @cached_property
     def geometry(self) -> Any:

@@ -78,7 +78,7 @@ def make_chain(rng: np.random.Generator, n: int = 3) -> rp.Robot:
         placed = Geometry("shape", shape, pose(rng.uniform(-0.1, 0.1, 3), rpy=rng.uniform(-3.0, 3.0, 3)))
         links.append(Link(f"link{i + 1}", collisions=(placed,)))
         joints.append(joint)
-    neighbours = frozenset(frozenset({f"link{i}", f"link{i + 1}"}) for i in range(n))
+    neighbors = frozenset(frozenset({f"link{i}", f"link{i + 1}"}) for i in range(n))
     return rp.Robot(
         name="chain",
         links=tuple(links),
@@ -87,7 +87,7 @@ def make_chain(rng: np.random.Generator, n: int = 3) -> rp.Robot:
         limits=limits_of(n),
         configurations={"home": np.zeros(n)},
         held={},
-        never_collide=neighbours,
+        never_collide=neighbors,
         tool=f"link{n}",
     )
 
@@ -202,7 +202,7 @@ class FclWorld:
         owner = self.scene.owner
         names = [(a, b) for a, b in self.scene.checked_pairs if (owner(a) == owner(b)) == own]
         pairs = [(x, y) for a, b in names for _, _, x in self.parts[a] for _, _, y in self.parts[b]]
-        # One order of the two may give a distance too large by a quarter of a millimetre.
+        # One order of the two may give a distance too large by a quarter of a millimeter.
         both = [pair for x, y in pairs for pair in ((x, y), (y, x))]
         return min((fcl.distance(x, y, fcl.DistanceRequest(), fcl.DistanceResult()) for x, y in both), default=np.inf)
 

@@ -44,7 +44,7 @@ def test_a_contact_of_half_a_millisecond_is_found_where_it_is(slider: Make, traj
     assert "first contact at 0.4997" in hit.message
 
 
-def test_the_same_motion_a_tenth_of_a_millimetre_away_is_certified(slider: Make, trajectory: Make) -> None:
+def test_the_same_motion_a_tenth_of_a_millimeter_away_is_certified(slider: Make, trajectory: Make) -> None:
     scene = rp.Scene().with_arm("arm", slider(BALL)).with_obstacle("plate", PLATE, [0.5, 0.0, 0.0])
     report = validate(bump(trajectory, 0.5 - 0.0005 - 0.05 - 0.0001, 0.001, 0.0005), scene)
     assert not [v for v in report.violations if v.kind in ("collision", "undecided")]
@@ -53,7 +53,7 @@ def test_the_same_motion_a_tenth_of_a_millimetre_away_is_certified(slider: Make,
     assert 0.0 < report.margins["clearance_proven"].value <= report.margins["clearance"].value
 
 
-def test_a_small_ball_at_a_hundred_metres_a_second_does_not_slip_through_a_plate(slider: Make, quintic: Make) -> None:
+def test_a_small_ball_at_a_hundred_meters_a_second_does_not_slip_through_a_plate(slider: Make, quintic: Make) -> None:
     scene = rp.Scene().with_arm("arm", slider(rp.Sphere(0.001))).with_obstacle("plate", PLATE, [0.3, 0.0, 0.0])
     report = validate(quintic(["arm/slide"], [-5.0], [5.0], 0.1), scene)
     hit = only(report, "collision")
@@ -135,7 +135,7 @@ def test_padding_of_all_and_of_one_pair_is_kept(slider: Make, quintic: Make) -> 
     assert "3 mm is padding" in hit.message
 
 
-def test_sliding_along_a_wall_at_two_millimetres_raises_no_alarm(slider: Make, quintic: Make) -> None:
+def test_sliding_along_a_wall_at_two_millimeters_raises_no_alarm(slider: Make, quintic: Make) -> None:
     scene = rp.Scene().with_arm("arm", slider(rp.Box((0.2, 0.1, 0.1))))
     scene = scene.with_obstacle("rail", rp.Box((4.0, 0.1, 0.1)), [0.0, 0.102, 0.0])
     scene = scene.with_obstacle("floor", rp.HalfSpace((0.0, 0.0, 1.0), -0.052))
@@ -145,7 +145,7 @@ def test_sliding_along_a_wall_at_two_millimetres_raises_no_alarm(slider: Make, q
     assert report.margins["clearance_proven"].value > 0.0
 
 
-def test_half_a_micrometre_is_undecided_never_free(slider: Make, quintic: Make) -> None:
+def test_half_a_micrometer_is_undecided_never_free(slider: Make, quintic: Make) -> None:
     scene = rp.Scene().with_arm("arm", slider(BALL)).with_obstacle("plate", PLATE, [0.5, 0.0, 0.0])
     doubt = only(validate(quintic(["arm/slide"], [0.0], [0.4495 - 5e-7]), scene), "undecided")
     assert doubt.value == pytest.approx(5e-7, abs=1e-9)

@@ -55,7 +55,8 @@ def said(scene: rp.Scene, joint_names: tuple[str, ...]) -> dict[frozenset[str], 
     moving, count = moving_scene(scene, joint_names), len(scene.element_names)
     rest = TimedColumns(joint_names, np.zeros(1), np.zeros((1, 1, len(joint_names))))
     table = np.full((count, count), -1.0)
-    load_library().rr1_probe_paddings(Search(moving, rest, ProofOptions(1e-3, 1)).struct, table)
+    search = Search(moving, rest, ProofOptions(1e-3, 1))
+    load_library().rr1_probe_paddings(search.struct, table)
     names = [moving.element(e)[1] for e in range(count)]
     for a, b in combinations(range(count), 2):
         assert moving.padding_between(a, b) == table[a, b]

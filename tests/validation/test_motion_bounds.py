@@ -35,9 +35,9 @@ class Stretch:
         self.model = moving.tables.model(0)
         motion = TimedColumns(names, np.array([0.0, 1.0]), coefficients[None])
         search = Search(moving, motion, ProofOptions(1e-3, 1))
-        self.search, self.native = search.struct, load_library()
+        self.kept, self.search, self.native = search, search.struct, load_library()
         self.native.rr1_probe_interval(self.search, 0, at, half)
-        self.placed = search.tables["placed"].view(np.float64)
+        self.placed = search.table("placed")
 
     @property
     def movers(self) -> list[int]:

@@ -166,7 +166,7 @@ def test_no_proven_clearance_is_above_the_true_one(clearance: Clearance) -> None
         n /= np.linalg.norm(n)
         reach = float(support(solid(a), (Ta[:3, :3].T @ n)[None])[0] + support(solid(b), -(Tb[:3, :3].T @ n)[None])[0])
         away = pose(n * (reach + 0.01)) @ Tb
-        # The gap along n is a centimetre, so the distance is at least that.
+        # The gap along n is a centimeter, so the distance is at least that.
         assert clearance(a, Ta, b, away) >= 0.01 - 1e-9
 
 

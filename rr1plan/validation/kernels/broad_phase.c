@@ -104,6 +104,13 @@ static void box_arm(RefereeSearch *s, int64_t arm, int swept, BoundingBox *eleme
     }
 }
 
+// A lower bound of the distance of what is in two boxes, along one axis [m]; below zero where they overlap.
+static inline double axis_separation(const BoundingBox *a, const BoundingBox *b) {
+    double gap = -INFINITY;
+    for (int i = 0; i < 3; i++) gap = greater(gap, greater(a->low[i] - b->high[i], b->low[i] - a->high[i]));
+    return gap;
+}
+
 // A lower bound of the distance of what is in two boxes [m].
 static inline double box_separation(const BoundingBox *a, const BoundingBox *b) {
     double square = 0.0;
@@ -231,7 +238,8 @@ static int64_t near_owners(RefereeSearch *s, int64_t i, int64_t j, double need) 
     int a_moves = i < s->moving_count, b_moves = j < s->moving_count;
     int64_t mask = a_moves || b_moves ? ((int64_t)1 << s->slice_count) - 1 : 1;
     if (i == j) return mask;
-    double far = need + s->most_padding, apart = box_separation(&s->owner_sweeps[i], &s->owner_sweeps[j]);
+    // Most owners are far apart along one axis.
+    double far = need + s->most_padding, apart = axis_separation(&s->owner_sweeps[i], &s->owner_sweeps[j]);
     if (apart > far) {
         mask = 0;
     } else {
@@ -304,7 +312,9 @@ static void find_nearest_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner t
 // The same of two owners, the first one no later than the second.
 static void find_nearest_elements(RefereeSearch *s, int64_t i, int64_t j, double time, double tolerance,
                                   NearestElements *best) {
-    if (i != j && box_separation(&s->owner_boxes[i], &s->owner_boxes[j]) - s->most_padding >= best->clearance) return;
+    const BoundingBox *box_a = &s->owner_boxes[i], *box_b = &s->owner_boxes[j];
+    double near = best->clearance + s->most_padding;
+    if (i != j && (axis_separation(box_a, box_b) >= near || box_separation(box_a, box_b) >= near)) return;
     Owner one = owner_of(s, i), two = owner_of(s, j);
     const double *paddings = find_paddings(s, i, j);
     for (int64_t ea = 0; ea < one.count; ea++) {
