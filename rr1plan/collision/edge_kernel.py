@@ -166,6 +166,8 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         group_pair_count=len(tables.group_pairs),
         padding=tables.padding,
         obstacle_pair=tables.pair_of,
+        obstacle_blocks=tables.obstacle_blocks,
+        first_block=tables.first_block,
         body_pairs=tables.body_pairs,
         group_pairs=tables.group_pairs,
         map_ranges=tables.map_ranges,

@@ -43,7 +43,8 @@ def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: floa
     return EdgeTables(
         spheres.joints, spheres.joint_values, spheres.bodies, spheres.groups, spheres.spheres,
         spheres.chain, spheres.chain_reach,
-        still.kinds, still.values, np.ascontiguousarray(still.boxes.T), pairs.pair_of,
+        still.kinds, still.values, np.ascontiguousarray(still.boxes.T),
+        pairs.pair_of, pairs.obstacle_blocks, pairs.first_block,
         np.column_stack([pairs.body_pairs, maps.places]), np.column_stack([pairs.group_pairs, maps.groups]),
         maps.counts, maps.ranges,
         tables.padding, *still.cores, still.core_of, margins,
@@ -60,7 +61,7 @@ class _KernelPairs:
     Args:
         body_pairs, group_pairs: Their first columns there.
         solids: The solids of `body_pairs`, shape (m, 2).
-        pair_of: As there.
+        pair_of, obstacle_blocks, first_block: As there.
         obstacles: Which of the links that do not move, then of the obstacles it counts [index], and some beyond the
             last.
     """
@@ -69,6 +70,8 @@ class _KernelPairs:
     group_pairs: _INTS
     solids: _INTS
     pair_of: _INTS
+    obstacle_blocks: _INTS
+    first_block: _INTS
     obstacles: _INTS
 
 
@@ -94,4 +97,13 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     pair_of = np.full((int(np.count_nonzero(bodies >= 0)), len(chosen) + more), -1, np.int64)
     pair_of[body[moving], place] = number
     chosen = np.concatenate([chosen, len(fixed) + np.arange(more)])
-    return _KernelPairs(*map(read_only, (rows, group_pairs, pairs.moving[rows[:, 3]], pair_of, chosen)))
+    blocks = _blocks_of_groups(pair_of, spheres.bodies[:, 3], len(spheres.groups))
+    return _KernelPairs(*map(read_only, (rows, group_pairs, pairs.moving[rows[:, 3]], pair_of, *blocks, chosen)))
+
+
+def _blocks_of_groups(pair_of: _INTS, group: _INTS, count: int) -> tuple[_INTS, _INTS]:
+    """The `obstacle_blocks` and `first_block` of the groups that bodies belong to."""
+    there = np.zeros((count, pair_of.shape[1] // LANES), np.bool_)
+    np.logical_or.at(there, group, (pair_of >= 0).reshape(len(group), -1, LANES).any(axis=2))
+    groups, blocks = np.nonzero(there)
+    return blocks * LANES, np.searchsorted(groups, np.arange(count + 1))

@@ -92,7 +92,9 @@ INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scra
     SphereRef ball = ball_of_group(g, scene->arm);
     int64_t count = 0;
     const Box *box = &scratch->group_boxes[g];
-    for (int64_t block = 0; block < scene->obstacles->count; block += LANES) {
+    const PairTables *pairs = scene->pairs;
+    for (int64_t k = pairs->first_block[g]; k < pairs->first_block[g + 1]; k++) {
+        int64_t block = pairs->obstacle_blocks[k];
         uint64_t near = boxes_near(box, block, scene->obstacles);
         if (near) ready_group(g, h, scene, scratch);
         for (; near; near &= near - 1) {

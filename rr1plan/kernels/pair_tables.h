@@ -43,6 +43,10 @@ typedef struct {
     int64_t group_pair_count;
     const double *padding;       // distance to keep of each pair [m]
     const int64_t *obstacle_pair;  // pair of a body and an obstacle, -1: none; shape (bodies, obstacles)
+    // Obstacles in blocks of LANES: the first of each block that has a pair with some body of a group, group after group.
+    // Those of group g are entries `first_block[g]` to `first_block[g + 1] - 1`.
+    const int64_t *obstacle_blocks;
+    const int64_t *first_block;
     const BodyPair *body_pairs;
     const GroupPair *group_pairs;
     const MapRange *map_ranges;  // of each body pair
