@@ -54,14 +54,15 @@ class CollisionGeometry:
     def __init__(self, scene: Scene, arms: tuple[str, ...], distance: float) -> None:
         held = held_by_arm(scene)
         geometries = {name: arm_geometry(arm, held.get(name, {})) for name, arm in scene.arms.items()}
-        near = find_near(scene, geometries, arms, distance)
+        all_obstacles = {name: obstacle_geometry(name, obstacle) for name, obstacle in scene.obstacles.items()}
+        near = find_near(scene, geometries, tuple(all_obstacles.values()), arms, distance)
         self._arms = arms
         self.least_gap = near.least_gap
         self.instances = arm_instances([geometries[a] for a in arms], [scene.arms[a].base for a in arms])
         standing = tuple(
             standing_geometry(name, geometries[name], scene.arms[name].base, scene.arms[name].q) for name in near.arms
         )
-        obstacles = tuple(obstacle_geometry(name, scene.obstacles[name]) for name in near.obstacles)
+        obstacles = tuple(all_obstacles[name] for name in near.obstacles)
         self.obstacles = (*standing, *obstacles)
         self.rules = _rules(scene, near, arms)
         moving = chain.from_iterable(g.elements(a) for a, g in zip(arms, self.instances.geometries, strict=True))

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_tables import arm_tables
-from rr1plan.collision.obstacle_geometry import arm_posture, obstacle_geometry
+from rr1plan.collision.obstacle_geometry import ObstacleGeometry, arm_posture
 from rr1plan.collision.obstacle_tables import obstacle_tables
 from rr1plan.kept import kept_in
-from rr1plan.scene import Obstacle, Scene
+from rr1plan.scene import Scene
 
+# So many obstacles are never left out: scenes that differ in where these are share their pairs.
+_FEW_OBSTACLES = 64
 # Far above the rounding of the sums here, relative and absolute [m].
 _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 
@@ -38,24 +40,35 @@ class Near:
     least_gap: float
 
 
-def find_near(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: tuple[str, ...], distance: float) -> Near:
+def find_near(
+    scene: Scene,
+    geometries: Mapping[str, ArmGeometry],
+    obstacles: Sequence[ObstacleGeometry],
+    arms: tuple[str, ...],
+    distance: float,
+) -> Near:
     """What can come nearer than a distance to the moving arms, whatever their configuration.
 
     Args:
         scene: The scene.
         geometries: Of its arms.
+        obstacles: Its obstacles, in their order.
         arms: The arms that move.
         distance: The distance [m].
     """
+    if len(scene.arms) == 1 and len(obstacles) <= _FEW_OBSTACLES:
+        return Near((), tuple(scene.obstacles), None, np.inf)
     others = [name for name in scene.arms if name not in set(arms)]
     balls = placed_balls(np.array([reach_ball(geometries[a]) for a in arms]).reshape(-1, 4), bases_of(scene, arms))
     still = posture_balls(scene, geometries, others)
     names = list(scene.obstacles)
-    boxes = obstacle_boxes(scene.obstacles)
+    everyone = [*arms, *others, *names]
+    boxes = obstacle_boxes(obstacles)
     gaps = np.concatenate([ball_gaps(balls, balls), ball_gaps(balls, still), box_gaps(balls, boxes)], axis=1)
     np.fill_diagonal(gaps, -np.inf)
+    if len(names) <= _FEW_OBSTACLES:
+        gaps[:, len(everyone) - len(names) :] = -np.inf
     is_near = np.array(gaps <= distance, dtype=np.bool_)
-    everyone = [*arms, *others, *names]
     kept: NDArray[np.bool_] = np.any(is_near, axis=0)
     first, last = len(arms), len(arms) + len(others)
     least_gap = float(gaps[~is_near].min(initial=np.inf))
@@ -143,10 +156,15 @@ def placed_balls(balls: Array, bases: Array) -> Array:
     return np.concatenate([centers + shift, balls[..., 3:]], axis=-1)
 
 
-def obstacle_boxes(obstacles: Mapping[str, Obstacle]) -> Array:
+def obstacle_boxes(obstacles: Sequence[ObstacleGeometry]) -> Array:
     """Low and high corner of a box around each obstacle [m], infinite for a half-space, shape (n, 6)."""
-    tables = obstacle_tables([obstacle_geometry(name, obstacle) for name, obstacle in obstacles.items()])
-    return np.array([[*own.boxes[:, :3].min(axis=0), *own.boxes[:, 3:].max(axis=0)] for own in tables]).reshape(-1, 6)
+    if not obstacles:
+        return np.zeros((0, 6))
+    boxes = np.concatenate([own.boxes for own in obstacle_tables(obstacles)])
+    counts = np.array([len(obstacle.solids) for obstacle in obstacles])
+    first = np.cumsum(counts) - counts
+    low, high = np.minimum.reduceat(boxes[:, :3], first), np.maximum.reduceat(boxes[:, 3:], first)
+    return np.concatenate([low, high], axis=1)
 
 
 def ball_gaps(one: Array, two: Array) -> Array:

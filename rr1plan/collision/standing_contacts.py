@@ -59,7 +59,7 @@ def _contacts(scene: Scene) -> Iterator[Contact]:
         yield from _own_contacts(scene, name, geometries[name])
     padding = max((scene.padding, *scene.pair_padding.values()))
     balls = posture_balls(scene, geometries, names)
-    boxes = obstacle_boxes(scene.obstacles)
+    boxes = obstacle_boxes([obstacle_geometry(name, obstacle) for name, obstacle in scene.obstacles.items()])
     near = near_balls(balls, padding)
     postures = [arm_posture(geometries[name], scene.arms[name].q.tobytes()) for name in names]
     for parts in ([posture.elements for posture in postures], [posture.bodies for posture in postures]):
