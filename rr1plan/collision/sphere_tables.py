@@ -104,6 +104,6 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
 def _blocks_of_groups(pair_of: _INTS, group: _INTS, count: int) -> tuple[_INTS, _INTS]:
     """The `obstacle_blocks` and `first_block` of the groups that bodies belong to."""
     there = np.zeros((count, pair_of.shape[1] // LANES), np.bool_)
-    np.logical_or.at(there, group, (pair_of >= 0).reshape(len(group), -1, LANES).any(axis=2))
+    np.logical_or.at(there, group, (pair_of >= 0).reshape(len(group), there.shape[1], LANES).any(axis=2))
     groups, blocks = np.nonzero(there)
     return blocks * LANES, np.searchsorted(groups, np.arange(count + 1))
