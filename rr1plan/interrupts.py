@@ -19,14 +19,14 @@ INTERRUPTED = 130
 
 def leave(*_: object) -> None:
     """End the process with exit code 130 and a line on stderr."""
-    if sys.stderr is not None:
-        # A bar may have hidden the cursor.
-        line = ("\x1b[?25h" if sys.stderr.isatty() else "") + "rr1plan: interrupted\n"
-        try:  # noqa: SIM105  (contextlib is not imported here)
+    try:
+        if sys.stderr is not None:
+            # A bar may have hidden the cursor.
+            line = ("\x1b[?25h" if sys.stderr.isatty() else "") + "rr1plan: interrupted\n"
             os.write(sys.stderr.fileno(), line.encode())
-        except OSError:
-            pass
-    os._exit(INTERRUPTED)
+    finally:
+        # Also where nothing can be written.
+        os._exit(INTERRUPTED)
 
 
 class leaving_at_once:
@@ -34,17 +34,17 @@ class leaving_at_once:
 
     def __enter__(self) -> None:
         self._before: Any = signal.getsignal(signal.SIGINT)
-        if callable(self._before):
-            self._install(leave)
+        self._installed = callable(self._before) and _set_handler(leave)
 
     def __exit__(self, *_: object) -> None:
-        if callable(self._before):
-            self._install(self._before)
+        if self._installed:
+            _set_handler(self._before)
 
-    @staticmethod
-    def _install(handler: Any) -> None:
-        try:  # noqa: SIM105
-            signal.signal(signal.SIGINT, handler)
-        except ValueError:
-            # Python takes signals in its main thread only.
-            pass
+
+def _set_handler(handler: Any) -> bool:
+    """Handle Ctrl-C; False outside of the main thread, the only one in which Python handles signals."""
+    try:
+        signal.signal(signal.SIGINT, handler)
+    except ValueError:
+        return False
+    return True

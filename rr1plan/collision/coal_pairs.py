@@ -99,7 +99,7 @@ class CoalPairs:
         return self.distance(pair)[0] <= float(self._padding[pair])
 
     def _is_inside(self, hollow: _Hollow) -> bool:
-        """Whether a point of the solid, and so all of what does not touch the surface, is inside the mesh."""
+        """Whether a point of the solid is inside the mesh; a solid that does not touch the surface is then inside whole."""
         placed = self._scratch.oMg[hollow.surface].actInv(self._scratch.oMg[hollow.solid])
         return any(holds_point(hollow.mesh, placed.act(point)) for point in hollow.points)
 

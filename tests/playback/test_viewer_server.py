@@ -34,10 +34,11 @@ def fetch(url: str, host: str | None = None) -> str:
 
 
 async def close(connection: WebSocketClientConnection) -> None:
-    """Close a connection and wait until it is: the server answers after all messages that are under way."""
+    """Close a connection and read what the server sent before it knew; after the last message comes None."""
     connection.close()
-    while await asyncio.wait_for(connection.read_message(), 20) is not None:
-        pass  # a message that was sent before the server read the close; None comes after the last
+    message: str | bytes | None = ""
+    while message is not None:
+        message = await asyncio.wait_for(connection.read_message(), 20)
 
 
 async def listen(viewer: Viewer, count: int, version: str = "1", **headers: str) -> list[Any]:
