@@ -99,7 +99,7 @@ class CoalPairs:
         return self.distance(pair)[0] <= float(self._padding[pair])
 
     def _is_inside(self, hollow: _Hollow) -> bool:
-        """Whether a point of the solid is inside the mesh; one that does not touch the surface is then wholly inside."""
+        """Whether a point of the solid, so all of it unless it touches the surface, is inside the mesh."""
         placed = self._scratch.oMg[hollow.surface].actInv(self._scratch.oMg[hollow.solid])
         return any(holds_point(hollow.mesh, placed.act(point)) for point in hollow.points)
 
