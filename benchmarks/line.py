@@ -125,7 +125,7 @@ def _plan(
     for m in (margin, 0.0):
         with clock.stage("set up"):
             roomy = problem.with_margin(m)
-            rp.set_up(roomy)
+            rp.warm_up(roomy)
         with clock.stage("plan"):
             result = rp.plan(roomy, planner, budget, seed)
         if result.status not in (rp.PlanStatus.INVALID_GOAL, rp.PlanStatus.INFEASIBLE):

@@ -180,7 +180,7 @@ def _time_edge(task: Mapping[str, Any]) -> dict[str, Any]:
     scene = _scene(task["arms"], task["layout"])
     begin = time.perf_counter()
     checker = rp.CollisionChecker(scene)
-    checker.set_up()
+    checker.warm_up()
     made = time.perf_counter() - begin
     q0, q1 = _edge(scene, task["seed"])
     halved = 0

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from rr1plan.formats.plan_files import save_motion as save_motion
     from rr1plan.formats.point_files import load_point_cloud as load_point_cloud
     from rr1plan.formats.ros_files import load_joint_trajectory as load_joint_trajectory
-    from rr1plan.formats.srdf_proposal import propose_never_collide as propose_never_collide
+    from rr1plan.formats.srdf_proposal import propose_disabled_collisions as propose_disabled_collisions
     from rr1plan.kinematics import IkResult as IkResult
     from rr1plan.kinematics import Kinematics as Kinematics
     from rr1plan.kinematics import copies_within_limits as copies_within_limits
@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     from rr1plan.path import Path as Path
     from rr1plan.pipeline import MotionPlan as MotionPlan
     from rr1plan.pipeline import plan_motion as plan_motion
-    from rr1plan.pipeline import set_up as set_up
+    from rr1plan.pipeline import warm_up as warm_up
     from rr1plan.planners import Roadmap as Roadmap
     from rr1plan.planners import make_planner as make_planner
     from rr1plan.planners import plan as plan
@@ -139,7 +139,7 @@ _EXPORTS = {
     "rr1plan.formats.plan_files": ("save_motion",),
     "rr1plan.formats.point_files": ("load_point_cloud",),
     "rr1plan.formats.ros_files": ("load_joint_trajectory",),
-    "rr1plan.formats.srdf_proposal": ("propose_never_collide",),
+    "rr1plan.formats.srdf_proposal": ("propose_disabled_collisions",),
     "rr1plan.kinematics": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
     "rr1plan.library": (
         "installed_robot_names",
@@ -154,7 +154,7 @@ _EXPORTS = {
     "rr1plan.loading": ("load_motion",),
     "rr1plan.multi": ("place_grid", "place_ring"),
     "rr1plan.path": ("Path",),
-    "rr1plan.pipeline": ("MotionPlan", "plan_motion", "set_up"),
+    "rr1plan.pipeline": ("MotionPlan", "plan_motion", "warm_up"),
     "rr1plan.planners": ("Roadmap", "make_planner", "plan", "planner_names"),
     "rr1plan.planners.shortcut": ("shorten",),
     "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus"),

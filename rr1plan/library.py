@@ -87,7 +87,7 @@ def load_robot(
     the middle of the range where that is free of self-collision, else a free configuration near it.
 
     Where no SRDF switches pairs of links off, neighbors and links that touch in each of 200 random
-    configurations are not checked against each other; see `propose_never_collide`. Where no configuration
+    configurations are not checked against each other; see `propose_disabled_collisions`. Where no configuration
     is free even so, links that touch at home are not checked either, as the log warns.
 
     Args:

@@ -3,7 +3,7 @@
 Built from our own description, never from a file, so every back end sees the same robot. The
 planning configuration q (the moving arms' planning joints, in the order of the scene) maps to the
 configuration of the whole model by an affine map: planning joints take their column, mimic joints
-follow through their chain of multipliers, held joints and resting arms are constants. Obstacles and
+follow through their chain of multipliers, locked joints and resting arms are constants. Obstacles and
 attached objects weigh nothing here: they are geometry only.
 
 Each instance is cheap to make and holds no scratch memory; it may be shared between threads.
@@ -45,7 +45,7 @@ class SceneModel:
 
     Raises:
         UnknownNameError: no such arm.
-        InputError: an arm twice, or a joint that is neither planned, held nor mimics one that is.
+        InputError: an arm twice, or a joint that is neither planned, locked nor mimics one that is.
     """
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None) -> None:

@@ -228,7 +228,7 @@ def plan_motion(
             _cut_meshes(problem.scene, progress)
             margin = affordable_margin(problem, (problem.margin or _MARGIN) if margin is None else margin)
             roomy = problem.with_margin(margin)
-            set_up(roomy)
+            warm_up(roomy)
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
     with _timed(seconds, "plan"):
@@ -270,7 +270,7 @@ def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
     cut_meshes(scene, told)
 
 
-def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
+def warm_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
     """Warm up: build the collision tables of a problem's scene before its first query.
 
     Planning does it where it has not been done, in a millisecond or two; do it ahead where the first answer is waited
@@ -288,7 +288,7 @@ def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
     check_question(problem, None, progress)
     _cut_meshes(problem.scene, progress)
     with checker_from_pool(problem.scene, problem.arms, problem.margin) as motions:
-        motions.set_up()
+        motions.warm_up()
 
 
 def affordable_margin(problem: Problem, margin: float) -> float:

@@ -139,7 +139,7 @@ def calls(folder: Path) -> dict[str, Call]:
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"q0": q, "q1": q + 0.1})
             for verb in ("edge_is_free", "edge_is_free_slowly", "first_contact")
         },
-        "CollisionChecker.is_free_but_for": (checker.is_free_but_for, {"q": q, "arms": frozenset({"arm"})}),
+        "CollisionChecker.is_free_ignoring": (checker.is_free_ignoring, {"q": q, "arms": frozenset({"arm"})}),
         "CollisionChecker.path_is_free": (checker.path_is_free, {"waypoints": [q, q + 0.1]}),
         **{
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
@@ -168,7 +168,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"file": folder / "o.json", "scene": scene, "embed": False}
             | dict.fromkeys(("path", "trajectory", "report", "problem")),
         ),
-        "propose_never_collide": (rp.propose_never_collide, {"robot": robot, "samples": 3, "rng": 0}),
+        "propose_disabled_collisions": (rp.propose_disabled_collisions, {"robot": robot, "samples": 3, "rng": 0}),
         "Kinematics": (rp.Kinematics, {"scene_or_robot": scene, "arms": None}),
         "Kinematics.for_arm": (kinematics.for_arm, {"arm": None}),
         "Kinematics.frame": (kinematics.frame, {"frame": "tool"}),
@@ -223,7 +223,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"problem": problem, "planner": "rrt_connect", "retiming": "blend", "shorten": True, "margin": 0.002}
             | {"torque_limits": False, "budget": budget, "rng": 0, "progress": None},
         ),
-        "set_up": (rp.set_up, {"problem": problem, "progress": None}),
+        "warm_up": (rp.warm_up, {"problem": problem, "progress": None}),
         "Roadmap": (rp.Roadmap, {"scene": scene, "arms": None, "samples": 5}),
         "Roadmap.grow": (rp.Roadmap(scene, samples=5).grow, {"samples": 1}),
         "Roadmap.plan": (
@@ -286,7 +286,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Robot.joint_values": (robot.joint_values, {"q": q}),
         "Robot.link": (robot.link, {"name": robot.links[0].name}),
         "Robot.link_poses": (robot.link_poses, {"q": q}),
-        "Robot.with_held": (robot.with_held, {"values": {}}),
+        "Robot.with_locked_joints": (robot.with_locked_joints, {"values": {}}),
         "Robot.with_limits": (robot.with_limits, {"limits": robot.limits}),
         "Arm": (rp.Arm, {"robot": robot, "base": T, "q": "home"}),
         "Scene": (

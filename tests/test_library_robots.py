@@ -68,7 +68,7 @@ def test_chosen_joints_keep_their_order_and_the_others_are_held_near_zero(arm: P
     robot = rp.load_robot(arm, joints=["b", "a"], tool="l1", name="mine")
     assert robot.joint_names == ("b", "a")
     assert robot.limits.upper.tolist() == [1.5, 1.0]
-    assert dict(robot.held) == {"c": -1.0}
+    assert dict(robot.locked_joints) == {"c": -1.0}
     assert (robot.tool, robot.name) == ("l1", "mine")
 
 
@@ -141,7 +141,7 @@ def test_fixed_and_mimic_joints_are_not_planned_for(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(text)
     robot = rp.load_robot(tmp_path / "arm.urdf")
     assert robot.joint_names == ("a",)
-    assert dict(robot.held) == {}
+    assert dict(robot.locked_joints) == {}
     with pytest.raises(InputError, match="'b' is fixed or mimics"):
         rp.load_robot(tmp_path / "arm.urdf", joints=["b"])
 
@@ -189,7 +189,7 @@ BAD_TOML = {
     "nan limit": ('urdf = "arm.urdf"\npresets.slow.a.velocity = nan\n', "presets.slow.a.velocity"),
     "velocity zero": ('urdf = "arm.urdf"\npresets.slow.a.velocity = 0\n', "velocity"),
     "a word for a number": ('urdf = "arm.urdf"\npresets.slow.a.velocity = "x"\n', "velocity"),
-    "unknown held joint": ('urdf = "arm.urdf"\nheld.x = 0\n', "held joint 'x'"),
+    "unknown locked joint": ('urdf = "arm.urdf"\nheld.x = 0\n', "locked joint 'x'"),
 }
 
 
@@ -376,7 +376,7 @@ def test_an_installed_robot_is_loaded_by_its_name(name: str, file: str, joints: 
     assert Path(robot.source).name == file
     assert robot.nq == joints
     bare = rp.load_robot(name, srdf=False)
-    assert (bare.never_collide != robot.never_collide) is srdf
+    assert (bare.disabled_collisions != robot.disabled_collisions) is srdf
 
 
 @pytest.mark.usefixtures("foreign_robots")

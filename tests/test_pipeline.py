@@ -33,13 +33,13 @@ def test_a_motion_is_certified_and_every_stage_has_its_time(problem: rp.Problem)
 def test_a_scene_is_set_up_once(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = rp.Scene(arms=problem.scene.arms, obstacles=problem.scene.obstacles)
     fresh = rp.Problem(scene, problem.start, dict(problem.goal))
-    rp.set_up(fresh)
+    rp.warm_up(fresh)
     made = []
     monkeypatch.setattr(checkers, "build_edge_tables", lambda *_: made.append(None))
     assert rp.plan(fresh, rng=0).solved
     assert made == []
     with pytest.raises(rp.InputError, match="problem is of type Scene"):
-        rp.set_up(scene)
+        rp.warm_up(scene)
 
 
 @pytest.mark.parametrize("retiming", rp.retiming.retiming_names())
@@ -138,13 +138,13 @@ def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
 
 def test_setting_up_is_not_at_the_expense_of_the_budget(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is made once may take longer than a budget: tables of a new scene, code that is not compiled yet."""
-    make = rp.CollisionChecker.set_up
+    make = rp.CollisionChecker.warm_up
 
     def slowly(checker: rp.CollisionChecker) -> None:
         time.sleep(0.8)
         make(checker)
 
-    monkeypatch.setattr(rp.CollisionChecker, "set_up", slowly)
+    monkeypatch.setattr(rp.CollisionChecker, "warm_up", slowly)
     result = rp.plan(problem, budget=rp.Budget(seconds=0.7), rng=0)
     assert result.solved
     assert result.seconds < 0.7

@@ -89,7 +89,7 @@ class CollisionChecker(CoalChecker):
         """What has been done so far, by compiled planners too."""
         return self._kernel.done
 
-    def set_up(self) -> None:
+    def warm_up(self) -> None:
         """Build the collision tables, which the first query needs."""
         _ = self.context, self.static_is_free
 
@@ -132,7 +132,7 @@ class CollisionChecker(CoalChecker):
         status = self._certify(q, q)[0]
         return status == FREE or (status != CONTACT and self.is_free_slowly(q))
 
-    def is_free_but_for(self, q: Any, arms: frozenset[str]) -> bool:
+    def is_free_ignoring(self, q: Any, arms: frozenset[str]) -> bool:
         """The same, but that pairs do not count in which some arms have a part; nothing is nearer than a nanometer.
 
         Args:

@@ -112,7 +112,7 @@ def _rules(scene: Scene, near: Near, moving: Sequence[str]) -> ContactRules:
         RuleContent(
             tuple(name for name, _ in owners),
             tuple(owner for _, owner in owners),
-            tuple((a, scene.arms[a].robot.base, frozenset(scene.arms[a].robot.never_collide)) for a in arms),
+            tuple((a, scene.arms[a].robot.base, frozenset(scene.arms[a].robot.disabled_collisions)) for a in arms),
             tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
             frozenset(both for both in scene.allowed if both <= names),
             near.near_pairs,

@@ -146,11 +146,11 @@ class Robot(Entry):
     joint_names: Annotated[list[Name], Meta(min_length=1)]
     limits: Limits
     configurations: dict[Name, list[float]]
-    held: dict[Name, float]
-    never_collide: list[Pair]
+    locked_joints: dict[Name, float]
+    disabled_collisions: list[Pair]
     tool: Name
     presets: dict[Name, Limits]
-    named_held: dict[Name, dict[Name, float]]
+    locked_joint_states: dict[Name, dict[Name, float]]
     source: Text
 
 

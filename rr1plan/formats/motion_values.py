@@ -228,11 +228,11 @@ def _robot(entry: schema.Robot, read_shape: ReadShape) -> Robot:
             joint_names=tuple(entry.joint_names),
             limits=_limits(entry.limits),
             configurations={name: np.array(q) for name, q in entry.configurations.items()},
-            held=entry.held,
-            never_collide=frozenset(pair(a, b) for a, b in entry.never_collide),
+            locked_joints=entry.locked_joints,
+            disabled_collisions=frozenset(pair(a, b) for a, b in entry.disabled_collisions),
             tool=entry.tool,
             presets={name: _limits(limits) for name, limits in entry.presets.items()},
-            named_held=entry.named_held,
+            locked_joint_states=entry.locked_joint_states,
             source=entry.source,
         )
     )

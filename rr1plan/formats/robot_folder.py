@@ -41,7 +41,7 @@ class RobotFolder:
     tool: str | None = None
     group: str | None = None
     limits: str | None = None
-    held: Mapping[str, float] = field(default_factory=dict)
+    locked_joints: Mapping[str, float] = field(default_factory=dict)
     presets: Mapping[str, Rows] = field(default_factory=dict)
     about: Mapping[str, str] = field(default_factory=dict)
 
@@ -51,10 +51,10 @@ class RobotFolder:
         Raises:
             FormatError: a joint the robot does not have, or limits that cannot be.
         """
-        held = {name: value for name, value in self.held.items() if name not in robot.joint_names}
+        held = {name: value for name, value in self.locked_joints.items() if name not in robot.joint_names}
         try:
             presets = {name: _limits(robot, rows) for name, rows in self.presets.items()}
-            robot = replace(robot.with_held(held), presets=presets)
+            robot = replace(robot.with_locked_joints(held), presets=presets)
             return robot if self.limits is None else robot.with_limits(self.limits)
         except InputError as error:
             raise FormatError(str(error), self.file) from error
@@ -76,7 +76,7 @@ def read_robot_folder(folder: Path) -> RobotFolder:
         tool=table.string("tool") if "tool" in table else None,
         group=table.string("group") if "group" in table else None,
         limits=table.string("limits") if "limits" in table else None,
-        held={name: held.number(name) for name in held.names()},
+        locked_joints={name: held.number(name) for name in held.names()},
         presets={name: _rows(presets.table(name)) for name in presets.names()},
         about={name: about.string(name) for name in about.names()},
     )

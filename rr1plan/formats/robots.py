@@ -74,10 +74,10 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         joint_names=names,
         limits=limits,
         configurations={"home": _middle(limits)} | configurations,
-        held=held,
-        never_collide=known.disabled | rigid_pairs(tree.joints),
+        locked_joints=held,
+        disabled_collisions=known.disabled | rigid_pairs(tree.joints),
         tool=_tool(tree, known, groups, names, choice.tool),
-        named_held=_held_states(known, held),
+        locked_joint_states=_held_states(known, held),
         source=tree.source,
     )
     robot = with_assumed_masses(robot)
@@ -93,19 +93,22 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
 def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robot:
     """The robot with the pairs of links that need no check, and a home where it does not touch itself."""
     found = self_contacts(robot, has_rules, keeps_home)
-    always, at_home = _listed(found.always - adjacent_pairs(robot.joints) - robot.never_collide), _listed(found.at_home)
+    always, at_home = (
+        _listed(found.always - adjacent_pairs(robot.joints) - robot.disabled_collisions),
+        _listed(found.at_home),
+    )
     if always and has_rules:
         log.warning("%s: touching wherever it is, not checked though the SRDF asks for it: %s", robot.name, always)
     elif always:
         log.info("%s: always touching, not checked: %s", robot.name, always)
-    never = robot.never_collide | found.always
+    never = robot.disabled_collisions | found.always
     if at_home and has_rules:
         log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, at_home)
     elif at_home:
         # As MoveIt's setup assistant has it; without this no configuration of the robot would be free.
         log.warning("%s: touching at home and nearly everywhere, not checked: %s", robot.name, at_home)
         never |= found.at_home
-    return replace(robot, never_collide=never, configurations={**robot.configurations, "home": found.home})
+    return replace(robot, disabled_collisions=never, configurations={**robot.configurations, "home": found.home})
 
 
 def _listed(pairs: Iterable[frozenset[str]]) -> str:

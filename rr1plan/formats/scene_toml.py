@@ -181,7 +181,7 @@ def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, 
 def _with_settings(robot: Robot, entry: Table) -> Robot:
     if "limits" in entry:
         robot = _with_limits(robot, entry)
-    return _with_held(robot, entry) if "held" in entry else robot
+    return _with_locked_joints(robot, entry) if "held" in entry else robot
 
 
 def _read_arm(entry: Table, robot: Robot) -> Arm:
@@ -250,12 +250,12 @@ def _with_limits(robot: Robot, entry: Table) -> Robot:
         return robot.with_limits(Limits(**values))
 
 
-def _with_held(robot: Robot, entry: Table) -> Robot:
+def _with_locked_joints(robot: Robot, entry: Table) -> Robot:
     with entry.blame("held"):
         if isinstance(entry.raw("held"), str):
-            return robot.with_held(entry.string("held"))
+            return robot.with_locked_joints(entry.string("held"))
         table = entry.table("held")
-        return robot.with_held({joint: table.number(joint) for joint in table.names()})
+        return robot.with_locked_joints({joint: table.number(joint) for joint in table.names()})
 
 
 def _with_objects(scene: Scene, top: Table, folder: Path) -> Scene:
@@ -314,8 +314,8 @@ def _arm_entries(arm: Arm, robot: str) -> dict[str, Any]:
     named = [name for name, q in arm.robot.configurations.items() if np.array_equal(q, arm.q) and not _is_file(robot)]
     entries["q"] = named[0] if named else arm.q.tolist()
     entries["limits"] = _limits_entry(arm.robot)
-    if arm.robot.held:
-        entries["held"] = dict(arm.robot.held)
+    if arm.robot.locked_joints:
+        entries["held"] = dict(arm.robot.locked_joints)
     return entries
 
 

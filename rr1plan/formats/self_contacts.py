@@ -50,7 +50,7 @@ def self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContac
 
     Args:
         robot: The robot.
-        has_rules: Its `never_collide` comes from an SRDF.
+        has_rules: Its `disabled_collisions` comes from an SRDF.
         keeps_home: Its home is given, not to be moved.
     """
     rules = f"{_VERSION} {version('coal')} {SAMPLES} {has_rules} {keeps_home}"
@@ -72,7 +72,7 @@ def _sampled(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
     else:
         reasons, _ = sampled_reasons(robot, SAMPLES, as_generator(0))
         always = frozenset(pair for pair, reason in reasons.items() if reason != "Never")
-    robot = replace(robot, never_collide=robot.never_collide | always)
+    robot = replace(robot, disabled_collisions=robot.disabled_collisions | always)
     home = robot.home if keeps_home else free_configuration(robot, robot.home, rng=0)
     return SelfContacts(always, home, frozenset(touching_links(robot, home)))
 

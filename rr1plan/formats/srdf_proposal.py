@@ -85,11 +85,11 @@ class PairProposal(Mapping[Pair, Reason]):
         return "\n".join([*lines, *(f"Check: {band}" for band in self.bands)])
 
 
-def propose_never_collide(robot: Robot, samples: int = 1000, rng: Seed = None) -> PairProposal:
+def propose_disabled_collisions(robot: Robot, samples: int = 1000, rng: Seed = None) -> PairProposal:
     """Pairs of links that need no check, each with the reason.
 
     Args:
-        robot: The robot; its `never_collide` is not looked at.
+        robot: The robot; its `disabled_collisions` is not looked at.
         samples: How many random configurations decide, grippers opened and closed at random too.
         rng: Generator or seed.
 
@@ -160,7 +160,7 @@ def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed 
     """
     generator = as_generator(rng)
     bodies = LinkBodies(robot)
-    pairs = [pair for pair in bodies.pairs if pair not in robot.never_collide]
+    pairs = [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
     values = robot.joint_values(wish)
     if not bodies.touching(values, pairs):
         return wish
@@ -173,13 +173,15 @@ def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed 
 def touching_links(robot: Robot, q: Array, bodies: LinkBodies | None = None) -> set[Pair]:
     """The pairs of links that touch at q (nq,), those that may left out; `bodies` where they are at hand."""
     bodies = bodies or LinkBodies(robot)
-    return bodies.touching(robot.joint_values(q), [pair for pair in bodies.pairs if pair not in robot.never_collide])
+    return bodies.touching(
+        robot.joint_values(q), [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
+    )
 
 
 def _sample(robot: Robot, generator: np.random.Generator) -> dict[str, float]:
     """Random values of all joints, held ones included."""
-    held = {name: _between(robot.joint(name).lower, robot.joint(name).upper, generator) for name in robot.held}
-    return replace(robot, held=held).joint_values(_random(robot, generator))
+    held = {name: _between(robot.joint(name).lower, robot.joint(name).upper, generator) for name in robot.locked_joints}
+    return replace(robot, locked_joints=held).joint_values(_random(robot, generator))
 
 
 def _random(robot: Robot, generator: np.random.Generator) -> Array:

@@ -1,7 +1,7 @@
 """Where the arms are and how they move: poses, Jacobians, torques, all as functions of the planning q.
 
 Pinocchio computes, our affine map (`SceneModel.full`) takes q to its configuration and the results
-back, so mimic joints count in every Jacobian and torque and held joints and resting arms are still.
+back, so mimic joints count in every Jacobian and torque and locked joints and resting arms are still.
 """
 
 from __future__ import annotations

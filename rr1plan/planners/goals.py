@@ -234,7 +234,7 @@ class _Finder:
 
     def _is_free(self, q: Array) -> bool:
         """Nothing touches at q that no other moving arm has a part in."""
-        return self.motion.is_free_but_for(self._composite(q), self.others)
+        return self.motion.is_free_ignoring(self._composite(q), self.others)
 
     def _describe(self, q: Array) -> str:
         """What collides at q without the other moving arms, in words."""

@@ -103,7 +103,7 @@ class Query:
     def __enter__(self) -> Query:
         self._wanted = joint_goals(self.problem)
         self.motion = acquire_checker(self._scene, self.problem.arms, self.problem.margin)
-        self.motion.set_up()
+        self.motion.warm_up()
         self.began = time.perf_counter()
         return self
 

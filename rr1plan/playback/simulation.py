@@ -143,7 +143,7 @@ class JointTargets:
         """One row of the affine map from columns to joints, following a chain of mimics."""
         robot = self.scene.arms[arm].robot
         factor, offset = 1.0, 0.0
-        while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.held:
+        while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.locked_joints:
             offset += factor * joint.mimic.offset
             factor *= joint.mimic.multiplier
             joint = robot.joint(joint.mimic.joint)

@@ -42,11 +42,11 @@ class Robot(Value):
         joint_names: The planning joints: the columns of q, in order.
         limits: Limits of the planning joints, in that order.
         configurations: Named configurations of the planning joints, each (nq,); has "home".
-        held: Values of the actuated joints that are not planned for (a gripper), by name.
-        never_collide: Pairs of links that may touch or never can (SRDF `disable_collisions`).
+        locked_joints: Values of the actuated joints that are not planned for (a gripper), by name.
+        disabled_collisions: Pairs of links that may touch or never can (SRDF `disable_collisions`).
         tool: The link whose frame pose goals mean when they name none.
         presets: Other limits by name, e.g. "sim" and "hardware".
-        named_held: Named values of held joints, e.g. {"open": {"finger_joint": 0.0}}.
+        locked_joint_states: Named values of locked joints, e.g. {"open": {"finger_joint": 0.0}}.
         source: Where the description came from, for messages.
     """
 
@@ -56,15 +56,15 @@ class Robot(Value):
     joint_names: tuple[str, ...]
     limits: Limits
     configurations: Mapping[str, Array]
-    held: Mapping[str, float]
-    never_collide: frozenset[frozenset[str]]
+    locked_joints: Mapping[str, float]
+    disabled_collisions: frozenset[frozenset[str]]
     tool: str
     presets: Mapping[str, Limits] = field(default_factory=dict)
-    named_held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    locked_joint_states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     source: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("configurations", "held", "presets", "named_held"):
+        for name in ("configurations", "locked_joints", "presets", "locked_joint_states"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         configurations = {
             name: read_only(finite_array(f"configuration {name!r}", q, (self.nq,)))
@@ -173,7 +173,13 @@ class Robot(Value):
         """SHA-256 of everything that plans depend on: joints, limits, shapes, masses (hex)."""
         digest = hashlib.sha256()
         feed_digest(
-            digest, (self.name, self.joint_names, dict(self.held), sorted(sorted(p) for p in self.never_collide))
+            digest,
+            (
+                self.name,
+                self.joint_names,
+                dict(self.locked_joints),
+                sorted(sorted(p) for p in self.disabled_collisions),
+            ),
         )
         feed_digest(digest, [[getattr(self.limits, n) for n in self.limits.__dataclass_fields__]])
         for joint in self.joints:
@@ -202,30 +208,32 @@ class Robot(Value):
             limits = self.presets[known_name("limit preset", limits, self.presets)]
         return replace(self, limits=limits)
 
-    def with_held(self, values: Mapping[str, float] | str) -> Robot:
+    def with_locked_joints(self, values: Mapping[str, float] | str) -> Robot:
         """The same robot with its gripper elsewhere: joint values, or the name of a state, e.g. "open".
 
         Raises:
-            UnknownNameError: no such state or no such held joint.
+            UnknownNameError: no such state or no such locked joint.
             InputError: a value that is not finite or out of the joint's limits.
         """
         if isinstance(values, str):
-            values = self.named_held[known_name("gripper state", values, self.named_held)]
+            values = self.locked_joint_states[known_name("gripper state", values, self.locked_joint_states)]
         of_kind("values", values, Mapping)
-        held = dict(self.held)
+        held = dict(self.locked_joints)
         for name, value in values.items():
-            joint = self.joint(known_name("held joint", name, self.held))
+            joint = self.joint(known_name("locked joint", name, self.locked_joints))
             number = finite_number(f"joint {name!r}", value)
             if not joint.lower - 1e-9 <= number <= joint.upper + 1e-9:
                 raise InputError(f"joint {name!r} is {number}, outside [{joint.lower}, {joint.upper}]")
             held[name] = number
-        return replace(self, held=held)
+        return replace(self, locked_joints=held)
 
     # ---- plain kinematics ---------------------------------------------------------------
 
     def joint_values(self, q: Array) -> dict[str, float]:
         """The value of every movable joint [rad or m]: planned, held and mimicking."""
-        values = dict(zip(self.joint_names, finite_array("q", q, (self.nq,)).tolist(), strict=True)) | dict(self.held)
+        values = dict(zip(self.joint_names, finite_array("q", q, (self.nq,)).tolist(), strict=True)) | dict(
+            self.locked_joints
+        )
         for joint in self.joints:
             if joint.kind != "fixed" and joint.name not in values:
                 values[joint.name] = self._resolve(joint, values)

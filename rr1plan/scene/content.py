@@ -200,7 +200,7 @@ class SceneContent(Value):
         if held_a is not None and held_b is not None:
             return held_a.link == held_b.link
         if held_a is None and held_b is None:
-            return frozenset((a.split("/", 1)[1], b.split("/", 1)[1])) in self.arms[arm].robot.never_collide
+            return frozenset((a.split("/", 1)[1], b.split("/", 1)[1])) in self.arms[arm].robot.disabled_collisions
         held, link = (held_a, b) if held_a is not None else (held_b, a)
         assert held is not None
         return link.split("/", 1)[1] in held.touch | {held.link}
@@ -244,7 +244,7 @@ class SceneContent(Value):
         content = RuleContent(
             names,
             tuple(self.owner(name) for name in names),
-            tuple((name, arm.robot.base, frozenset(arm.robot.never_collide)) for name, arm in self.arms.items()),
+            tuple((name, arm.robot.base, frozenset(arm.robot.disabled_collisions)) for name, arm in self.arms.items()),
             tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
             self.allowed,
         )

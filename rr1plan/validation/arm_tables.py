@@ -94,8 +94,10 @@ def arm_tables(robot: Robot, held: tuple[HeldThing, ...]) -> ArmTables:
     Raises:
         InputError: a joint that follows none that has a value.
     """
-    values = tuple(robot.held.items())
-    return _build(_Content(robot.links, robot.joints, robot.joint_names, values, robot.never_collide, held, robot))
+    values = tuple(robot.locked_joints.items())
+    return _build(
+        _Content(robot.links, robot.joints, robot.joint_names, values, robot.disabled_collisions, held, robot)
+    )
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ class _Content:
     joints: tuple[Joint, ...]
     joint_names: tuple[str, ...]
     values: tuple[tuple[str, float], ...]
-    never_collide: frozenset[frozenset[str]]
+    disabled_collisions: frozenset[frozenset[str]]
     held: tuple[HeldThing, ...]
     robot: Robot = field(compare=False)
 
@@ -167,7 +169,7 @@ def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]
     index, count = {name: i for i, name in enumerate(links)}, len(links) + len(content.held)
     checked = np.ones((count, count), dtype=np.uint8)
     np.fill_diagonal(checked, 0)
-    for both in content.never_collide:
+    for both in content.disabled_collisions:
         # Links without a shape are no elements.
         pair = [index[name] for name in both if name in index]
         if len(pair) == 2:

@@ -100,7 +100,7 @@ def drives(robot: Robot, columns: dict[str, int], posture: dict[str, float]) -> 
         InputError: a joint that nothing drives.
     """
     found: dict[str, Drive] = {name: Drive(column, 1.0, 0.0) for name, column in columns.items()}
-    found |= {name: Drive(-1, 0.0, value) for name, value in (*posture.items(), *robot.held.items())}
+    found |= {name: Drive(-1, 0.0, value) for name, value in (*posture.items(), *robot.locked_joints.items())}
     waiting = [joint for joint in robot.joints if joint.kind != "fixed" and joint.name not in found]
     while waiting:
         ready = [joint for joint in waiting if joint.mimic is not None and joint.mimic.joint in found]

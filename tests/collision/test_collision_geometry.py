@@ -130,7 +130,7 @@ def test_with_an_arm_that_stands_still_too(six, planar, change):
 def test_the_robot_with_another_gripper_has_tables_of_its_own(odd):
     scene = furnished(Scene().with_arm("a", odd))
     before = arrays_of(scene, None)
-    open_hand = scene.with_robot("a", odd.with_held({"grip": 0.05}))
+    open_hand = scene.with_robot("a", odd.with_locked_joints({"grip": 0.05}))
     same_as_anew(open_hand)
     after = arrays_of(open_hand, None)
     assert any(x.shape != y.shape or (x != y).any() for x, y in zip(before, after, strict=True))
@@ -240,7 +240,9 @@ def test_a_link_that_no_joint_moves_counts_with_its_arm(odd):
     # The lift is held, so that nothing moves the link that slides.
     limits = Limits(np.full(2, -3.2), np.full(2, 3.2), *(np.ones(2) for _ in range(4)))
     names, home = ("turn", "bend"), {"home": np.zeros(2)}
-    robot = replace(odd, joint_names=names, held={**odd.held, "lift": 0.0}, limits=limits, configurations=home)
+    robot = replace(
+        odd, joint_names=names, locked_joints={**odd.locked_joints, "lift": 0.0}, limits=limits, configurations=home
+    )
     scene = Scene().with_arm("a", robot).with_obstacle("wall", Box((0.1, 0.1, 0.1)), [0.12, 0.12, 0.35])
     checker = CollisionChecker(scene)
     gap = float(np.hypot(0.07, 0.07)) - 0.06

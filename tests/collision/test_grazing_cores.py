@@ -22,8 +22,8 @@ def _arm_with(shape: rp.Sphere | rp.Capsule) -> rp.Robot:
         joint_names=("slide",),
         limits=rp.Limits(-one, one, one, one, one, one),
         configurations={"home": [0.0]},
-        held={},
-        never_collide=frozenset(),
+        locked_joints={},
+        disabled_collisions=frozenset(),
         tool="slider",
     )
 

@@ -57,8 +57,8 @@ def test_what_an_arm_holds_makes_its_geometry_and_rules_do_not(six):
 
 def test_a_robot_that_differs_has_a_geometry_of_its_own(odd):
     scene = Scene().with_arm("a", odd)
-    assert geometries(scene.with_robot("a", odd.with_held({"grip": 0.05})))[0] is not geometries(scene)[0]
-    assert geometries(scene.with_robot("a", odd.with_held({"grip": 0.02})))[0] is geometries(scene)[0]
+    assert geometries(scene.with_robot("a", odd.with_locked_joints({"grip": 0.05})))[0] is not geometries(scene)[0]
+    assert geometries(scene.with_robot("a", odd.with_locked_joints({"grip": 0.02})))[0] is geometries(scene)[0]
 
 
 def test_equal_robots_share_their_clearance_maps(odd):
@@ -179,14 +179,14 @@ def test_one_arm_among_a_hundred_makes_the_tables_of_one(six, monkeypatch):
     links[-1] = type(links[-1])(links[-1].name, collisions=(ball,))
     robot = type(six)(
         "one of many", tuple(links), six.joints, six.joint_names, six.limits, dict(six.configurations), {},
-        six.never_collide, six.tool,
+        six.disabled_collisions, six.tool,
     )  # fmt: skip
     scene = place_grid(robot, 10, 10, 0.8)
     made = counted(monkeypatch, arm_tables, "_arm_tables")
     spheres = counted(monkeypatch, link_spheres, "_arm_spheres")
     name = list(scene.arms)[44]
     motion = CollisionChecker(scene, [name])
-    motion.set_up()
+    motion.warm_up()
     assert motion.edge_is_free(scene.arms[name].q, scene.arms[name].q + 0.01)
     assert len(made) == 1
     assert len(spheres) == 1
@@ -197,7 +197,7 @@ def test_one_arm_among_a_hundred_makes_the_tables_of_one(six, monkeypatch):
     assert {n for n in apart if apart[n] < 1.0} <= near
     assert 5 <= len(near) < 50
     # An arm beside it has everything ready.
-    CollisionChecker(scene, [list(scene.arms)[45]]).set_up()
+    CollisionChecker(scene, [list(scene.arms)[45]]).warm_up()
     assert len(made) == len(spheres) == 1
 
 

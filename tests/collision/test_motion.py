@@ -362,9 +362,9 @@ def test_pairs_of_some_arms_can_be_left_out(scenes):
         contacts = [{owner(c.a), owner(c.b)} for c in checker.contacts(q)]
         for left_out in (frozenset({one}), frozenset({other}), frozenset({one, other})):
             expected = not [owners for owners in contacts if not owners & left_out]
-            assert motion.is_free_but_for(q, left_out) == expected
+            assert motion.is_free_ignoring(q, left_out) == expected
             only_thanks_to_that += expected and bool(contacts)
-        assert motion.is_free_but_for(q, frozenset()) == (not contacts)
+        assert motion.is_free_ignoring(q, frozenset()) == (not contacts)
     assert only_thanks_to_that > 20
 
 

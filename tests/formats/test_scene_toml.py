@@ -154,7 +154,7 @@ def test_the_planar_lessons_have_a_path_or_none(name: str, query: str, joined: b
 
 
 def full_scene() -> Scene:
-    robot = load_robot("rr1").with_held("open").with_limits("hardware")
+    robot = load_robot("rr1").with_locked_joints("open").with_limits("hardware")
     scene = Scene(name="full", description='With "quotes", \\ and\ttabs.')
     scene = scene.with_arm("left", robot, pose((0.1, 0.5, 0), rpy=(0.1, 0.2, 0.3)), robot.home + 0.01)
     scene = scene.with_arm("right", load_robot("rr1"), pose((0.1, -0.5, 0)))
@@ -187,7 +187,7 @@ def test_everything_a_scene_holds_survives_the_round_trip(tmp_path: Path) -> Non
     assert read.scene.allowed == scene.allowed
     assert read.scene.pair_padding == scene.pair_padding
     assert read.scene.obstacles["two parts"].geometries[0].color == (0.1, 0.2, 0.3, 0.5)
-    assert read.scene.arms["left"].robot.held == scene.arms["left"].robot.held
+    assert read.scene.arms["left"].robot.locked_joints == scene.arms["left"].robot.locked_joints
     first, second = read.problems["both"].goal["left"]
     assert isinstance(first, PoseGoal)
     assert np.array_equal(first.rotation, goals["left"][0].rotation)
@@ -302,7 +302,7 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         (SIMPLE + "rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\n", "expected the rows of a rotation matrix"),
         (SIMPLE + 'limits = "fast"\n', "unknown limit preset 'fast'"),
         (SIMPLE + "limits = { lower = [0, 0] }\n", "has no 'upper'"),
-        (SIMPLE + "held = { finger = 1.0 }\n", "unknown held joint 'finger'"),
+        (SIMPLE + "held = { finger = 1.0 }\n", "unknown locked joint 'finger'"),
         ("[obstacles.a]\n", "obstacles.a: expected exactly one of box, sphere"),
         ("[obstacles.a]\nbox = [1, 1, 1]\nsphere = 1\n", "got box and sphere"),
         ("[obstacles.a]\nboxx = [1, 1, 1]\n", "got none (it has boxx)"),

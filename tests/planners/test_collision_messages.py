@@ -33,7 +33,7 @@ def reason(scene: rp.Scene) -> str:
 
 @pytest.fixture(scope="module")
 def held(rr1: rp.Robot) -> rp.Scene:
-    return table_with_can(rr1.with_held("open"))
+    return table_with_can(rr1.with_locked_joints("open"))
 
 
 def test_a_held_object_on_its_table_is_told_to_be_allowed_or_lifted(held: rp.Scene) -> None:
@@ -62,7 +62,7 @@ def test_the_words_for_a_scene_file_are_those_of_scene_files(held: rp.Scene, tmp
 
 
 def test_a_gap_below_the_kernel_s_rounding_names_its_pair(rr1: rp.Robot) -> None:
-    said = reason(table_with_can(rr1.with_held("open"), 5e-10))
+    said = reason(table_with_can(rr1.with_locked_joints("open"), 5e-10))
     assert re.search("'(can|table)' and '(can|table)' touch", said)
     assert "allow" in said
 
@@ -83,7 +83,7 @@ def test_a_held_object_deep_in_an_obstacle_is_not_said_to_rest(held: rp.Scene) -
 
 
 def test_the_hand_that_holds_an_object_is_told_to_be_named(rr1: rp.Robot) -> None:
-    robot = rr1.with_held("open")
+    robot = rr1.with_locked_joints("open")
     scene = rp.Scene().with_arm("rr1", robot)
     at = scene.link_poses()["rr1/tool"]
     scene = scene.with_obstacle("can", rp.Cylinder(0.03, 0.12), at).attach("can", touch=["finger_link"])

@@ -38,8 +38,8 @@ def gate() -> rp.Robot:
         joint_names=("turn", "elbow"),
         limits=rp.Limits(np.array([-2.0, -1.5]), np.array([2.0, 1.5]), ones, ones, ones, ones),
         configurations={"home": np.zeros(2)},
-        held={},
-        never_collide=frozenset({frozenset({"base", "column"}), frozenset({"column", "forearm"})}),
+        locked_joints={},
+        disabled_collisions=frozenset({frozenset({"base", "column"}), frozenset({"column", "forearm"})}),
         tool="forearm",
     )
 
@@ -75,7 +75,7 @@ def test_two_pairs_that_separate_start_and_goal_are_both_named(gate: rp.Robot) -
         joint_names=("turn", "elbow", "elbow2"),
         limits=rp.Limits(np.array([-2.0, -1.5, -1.5]), np.array([2.0, 1.5, 1.5]), ones, ones, ones, ones),
         configurations={"home": np.zeros(3)},
-        never_collide=gate.never_collide | {frozenset({"column", "forearm2"})},
+        disabled_collisions=gate.disabled_collisions | {frozenset({"column", "forearm2"})},
     )
     # Elbows turn about y: the second forearm is above the disk where the angle is positive.
     problem = rp.Problem(rp.Scene().with_arm("a", robot), [0.0, -0.5, 0.5], [0.5, 1.2, -1.2])
@@ -189,7 +189,7 @@ def test_a_start_too_near_to_contact_to_leave_is_named(gate: rp.Robot) -> None:
 
 
 def test_a_proposal_names_pairs_that_touch_in_a_band(gate: rp.Robot, rr1: rp.Robot) -> None:
-    proposal = rp.propose_never_collide(gate, 200, rng=0)
+    proposal = rp.propose_disabled_collisions(gate, 200, rng=0)
     (band,) = proposal.bands
     assert {band.a, band.b} == {"base", "forearm"}
     assert band.joint == "elbow"
@@ -197,4 +197,4 @@ def test_a_proposal_names_pairs_that_touch_in_a_band(gate: rp.Robot, rr1: rp.Rob
     assert str(band) in str(proposal)
     assert "Adjacent: base - column" in str(proposal)
     assert proposal == dict(proposal)
-    assert rp.propose_never_collide(rr1, 100, rng=0).bands == ()
+    assert rp.propose_disabled_collisions(rr1, 100, rng=0).bands == ()

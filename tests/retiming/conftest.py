@@ -43,8 +43,8 @@ def shapeless_scene(limits: rp.Limits) -> rp.Scene:
         joint_names=tuple(f"j{i}" for i in range(n)),
         limits=limits,
         configurations={"home": np.zeros(n)},
-        held={},
-        never_collide=frozenset(),
+        locked_joints={},
+        disabled_collisions=frozenset(),
         tool=f"l{n}",
     )
     return rp.Scene().with_arm("a", robot)

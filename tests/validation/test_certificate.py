@@ -121,7 +121,7 @@ def test_fingers_stand_where_they_are_held_and_follow_their_leader(gripper: Make
     scene = rp.Scene().with_arm("arm", robot).with_obstacle("wall", rp.Box((0.2, 0.02, 0.2)), [0.5, -0.2, 0.0])
     still = rp.Trajectory.rest(("arm/turn",), [0.0])
     assert validate(still, scene).certified
-    wide = scene.with_robot("arm", robot.with_held({"left_slide": 0.2}))
+    wide = scene.with_robot("arm", robot.with_locked_joints({"left_slide": 0.2}))
     assert set(only(validate(still, wide), "collision").subject) == {"arm/right", "wall"}
 
 

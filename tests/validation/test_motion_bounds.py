@@ -140,8 +140,8 @@ def arm_of(*joints: tuple[str, Array, Array]) -> rp.Robot:
         joint_names=tuple(joint.name for joint in made),
         limits=rp.Limits(-wide, wide, wide, wide, wide, wide),
         configurations={"home": np.zeros(n)},
-        held={},
-        never_collide=frozenset(),
+        locked_joints={},
+        disabled_collisions=frozenset(),
         tool=f"link{n}",
     )
 

@@ -166,13 +166,13 @@ def _joint(robot: Robot, joint: Joint, index: Mapping[str, int]) -> dict[str, An
 def affine_value(robot: Robot, joint: Joint) -> tuple[int, float, float]:
     """A movable joint's value as factor * q[column] + offset; column -1 means the offset alone."""
     factor, offset = 1.0, 0.0
-    while joint.name not in robot.joint_names and joint.name not in robot.held and joint.mimic is not None:
+    while joint.name not in robot.joint_names and joint.name not in robot.locked_joints and joint.mimic is not None:
         offset += factor * joint.mimic.offset
         factor *= joint.mimic.multiplier
         joint = robot.joint(joint.mimic.joint)
     if joint.name in robot.joint_names:
         return robot.joint_names.index(joint.name), factor, offset
-    return -1, 0.0, offset + factor * robot.held[joint.name]
+    return -1, 0.0, offset + factor * robot.locked_joints[joint.name]
 
 
 def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind: str) -> list[dict[str, Any]]:
