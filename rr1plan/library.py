@@ -77,7 +77,7 @@ def load_robot(
 
     The planning joints are the given `joints`, those of the given `group`, or else those of the
     SRDF's arm that carries an end effector, of its first group, or all that move by themselves.
-    Every other joint that moves by itself is held at zero, or at its limit nearest to zero.
+    Every other joint that moves by itself is locked at zero, or at its limit nearest to zero.
 
     URDF knows no acceleration and no jerk: one that reaches the velocity in 0.25 s and a jerk that
     reaches that in 0.1 s are taken. A velocity it does not give becomes 1 rad/s or 0.25 m/s.

@@ -215,7 +215,7 @@ def _drive(robot: Robot, joint: Joint, first: int | None, rest: Array) -> tuple[
     while leader.name not in robot.joint_names and leader.name not in robot.locked_joints:
         if leader.mimic is None or leader.mimic.joint in seen:
             raise InputError(
-                f"joint {joint.name!r} of robot {robot.name!r} is neither planned nor locked and mimics no joint that is"
+                f"joint {joint.name!r} of robot {robot.name!r} is neither planned nor locked, and mimics no such joint"
             )
         gain, offset = gain * leader.mimic.multiplier, gain * leader.mimic.offset + offset
         leader = robot.joint(leader.mimic.joint)

@@ -164,7 +164,7 @@ def own_models(tmp_path: Path, arm: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
     return folder / "robot.toml"
 
 
-def test_a_folder_adds_presets_and_held_values(own_models: Path) -> None:
+def test_a_folder_adds_presets_and_locked_joints(own_models: Path) -> None:
     own_models.write_text(
         'urdf = "arm.urdf"\nlimits = "slow"\n[presets.slow]\na = { velocity = 0.5 }\n[presets.fast]\nb = { jerk = 9 }\n'
     )
@@ -189,7 +189,8 @@ BAD_TOML = {
     "nan limit": ('urdf = "arm.urdf"\npresets.slow.a.velocity = nan\n', "presets.slow.a.velocity"),
     "velocity zero": ('urdf = "arm.urdf"\npresets.slow.a.velocity = 0\n', "velocity"),
     "a word for a number": ('urdf = "arm.urdf"\npresets.slow.a.velocity = "x"\n', "velocity"),
-    "unknown locked joint": ('urdf = "arm.urdf"\nheld.x = 0\n', "locked joint 'x'"),
+    "unknown locked joint": ('urdf = "arm.urdf"\nlocked_joints.x = 0\n', "locked joint 'x'"),
+    "unknown locked joint by the earlier key": ('urdf = "arm.urdf"\nheld.x = 0\n', "locked joint 'x'"),
 }
 
 

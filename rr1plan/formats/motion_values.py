@@ -74,7 +74,8 @@ def _plain_fields(value: Any, stored: Shapes | None) -> dict[str, Any]:
         raise InputError(f"a {type(value).__name__} has no form in a motion file")
     entry = _ENTRIES[type(value)]
     tag = entry.__struct_config__.tag
-    fields = {name: plain(getattr(value, name), stored) for name in entry.__struct_fields__}
+    names = zip(entry.__struct_encode_fields__, entry.__struct_fields__, strict=True)
+    fields = {key: plain(getattr(value, name), stored) for key, name in names}
     return fields if tag is None else {"type": tag, **fields}
 
 

@@ -60,7 +60,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     joints = {joint.name: joint for joint in tree.joints}
     groups, names = _planning_joints(tree, known, chosen, choice.joints)
     limits = urdf_limits([joints[n] for n in names])
-    held = {
+    locked = {
         j.name: float(np.clip(0.0, j.lower, j.upper))
         for j in tree.joints
         if j.kind != "fixed" and j.mimic is None and j.name not in names
@@ -74,10 +74,10 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         joint_names=names,
         limits=limits,
         configurations={"home": _middle(limits)} | configurations,
-        locked_joints=held,
+        locked_joints=locked,
         disabled_collisions=known.disabled | rigid_pairs(tree.joints),
         tool=_tool(tree, known, groups, names, choice.tool),
-        locked_joint_states=_held_states(known, held),
+        locked_joint_states=_locked_states(known, locked),
         source=tree.source,
     )
     robot = with_assumed_masses(robot)
@@ -249,11 +249,11 @@ def _middle(limits: Limits) -> Array:
     return np.where(inside, 0.0, middle)
 
 
-def _held_states(known: Semantics, held: Mapping[str, float]) -> dict[str, dict[str, float]]:
+def _locked_states(known: Semantics, locked: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """The named states of joints that are not planned for, e.g. of a gripper."""
     found: dict[str, dict[str, float]] = {}
     for (_, state), values in known.states.items():
-        mine = {name: value for name, value in values.items() if name in held}
+        mine = {name: value for name, value in values.items() if name in locked}
         if mine:
             found.setdefault(state, {}).update(mine)
     return found

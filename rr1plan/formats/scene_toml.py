@@ -171,7 +171,7 @@ def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, 
         if key not in loaded:
             with entry.blame("robot"):
                 loaded[key] = load_robot(**key._asdict())
-        own = (key, repr(entry.raw("limits")), repr(entry.raw("held")))
+        own = (key, repr(entry.raw("limits")), repr(entry.raw(_locked_key(entry))))
         if own not in finished:
             finished[own] = _with_settings(loaded[key], entry)
         arms_by_name[name] = _read_arm(entry, finished[own])
@@ -181,7 +181,7 @@ def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, 
 def _with_settings(robot: Robot, entry: Table) -> Robot:
     if "limits" in entry:
         robot = _with_limits(robot, entry)
-    return _with_locked_joints(robot, entry) if "held" in entry else robot
+    return _with_locked_joints(robot, entry) if _locked_key(entry) in entry else robot
 
 
 def _read_arm(entry: Table, robot: Robot) -> Arm:
@@ -250,11 +250,17 @@ def _with_limits(robot: Robot, entry: Table) -> Robot:
         return robot.with_limits(Limits(**values))
 
 
+def _locked_key(entry: Table) -> str:
+    """Files that were written before version 0.1 say `held`."""
+    return entry.spelled("locked_joints", "held")
+
+
 def _with_locked_joints(robot: Robot, entry: Table) -> Robot:
-    with entry.blame("held"):
-        if isinstance(entry.raw("held"), str):
-            return robot.with_locked_joints(entry.string("held"))
-        table = entry.table("held")
+    key = _locked_key(entry)
+    with entry.blame(key):
+        if isinstance(entry.raw(key), str):
+            return robot.with_locked_joints(entry.string(key))
+        table = entry.table(key)
         return robot.with_locked_joints({joint: table.number(joint) for joint in table.names()})
 
 
@@ -315,7 +321,7 @@ def _arm_entries(arm: Arm, robot: str) -> dict[str, Any]:
     entries["q"] = named[0] if named else arm.q.tolist()
     entries["limits"] = _limits_entry(arm.robot)
     if arm.robot.locked_joints:
-        entries["held"] = dict(arm.robot.locked_joints)
+        entries["locked_joints"] = dict(arm.robot.locked_joints)
     return entries
 
 

@@ -180,8 +180,10 @@ def touching_links(robot: Robot, q: Array, bodies: LinkBodies | None = None) -> 
 
 def _sample(robot: Robot, generator: np.random.Generator) -> dict[str, float]:
     """Random values of all joints, held ones included."""
-    held = {name: _between(robot.joint(name).lower, robot.joint(name).upper, generator) for name in robot.locked_joints}
-    return replace(robot, locked_joints=held).joint_values(_random(robot, generator))
+    locked = {
+        name: _between(robot.joint(name).lower, robot.joint(name).upper, generator) for name in robot.locked_joints
+    }
+    return replace(robot, locked_joints=locked).joint_values(_random(robot, generator))
 
 
 def _random(robot: Robot, generator: np.random.Generator) -> Array:

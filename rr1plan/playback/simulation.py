@@ -111,7 +111,7 @@ def _clock(start: float, timestep: float, steps: int) -> Array:
 
 
 class JointTargets:
-    """Where every movable joint of a scene has to be: planned, held, mimicking and resting ones.
+    """Where every movable joint of a scene has to be: planned, locked, mimicking and resting ones.
 
     Args:
         trajectory: The motion of some arms.

@@ -40,7 +40,7 @@ def check_robot(robot: Robot) -> Robot:
 
 
 def _check_named_values(robot: Robot) -> None:
-    """Presets, held values and configurations are of the robot's joints."""
+    """Presets, locked joints and configurations are of the robot's joints."""
     for name, limits in robot.presets.items():
         if len(limits) != robot.nq:
             raise InputError(f"preset {name!r} has limits for {len(limits)} of {robot.nq} joints")
@@ -112,7 +112,7 @@ def _check_inertial(link: str, inertial: Inertial) -> None:
 
 
 def _check_driven_joints(robot: Robot) -> None:
-    """Every joint that moves by itself is planned for or held, and no other is."""
+    """Every joint that moves by itself is planned for or locked, and no other is."""
     driven = [joint.name for joint in robot.joints if joint.kind != "fixed" and joint.mimic is None]
     _distinct("planning joint", robot.joint_names)
     for name in (*robot.joint_names, *robot.locked_joints):

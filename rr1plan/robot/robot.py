@@ -218,19 +218,19 @@ class Robot(Value):
         if isinstance(values, str):
             values = self.locked_joint_states[known_name("gripper state", values, self.locked_joint_states)]
         of_kind("values", values, Mapping)
-        held = dict(self.locked_joints)
+        locked = dict(self.locked_joints)
         for name, value in values.items():
             joint = self.joint(known_name("locked joint", name, self.locked_joints))
             number = finite_number(f"joint {name!r}", value)
             if not joint.lower - 1e-9 <= number <= joint.upper + 1e-9:
                 raise InputError(f"joint {name!r} is {number}, outside [{joint.lower}, {joint.upper}]")
-            held[name] = number
-        return replace(self, locked_joints=held)
+            locked[name] = number
+        return replace(self, locked_joints=locked)
 
     # ---- plain kinematics ---------------------------------------------------------------
 
     def joint_values(self, q: Array) -> dict[str, float]:
-        """The value of every movable joint [rad or m]: planned, held and mimicking."""
+        """The value of every movable joint [rad or m]: planned, locked and mimicking."""
         values = dict(zip(self.joint_names, finite_array("q", q, (self.nq,)).tolist(), strict=True)) | dict(
             self.locked_joints
         )

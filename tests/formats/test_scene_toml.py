@@ -40,6 +40,12 @@ def read_text(tmp_path: Path, text: str) -> SceneFile:
     return read_scene(file, load_robot)
 
 
+@pytest.mark.parametrize("key", ["locked_joints", "held"])
+def test_locked_joints_are_read_by_their_earlier_name_too(tmp_path: Path, key: str) -> None:
+    read = read_text(tmp_path, f'[arms.arm]\nrobot = "rr1"\n{key} = "open"\n')
+    assert read.scene.arms["arm"].robot.locked_joints == load_robot("rr1").with_locked_joints("open").locked_joints
+
+
 def refusal(tmp_path: Path, text: str) -> str:
     with pytest.raises(FormatError) as caught:
         read_text(tmp_path, text)
@@ -302,7 +308,9 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         (SIMPLE + "rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\n", "expected the rows of a rotation matrix"),
         (SIMPLE + 'limits = "fast"\n', "unknown limit preset 'fast'"),
         (SIMPLE + "limits = { lower = [0, 0] }\n", "has no 'upper'"),
+        (SIMPLE + "locked_joints = { finger = 1.0 }\n", "unknown locked joint 'finger'"),
         (SIMPLE + "held = { finger = 1.0 }\n", "unknown locked joint 'finger'"),
+        (SIMPLE + "locked_joints = {}\nheld = {}\n", "unknown key 'held'"),
         ("[obstacles.a]\n", "obstacles.a: expected exactly one of box, sphere"),
         ("[obstacles.a]\nbox = [1, 1, 1]\nsphere = 1\n", "got box and sphere"),
         ("[obstacles.a]\nboxx = [1, 1, 1]\n", "got none (it has boxx)"),
