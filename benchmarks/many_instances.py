@@ -133,7 +133,7 @@ def _time_question(task: Mapping[str, Any], progress: Callable[[Any], bool] | No
     begin = time.perf_counter()
     motion = answer(problem, rng=task["seed"], progress=progress)
     seconds = time.perf_counter() - begin
-    found = motion.solved if progress is None else motion.seconds.get("retime", 0.0) > 0.0
+    found = motion.valid if progress is None else motion.seconds.get("retime", 0.0) > 0.0
     return {"seconds": seconds, "stages": dict(motion.seconds), "found": found}
 
 

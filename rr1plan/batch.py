@@ -72,8 +72,13 @@ class PlanFailure(Value):
     details: str = ""
 
     @property
-    def solved(self) -> bool:
-        """Always False; mirrors `MotionPlan.solved`."""
+    def found(self) -> bool:
+        """Always False; mirrors `MotionPlan.found` and `PlanResult.found`."""
+        return False
+
+    @property
+    def valid(self) -> bool:
+        """Always False; mirrors `MotionPlan.valid`."""
         return False
 
     def __bool__(self) -> bool:

@@ -36,7 +36,7 @@ class MotionPlan:
     """The answer to a problem, with all that led to it.
 
     Asking a plan that failed for its path, trajectory or report raises `NoPlanError` with the
-    planner's reason; `solved` and `status` can be asked first.
+    planner's reason; look at `found`, `valid` and `status` first.
 
     Args:
         problem: The question; None for a motion from a file that does not hold it.
@@ -72,8 +72,13 @@ class MotionPlan:
         return self.result.status
 
     @property
-    def solved(self) -> bool:
-        """There is a trajectory, and the referee found nothing wrong with it."""
+    def found(self) -> bool:
+        """The planner found a path; whether its motion is `valid` is another matter."""
+        return self.result.found
+
+    @property
+    def valid(self) -> bool:
+        """There is a trajectory, and its report is valid: the referee found no violation."""
         return self._report is not None and self._report.valid
 
     def __bool__(self) -> bool:
@@ -170,7 +175,7 @@ _DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic"
 
 def _present(value: _T | None, result: PlanResult) -> _T:
     if value is None:
-        if not result.solved:
+        if not result.found:
             result.path_or_raise()
         raise NoPlanError(result.reason or f"{result.planner}: there is a path, but it was not timed")
     return value
@@ -210,7 +215,7 @@ def plan_motion(
             convex pieces, and once at the begin of each other stage; False cancels.
 
     Returns:
-        A `MotionPlan`; `solved` says whether there is a proven trajectory.
+        A `MotionPlan`; `found` says whether there is a path, `valid` whether its timed motion is proven.
 
     Raises:
         UnknownNameError: a planner or retiming nobody knows.

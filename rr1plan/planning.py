@@ -24,7 +24,7 @@ _MOST_ITERATIONS = 2**62  # kernels count in 64 bits
 class PlanStatus(Enum):
     """How a planning query ended."""
 
-    SOLVED = "solved"
+    FOUND = "found"
     TIMEOUT = "timeout"
     INVALID_START = "invalid_start"
     INVALID_GOAL = "invalid_goal"
@@ -92,7 +92,7 @@ class PlanResult:
     """The answer of a planner.
 
     Args:
-        status: How it ended; a path exists exactly for SOLVED.
+        status: How it ended; a path exists exactly for FOUND.
         path: The path, every edge certified free, start exact, end at a goal; or None.
         reason: Why there is none, in words (which links touch what, which joint is out by how much).
         planner: Name of the planner.
@@ -122,13 +122,13 @@ class PlanResult:
         return f"PlanResult({self.planner}, {self.status.value}: {said})"
 
     @property
-    def solved(self) -> bool:
+    def found(self) -> bool:
         """There is a path."""
-        return self.status is PlanStatus.SOLVED
+        return self.status is PlanStatus.FOUND
 
     def __bool__(self) -> bool:
-        """The same as `solved`."""
-        return self.solved
+        """The same as `found`."""
+        return self.found
 
     def path_or_raise(self) -> Path:
         """The path.

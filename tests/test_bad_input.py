@@ -185,5 +185,5 @@ def test_a_seed_and_iterations_give_the_same_motion_in_two_processes() -> None:
 
 def test_a_motion_of_nothing_is_solved_at_once(scene: rp.Scene) -> None:
     motion = rp.plan_motion(rp.Problem(scene, np.zeros(2), np.zeros(2)), rng=0)
-    assert motion.solved
+    assert motion.valid
     assert motion.trajectory.duration == 0.0

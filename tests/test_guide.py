@@ -21,8 +21,8 @@ def test_the_guide_s_code_runs_on_the_guide_s_files(tmp_path: Path) -> None:
     (tmp_path / "cell.toml").write_text(scene)
     assert urdf.startswith("<!-- picker.urdf -->")
     assert scene.startswith("# cell.toml")
-    checks = "assert motion.solved and report.certified and not replay.contacts, (report, replay)\n"
-    checks += "assert all(rp.plan(p, rng=0).solved for p in (by_pose, anywhere_in, either))\n"
+    checks = "assert motion.valid and report.certified and not replay.contacts, (report, replay)\n"
+    checks += "assert all(rp.plan(p, rng=0).found for p in (by_pose, anywhere_in, either))\n"
     (tmp_path / "guide.py").write_text("\n".join([*_blocks("python"), checks]))
     command = [sys.executable, "-W", "error", "guide.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)

@@ -59,7 +59,7 @@ def test_a_robot_without_shapes_says_so_and_goes_the_whole_line(arm: Path, caplo
     assert "no link has a <collision>" in caplog.text
     scene = rp.Scene().with_arm("arm", robot).with_obstacle("box", rp.Box((1.0, 1.0, 1.0)))
     motion = rp.plan_motion(rp.Problem(scene, "home", [0.5, 0.7, -1.8]), rng=0)
-    assert motion.solved
+    assert motion.valid
     assert motion.report.certified
     assert rp.simulate(motion.trajectory, scene).free
 
@@ -290,7 +290,7 @@ def test_both_arms_of_a_robot_are_planned_for_as_one(
         start, end = (poses[f"robot/{link}"][:3, 3] for poses in moved)
         assert np.linalg.norm(end - start) > 0.01
         reached = rp.plan(rp.Problem(scene, "home", rp.PoseGoal(link, end)), rng=0)
-        assert reached.solved
+        assert reached.found
 
 
 def test_a_scene_file_names_the_groups_of_a_robot(arm: Path, tmp_path: Path) -> None:

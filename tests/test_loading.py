@@ -48,7 +48,7 @@ def test_a_loaded_motion_is_what_planning_gave(motion: rp.MotionPlan, file: Path
     assert again.scene.content_hash == motion.scene.content_hash
     assert again.changes == ()
     assert again.problem is not None
-    assert again.status is rp.PlanStatus.SOLVED
+    assert again.status is rp.PlanStatus.FOUND
     assert again.save_html(tmp_path / "again.html").stat().st_size > 10_000
     with again.show(open_browser=False, quiet=True) as viewer:
         assert viewer.url.startswith("http")

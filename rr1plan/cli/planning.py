@@ -45,7 +45,7 @@ def plan(options: Namespace, console: Console) -> int:
             rng=options.seed,
             progress=told_to(advance),
         )
-    if not motion.result.solved:
+    if not motion.result.found:
         return _no_plan(motion, console)
     if "-" in (options.output, options.csv):
         console.leave_stdout()
@@ -58,7 +58,7 @@ def plan(options: Namespace, console: Console) -> int:
     for kind, file in files.items():
         console.say(f"{kind}: {file}")
     console.result({**summary(motion), "files": files})
-    return 0 if motion.solved else 4
+    return 0 if motion.valid else 4
 
 
 def with_stages(motion: MotionPlan, stages: Mapping[str, float]) -> MotionPlan:

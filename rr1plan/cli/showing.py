@@ -34,7 +34,7 @@ def demo(options: Namespace, console: Console) -> int:
     console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {counted(len(scene.obstacles), 'obstacle')}")
     with watch.stage("plan, shorten, retime, validate"), console.progress("planning") as advance:
         motion = plan_motion(problem, rng=options.seed, progress=told_to(advance))
-    if not motion.result.solved:
+    if not motion.result.found:
         console.error(str(motion), 3)
         return 3
     console.say(f"  {str(motion).replace(chr(10), chr(10) + '  ')}")
@@ -54,7 +54,7 @@ def demo(options: Namespace, console: Console) -> int:
     console.result(
         {**summary(motion), "replay": replay.to_dict(), "steps": steps, "files": {k: str(v) for k, v in files.items()}}
     )
-    return 0 if motion.solved and replay else 4
+    return 0 if motion.valid and replay else 4
 
 
 def _made(folder: Path) -> Path:

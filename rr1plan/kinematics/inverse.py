@@ -68,13 +68,13 @@ class IkResult(Value):
     orientation_error: float
 
     @property
-    def solved(self) -> bool:
+    def found(self) -> bool:
         """There is a solution."""
         return len(self.solutions) > 0
 
     def __bool__(self) -> bool:
-        """The same as `solved`."""
-        return self.solved
+        """The same as `found`."""
+        return self.found
 
 
 def solve_ik(

@@ -97,7 +97,7 @@ class _Rounds:
                 self.improve(self.search.trees.path())
         if self.best is None or query.cancelled:
             return query.unsolved(self.search.describe())
-        return query.result(PlanStatus.SOLVED, self.best)
+        return query.result(PlanStatus.FOUND, self.best)
 
     def plan_round(self, number: int) -> tuple[float, int]:
         """Bound of a round's path and how many samples it may take; no limit before there is a path."""

@@ -120,7 +120,7 @@ class _Walk:
         for goal in goals:
             ended = self.along(goal)
             if not isinstance(ended, _Stop):
-                return query.result(PlanStatus.SOLVED, ended)
+                return query.result(PlanStatus.FOUND, ended)
             stops.append(ended)
             if ended.status is not PlanStatus.INFEASIBLE:
                 break
@@ -216,7 +216,7 @@ class _Walk:
         quaternion = None if target.rotation is None else quaternion_from_rotation(target.rotation)
         goal = PoseGoal(self.frame_name(line), target.lower, quaternion, _EXACT, _EXACT)
         found = solve_ik(self.kinematics, goal, seeds=q, rng=0, max_solutions=1)
-        if found.solved:
+        if found.found:
             return f"it goes on only from another configuration; {self.singularity(line, q)}"
         return found.reason
 

@@ -126,7 +126,7 @@ class _Search:
             reason = "a path was found, but an edge of it passes too near to something to be certified again"
             return query.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
         self.watch.note(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
-        return query.result(PlanStatus.SOLVED, found, tree=tree)
+        return query.result(PlanStatus.FOUND, found, tree=tree)
 
     def ask_ompl(self) -> Answer:
         """OMPL's answer, with all columns of q."""

@@ -122,7 +122,7 @@ class Query:
                 return self.result(found.status, reason=found.reason)
             self.goals = found.configurations
         if self._in_sight in (None, 0) and (self.goals[0] == self.problem.start).all():
-            return self.result(PlanStatus.SOLVED, self.goals[:1].copy())
+            return self.result(PlanStatus.FOUND, self.goals[:1].copy())
         if not self.space.can_move:
             return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
         return None
@@ -170,7 +170,7 @@ class Query:
             if self._is_in_sight(k):
                 waypoints = np.array([self.problem.start, self.goals[k]])
                 explored = SearchTree(waypoints, np.array([[0, 1]])) if tree else None
-                return self.result(PlanStatus.SOLVED, waypoints, tree=explored)
+                return self.result(PlanStatus.FOUND, waypoints, tree=explored)
         return None
 
     def _is_in_sight(self, k: int) -> bool:

@@ -195,7 +195,7 @@ def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
     way = graph.find_way(problem.start, query.goals, motion, query.in_time)
     query.edges += graph.asked - before
     if way is not None:
-        return query.result(PlanStatus.SOLVED, way)
+        return query.result(PlanStatus.FOUND, way)
     search = tree_search.TreeSearch(query)
     if not search.meets():
         return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
@@ -205,11 +205,11 @@ def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
     query.edges += motion.edges_checked - checked
     if learns:
         graph.learn(path.waypoints)
-    return query.result(PlanStatus.SOLVED, path.waypoints)
+    return query.result(PlanStatus.FOUND, path.waypoints)
 
 
 def _without_postures(scene: Scene, arms: Sequence[str]) -> str:
     """What a scene is but for where its moving arms stand."""
     for name in arms:
-        scene = scene.with_posture(name, scene.arm(name).robot.home)
+        scene = scene.with_configuration(name, scene.arm(name).robot.home)
     return scene.content_hash

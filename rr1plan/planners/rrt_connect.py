@@ -59,5 +59,5 @@ class RrtConnect:
         met = search.meets()
         tree = search.trees.explored(joined=met) if self.tree else None
         if met:
-            return query.result(PlanStatus.SOLVED, search.trees.path(), tree=tree)
+            return query.result(PlanStatus.FOUND, search.trees.path(), tree=tree)
         return query.unsolved(search.describe(), tree=tree)

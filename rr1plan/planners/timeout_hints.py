@@ -175,7 +175,7 @@ class _HintSearch:
         budget = Budget(max(1e-3, self._seconds_left / shares), max(1, self._iterations_left // shares))
         result = RrtConnect().plan(relaxed, budget, self._seed, self._report)
         self._iterations_left -= result.iterations
-        return result.solved
+        return result.found
 
     def _describe(self, pairs: Sequence[_LinksOfArm]) -> str:
         arms = ", ".join(dict.fromkeys(repr(arm) for arm, _ in pairs))

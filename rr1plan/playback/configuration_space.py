@@ -122,8 +122,8 @@ class CSpace(Value):
         return "" if checker.path_is_free(path) else "it is not free"
 
     @property
-    def answered(self) -> bool:
-        """There is a path, and it is certified to lead from the start to a goal."""
+    def found(self) -> bool:
+        """There is a path from the start to a goal, certified free."""
         return self.path is not None and self.start is not None and not self.path_fault
 
     @property
@@ -134,7 +134,7 @@ class CSpace(Value):
         return tuple(self._ends_at(goal) or self.grid.connected(self.start, goal) for goal in self.goals)
 
     def _ends_at(self, goal: Array) -> bool:
-        if self.path is None or not self.answered:
+        if self.path is None or not self.found:
             return False
         off = np.where(self.grid.turns, _wrapped(self.path[-1] - goal), self.path[-1] - goal)
         return bool(np.abs(off).max() < _SAME)
@@ -148,7 +148,7 @@ class CSpace(Value):
         """
         grid = self.grid
         whole = grid.scene.arms[grid.arm].robot.joint_names == grid.joint_names
-        if not whole or self.answered or self.start is None or not self.targets or self.start_blocked_by:
+        if not whole or self.found or self.start is None or not self.targets or self.start_blocked_by:
             return None
         return decompose(grid.scene, grid.arm, self.start, self.targets, self.goals)
 
@@ -159,7 +159,7 @@ class CSpace(Value):
         Either cells that are blocked as a whole separate them, or no configuration reaches the goal, or the goals are
         configurations that are not free. False where the path answers the query, and where the question is open.
         """
-        if self.start is None or self.answered or not self.targets:
+        if self.start is None or self.found or not self.targets:
             return False
         if self.start_blocked_by:
             return True
@@ -341,7 +341,7 @@ def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: Any) -> Sc
             raise InputError(
                 f"option at has joint {robot.joint_names[i]!r} at {q[i]:.6g}, expected {lower:.6g} to {upper:.6g}"
             )
-    return scene.with_posture(arm, q)
+    return scene.with_configuration(arm, q)
 
 
 def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | None) -> None:
@@ -375,5 +375,5 @@ def goal_configurations(problem: Problem) -> tuple[dict[str, Array], tuple[str, 
         answer = solve_ik(kinematics, target, arm, rng=0, max_solutions=_MOST_SOLUTIONS)
         names = _numbered(f"{name}, IK", len(answer.solutions)) if len(answer.solutions) > 1 else (name,)
         found |= zip(names, answer.solutions, strict=False)
-        unreached += [] if answer.solved else [f"{name}: {answer.reason}"]
+        unreached += [] if answer.found else [f"{name}: {answer.reason}"]
     return found, tuple(unreached)

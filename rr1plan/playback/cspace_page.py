@@ -89,7 +89,7 @@ def page_parts(cspace: CSpace, trajectory: Trajectory | None, **shown: Any) -> t
         )
     path = None if cspace.path is None else Path(names, cspace.path)
     start = None if cspace.start is None else _posture(grid, cspace.start)
-    scene = grid.scene if start is None else grid.scene.with_posture(grid.arm, start)
+    scene = grid.scene if start is None else grid.scene.with_configuration(grid.arm, start)
     document = view_document(scene, trajectory, path=path, **shown)
     document["ghosts"] = _ghosts(cspace)
     if document["track"] is None:

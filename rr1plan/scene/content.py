@@ -169,12 +169,12 @@ class SceneContent(Value):
             start += nq
         return postures
 
-    def link_poses(self, postures: Mapping[str, Array] | None = None) -> dict[str, Array]:
-        """T_world_link of every link as "arm/link", by plain numpy; `postures` by arm (default: the scene's)."""
-        of_kind("postures", postures, Mapping, optional=True)
+    def link_poses(self, configurations: Mapping[str, Array] | None = None) -> dict[str, Array]:
+        """T_world_link of every link as "arm/link", by plain numpy; `configurations` by arm (default: the scene's)."""
+        of_kind("configurations", configurations, Mapping, optional=True)
         poses = {}
         for name, arm in self.arms.items():
-            q = arm.q if postures is None else postures.get(name, arm.q)
+            q = arm.q if configurations is None else configurations.get(name, arm.q)
             for link, T in arm.robot.link_poses(q).items():
                 poses[f"{name}/{link}"] = arm.base @ T
         return poses

@@ -44,7 +44,7 @@ class Scene(SceneContent):
             attachments={n: h for n, h in self.attachments.items() if n not in gone},
         )
 
-    def with_posture(self, name: str, q: Any) -> Scene:
+    def with_configuration(self, name: str, q: Any) -> Scene:
         """A scene in which that arm stands at q: a name or numbers (nq,)."""
         return replace(self, arms={**self.arms, name: replace(self.arm(name), q=q)})
 

@@ -29,7 +29,7 @@ CELLS = 90
 def lesson() -> rp.CSpace:
     problem = load_problems("planar2r_path")["over_the_seam"]
     result = rp.make_planner("rrt_connect", tree=True).plan(problem, rng=0)
-    assert result.solved
+    assert result.found
     assert result.tree is not None
     return rp.cspace(problem.scene, problem, result, resolution=CELLS)
 

@@ -84,7 +84,7 @@ def changes(scene: Scene, arm: str) -> dict[str, Scene]:
         "padded for one": scene.with_padding(0.01, arm, "two"),
         "with a margin": scene.with_padding(0.01, arm, "two").with_margin(0.002),
         "moved, then padded": scene.with_obstacle("one", Sphere(0.1), [0.5, 0.5, 0.5]).with_margin(0.001),
-        "another posture": scene.with_posture(arm, 0.5 * scene.arms[arm].q + 0.1),
+        "another posture": scene.with_configuration(arm, 0.5 * scene.arms[arm].q + 0.1),
         "another base": scene.with_arm(arm, scene.arms[arm].robot, pose([0.1, 0, 0], rpy=[0, 0, 0.3])),
     }
 
@@ -138,7 +138,7 @@ def test_the_robot_with_another_gripper_has_tables_of_its_own(odd):
 
 def test_scenes_with_equal_arms_share_what_the_arms_carry(odd):
     scene = furnished(Scene().with_arm("a", odd))
-    same = [scene.with_obstacle("one", Sphere(0.3)), scene.with_posture("a", [0.1, 0.2, 0.3]), copied(scene)]
+    same = [scene.with_obstacle("one", Sphere(0.3)), scene.with_configuration("a", [0.1, 0.2, 0.3]), copied(scene)]
     first = CollisionChecker(scene)
     for other in same:
         checker = CollisionChecker(other)

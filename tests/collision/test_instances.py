@@ -31,7 +31,7 @@ def test_equal_robots_share_one_geometry_wherever_they_stand(six, odd):
     scene = Scene()
     for i, robot in enumerate((six, odd, six, odd, six)):
         scene = scene.with_arm(f"arm{i}", robot, pose([0.9 * i, 0.1, 0.0], rpy=[0.1 * i, 0.0, 0.3]))
-    scene = scene.with_posture("arm2", [0.5, 0.1, 0.2, 0.3, 0.4, 0.5])
+    scene = scene.with_configuration("arm2", [0.5, 0.1, 0.2, 0.3, 0.4, 0.5])
     made = geometries(scene)
     assert [made.index(one) for one in made] == [0, 1, 0, 1, 0]
     assert geometries(Scene().with_arm("other", six, [9.0, 0, 0]))[0] is made[0]
@@ -48,7 +48,11 @@ def test_what_an_arm_holds_makes_its_geometry_and_rules_do_not(six):
     one, *others = geometries(first)
     assert one is not others[0]
     assert others[0] is others[1] is geometries(scene)[0]
-    for other in (first.with_padding(0.01), first.allow(names[0], names[1]), first.with_posture(names[0], np.ones(6))):
+    for other in (
+        first.with_padding(0.01),
+        first.allow(names[0], names[1]),
+        first.with_configuration(names[0], np.ones(6)),
+    ):
         assert geometries(other)[0] is one
     assert geometries(first.attach(f"box of {names[1]}", names[1], touch=["l5"]))[0] is one
     elsewhere = held.attach(f"box of {names[0]}", names[0], pose=pose([0, 0, 0.3]))
@@ -150,7 +154,7 @@ def test_answers_about_all_arms_are_the_least_of_each_alone_and_of_every_two(cro
         # Arms that stand still there are obstacles to the one that moves.
         posed = crowd
         for name in names:
-            posed = posed.with_posture(name, q[columns[name]])
+            posed = posed.with_configuration(name, q[columns[name]])
         moving, own = names[2], q[columns[names[2]]]
         expected = min(CollisionChecker(alone(posed, moving, name), [moving]).clearance(own) for name in names)
         assert CollisionChecker(posed, [moving]).clearance(own) == pytest.approx(expected, abs=1e-9)

@@ -212,7 +212,7 @@ def test_planning_with_a_concave_mesh_in_the_hand_reports_progress_and_is_cancel
 
 def test_planning_among_concave_meshes_decomposes_nothing(gate: Mesh, endless: Path) -> None:
     scene = rp.load_scene("rr1_table").with_obstacle("gate", gate, [3.0, 0.0, 0.0])
-    assert rp.plan_motion(rp.Problem(scene, "home", "zero"), rng=0).solved
+    assert rp.plan_motion(rp.Problem(scene, "home", "zero"), rng=0).valid
     assert not endless.exists()
 
 

@@ -42,7 +42,7 @@ def budget_of(name):
 def test_the_path_begins_at_the_start_ends_at_the_goal_and_is_certified(name, seam, is_certified):
     before = (seam.start.tobytes(), seam.scene.arm("arm").q.tobytes())
     result = plan(seam, name, budget_of(name), rng=5)
-    assert result.status is PlanStatus.SOLVED, result.reason
+    assert result.status is PlanStatus.FOUND, result.reason
     points = result.path.waypoints
     assert points[0].tobytes() == seam.start.tobytes()
     off = points[-1] - seam.goal["arm"][0].q
@@ -66,7 +66,7 @@ def test_the_same_seed_gives_the_same_path_and_the_result_names_it(name, seam):
 @pytest.mark.parametrize("name", planner_names())
 def test_a_line_that_is_free_is_found_by_all(name, straight, is_certified):
     result = plan(straight, name, BUDGET, rng=0)
-    assert result.status is PlanStatus.SOLVED, result.reason
+    assert result.status is PlanStatus.FOUND, result.reason
     assert is_certified(straight.scene, result.path.waypoints)
 
 
@@ -112,7 +112,7 @@ def test_no_way_is_a_timeout_within_the_budget(name):
 @pytest.mark.parametrize("name", JOINT_SPACE)
 def test_a_start_at_the_goal_is_a_path_of_no_length(name, seam):
     result = plan(rp.Problem(seam.scene, start=seam.start, goal=seam.start), name, BUDGET)
-    assert result.status is PlanStatus.SOLVED
+    assert result.status is PlanStatus.FOUND
     assert result.path.length == 0.0
 
 
@@ -175,7 +175,7 @@ def test_a_joint_that_cannot_move_is_left_out_of_the_search(rr1):
 def test_rr1_goes_into_the_cage_and_out(is_certified):
     for name, problem in load_problems("rr1_cage").items():
         result = plan(problem, rng=1)
-        assert result.solved, f"{name}: {result.reason}"
+        assert result.found, f"{name}: {result.reason}"
         assert is_certified(problem.scene, result.path.waypoints)
 
 

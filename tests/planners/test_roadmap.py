@@ -90,7 +90,7 @@ def test_the_answer_is_the_shortest_way_along_the_free_edges(name, samples, requ
     roadmap = Roadmap(problem.scene, samples=samples)
     expected = shortest_length(problem, roadmap.graph, problem.goal[problem.arms[0]][0].q)
     result = roadmap.plan(problem, rng=0)
-    assert result.status is PlanStatus.SOLVED
+    assert result.status is PlanStatus.FOUND
     assert result.iterations == 0
     assert result.path.length == pytest.approx(expected, rel=1e-9)
     # What is known from the first time does not change it.
@@ -163,8 +163,8 @@ def test_a_question_for_another_scene_or_other_arms_is_refused(shelf, seam):
     with pytest.raises(InputError, match="keeps a margin"):
         roadmap.plan(shelf.with_margin(0.01))
     # Where the arm stands is no part of the roadmap.
-    moved = shelf.scene.with_posture(shelf.arms[0], shelf.start + 0.01)
-    assert roadmap.plan(rp.Problem(moved, shelf.start, shelf.goal), COUNTED, rng=0).status is PlanStatus.SOLVED
+    moved = shelf.scene.with_configuration(shelf.arms[0], shelf.start + 0.01)
+    assert roadmap.plan(rp.Problem(moved, shelf.start, shelf.goal), COUNTED, rng=0).status is PlanStatus.FOUND
 
 
 def test_a_blocked_start_or_goal_is_reported_by_name(seam):

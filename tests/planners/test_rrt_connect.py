@@ -119,7 +119,7 @@ def test_goals_that_cannot_be_got_to_are_followed_by_others(planner):
         assert len(first) > 0
         assert (np.abs(np.angle(np.exp(1j * first[:, 0]))) > 0.8).all()
         results = [rp.plan(problem, planner, budget, rng=seed) for _ in range(2)]
-        assert results[0].status is PlanStatus.SOLVED
+        assert results[0].status is PlanStatus.FOUND
         assert abs(results[0].path.waypoints[-1, 0]) < 0.8
         np.testing.assert_array_equal(results[0].path.waypoints, results[1].path.waypoints)
         with checker_from_pool(problem.scene) as motion:

@@ -84,14 +84,14 @@ def test_two_pairs_that_separate_start_and_goal_are_both_named(gate: rp.Robot) -
     assert " and by 'base' and 'forearm2': they touch whenever elbow2 is in [-0.485" in reason
     (remedy,) = re.findall(r"allow the pairs \(scene((?:\.allow\('[^']*', '[^']*'\))+)", reason)
     scene = eval(f"problem.scene{remedy}")
-    assert rp.plan(rp.Problem(scene, problem.start, problem.goal), rng=0).solved
+    assert rp.plan(rp.Problem(scene, problem.start, problem.goal), rng=0).found
 
 
 def test_allowing_the_pair_as_it_is_said_solves_the_problem(separated: rp.Problem) -> None:
     reason = rp.plan(separated, "rrt_connect", ITERATIONS, rng=0).reason
     (remedy,) = re.findall(r"scene(\.allow\('a/base', 'a/forearm'\))", reason)
     scene = eval(f"separated.scene{remedy}")
-    assert rp.plan(rp.Problem(scene, separated.start, separated.goal), rng=0).solved
+    assert rp.plan(rp.Problem(scene, separated.start, separated.goal), rng=0).found
 
 
 def test_the_same_seed_gives_the_same_hint(separated: rp.Problem) -> None:
@@ -101,7 +101,7 @@ def test_the_same_seed_gives_the_same_hint(separated: rp.Problem) -> None:
 
 def test_a_motion_comes_with_the_hint_too(separated: rp.Problem) -> None:
     motion = rp.plan_motion(separated, budget=ITERATIONS, rng=0)
-    assert not motion.solved
+    assert not motion.valid
     assert "separated by 'base' and 'forearm'" in motion.result.reason
 
 

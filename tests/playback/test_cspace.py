@@ -268,7 +268,7 @@ def test_a_slice_is_where_it_is_asked_for(rr1_table: rp.Scene) -> None:
     q = np.array(rr1_table.configuration())
     q[2:] += 0.3
     given = rp.cspace(rr1_table, joints=joints, at=q, resolution=24)
-    stands = rp.cspace(rr1_table.with_posture("rr1", q), joints=joints, resolution=24)
+    stands = rp.cspace(rr1_table.with_configuration("rr1", q), joints=joints, resolution=24)
     here = rp.cspace(rr1_table, joints=joints, resolution=24)
     assert np.array_equal(given.grid.labels, stands.grid.labels)
     assert not np.array_equal(given.grid.labels, here.grid.labels)

@@ -274,7 +274,7 @@ def test_a_slit_narrower_than_a_cell_is_no_proof(play: float) -> None:
 def test_a_path_that_was_found_is_never_contradicted() -> None:
     problem = before_a_wall(0.008)
     result = rp.plan(problem, rng=0)
-    assert result.solved
+    assert result.found
     picture = rp.cspace(problem.scene, problem, result, resolution=60)
     assert not picture.proves_no_path
     assert picture.reachable_goals == (True,)
@@ -295,9 +295,9 @@ def test_a_path_counts_as_an_answer_only_if_it_is_one() -> None:
         (shorter, "it does not end at a goal"),
         (later, "it does not begin at the start"),
     ):
-        assert result.solved
+        assert result.found
         picture = rp.cspace(problem.scene, problem, result, resolution=24)
-        assert not picture.answered
+        assert not picture.found
         assert picture.proves_no_path
         assert picture.reachable_goals == (False,)
         assert verdict(picture).startswith("No path exists")
@@ -317,7 +317,7 @@ def test_the_answers_of_planners_count(planner: str) -> None:
     for goal in (problem.goal["arm"], [2.55 + 2.0 * np.pi, -0.5], where, [where, [2.55, -0.5]]):
         question = rp.Problem(problem.scene, problem.start, goal)
         result = rp.plan(question, planner, rp.Budget(seconds=5.0, iterations=300), rng=0)
-        assert result.solved
+        assert result.found
         assert rp.cspace(question.scene, question, result, resolution=24).path_fault == ""
 
 
