@@ -107,7 +107,7 @@ def _memory() -> float:
 
 def _scene(count: int, layout: str = "grid") -> rp.Scene:
     rows = max(k for k in range(1, math.isqrt(count) + 1) if count % k == 0) if layout == "grid" else 1
-    return rp.place_grid(rp.load_robot("rr1"), rows, count // rows, _SPACING)
+    return rp.place_grid(rp.load_robot("rr1"), rows, count // rows, spacing=_SPACING)
 
 
 # ---- what is measured ----------------------------------------------------------------------------

@@ -9,6 +9,7 @@
     ├── CancelledError                a progress callback ended work that has no answer without its end
     ├── MissingPackageError (ImportError)   an optional package; names the extra to install
     ├── InstallationError (ImportError)     a part of rr1plan that the build makes is missing or broken
+    ├── PlannerError                  a planner of the caller's own raised something, or its answer is none
     └── BackendError                  a library failed in a way we did not foresee
 
 "No answer" is a value (`PlanResult.status`), a wrong call is an exception.
@@ -85,6 +86,10 @@ class FormatError(InputError):
 
 class NoPlanError(Rr1PlanError):
     """Raised by `path_or_raise` when there is no path; the message is the planner's reason."""
+
+
+class PlannerError(Rr1PlanError):
+    """A planner of the caller's own raised something, or returned a path that is no answer to the problem."""
 
 
 class RetimingError(Rr1PlanError):

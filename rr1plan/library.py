@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
-from rr1plan.checks import check_text, file_path, known_name, of_kind, shown
+from rr1plan.checks import check_text, file_path, known_name, of_kind
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.formats.convex_pieces import Convexity
 from rr1plan.formats.files import is_regular, write_text
@@ -19,7 +19,6 @@ from rr1plan.formats.scene_toml import SceneFile, parse_scene, read_scene, scene
 from rr1plan.formats.srdf import Semantics, read_srdf
 from rr1plan.formats.urdf import Tree, read_urdf
 from rr1plan.formats.xacro import expand_xacro
-from rr1plan.limits import Limits
 from rr1plan.problem import Problem
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
@@ -63,25 +62,22 @@ def load_robot(
     name_or_file: str | Path,
     *,
     srdf: str | Path | Literal[False] | None = None,
-    group: str | None = None,
     groups: Sequence[str | Sequence[str]] | None = None,
     joints: Sequence[str] | None = None,
     package_dirs: Sequence[str | Path] = (),
     convex: Convexity = "hull",
-    limits: Limits | str | None = None,
     tool: str | None = None,
-    name: str | None = None,
     xacro_arguments: Mapping[str, str] | None = None,
 ) -> Robot:
     """Load a robot that ships with rr1plan or is installed, or any arm from its URDF or xacro file.
 
-    The planning joints are the given `joints`, those of the given `group`, or else those of the
+    The planning joints are the given `joints`, those of the given `groups`, or else those of the
     SRDF's arm that carries an end effector, of its first group, or all that move by themselves.
     Every other joint that moves by itself is locked at zero, or at its limit nearest to zero.
 
     URDF knows no acceleration and no jerk: one that reaches the velocity in 0.25 s and a jerk that
     reaches that in 0.1 s are taken. A velocity it does not give becomes 1 rad/s or 0.25 m/s.
-    Give `limits` where you know better.
+    Use `robot.with_limits` where you know better.
 
     "home" is the SRDF's state of that name, else "ready", else its first one; without any, zero or
     the middle of the range where that is free of self-collision, else a free configuration near it.
@@ -95,31 +91,25 @@ def load_robot(
             .urdf or .xacro file. A xacro file is a program: load only those you trust.
         srdf: The SRDF; None looks beside the URDF and in ../srdf for one of the same name, False
             takes none.
-        group: The SRDF group to plan for.
-        groups: Several of them, planned for as one: the joints of the first, then those of the next, e.g. both arms
-            of a robot. Where the SRDF has no such group, or there is none, give a chain: (base link, tip link). The
-            robot's tool is that of the first.
+        groups: The SRDF groups to plan for, as one: the joints of the first, then those of the next, e.g. one arm or
+            both arms of a robot. Where the SRDF has no such group, or there is none, give a chain: (base link, tip
+            link). The robot's tool is that of the first.
         joints: The joints to plan for, in this order.
         package_dirs: Folders to look for `package://` meshes in, before those around the file.
         convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
             (slow the first time, with a bar on a terminal; then kept on disk).
-        limits: Limits of the planning joints, or the name of one of the robot's presets.
         tool: The link that pose goals mean when they name none; by default the tip of the group's
             chain, or the end of what hangs on the last planning joint.
-        name: Another name for the robot.
         xacro_arguments: Values of a xacro file's arguments; with some, or {}, a .urdf is expanded as well.
 
     Raises:
-        UnknownNameError: no such robot, group, joint, link or preset.
+        UnknownNameError: no such robot, group, joint or link.
         FormatError: a file that cannot be read as what it claims to be.
-        InputError: joints that cannot be planned for, or limits of another length.
+        InputError: joints that cannot be planned for.
         MissingPackageError: a xacro file, and xacrodoc is not installed.
     """
-    if group is not None and groups is not None:
-        raise InputError(f"got group={shown(group)} and groups={shown(groups)}, expected one of them")
-    for option, text in (("group", group), ("tool", tool), ("name", name)):
-        if text is not None:
-            check_text(option, text)
+    if tool is not None:
+        check_text("tool", tool)
     folder, file, beside = _locate(name_or_file)
     tree = _read_tree(file, package_dirs, convex, xacro_arguments)
     if srdf is not None:
@@ -127,13 +117,11 @@ def load_robot(
     else:
         semantics = _semantics_beside(beside, tree)
     if folder is not None:
-        group, tool = folder.group if group is None else group, folder.tool if tool is None else tool
-    if groups is None and group is not None:
-        groups = (group,)
-    robot = assemble(tree, semantics, Choice(groups, joints, tool, name))
-    if folder is not None:
-        robot = folder.apply(robot)
-    return robot if limits is None else robot.with_limits(limits)
+        tool = folder.tool if tool is None else tool
+        if groups is None and folder.group is not None:
+            groups = (folder.group,)
+    robot = assemble(tree, semantics, Choice(groups, joints, tool))
+    return robot if folder is None else folder.apply(robot)
 
 
 def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | None]:
@@ -230,6 +218,7 @@ def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
 def save_scene(
     file: str | Path,
     scene: Scene,
+    *,
     problems: Mapping[str, Problem] | None = None,
     robots: Mapping[str, str] | None = None,
 ) -> Path:

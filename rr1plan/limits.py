@@ -55,7 +55,7 @@ class Limits(Value):
     def __len__(self) -> int:
         return len(self.lower)
 
-    def scaled(self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
+    def scaled(self, *, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
         """The same limits with the rates multiplied by factors above zero.
 
         Raises:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, true_or_false
 from rr1plan.collision.checker_pool import checker_from_pool
@@ -19,16 +19,20 @@ from rr1plan.collision.solids import cut_meshes
 from rr1plan.errors import CancelledError, InputError, NoPlanError
 from rr1plan.imports import import_clock
 from rr1plan.path import Path
-from rr1plan.planners import plan
+from rr1plan.planners import chosen_planner, plan
 from rr1plan.planners.goals import joint_goals
 from rr1plan.planners.shortcut import shorten as shorten_path
-from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
 from rr1plan.problem import Problem
 from rr1plan.report import Report
 from rr1plan.retiming import retime, retiming_names
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
+
+if TYPE_CHECKING:
+    from rr1plan.playback.replay import Replay
+    from rr1plan.playback.viewer import Viewer, ViewOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,27 +118,57 @@ class MotionPlan:
 
     def size(self) -> str:
         """What it consists of, in words: "57 waypoints, 2.31 rad long, 1.20 s in 112 quartic pieces"."""
-        _, path, trajectory, _, _ = self._content()
+        path, trajectory = self._path_if_any(), self._trajectory
         parts = [] if path is None else [f"{counted(len(path), 'waypoint')}, {path.length:.2f} rad long"]
         if trajectory is not None:
             kind = _DEGREES.get(trajectory.degree, f"degree-{trajectory.degree}")
             parts.append(f"{trajectory.duration:.3f} s in {counted(len(trajectory.coefficients), f'{kind} piece')}")
         return ", ".join(parts)
 
-    def show(self, **options: Any) -> Any:
-        """Open the motion in a live Meshcat page and print its address; options as in `rr1plan.playback.show`.
+    def show(
+        self,
+        *,
+        replay: Replay | None = None,
+        options: ViewOptions | None = None,
+        port: int | None = None,
+        open_browser: bool = True,
+        quiet: bool = False,
+    ) -> Viewer:
+        """Open the motion in a live Meshcat page and print its address; the arguments are those of `rr1plan.show`.
 
         End a script with `motion.show().wait()`, which keeps the page until it is closed.
         """
-        from rr1plan import playback
+        from rr1plan.playback.viewer import show
 
-        return playback.show(self.scene, self._trajectory, **self._picture(), **options)
+        return show(
+            self.scene,
+            trajectory=self._trajectory,
+            path=self._path_if_any(),
+            problem=self.problem,
+            report=self._report,
+            replay=replay,
+            options=options,
+            port=port,
+            open_browser=open_browser,
+            quiet=quiet,
+        )
 
-    def save_html(self, file: str | FilePath, **options: Any) -> FilePath:
-        """Write one self-contained page that plays the motion offline; options as in `save_html`."""
-        from rr1plan import playback
+    def save_html(
+        self, file: str | FilePath, *, replay: Replay | None = None, options: ViewOptions | None = None
+    ) -> FilePath:
+        """Write one self-contained page that plays the motion offline; arguments as in `rr1plan.save_html`."""
+        from rr1plan.playback.viewer import save_html
 
-        return playback.save_html(file, self.scene, self._trajectory, **self._picture(), **options)
+        return save_html(
+            file,
+            self.scene,
+            trajectory=self._trajectory,
+            path=self._path_if_any(),
+            problem=self.problem,
+            report=self._report,
+            replay=replay,
+            options=options,
+        )
 
     def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
         """Write scene, problem, path, trajectory and report to one JSON file; read it with `rr1plan.load_motion`.
@@ -145,23 +179,34 @@ class MotionPlan:
         """
         from rr1plan.formats.plan_files import save_motion
 
-        return save_motion(file, *self._content(), embed=embed)
+        return save_motion(
+            file,
+            self.scene,
+            path=self._path_if_any(),
+            trajectory=self._trajectory,
+            report=self._report,
+            problem=self.problem,
+            embed=embed,
+        )
 
     def to_json(self) -> str:
         """The text of a motion file that is whole by itself."""
         from rr1plan.formats.plan_files import motion_text
 
-        return motion_text(*self._content())
+        return motion_text(
+            self.scene,
+            path=self._path_if_any(),
+            trajectory=self._trajectory,
+            report=self._report,
+            problem=self.problem,
+        )
 
-    def _content(self) -> tuple[Scene, Path | None, Trajectory | None, Report | None, Problem | None]:
+    def _path_if_any(self) -> Path | None:
+        """The path, or None for a motion from a file that holds a trajectory alone."""
         path = self._path if self._path is not None else self.result.path
         if path is None:
             _present(self._trajectory, self.result)
-        return self.scene, path, self._trajectory, self._report, self.problem
-
-    def _picture(self) -> dict[str, Any]:
-        _, path, _, report, problem = self._content()
-        return {"path": path, "problem": problem, "report": report}
+        return path
 
 
 _T = TypeVar("_T")
@@ -184,7 +229,7 @@ def _present(value: _T | None, result: PlanResult) -> _T:
 def plan_motion(
     problem: Problem,
     *,
-    planner: str = "rrt_connect",
+    planner: str | Planner = "rrt_connect",
     retiming: str = "blend",
     shorten: bool = True,
     margin: float | None = None,
@@ -200,10 +245,11 @@ def plan_motion(
 
     Args:
         problem: The question.
-        planner: A name of `planner_names()`.
+        planner: A name of `planner_names()`, or an instance of `Planner`.
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
-        shorten: Whether to shorten the path; the Cartesian planner's is left as it is.
+        shorten: Whether to shorten the path; that of a planner that `keeps_shape`, such as the Cartesian one, is left
+            as it is.
         margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm where it has
             none): a proof of zero clearance is little use to an
             arm that tracks to a fraction of a millimeter. It is halved until start and goal have
@@ -218,7 +264,8 @@ def plan_motion(
         A `MotionPlan`; `found` says whether there is a path, `valid` whether its timed motion is proven.
 
     Raises:
-        UnknownNameError: a planner or retiming nobody knows.
+        UnknownNameError: an unknown planner or retiming.
+        PlannerError: a planner of your own raised something, or returned a path that is no answer.
         InputError: a margin below zero, or no problem at all.
         RetimingError: the path cannot be timed under the limits (a torque limit below gravity).
     """
@@ -226,6 +273,7 @@ def plan_motion(
     seconds = {"imports": imports} if imports > _NO_IMPORTS else {}
     generator = as_generator(rng)
     check_question(problem, budget, progress)
+    chosen = chosen_planner(planner)
     known_name("retiming", retiming, retiming_names())
     shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     try:
@@ -235,24 +283,26 @@ def plan_motion(
             roomy = problem.with_margin(margin)
             warm_up(roomy)
     except CancelledError as error:
-        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
+        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
     with _timed(seconds, "plan"):
-        result = plan(roomy, planner, budget, generator, progress)
+        result = plan(roomy, planner=chosen, budget=budget, rng=generator, progress=progress)
         if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
             margin = 0.0
-            result = plan(problem.with_margin(0.0), planner, budget, generator, progress)
+            result = plan(problem.with_margin(0.0), planner=chosen, budget=budget, rng=generator, progress=progress)
     if result.path is None:
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")
     with checker_from_pool(problem.scene, problem.arms, margin) as motions:
         try:
-            if shorten and planner != "cartesian":
+            if shorten and not chosen.keeps_shape:
                 with _timed(seconds, "shorten", progress):
-                    path = shorten_path(path, motions, rng=generator, iterations=_SHORTCUTS)
+                    path = shorten_path(path, problem.scene, checker=motions, iterations=_SHORTCUTS, rng=generator)
             for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
                 with _timed(seconds, "retime", progress):
-                    trajectory = retime(path, problem.scene, method, checker=motions, torque_limits=torque_limits)
+                    trajectory = retime(
+                        path, problem.scene, method=method, checker=motions, torque_limits=torque_limits
+                    )
                 with _timed(seconds, "validate", progress):
                     report = validate(
                         trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits
@@ -275,7 +325,7 @@ def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
     cut_meshes(scene, told)
 
 
-def warm_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
+def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> None:
     """Warm up: build the collision tables of a problem's scene before its first query.
 
     Planning does it where it has not been done, in a millisecond or two; do it ahead where the first answer is waited

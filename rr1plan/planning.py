@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import numbers
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,20 +169,40 @@ def check_question(problem: Any, budget: Any, progress: Any) -> None:
     check_callback("progress", progress)
 
 
-class Planner(Protocol):
-    """Settings in the constructor, data in the verb."""
+class Planner(ABC):
+    """A planner: settings in the constructor, the problem in `plan`. Derive from it to bring your own.
 
-    @property
-    def name(self) -> str:
-        """Name in the table of planners."""
-        ...
+    A planner keeps no state that changes its answers: the same problem, seed and budget of iterations give the same
+    path. Pass an instance wherever a planner's name is taken, or make it known by a name with `register_planner`.
 
+    Attributes:
+        name: What results and messages call it; one line.
+        keeps_shape: The shape of its paths is part of the answer, as a straight line of the tool is: `plan_motion` does
+            not shorten them.
+    """
+
+    name: str
+    keeps_shape: bool = False
+
+    @abstractmethod
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
-        """Answer a problem; see `rr1plan.plan`."""
-        ...
+        """Answer a problem.
+
+        `rr1plan.plan` checks what a planner of yours returns: a `PlanResult` whose path, if the status is `FOUND`,
+        starts at `problem.start`, ends at a goal, and has edges that are free by `CollisionChecker(problem.scene,
+        problem.arms, margin=problem.margin)`.
+
+        Args:
+            problem: The question.
+            budget: When to stop; None: the default `Budget()`.
+            rng: Generator or seed of everything random.
+            progress: Called about ten times a second with a `Progress`; when it returns False, the status is
+                `CANCELLED`.
+        """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from types import MappingProxyType
 from typing import Any
 
@@ -61,6 +61,7 @@ class PoseGoal(Value):
     frame: str
     position: Any
     quaternion: Any = None
+    _: KW_ONLY
     position_tolerance: float = 1e-4
     orientation_tolerance: float = 1e-3
 
@@ -105,6 +106,7 @@ class RegionGoal(Value):
     lower: Any
     upper: Any
     quaternion: Any = None
+    _: KW_ONLY
     orientation_tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
@@ -149,6 +151,7 @@ class Problem(Value):
     scene: Scene
     start: Any
     goal: Any
+    _: KW_ONLY
     arms: Any = None
     margin: float = field(default=0.0, init=False)
 
@@ -207,7 +210,7 @@ class Problem(Value):
             order = [old.index(name) for name in new]
             start[arm] = postures[arm][order]
             goal[arm] = [JointGoal(g.q[order]) if isinstance(g, JointGoal) else g for g in self.goal[arm]]
-        return Problem(scene, start, goal, self.arms).with_margin(self.margin)
+        return Problem(scene, start, goal, arms=self.arms).with_margin(self.margin)
 
     def _moving_arms(self) -> tuple[str, ...]:
         if self.arms is not None:

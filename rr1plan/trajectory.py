@@ -7,11 +7,13 @@ storing just that, limits can be checked between samples, and merging arms is ar
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     Array,
@@ -89,7 +91,7 @@ class Trajectory(Value):
         return made
 
     @staticmethod
-    def rest(joint_names: tuple[str, ...], q: Any, start: float = 0.0, duration: float = 0.0) -> Trajectory:
+    def rest(joint_names: tuple[str, ...], q: Any, *, start: float = 0.0, duration: float = 0.0) -> Trajectory:
         """Standing still at q (nq,) for `duration` [s].
 
         Raises:
@@ -102,7 +104,13 @@ class Trajectory(Value):
         return Trajectory(names, np.array(breaks), q[None, None, :])
 
     @staticmethod
-    def from_samples(times: Any, q: Any, qd: Any = None, qdd: Any = None, *, joint_names: Any) -> Trajectory:
+    def from_samples(
+        joint_names: Sequence[str],
+        times: ArrayLike,
+        q: ArrayLike,
+        qd: ArrayLike | None = None,
+        qdd: ArrayLike | None = None,
+    ) -> Trajectory:
         """A motion through samples, as a ROS joint trajectory controller interpolates them.
 
         What the samples carry decides what lies between them: positions alone, straight lines (velocity jumps at each
@@ -110,11 +118,11 @@ class Trajectory(Value):
         says which.
 
         Args:
+            joint_names: Name of each column, "arm/joint", length nq.
             times: Strictly increasing [s], shape (n,), n >= 1.
             q: Positions [rad or m], shape (n, nq).
             qd: Velocities [rad/s or m/s], shape (n, nq), or None.
             qdd: Accelerations [rad/s² or m/s²], shape (n, nq), or None.
-            joint_names: Name of each column, "arm/joint", length nq.
 
         Raises:
             InputError: shapes that do not fit, numbers that are not finite, times that do not increase, samples so

@@ -99,7 +99,7 @@ def calls(folder: Path) -> dict[str, Call]:
     q, T, names, budget = np.zeros(2), transforms.identity(), scene.joint_names(), rp.Budget(0.2)
     cover = next(iter(rp.cover_with_spheres(robot).values()))
     base, link = (f"arm/{robot.links[k].name}" for k in (0, 1))
-    rp.save_motion(folder / "m.json", scene, path, trajectory)
+    rp.save_motion(folder / "m.json", scene, path=path, trajectory=trajectory)
     rp.save_csv(folder / "t.csv", trajectory)
     rp.save_scene(folder / "s.toml", scene)
     (folder / "j.yaml").write_text(

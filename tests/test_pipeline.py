@@ -43,7 +43,7 @@ def test_a_scene_is_set_up_once(problem: rp.Problem, monkeypatch: pytest.MonkeyP
         rp.warm_up(scene)
 
 
-@pytest.mark.parametrize("retiming", rp.retiming.retiming_names())
+@pytest.mark.parametrize("retiming", rp.retiming_names())
 def test_every_retiming_can_end_the_line_and_is_held_to_what_it_claims(problem: rp.Problem, retiming: str) -> None:
     report = rp.plan_motion(problem, retiming=retiming, rng=0).report
     assert report.certified
@@ -69,12 +69,12 @@ def test_every_planner_keeps_the_margin_of_a_question(planner: str) -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
     scene = scene.with_obstacle("post", rp.Sphere(0.05), [0.55, 0.0, 0.0]).with_padding(0.01)
     problem = rp.Problem(scene, [0.7, 0.9], [-0.7, -0.9]).with_margin(0.1)
-    path = rp.plan(problem, planner, rp.Budget(seconds=3.0), rng=0).path
+    path = rp.plan(problem, planner=planner, budget=rp.Budget(seconds=3.0), rng=0).path
     assert path is not None
     wide = rp.CollisionChecker(scene.with_margin(0.1))
     assert all(wide.edge_is_free(a, b) for a, b in pairwise(path.waypoints))
     # A wider one has no such path: the margin counts.
-    refused = rp.plan(problem.with_margin(0.5), planner, rp.Budget(seconds=0.3), rng=0)
+    refused = rp.plan(problem.with_margin(0.5), planner=planner, budget=rp.Budget(seconds=0.3), rng=0)
     assert refused.status is rp.PlanStatus.INVALID_START
 
 
@@ -159,7 +159,7 @@ began = time.perf_counter()
 problem = rp.load_problems("planar2r_path")["to_a_point"]
 first = rp.plan_motion(problem, rng=0)
 wall = time.perf_counter() - began
-rp.playback.simulate
+rp.simulate
 second = rp.plan_motion(problem, rng=0)
 print(*first.seconds, sep=",")
 print(*second.seconds, sep=",")

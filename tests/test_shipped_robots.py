@@ -51,7 +51,7 @@ def test_its_configurations_are_free_and_within_the_limits_and_home_within_all(s
 
 
 def test_pairs_switched_off_are_neighbors_or_never_meet(shipped: rp.Robot) -> None:
-    proposed = propose_disabled_collisions(shipped, 1500, rng=0)
+    proposed = propose_disabled_collisions(shipped, samples=1500, rng=0)
     fingers = frozenset(("finger_link", "opposite_finger_link"))
     assert shipped.disabled_collisions - {fingers} <= set(proposed)
 

@@ -177,7 +177,7 @@ def build_problem(entry: schema.Problem, scene: Scene) -> Problem:
         InputError: entries that make no problem in this scene.
     """
     goals = {arm: [_goal(goal) for goal in alternatives] for arm, alternatives in entry.goal.items()}
-    return Problem(scene, np.array(entry.start), goals, entry.arms)
+    return Problem(scene, np.array(entry.start), goals, arms=entry.arms)
 
 
 def build_path(entry: schema.Path) -> Path:

@@ -35,13 +35,11 @@ class Choice:
         groups: What to plan for, as one: names of SRDF groups, or chains as (base link, tip link).
         joints: The joints to plan for, in this order.
         tool: The link whose frame goals mean.
-        name: The robot's name.
     """
 
     groups: Sequence[str | Sequence[str]] | None = None
     joints: Sequence[str] | None = None
     tool: str | None = None
-    name: str | None = None
 
 
 def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
@@ -68,7 +66,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     states = _states(known, groups, names)
     configurations = _configurations(states, limits)
     robot = Robot(
-        name=choice.name or tree.name,
+        name=tree.name,
         links=tree.links,
         joints=tree.joints,
         joint_names=names,

@@ -48,7 +48,6 @@ class RobotLoader(Protocol):
         name_or_file: str,
         *,
         srdf: str | None = None,
-        group: str | None = None,
         groups: Sequence[str | Sequence[str]] | None = None,
         joints: Sequence[str] | None = None,
         tool: str | None = None,
@@ -200,7 +199,6 @@ class _Reference(NamedTuple):
 
     name_or_file: str
     srdf: str | None
-    group: str | None
     groups: tuple[str | tuple[str, ...], ...] | None
     joints: tuple[str, ...] | None
     tool: str | None
@@ -214,11 +212,14 @@ def _robot_reference(entry: Table, folder: Path) -> _Reference:
             name = str(resolved_path(folder / name))
     with entry.blame("srdf"):
         srdf = str(resolved_path(folder / srdf)) if srdf else ""
+    groups = tuple(g if isinstance(g, str) else _chain(entry, g) for g in entry.rows("groups"))
+    group = entry.string("group", "")
+    if group and groups:
+        raise entry.error("expected one of group and groups, got both", "group")
     return _Reference(
         name,
         srdf or None,
-        entry.string("group", "") or None,
-        tuple(g if isinstance(g, str) else _chain(entry, g) for g in entry.rows("groups")) or None,
+        (group,) if group else groups or None,
         entry.strings("joints") or None,
         entry.string("tool", "") or None,
     )

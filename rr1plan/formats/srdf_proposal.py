@@ -85,7 +85,7 @@ class PairProposal(Mapping[Pair, Reason]):
         return "\n".join([*lines, *(f"Check: {band}" for band in self.bands)])
 
 
-def propose_disabled_collisions(robot: Robot, samples: int = 1000, rng: Seed = None) -> PairProposal:
+def propose_disabled_collisions(robot: Robot, *, samples: int = 1000, rng: Seed = None) -> PairProposal:
     """Pairs of links that need no check, each with the reason.
 
     Args:

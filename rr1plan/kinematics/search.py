@@ -49,7 +49,8 @@ class IkSearch:
         seeds: Where to start first, within the limits, shape (k, nq), k >= 1. Of all copies of a solution that are
             whole turns apart the nearest to the first seed counts.
         state: Of the random numbers; it advances.
-        separation: See `solve_ik`.
+        separation: Solutions count as distinct from this difference in some joint on [rad or m]; None: 0.001, and 0.2
+            where the arm has more joints than the goal needs.
 
     Attributes:
         target: Where the frame has to get.

@@ -17,7 +17,7 @@ from rr1plan.planners import tree_search
 from rr1plan.planners.graph import Graph
 from rr1plan.planners.query import Query
 from rr1plan.planners.shortcut import shorten
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 from rr1plan.scene import Scene
 
@@ -27,7 +27,7 @@ _SHORTCUTS = 100  # tried on a path that is learned
 _NAME = "roadmap"
 
 
-class Roadmap:
+class Roadmap(Planner):
     """A roadmap of a scene and the arms that move in it, built once for many questions.
 
     The answer is the shortest way along the roadmap's free edges. Where it does not connect start and goal,
@@ -85,6 +85,7 @@ class Roadmap:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
@@ -126,7 +127,7 @@ class Roadmap:
             )
 
 
-class RoadmapPlanner:
+class RoadmapPlanner(Planner):
     """A roadmap that is kept with the scene, behind the verb of all planners.
 
     It pays from the second question in a scene on where many obstacles are in the way: among 120 boxes the median
@@ -157,6 +158,7 @@ class RoadmapPlanner:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
@@ -201,7 +203,14 @@ def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
         return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
     path = Path.trusted(motion.joint_names, search.trees.path())
     checked = motion.edges_checked
-    path = shorten(path, motion, rng=query.seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
+    path = shorten(
+        path,
+        query.problem.scene,
+        checker=motion,
+        iterations=_SHORTCUTS,
+        seconds=max(query.seconds_left, 1e-6),
+        rng=query.seed,
+    )
     query.edges += motion.edges_checked - checked
     if learns:
         graph.learn(path.waypoints)

@@ -10,11 +10,11 @@ from rr1plan.checks import Seed, finite_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.planners.query import STRAIGHT_LINES, Query
 from rr1plan.planners.tree_search import TreeSearch
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
 
 
-class RrtConnect:
+class RrtConnect(Planner):
     """Two trees that grow towards each other (Kuffner, LaValle 2000), compiled.
 
     Under a budget of iterations alone the same seed gives the same path. An iteration is a sample.
@@ -42,6 +42,7 @@ class RrtConnect:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,

@@ -10,9 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, Value, check_callback, counted, file_path, items_of, of_kind, read_only, shown
 from rr1plan.collision import CollisionChecker
@@ -27,6 +28,13 @@ from rr1plan.playback.cspace_targets import CellTargets, off_by
 from rr1plan.playback.search_trees import DrawnTree, drawn_tree
 from rr1plan.problem import Goal, JointGoal, Problem
 from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from rr1plan.playback.viewer.live import Viewer
+    from rr1plan.playback.viewer.options import ViewOptions
 
 _MOST_SOLUTIONS = 16  # drawn of each goal
 _SAME = 1e-3  # of several goals a path reaches those that it ends this near to [rad or m]
@@ -193,7 +201,7 @@ class CSpace(Value):
 
     # ---- pictures ------------------------------------------------------------------------
 
-    def figure(self, width: float = 13.0) -> Any:
+    def figure(self, *, width: float = 13.0) -> Figure:
         """A matplotlib figure: workspace left, configuration space right."""
         from rr1plan.playback.cspace_figure import draw
 
@@ -212,7 +220,7 @@ class CSpace(Value):
             raise InputError(f"cannot save {str(file)!r}, expected a name that ends in {', '.join(formats)}")
         return write(target)
 
-    def save_png(self, file: str | FilePath, dpi: int = 150) -> FilePath:
+    def save_png(self, file: str | FilePath, *, dpi: int = 150) -> FilePath:
         """Write the picture as PNG, atomically.
 
         Raises:
@@ -244,17 +252,53 @@ class CSpace(Value):
             raise InputError(f"cannot save {str(file)!r} as {kind.upper()}, expected a name that ends in .{kind}")
         return save(self, target, kind, dpi)
 
-    def save_html(self, file: str | FilePath, **options: Any) -> FilePath:
-        """Write one offline page: the arm in 3-D and the configuration space, linked by sliders and clicks."""
+    def save_html(
+        self, file: str | FilePath, *, trajectory: Trajectory | None = None, options: ViewOptions | None = None
+    ) -> FilePath:
+        """Write one offline page: the arm in 3-D and the configuration space, linked by sliders and clicks.
+
+        Args:
+            file: The file, replaced in one step.
+            trajectory: The timed motion to play; None plays the path at a steady speed.
+            options: Title, first view, spheres, more panels (default: `ViewOptions()`). Without a view a planar arm of
+                two joints is looked at from above.
+
+        Raises:
+            InputError: the trajectory moves other joints than the two shown, or a file that cannot be written.
+            MissingPackageError: Meshcat is not installed.
+        """
         from rr1plan.playback.cspace_page import save_page
 
-        return save_page(self, file, **options)
+        return save_page(self, file, trajectory=trajectory, options=options)
 
-    def show(self, **options: Any) -> Any:
-        """Open the same page live and print its address; end a script with `show().wait()`."""
+    def show(
+        self,
+        *,
+        trajectory: Trajectory | None = None,
+        options: ViewOptions | None = None,
+        port: int | None = None,
+        open_browser: bool = True,
+        quiet: bool = False,
+    ) -> Viewer:
+        """Open the same page live and print its address; end a script with `show().wait()`.
+
+        Args:
+            trajectory: The timed motion to play; None plays the path at a steady speed.
+            options: As in `save_html`.
+            port: First port to try, the next free one is taken; None: 7000.
+            open_browser: Open the page in a browser, where there is a screen.
+            quiet: Do not print the address, which is `Viewer.url`.
+
+        Raises:
+            InputError: the trajectory moves other joints than the two shown, or no port.
+            BackendError: no free port.
+            MissingPackageError: Meshcat is not installed.
+        """
         from rr1plan.playback.cspace_viewer import show_page
 
-        return show_page(self, **options)
+        return show_page(
+            self, trajectory=trajectory, options=options, port=port, open_browser=open_browser, quiet=quiet
+        )
 
     def __str__(self) -> str:
         from rr1plan.playback.cspace_verdict import describe
@@ -273,11 +317,11 @@ def _wrapped(angles: Array) -> Array:
 def cspace(
     scene: Scene,
     problem: Problem | None = None,
-    result: PlanResult | None = None,
     *,
+    result: PlanResult | None = None,
     arm: str | None = None,
     joints: tuple[str, str] | None = None,
-    at: Any = None,
+    at: str | ArrayLike | None = None,
     resolution: int = 360,
     progress: Callable[[float], None] | None = None,
 ) -> CSpace:
@@ -328,7 +372,7 @@ def cspace(
     return picture if result is None else picture.with_result(result)
 
 
-def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: Any) -> Scene:
+def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: str | ArrayLike) -> Scene:
     """The scene with all joints of an arm at `at` except the two that the picture shows."""
     robot, q = scene.arms[arm].robot, np.array(scene.arms[arm].q)
     others = [i for i, name in enumerate(robot.joint_names) if name not in joints]
@@ -372,7 +416,7 @@ def goal_configurations(problem: Problem) -> tuple[dict[str, Array], tuple[str, 
         if isinstance(target, JointGoal):
             found[name] = read_only(np.array(target.q))
             continue
-        answer = solve_ik(kinematics, target, arm, rng=0, max_solutions=_MOST_SOLUTIONS)
+        answer = solve_ik(kinematics, target, rng=0, max_solutions=_MOST_SOLUTIONS)
         names = _numbered(f"{name}, IK", len(answer.solutions)) if len(answer.solutions) > 1 else (name,)
         found |= zip(names, answer.solutions, strict=False)
         unreached += [] if answer.found else [f"{name}: {answer.reason}"]

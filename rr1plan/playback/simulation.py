@@ -37,8 +37,8 @@ Progress = Callable[[float], None]
 def simulate(
     trajectory: Trajectory,
     scene: Scene,
-    mode: Mode = "dynamic",
     *,
+    mode: Mode = "dynamic",
     timestep: float = 0.002,
     record_dt: float = 0.01,
     stiffness: float = 80.0,

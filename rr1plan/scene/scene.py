@@ -30,7 +30,7 @@ class Scene(SceneContent):
         description: What it is for, in a sentence.
     """
 
-    def with_arm(self, name: str, robot: Robot, base: Any = None, q: Any = "home") -> Scene:
+    def with_arm(self, name: str, robot: Robot, base: Any = None, *, q: Any = "home") -> Scene:
         """A scene with one more arm (or another one of that name)."""
         check_text("name", name)
         return replace(self, arms={**self.arms, name: Arm(robot, as_pose(base, "base"), q)})
@@ -53,7 +53,7 @@ class Scene(SceneContent):
         return replace(self, arms={**self.arms, name: replace(self.arm(name), robot=robot)})
 
     def with_obstacle(
-        self, name: str, shape: Shape | Iterable[Geometry], pose: Any = None, color: Color | None = None
+        self, name: str, shape: Shape | Iterable[Geometry], pose: Any = None, *, color: Color | None = None
     ) -> Scene:
         """A scene with one more obstacle (or another one of that name).
 
@@ -108,6 +108,7 @@ class Scene(SceneContent):
         obstacle: str,
         arm: str | None = None,
         link: str | None = None,
+        *,
         touch: Iterable[str] = (),
         pose: Any = None,
     ) -> Scene:

@@ -217,7 +217,14 @@ def test_a_motion_that_is_too_fast_is_invalid_and_exits_with_4(
     motion: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     saved = rp.load_motion(motion)
-    rp.save_motion("fast.json", saved.scene, saved.path, saved.trajectory.stretched(0.3), None, saved.problem)
+    rp.save_motion(
+        "fast.json",
+        saved.scene,
+        path=saved.path,
+        trajectory=saved.trajectory.stretched(0.3),
+        report=None,
+        problem=saved.problem,
+    )
     assert run(["validate", "fast.json", "--json"]) == INVALID_PLAN
     kinds = {violation["kind"] for violation in answer(capsys)["violations"]}
     assert "acceleration" in kinds

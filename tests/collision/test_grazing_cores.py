@@ -73,4 +73,4 @@ def test_a_robot_with_one_joint_is_planned_for() -> None:
     assert not rp.plan(rp.Problem(blocked, [0.9], [-0.9]), budget=rp.Budget(0.3)).found
     for name in ("ompl_rrt_connect", "rrt_star", "cartesian"):
         goal = rp.PoseGoal("tool", [-0.5, 0.0, 0.0]) if name == "cartesian" else [-0.5]
-        assert rp.plan(rp.Problem(scene, [0.9], goal), name, rp.Budget(1.0), rng=1).found, name
+        assert rp.plan(rp.Problem(scene, [0.9], goal), planner=name, budget=rp.Budget(1.0), rng=1).found, name

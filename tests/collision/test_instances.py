@@ -39,7 +39,7 @@ def test_equal_robots_share_one_geometry_wherever_they_stand(six, odd):
 
 
 def test_what_an_arm_holds_makes_its_geometry_and_rules_do_not(six):
-    scene = place_grid(six, 1, 3, 1.5)
+    scene = place_grid(six, 1, 3, spacing=1.5)
     names = list(scene.arms)
     held = scene
     for name in names[:2]:
@@ -67,7 +67,7 @@ def test_a_robot_that_differs_has_a_geometry_of_its_own(odd):
 
 def test_equal_robots_share_their_clearance_maps(odd):
     alone = edge_tables(CollisionChecker(Scene().with_arm("a", odd, pose([2.0, 1.0, 0.0], rpy=[0.2, 0.1, 0.5]))))
-    tables = edge_tables(CollisionChecker(place_grid(odd, 2, 3, 1.2)))
+    tables = edge_tables(CollisionChecker(place_grid(odd, 2, 3, spacing=1.2)))
     np.testing.assert_array_equal(tables.maps, alone.maps)
     # A pair of two arms has no map, one of an arm with itself the same as in every other arm.
     own = len(alone.body_pairs)
@@ -185,7 +185,7 @@ def test_one_arm_among_a_hundred_makes_the_tables_of_one(six, monkeypatch):
         "one of many", tuple(links), six.joints, six.joint_names, six.limits, dict(six.configurations), {},
         six.disabled_collisions, six.tool,
     )  # fmt: skip
-    scene = place_grid(robot, 10, 10, 0.8)
+    scene = place_grid(robot, 10, 10, spacing=0.8)
     made = counted(monkeypatch, arm_tables, "_arm_tables")
     spheres = counted(monkeypatch, link_spheres, "_arm_spheres")
     name = list(scene.arms)[44]
@@ -206,7 +206,7 @@ def test_one_arm_among_a_hundred_makes_the_tables_of_one(six, monkeypatch):
 
 
 def test_maps_of_many_arms_are_made_for_one(six):
-    few, many = (CollisionChecker(place_grid(six, 1, n, 0.9)).geometry.instances for n in (2, 7))
+    few, many = (CollisionChecker(place_grid(six, 1, n, spacing=0.9)).geometry.instances for n in (2, 7))
     of = []
     for instances in (few, many):
         solids = len(instances.geometries[0].solids)

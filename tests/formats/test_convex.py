@@ -207,7 +207,7 @@ def test_planning_with_a_concave_mesh_in_the_hand_reports_progress_and_is_cancel
     assert "while a mesh of 28 triangles" in motion.result.reason
     assert heard == ["set up", "set up"]
     with pytest.raises(CancelledError):
-        rp.warm_up(problem, lambda _: False)
+        rp.warm_up(problem, progress=lambda _: False)
 
 
 def test_planning_among_concave_meshes_decomposes_nothing(gate: Mesh, endless: Path) -> None:

@@ -58,7 +58,7 @@ WRITERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
     "scene": lambda file, scene: rp.save_scene(file.with_suffix(".toml"), scene),
     "page": lambda file, scene: rp.save_html(file.with_suffix(".html"), scene),
     "picture": lambda file, scene: rp.cspace(scene, resolution=8).save(file.with_suffix(".png")),
-    "model": lambda file, scene: rp.playback.save_mjcf(file.with_suffix(".xml"), scene),
+    "model": lambda file, scene: rp.save_mjcf(file.with_suffix(".xml"), scene),
     "moveit": lambda file, scene: write_moveit_scene(file.with_suffix(".scene"), scene),
 }
 

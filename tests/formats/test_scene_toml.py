@@ -91,7 +91,7 @@ def test_shipped_queries_are_valid_under_every_limit_preset(name: str) -> None:
     for arm, placed in scene.arms.items():
         scene = scene.with_robot(arm, limited[id(placed.robot)])
     for query, problem in problems.items():
-        same = Problem(scene, problem.start, dict(problem.goal), problem.arms)
+        same = Problem(scene, problem.start, dict(problem.goal), arms=problem.arms)
         result = rp.plan(same, budget=rp.Budget(seconds=float("inf"), iterations=1), rng=0)
         assert result.status in (rp.PlanStatus.FOUND, rp.PlanStatus.TIMEOUT), f"{query}: {result}"
 
@@ -162,14 +162,14 @@ def test_the_planar_lessons_have_a_path_or_none(name: str, query: str, joined: b
 def full_scene() -> Scene:
     robot = load_robot("rr1").with_locked_joints("open").with_limits("hardware")
     scene = Scene(name="full", description='With "quotes", \\ and\ttabs.')
-    scene = scene.with_arm("left", robot, pose((0.1, 0.5, 0), rpy=(0.1, 0.2, 0.3)), robot.home + 0.01)
+    scene = scene.with_arm("left", robot, pose((0.1, 0.5, 0), rpy=(0.1, 0.2, 0.3)), q=robot.home + 0.01)
     scene = scene.with_arm("right", load_robot("rr1"), pose((0.1, -0.5, 0)))
     parts = (
         Geometry("rod", Capsule(0.02, 0.1), pose((0, 0, 1.2), quaternion=(1, 0.2, 0, 0)), (0.1, 0.2, 0.3, 0.5)),
         Geometry("end", Sphere(0.03), pose((0, 0, 1.5))),
     )
     scene = scene.with_obstacle("two parts", parts, pose((1, 2, 3)))
-    scene = scene.with_obstacle("box", Box((0.1, 0.2, 0.3)), (3, 0, 0), (1.0, 0.5, 0.0, 1.0))
+    scene = scene.with_obstacle("box", Box((0.1, 0.2, 0.3)), (3, 0, 0), color=(1.0, 0.5, 0.0, 1.0))
     scene = scene.with_obstacle("can", Cylinder(0.03, 0.1), (0, 3, 0))
     scene = scene.with_obstacle("ground", HalfSpace((0.1, 0.2, 1.0), -1.0))
     scene = scene.with_obstacle("solid", TETRAHEDRON, (4, 4, 4))
@@ -203,7 +203,7 @@ def test_everything_a_scene_holds_survives_the_round_trip(tmp_path: Path) -> Non
 
 def test_limits_that_no_preset_has_are_written_out(tmp_path: Path) -> None:
     robot = load_robot("planar2r")
-    scene = Scene().with_arm("arm", robot.with_limits(robot.limits.scaled(0.25)))
+    scene = Scene().with_arm("arm", robot.with_limits(robot.limits.scaled(velocity=0.25)))
     read = read_scene(write_scene(tmp_path / "slow.toml", scene), load_robot).scene
     assert np.array_equal(read.limits().velocity, scene.limits().velocity)
     assert read.content_hash == scene.content_hash

@@ -240,7 +240,9 @@ def test_neighbors_links_that_always_touch_and_that_never_can_are_proposed() -> 
             f'<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/>{LIMIT}</joint>'
         )
     robot = assemble(read_urdf(f'<robot name="r">{text}</robot>'), None, Choice())
-    found = {tuple(sorted(pair)): reason for pair, reason in propose_disabled_collisions(robot, 200, rng=0).items()}
+    found = {
+        tuple(sorted(pair)): reason for pair, reason in propose_disabled_collisions(robot, samples=200, rng=0).items()
+    }
     assert found == {
         ("a", "b"): "Adjacent",
         ("b", "c"): "Adjacent",
@@ -255,14 +257,16 @@ def test_neighbors_links_that_always_touch_and_that_never_can_are_proposed() -> 
 
 def test_pairs_that_touch_sometimes_are_not_proposed(chain: Tree) -> None:
     robot = assemble(chain, None, Choice())
-    assert frozenset(("l0", "l3")) not in propose_disabled_collisions(robot, 500, rng=0)
+    assert frozenset(("l0", "l3")) not in propose_disabled_collisions(robot, samples=500, rng=0)
 
 
 def test_the_proposal_is_the_same_for_the_same_seed_and_needs_samples(chain: Tree) -> None:
     robot = assemble(chain, None, Choice())
-    assert propose_disabled_collisions(robot, 50, rng=3) == propose_disabled_collisions(robot, 50, rng=3)
+    assert propose_disabled_collisions(robot, samples=50, rng=3) == propose_disabled_collisions(
+        robot, samples=50, rng=3
+    )
     with pytest.raises(InputError, match="samples"):
-        propose_disabled_collisions(robot, 0)
+        propose_disabled_collisions(robot, samples=0)
 
 
 def test_a_robot_whose_middle_collides_gets_a_free_home() -> None:
@@ -285,7 +289,7 @@ def test_pairs_that_leave_a_robot_without_an_srdf_no_free_place_are_not_checked(
     for i in range(0, 15, 3):
         text = text.replace(f'<link name="l{i}">', f'<link name="l{i}">{ball}')
     tree = read_urdf(text)
-    proposal = propose_disabled_collisions(assemble(tree, None, Choice()), 200, rng=0)
+    proposal = propose_disabled_collisions(assemble(tree, None, Choice()), samples=200, rng=0)
     assert frozenset(("l0", "l2")) not in proposal
     robot = assemble(tree, None, Choice())
     assert frozenset(("l0", "l2")) in robot.disabled_collisions

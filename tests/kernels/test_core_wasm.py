@@ -163,8 +163,8 @@ def test_parabolas_have_the_same_answers_to_the_last_bit(ask: Ask, name: str) ->
 def test_a_seed_gives_the_same_path_to_the_last_bit(ask: Ask, scene: str, name: str, seed: int) -> None:
     problem = rp.load_problems(scene)[name]
     step = 0.4
-    path = RrtConnect(range=step).plan(problem, COUNTED, rng=seed).path_or_raise()
-    shorter = shorten(path, CollisionChecker(problem.scene, problem.arms), rng=seed + 1, iterations=40)
+    path = RrtConnect(range=step).plan(problem, budget=COUNTED, rng=seed).path_or_raise()
+    shorter = shorten(path, problem.scene, rng=seed + 1, iterations=40)
     assert len(path.waypoints) > 2
     with Query("rrt_connect", problem, COUNTED, seed, None) as query:
         assert query.refusal() is None

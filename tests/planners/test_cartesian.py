@@ -153,7 +153,7 @@ def test_budget_and_progress_are_kept(rr1):
     T = rr1.link_poses(START)["tool"]
     problem = Problem(alone(rr1), START, PoseGoal("tool", T[:3, 3] + [0.0, -0.05, 0.05]))
     said = []
-    result = CartesianPlanner().plan(problem, Budget(np.inf, iterations=2), progress=said.append)
+    result = CartesianPlanner().plan(problem, budget=Budget(np.inf, iterations=2), progress=said.append)
     assert result.status is PlanStatus.TIMEOUT
     assert "out of budget after" in result.reason
     assert result.iterations == 2

@@ -58,7 +58,9 @@ def retime_points(
 
     points = np.asarray(waypoints, dtype=float)
     scene = shapeless_scene(limits_of(points.shape[1]) if limits is None else limits)
-    return retime(rp.Path(scene.joint_names(), points), scene, method, checker=checker or Certifier(), **settings)
+    return retime(
+        rp.Path(scene.joint_names(), points), scene, method=method, checker=checker or Certifier(), **settings
+    )
 
 
 def exact_peak(trajectory: rp.Trajectory, derivative: int) -> np.ndarray:

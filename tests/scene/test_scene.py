@@ -88,7 +88,7 @@ def test_the_hash_sees_what_plans_depend_on_and_nothing_else(two: Scene) -> None
     ]
     hashes = {scene.content_hash for scene in (two, *changed)}
     assert len(hashes) == len(changed) + 1
-    repainted = two.with_obstacle("cup", Sphere(0.02), (-0.4, 0.4, 0.1), (1.0, 0.0, 0.0, 1.0))
+    repainted = two.with_obstacle("cup", Sphere(0.02), (-0.4, 0.4, 0.1), color=(1.0, 0.0, 0.0, 1.0))
     assert repainted.content_hash == two.content_hash
 
 

@@ -147,7 +147,7 @@ def test_threads_may_validate_motions_of_different_arms_in_one_scene(chain: Make
     for i in range(6):
         names = scene.joint_names([f"arm{i}"])
         rows = 0.3 * rng.normal(size=(3, len(names))) * np.array([[0.0], [1.0], [1.0]])
-        moves.append(rp.Trajectory.from_samples([0.0, 0.5, 1.0], rows, np.zeros_like(rows), joint_names=names))
+        moves.append(rp.Trajectory.from_samples(names, [0.0, 0.5, 1.0], rows, np.zeros_like(rows)))
     alone = [findings(scene, move)[0].tobytes() for move in moves]
     with ThreadPoolExecutor(6) as threads:
         together = list(threads.map(lambda move: findings(scene, move)[0].tobytes(), moves * 20))
