@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, Value, items_of, number_array, of_kind, positive_number, read_only, shown
 from rr1plan.errors import InputError
@@ -34,6 +36,18 @@ class Limits(Value):
     acceleration: Array
     jerk: Array
     effort: Array
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(
+            self,
+            lower: ArrayLike,
+            upper: ArrayLike,
+            velocity: ArrayLike,
+            acceleration: ArrayLike,
+            jerk: ArrayLike,
+            effort: ArrayLike,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         n = None

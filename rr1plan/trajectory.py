@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,6 +54,10 @@ class Trajectory(Value):
     breaks: Array
     coefficients: Array
 
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, joint_names: Sequence[str], breaks: ArrayLike, coefficients: ArrayLike) -> None: ...
+
     def __post_init__(self) -> None:
         names = check_joint_names(self.joint_names)
         breaks = finite_array("breaks", self.breaks, (None,))
@@ -91,7 +95,7 @@ class Trajectory(Value):
         return made
 
     @staticmethod
-    def rest(joint_names: tuple[str, ...], q: Any, *, start: float = 0.0, duration: float = 0.0) -> Trajectory:
+    def rest(joint_names: tuple[str, ...], q: ArrayLike, *, start: float = 0.0, duration: float = 0.0) -> Trajectory:
         """Standing still at q (nq,) for `duration` [s].
 
         Raises:
@@ -217,7 +221,7 @@ class Trajectory(Value):
         """Time from start to end [s]."""
         return self.end_time - self.start_time
 
-    def __call__(self, t: Any, derivative: int = 0) -> Array:
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
         """Position (or a derivative of it) at time t.
 
         Args:

@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import FARTHEST, Array, Value, finite_array, finite_number, of_kind, positive_number, read_only
 from rr1plan.collision.coal_checker import CoalChecker
@@ -119,7 +120,7 @@ class CollisionChecker(CoalChecker):
         tables = build_edge_tables(self, self.tables, self.tolerance)
         return EdgeKernel(tables, exact, self.nq, self.tolerance)
 
-    def is_free(self, q: Any) -> bool:
+    def is_free(self, q: ArrayLike) -> bool:
         """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.
 
         Args:
@@ -132,7 +133,7 @@ class CollisionChecker(CoalChecker):
         status = self._certify(q, q)[0]
         return status == FREE or (status != CONTACT and self.is_free_slowly(q))
 
-    def is_free_ignoring(self, q: Any, arms: frozenset[str]) -> bool:
+    def is_free_ignoring(self, q: ArrayLike, arms: frozenset[str]) -> bool:
         """The same, but that pairs do not count in which some arms have a part; nothing is nearer than a nanometer.
 
         Args:
@@ -159,7 +160,7 @@ class CollisionChecker(CoalChecker):
             self._without[arms] = ExactKernel(tables, self.nq)
         return self._without[arms]
 
-    def edge_is_free(self, q0: Any, q1: Any) -> bool:
+    def edge_is_free(self, q0: ArrayLike, q1: ArrayLike) -> bool:
         """Every configuration on the straight line from q0 to q1 is free.
 
         Args:
@@ -173,7 +174,7 @@ class CollisionChecker(CoalChecker):
         self.edges_checked += 1
         return self._certify(q0, q1)[0] == FREE
 
-    def edge_is_free_slowly(self, q0: Any, q1: Any) -> bool:
+    def edge_is_free_slowly(self, q0: ArrayLike, q1: ArrayLike) -> bool:
         """The answer of `edge_is_free`, by the exact kernel alone; it is what tests hold that to.
 
         Args:
@@ -186,7 +187,7 @@ class CollisionChecker(CoalChecker):
         q0, q1 = self.checked(q0), self.checked(q1)
         return self._certify_exactly(np.array([q0, q1 - q0]), 1.0)[0] == FREE
 
-    def path_is_free(self, waypoints: Any) -> bool:
+    def path_is_free(self, waypoints: Path | ArrayLike) -> bool:
         """Every edge between consecutive waypoints is free; a single waypoint is an edge of length zero.
 
         Args:
@@ -211,7 +212,7 @@ class CollisionChecker(CoalChecker):
             raise InputError(f"the path's joints are {', '.join(path.joint_names)}, expected {', '.join(names)}")
         return path.waypoints[:, [path.joint_names.index(name) for name in names]]
 
-    def polynomial_is_free(self, coefficients: Any, duration: float) -> bool:
+    def polynomial_is_free(self, coefficients: ArrayLike, duration: float) -> bool:
         """Every configuration on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, is free.
 
         Args:
@@ -227,7 +228,7 @@ class CollisionChecker(CoalChecker):
         self.edges_checked += 1
         return self.static_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
 
-    def polynomial_is_free_slowly(self, coefficients: Any, duration: float) -> bool:
+    def polynomial_is_free_slowly(self, coefficients: ArrayLike, duration: float) -> bool:
         """The answer of `polynomial_is_free`, by the exact kernel alone; it is what tests hold that to.
 
         Args:
@@ -239,7 +240,7 @@ class CollisionChecker(CoalChecker):
         """
         return self._certify_exactly(*self._checked_curve(coefficients, duration))[0] == FREE
 
-    def first_contact(self, q0: Any, q1: Any) -> FirstContact | None:
+    def first_contact(self, q0: ArrayLike, q1: ArrayLike) -> FirstContact | None:
         """Where the straight line from q0 to q1 first touches something, or None when it is free.
 
         Args:
@@ -264,7 +265,7 @@ class CollisionChecker(CoalChecker):
                 blocked, pair = middle, found
         return FirstContact(free, read_only(q0 + free * (q1 - q0)), self._names(pair))
 
-    def _checked_curve(self, coefficients: Any, duration: float) -> tuple[Array, float]:
+    def _checked_curve(self, coefficients: ArrayLike, duration: float) -> tuple[Array, float]:
         curve = finite_array("coefficients", coefficients, (None, self.nq))
         duration = finite_number("duration", duration)
         if len(curve) == 0 or duration < 0.0:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from math import isfinite
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, finite_array, finite_number, items_of, of_kind, read_only, whole_number
 from rr1plan.collision.answers import Contact, Nearest
@@ -113,7 +113,7 @@ class CoalChecker:
         own = dict.fromkeys(self.pairs[owner] for owner, *_ in self._static.touching)
         return (*own, *((contact.a, contact.b) for contact in self._standing))
 
-    def limit_violations(self, q: Any) -> tuple[tuple[str, float], ...]:
+    def limit_violations(self, q: ArrayLike) -> tuple[tuple[str, float], ...]:
         """Joints outside their position limits, each with how far [rad or m].
 
         Raises:
@@ -123,13 +123,13 @@ class CoalChecker:
         excess = np.maximum(self.limits.lower - q, q - self.limits.upper)
         return tuple((self.joint_names[j], float(excess[j])) for j in np.flatnonzero(excess > 0.0))
 
-    def within_limits(self, q: Any) -> bool:
+    def within_limits(self, q: ArrayLike) -> bool:
         """Every joint is within its position limits; `limit_violations` says which are not."""
         return not self.limit_violations(q)
 
     # ---- one configuration ---------------------------------------------------------------
 
-    def is_free_slowly(self, q: Any) -> bool:
+    def is_free_slowly(self, q: ArrayLike) -> bool:
         """The answer of `is_free`, by Coal alone; tests hold that to it.
 
         Args:
@@ -141,7 +141,7 @@ class CoalChecker:
         moving = self._placed(q)
         return self.static_is_free and not moving.any_touches()
 
-    def contacts(self, q: Any) -> tuple[Contact, ...]:
+    def contacts(self, q: ArrayLike) -> tuple[Contact, ...]:
         """All pairs of elements that touch or are nearer than their padding, the deepest first.
 
         Args:
@@ -164,7 +164,7 @@ class CoalChecker:
         own = [Contact(*self.pairs[k], depth, read_only(point)) for k, (depth, point) in ordered]
         return tuple(sorted([*own, *self._standing], key=lambda contact: -contact.depth))
 
-    def distances(self, q: Any) -> Array:
+    def distances(self, q: ArrayLike) -> Array:
         """Distance of every checked pair [m], negative where they overlap, shape (n_pairs,).
 
         Args:
@@ -177,7 +177,7 @@ class CoalChecker:
         np.minimum.at(out, self.solid_owner, self.solid_distances(q))
         return out
 
-    def nearest(self, q: Any) -> Nearest:
+    def nearest(self, q: ArrayLike) -> Nearest:
         """The nearest of all checked pairs.
 
         Args:
@@ -196,7 +196,7 @@ class CoalChecker:
         distance, a, b = self._moving.distance(i)
         return Nearest(distance, self.pairs[self.solid_owner[i]], read_only(a), read_only(b))
 
-    def clearance(self, q: Any, most: float = np.inf) -> float:
+    def clearance(self, q: ArrayLike, most: float = np.inf) -> float:
         """The least distance of any checked pair beyond its padding [m], `most` at most.
 
         Where elements overlap it is below zero, and no more than that. It comes from the compiled kernel, which can
@@ -214,7 +214,7 @@ class CoalChecker:
         least = self.exact_kernel.least_clearance(q, self._static_clearance(most))
         return least if least <= self._left_out else self._whole.clearance(q, most)
 
-    def moving_clearance(self, q: Any, most: float = np.inf) -> float:
+    def moving_clearance(self, q: ArrayLike, most: float = np.inf) -> float:
         """Like `clearance`, of the pairs that move against each other.
 
         Args:
@@ -241,7 +241,7 @@ class CoalChecker:
         """The exact kernel of those pairs."""
         return ExactKernel(self.tables, self.nq)
 
-    def solid_distances(self, q: Any, pairs: NDArray[np.intp] | None = None) -> Array:
+    def solid_distances(self, q: ArrayLike, pairs: NDArray[np.intp] | None = None) -> Array:
         """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,).
 
         Raises:
@@ -255,7 +255,7 @@ class CoalChecker:
             whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return np.array([placed.distance(int(i))[0] for i in numbers])
 
-    def solid_distance(self, q: Any, pair: int) -> float:
+    def solid_distance(self, q: ArrayLike, pair: int) -> float:
         """Distance of one pair in `solid_pairs` [m], negative where they overlap.
 
         Raises:
@@ -264,7 +264,7 @@ class CoalChecker:
         whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return self._placed(q).distance(pair)[0]
 
-    def checked(self, q: Any) -> Array:
+    def checked(self, q: ArrayLike) -> Array:
         """The configuration q as an array of finite numbers, shape (nq,).
 
         Raises:
@@ -292,7 +292,7 @@ class CoalChecker:
     def _moving(self) -> CoalPairs:
         return CoalPairs(self.model, self.solids, self.solid_pairs, self.solid_padding)
 
-    def _placed(self, q: Any) -> CoalPairs:
+    def _placed(self, q: ArrayLike) -> CoalPairs:
         """Coal's view of the pairs that move, at q."""
         q = self.checked(q)
         self._moving.place(q)
@@ -335,6 +335,6 @@ def checked_margin(margin: float) -> float:
     return margin
 
 
-def _is_plain(q: Any, length: int) -> TypeGuard[Array]:
+def _is_plain(q: ArrayLike, length: int) -> TypeGuard[Array]:
     """A vector of this length as compiled kernels take it."""
     return type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (length,) and bool(q.flags.c_contiguous)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, finite_array, items_of, shape_of, shown, whole_number
 from rr1plan.errors import InputError
@@ -106,7 +107,7 @@ class Kinematics:
 
     # ---- poses -----------------------------------------------------------------------------
 
-    def pose(self, q: Any, frame: str = "tool") -> Array:
+    def pose(self, q: ArrayLike, frame: str = "tool") -> Array:
         """T_world_frame at q (nq,) [rad or m], shape (4, 4).
 
         Raises:
@@ -117,7 +118,7 @@ class Kinematics:
         pin.forwardKinematics(self._model, self._data, self._full(q))
         return self._placement(index)
 
-    def poses(self, q: Any, frames: Iterable[str]) -> dict[str, Array]:
+    def poses(self, q: ArrayLike, frames: Iterable[str]) -> dict[str, Array]:
         """T_world_frame of several frames at q (nq,), each (4, 4), by the names given.
 
         Raises:
@@ -128,7 +129,7 @@ class Kinematics:
         pin.forwardKinematics(self._model, self._data, self._full(q))
         return {frame: self._placement(index) for frame, index in indices.items()}
 
-    def poses_batch(self, qs: Any, frame: str = "tool") -> Array:
+    def poses_batch(self, qs: ArrayLike, frame: str = "tool") -> Array:
         """T_world_frame at each of qs (n, nq), shape (n, 4, 4).
 
         Raises:
@@ -145,7 +146,7 @@ class Kinematics:
 
     # ---- velocities ------------------------------------------------------------------------
 
-    def jacobian(self, q: Any, frame: str = "tool") -> Array:
+    def jacobian(self, q: ArrayLike, frame: str = "tool") -> Array:
         """Takes qd to the frame's twist (linear; angular) in world axes, shape (6, nq).
 
         Raises:
@@ -155,7 +156,7 @@ class Kinematics:
         index = self._index(frame)
         return self.pose_and_jacobian(q, index)[2]
 
-    def pose_and_jacobian(self, q: Array, index: int) -> tuple[Array, Array, Array]:
+    def pose_and_jacobian(self, q: ArrayLike, index: int) -> tuple[Array, Array, Array]:
         """Position (3,), rotation (3, 3) and Jacobian (6, nq) of a frame by Pinocchio's index.
 
         Raises:
@@ -169,7 +170,7 @@ class Kinematics:
         J = pin.getFrameJacobian(self._model, self._data, index, _WORLD_AXES).reshape(6, -1)
         return T.translation.copy(), T.rotation.copy(), np.asarray(J @ self.scene_model.selection)
 
-    def manipulability(self, q: Any, frame: str = "tool") -> float:
+    def manipulability(self, q: ArrayLike, frame: str = "tool") -> float:
         """Yoshikawa's measure: the product of the Jacobian's singular values; 0 where the arm is singular.
 
         For fewer than six joints it is that of the motions the arm has: sqrt(det(J^T J)).
@@ -183,7 +184,7 @@ class Kinematics:
 
     # ---- forces ----------------------------------------------------------------------------
 
-    def inverse_dynamics(self, q: Any, qd: Any, qdd: Any) -> Array:
+    def inverse_dynamics(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
         """Torques [Nm or N] that make the motion (q, qd, qdd) under gravity, without friction.
 
         Args:
@@ -208,7 +209,7 @@ class Kinematics:
         taus = [pin.rnea(self._model, self._data, *row) @ model.selection for row in rows]
         return np.array(taus).reshape(q.shape)
 
-    def gravity(self, q: Any) -> Array:
+    def gravity(self, q: ArrayLike) -> Array:
         """Torques [Nm or N] that hold the arms still at q, shape (nq,) or (n, nq).
 
         Raises:
@@ -218,7 +219,7 @@ class Kinematics:
         zero = np.zeros_like(q)
         return self.inverse_dynamics(q, zero, zero)
 
-    def mass_matrix(self, q: Any) -> Array:
+    def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia at q (nq,), shape (nq, nq).
 
         Raises:
@@ -233,7 +234,7 @@ class Kinematics:
     def _index(self, frame: str) -> int:
         return self.scene_model.frame_id(self.frame(frame))
 
-    def _full(self, q: Any) -> Array:
+    def _full(self, q: ArrayLike) -> Array:
         return self.scene_model.full(finite_array("q", q, (self.nq,)))
 
     def _placement(self, index: int) -> Array:

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     FARTHEST,
@@ -149,7 +150,7 @@ class Robot(Value):
         """
         return self._links[known_name("link", name, self._links)]
 
-    def configuration(self, value: Any, name: str = "configuration") -> Array:
+    def configuration(self, value: str | ArrayLike, name: str = "configuration") -> Array:
         """A configuration from its name or its numbers, shape (nq,), read-only.
 
         Raises:
@@ -163,7 +164,8 @@ class Robot(Value):
             got = f"shape {shape}" if len(shape) != 1 else counted(shape[0], "number")
             joints = ", ".join(self.joint_names)
             raise InputError(f"{name} has {got}, expected {self.nq}: one for each of {joints}")
-        joints = ", ".join(n for n, v in zip(self.joint_names, value, strict=True) if not _is_joint_value(v))
+        entries: Any = value  # of that shape
+        joints = ", ".join(n for n, v in zip(self.joint_names, entries, strict=True) if not _is_joint_value(v))
         if joints:
             raise InputError(f"{name} is {shown(value)}, expected finite numbers within ±{FARTHEST:g} (joint {joints})")
         return read_only(finite_array(name, value, (self.nq,)))
@@ -250,8 +252,8 @@ class Robot(Value):
         leader = self._resolve(self.joint(joint.mimic.joint), values, depth + 1)
         return joint.mimic.multiplier * leader + joint.mimic.offset
 
-    def link_poses(self, q: Any) -> dict[str, Array]:
-        """T_base_link of every link at q (nq,), by plain numpy.
+    def link_poses(self, q: str | ArrayLike) -> dict[str, Array]:
+        """T_base_link of every link, by plain numpy, at q: a configuration's name or numbers (nq,).
 
         Raises:
             InputError: wrong shape or not finite.
@@ -271,7 +273,7 @@ class Robot(Value):
         return {link.name: link for link in self.links}
 
 
-def _is_joint_value(value: Any) -> bool:
+def _is_joint_value(value: object) -> bool:
     try:
         return isinstance(value, numbers.Real) and abs(float(value)) <= FARTHEST
     except OverflowError:

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from rr1plan.checks import check_text, finite_number, items_of, known_name
 from rr1plan.errors import InputError
 from rr1plan.robot import Color, Geometry, Robot
@@ -30,7 +32,7 @@ class Scene(SceneContent):
         description: What it is for, in a sentence.
     """
 
-    def with_arm(self, name: str, robot: Robot, base: Any = None, *, q: Any = "home") -> Scene:
+    def with_arm(self, name: str, robot: Robot, base: ArrayLike | None = None, *, q: str | ArrayLike = "home") -> Scene:
         """A scene with one more arm (or another one of that name)."""
         check_text("name", name)
         return replace(self, arms={**self.arms, name: Arm(robot, as_pose(base, "base"), q)})
@@ -44,16 +46,17 @@ class Scene(SceneContent):
             attachments={n: h for n, h in self.attachments.items() if n not in gone},
         )
 
-    def with_configuration(self, name: str, q: Any) -> Scene:
+    def with_configuration(self, name: str, q: str | ArrayLike) -> Scene:
         """A scene in which that arm stands at q: a name or numbers (nq,)."""
-        return replace(self, arms={**self.arms, name: replace(self.arm(name), q=q)})
+        arm = self.arm(name)
+        return replace(self, arms={**self.arms, name: Arm(arm.robot, arm.base, q)})
 
     def with_robot(self, name: str, robot: Robot) -> Scene:
         """A scene in which that arm is another copy of its robot (other limits, other gripper)."""
         return replace(self, arms={**self.arms, name: replace(self.arm(name), robot=robot)})
 
     def with_obstacle(
-        self, name: str, shape: Shape | Iterable[Geometry], pose: Any = None, *, color: Color | None = None
+        self, name: str, shape: Shape | Iterable[Geometry], pose: ArrayLike | None = None, *, color: Color | None = None
     ) -> Scene:
         """A scene with one more obstacle (or another one of that name).
 
@@ -110,7 +113,7 @@ class Scene(SceneContent):
         link: str | None = None,
         *,
         touch: Iterable[str] = (),
-        pose: Any = None,
+        pose: ArrayLike | None = None,
     ) -> Scene:
         """A scene in which an arm holds what was an obstacle.
 

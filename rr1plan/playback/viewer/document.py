@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, known_name, number_array, of_kind
 from rr1plan.path import Path
@@ -36,7 +36,7 @@ _PATH_SPEED = 1.0  # [rad/s] at which a path without times is shown
 _MOST_GHOSTS = 4
 
 
-def pack_array(array: Any, dtype: str = "f4") -> dict[str, Any]:
+def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
     """An array as JSON can hold it: dtype ("f4", "f8", "u4"), shape and base64 data."""
     known_name("dtype", dtype, ("f4", "f8", "u4"))
     with np.errstate(over="ignore", invalid="ignore"):  # beyond its range a number is infinite
