@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from rr1plan.collision import FirstContact as FirstContact
     from rr1plan.collision import Nearest as Nearest
     from rr1plan.collision import cover_with_spheres as cover_with_spheres
+    from rr1plan.collision.edge_kernel import EdgeCounters as EdgeCounters
     from rr1plan.errors import BackendError as BackendError
     from rr1plan.errors import CancelledError as CancelledError
     from rr1plan.errors import FormatError as FormatError
@@ -118,6 +119,7 @@ if TYPE_CHECKING:
     from rr1plan.retiming import point_to_point as point_to_point
     from rr1plan.retiming import retime as retime
     from rr1plan.retiming import retiming_names as retiming_names
+    from rr1plan.retiming.blends import CurveChecker as CurveChecker
     from rr1plan.robot import Color as Color
     from rr1plan.robot import Geometry as Geometry
     from rr1plan.robot import Inertial as Inertial
@@ -156,6 +158,7 @@ _EXPORTS = {
         "Nearest",
         "cover_with_spheres",
     ),
+    "rr1plan.collision.edge_kernel": ("EdgeCounters",),
     "rr1plan.errors": (
         "BackendError",
         "CancelledError",
@@ -216,6 +219,7 @@ _EXPORTS = {
     "rr1plan.problem": ("Goal", "JointGoal", "PoseGoal", "Problem", "RegionGoal"),
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
+    "rr1plan.retiming.blends": ("CurveChecker",),
     "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
     "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
     "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),

@@ -15,7 +15,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, Value, check_callback, counted, file_path, items_of, of_kind, read_only, shown
+from rr1plan.checks import (
+    Array,
+    Value,
+    check_callback,
+    counted,
+    file_path,
+    items_of,
+    of_kind,
+    positive_number,
+    read_only,
+    shown,
+    whole_number,
+)
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.contact_cells import JointPlane
 from rr1plan.errors import InputError
@@ -38,6 +50,7 @@ if TYPE_CHECKING:
 
 _MOST_SOLUTIONS = 16  # drawn of each goal
 _SAME = 1e-3  # of several goals a path reaches those that it ends this near to [rad or m]
+_WIDEST = 100.0  # [inch]
 _EXACT = 1e-6  # a path that begins and ends this near to its query answers it [rad or m]
 
 
@@ -202,10 +215,19 @@ class CSpace(Value):
     # ---- pictures ------------------------------------------------------------------------
 
     def figure(self, *, width: float = 13.0) -> Figure:
-        """A matplotlib figure: workspace left, configuration space right."""
+        """A matplotlib figure: workspace left, configuration space right.
+
+        Args:
+            width: Its width [inch], at most 100.
+
+        Raises:
+            InputError: another width.
+        """
         from rr1plan.playback.cspace_figure import draw
 
-        return draw(self, width)
+        if positive_number("width", width) > _WIDEST:
+            raise InputError(f"width is {width:g} inches, expected at most {_WIDEST:g}")
+        return draw(self, float(width))
 
     def save(self, file: str | FilePath) -> FilePath:
         """Write it in the format that the name ends in: .png, .svg, .pdf (pictures) or .html (the page), atomically.
@@ -223,10 +245,14 @@ class CSpace(Value):
     def save_png(self, file: str | FilePath, *, dpi: int = 150) -> FilePath:
         """Write the picture as PNG, atomically.
 
+        Args:
+            file: The file, 13 inches wide.
+            dpi: Dots per inch, 10 to 1200.
+
         Raises:
             InputError: a name that does not end in .png, or a file that cannot be written.
         """
-        return self._save_figure(file, "png", dpi)
+        return self._save_figure(file, "png", whole_number("dpi", dpi, 10, 1200))
 
     def save_svg(self, file: str | FilePath) -> FilePath:
         """Write the picture as SVG, for slides, atomically.

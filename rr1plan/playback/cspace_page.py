@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, of_kind
 from rr1plan.errors import InputError
 from rr1plan.formats.files import write_text
 from rr1plan.path import Path
@@ -94,6 +94,7 @@ def page_parts(
     Raises:
         InputError: the trajectory moves other joints than the two shown.
     """
+    of_kind("trajectory", trajectory, Trajectory, optional=True)
     grid = cspace.grid
     names = (f"{grid.arm}/{grid.joint_names[0]}", f"{grid.arm}/{grid.joint_names[1]}")
     if trajectory is not None and set(trajectory.joint_names) != set(names):
