@@ -23,6 +23,7 @@ def test_the_guide_s_code_runs_on_the_guide_s_files(tmp_path: Path) -> None:
     assert scene.startswith("# cell.toml")
     checks = "assert motion.valid and report.certified and not replay.contacts, (report, replay)\n"
     checks += "assert all(rp.plan(p, rng=0).found for p in (by_pose, anywhere_in, either))\n"
+    checks += "assert near.valid and near.result.planner == 'straight_line', near\n"
     (tmp_path / "guide.py").write_text("\n".join([*_blocks("python"), checks]))
     command = [sys.executable, "-W", "error", "guide.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
