@@ -88,8 +88,6 @@ if TYPE_CHECKING:
     from rr1plan.planning import Planner as Planner
     from rr1plan.planning import PlanResult as PlanResult
     from rr1plan.planning import PlanStatus as PlanStatus
-    from rr1plan.planning import Progress as Progress
-    from rr1plan.planning import ProgressCallback as ProgressCallback
     from rr1plan.planning import SearchTree as SearchTree
     from rr1plan.playback.configuration_space import CSpace as CSpace
     from rr1plan.playback.configuration_space import cspace as cspace
@@ -113,6 +111,8 @@ if TYPE_CHECKING:
     from rr1plan.problem import PoseGoal as PoseGoal
     from rr1plan.problem import Problem as Problem
     from rr1plan.problem import RegionGoal as RegionGoal
+    from rr1plan.progress import Progress as Progress
+    from rr1plan.progress import ProgressCallback as ProgressCallback
     from rr1plan.report import Margin as Margin
     from rr1plan.report import Report as Report
     from rr1plan.report import Violation as Violation
@@ -207,7 +207,7 @@ _EXPORTS = {
         "register_planner",
     ),
     "rr1plan.planners.shortcut": ("shorten",),
-    "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus", "Planner", "Progress", "ProgressCallback", "SearchTree"),
+    "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus", "Planner", "SearchTree"),
     "rr1plan.playback.configuration_space": ("CSpace", "cspace"),
     "rr1plan.playback.cspace_decomposition": ("Decomposition",),
     "rr1plan.playback.cspace_grid": ("CSpaceGrid",),
@@ -217,6 +217,7 @@ _EXPORTS = {
     "rr1plan.playback.simulation": ("simulate",),
     "rr1plan.playback.viewer": ("Panel", "ViewOptions", "Viewer", "pack_array", "save_html", "screenshot", "show"),
     "rr1plan.problem": ("Goal", "JointGoal", "PoseGoal", "Problem", "RegionGoal"),
+    "rr1plan.progress": ("Progress", "ProgressCallback"),
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
     "rr1plan.retiming.blends": ("CurveChecker",),

@@ -319,8 +319,8 @@ def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
     """Make the convex pieces of meshes that move: the one part of the preparation that may take a minute."""
     began = time.perf_counter()
 
-    def told(fraction: float) -> bool | None:
-        return None if progress is None else progress(Progress("set up", time.perf_counter() - began, fraction))
+    def told(part: Progress) -> bool | None:
+        return None if progress is None else progress(Progress("set up", time.perf_counter() - began, part.fraction))
 
     cut_meshes(scene, told)
 

@@ -6,7 +6,6 @@ import math
 import numbers
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
@@ -18,6 +17,8 @@ from rr1plan.checks import Array, Seed, Value, check_callback, counted, of_kind,
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.problem import Problem
+from rr1plan.progress import Progress as Progress
+from rr1plan.progress import ProgressCallback as ProgressCallback
 
 _MOST_ITERATIONS = 2**62  # kernels count in 64 bits
 
@@ -64,20 +65,6 @@ class Budget:
 
 def _is_above_zero(value: Any, kind: type[Any]) -> bool:
     return isinstance(value, kind) and not isinstance(value, bool) and bool(value > 0)
-
-
-@dataclass(frozen=True)
-class Progress:
-    """What a planner says while it works: seconds so far, fraction of the budget used, best cost so far."""
-
-    stage: str
-    seconds: float
-    fraction: float
-    best_cost: float | None = None
-
-
-# It may return False to cancel the search.
-ProgressCallback = Callable[[Progress], bool | None]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -40,7 +40,7 @@ def demo(options: Namespace, console: Console) -> int:
         return 3
     console.say(f"  {str(motion).replace(chr(10), chr(10) + '  ')}")
     with watch.stage("replay in MuJoCo"), console.progress("replaying") as advance:
-        replay = rp.simulate(motion.trajectory, scene, progress=advance)
+        replay = rp.simulate(motion.trajectory, scene, progress=told_to(advance))
     console.say(f"  {str(replay).replace(chr(10), chr(10) + '  ')}")
     with watch.stage("write the files"):
         files = _write_demo(folder, motion, look)
@@ -144,7 +144,7 @@ def cspace(options: Namespace, console: Console) -> int:
             joints=None if options.joints is None else (options.joints[0], options.joints[1]),
             at=None if options.at is None else words(options.at),
             resolution=options.resolution,
-            progress=advance,
+            progress=told_to(advance),
         )
     result = None
     if problem is not None:

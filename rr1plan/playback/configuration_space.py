@@ -6,7 +6,6 @@ each obstacle's image in the torus of joint angles on the right, and the same pa
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -39,6 +38,7 @@ from rr1plan.playback.cspace_images import layer_of
 from rr1plan.playback.cspace_targets import CellTargets, off_by
 from rr1plan.playback.search_trees import DrawnTree, drawn_tree
 from rr1plan.problem import Goal, JointGoal, Problem
+from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -349,7 +349,7 @@ def cspace(
     joints: tuple[str, str] | None = None,
     at: str | ArrayLike | None = None,
     resolution: int = 360,
-    progress: Callable[[float], None] | None = None,
+    progress: ProgressCallback | None = None,
 ) -> CSpace:
     """The configuration space of an arm with two joints (or of two joints of a bigger one).
 
@@ -363,7 +363,7 @@ def cspace(
         at: Where the arm's other joints are: a configuration's name or its numbers [rad or m], shape (nq,); those of
             the two joints are ignored (default: where the arm stands in the scene).
         resolution: Cells along each axis, 8 to 2000; every cell is checked with Coal.
-        progress: Called with the fraction done, 0 to 1.
+        progress: Called now and then; False cancels.
 
     Returns:
         A value that draws itself: `save_png`, `save_svg`, `save_html`, `show`.
@@ -372,6 +372,7 @@ def cspace(
         UnknownNameError: no such arm, joint or configuration.
         InputError: not two joints, a resolution outside 8 to 2000, a problem with other columns, or `at` of another
             length, beyond a limit, or for an arm without other joints.
+        CancelledError: `progress` returned False.
     """
     of_kind("scene", scene, Scene)
     of_kind("problem", problem, Problem, optional=True)
@@ -383,7 +384,7 @@ def cspace(
     if at is not None:
         arm = scene.only_arm(arm)
         scene = _slice_scene(scene, arm, two_joints(scene, arm, joints), at)
-    grid = compute_grid(scene, arm, joints, resolution, progress)
+    grid = compute_grid(scene, arm, joints, resolution, fraction_callback("cspace", progress))
     if problem is None:
         return CSpace(grid)
     goals, unreached = goal_configurations(problem)

@@ -20,6 +20,7 @@ from rr1plan.checks import Array, check_callback, finite_number, known_name, of_
 from rr1plan.errors import BackendError, InputError, UnknownNameError
 from rr1plan.playback.mujoco_model import MujocoScene, build_mujoco
 from rr1plan.playback.replay import Replay, ReplayContact
+from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot import Joint
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
@@ -31,7 +32,6 @@ _MOST_STEPS = 5_000_000
 _LONG_STRIDE = 0.05
 _MOST_STIFFNESS = 1e6  # [rad/s]
 Mode = Literal["dynamic", "kinematic"]
-Progress = Callable[[float], None]
 
 
 def simulate(
@@ -43,7 +43,7 @@ def simulate(
     record_dt: float = 0.01,
     stiffness: float = 80.0,
     hold: float = 0.0,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Replay:
     """Replay a trajectory in MuJoCo, the whole scene at once.
 
@@ -58,7 +58,7 @@ def simulate(
         record_dt: Time between recorded positions [s].
         stiffness: Natural frequency of the joint servos [rad/s].
         hold: How long to go on after the end, the set-points resting there [s].
-        progress: Called about ten times a second with the fraction done, 0 to 1.
+        progress: Called about ten times a second; False cancels.
 
     Returns:
         Tracking error, contacts, effort and speed; true where the arms followed the motion without contact.
@@ -66,6 +66,7 @@ def simulate(
     Raises:
         InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know.
         BackendError: MuJoCo does not take the scene, or its simulation became unstable.
+        CancelledError: `progress` returned False.
     """
     known_name("replay mode", mode, ("dynamic", "kinematic"))
     check_callback("progress", progress)
@@ -82,7 +83,8 @@ def simulate(
     steps = max(1, int(np.ceil((trajectory.duration + hold) / timestep - 1e-9)))
     with _mujoco_warnings() as warnings:
         world = build_mujoco(scene, timestep=timestep, stiffness=_bounded_stiffness(stiffness))
-        run = _Run(world, targets, _clock(trajectory.start_time, timestep, steps), progress, warnings)
+        times = _clock(trajectory.start_time, timestep, steps)
+        run = _Run(world, targets, times, fraction_callback("simulate", progress), warnings)
         started = time.perf_counter()
         (run.dynamic if mode == "dynamic" else run.kinematic)()
     return _report(mode, run, record_dt, time.perf_counter() - started, stiffness)
@@ -167,7 +169,7 @@ class _Run:
     world: MujocoScene
     targets: JointTargets
     times: Array
-    progress: Progress | None
+    progress: Callable[[float], None] | None
     warnings: list[str]
     actual: Array = field(init=False)
     effort: Array = field(init=False)

@@ -293,7 +293,10 @@ def test_a_slice_that_is_nowhere_is_refused(lesson: rp.Scene, rr1_table: rp.Scen
 
 def test_progress_moves_on_evenly_and_ends_below_one(rr1_table: rp.Scene) -> None:
     told: list[float] = []
-    rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=64, progress=told.append)
+    joints = ("shoulder_joint", "elbow_joint")
+    rp.cspace(rr1_table, joints=joints, resolution=64, progress=lambda progress: told.append(progress.fraction))
+    with pytest.raises(rp.CancelledError, match="'cspace'"):
+        rp.cspace(rr1_table, joints=joints, resolution=64, progress=lambda _: False)
     assert len(told) > 10
     assert told == sorted(told)
     assert 0.5 < told[-1] <= 1.0

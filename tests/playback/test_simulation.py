@@ -245,7 +245,9 @@ def test_a_handler_of_mujoco_warnings_that_is_installed_stays(
 def test_progress_tells_fractions(rr1_table: rp.Scene) -> None:
     told: list[float] = []
     rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration(), duration=20.0)
-    rp.simulate(rest, rr1_table, progress=told.append)
+    rp.simulate(rest, rr1_table, progress=lambda progress: told.append(progress.fraction))
+    with pytest.raises(rp.CancelledError, match="'simulate'"):
+        rp.simulate(rest, rr1_table, progress=lambda _: False)
     assert all(0.0 <= fraction <= 1.0 for fraction in told)
     assert told == sorted(told)
 
