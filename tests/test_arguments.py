@@ -439,6 +439,7 @@ _NOT_CALLED = {
     *("PlanFailure", "Contact", "ElementCover", "FirstContact", "Nearest", "IkResult", "MotionPlan", "PlanResult"),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
     *("CSpace", "CSpaceGrid", "Decomposition", "DrawnTree", "Replay", "ReplayContact", "ContactBand", "PairProposal"),
+    *("CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
     *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
     *("PairProposal.get", "Geometry", "Inertial", "Joint", "Joint.motion", "Link", "Mimic", "Attachment", "Obstacle"),
 }

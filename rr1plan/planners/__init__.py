@@ -54,8 +54,8 @@ _OWN: Mapping[str, Callable[[], Planner]] = MappingProxyType(
         RrtConnect.name: RrtConnect,
         AnytimePlanner.name: AnytimePlanner,
         RoadmapPlanner.name: RoadmapPlanner,
-        CartesianPlanner.name: CartesianPlanner,
         **{name: partial(OmplPlanner, name) for name in KINDS},
+        CartesianPlanner.name: CartesianPlanner,
     }
 )
 # What they return needs no check.
@@ -141,12 +141,12 @@ def chosen_planner(planner: str | Planner) -> Planner:
         UnknownNameError: no such name.
         InputError: something else.
     """
+    if isinstance(planner, str):
+        return _own_planner(planner) if planner in _OWN else make_planner(planner)
     if isinstance(planner, Planner):
         if not isinstance(getattr(planner, "name", None), str):
             raise InputError(f"planner is a {type(planner).__name__} without a name, expected text as its name")
         return planner
-    if isinstance(planner, str):
-        return _own_planner(planner) if planner in _OWN else make_planner(planner)
     raise InputError(
         f"planner is {shown(planner)}, expected a name of planner_names() or an instance of Planner, not a class"
     )
