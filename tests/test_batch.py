@@ -126,10 +126,10 @@ def test_consecutive_problems_travel_together_and_their_scene_once(problems):
 def test_what_raises_stands_in_its_place(problems, monkeypatch):
     planned = batch_worker.plan
 
-    def fail(problem, *arguments):
+    def fail(problem, **settings):
         if problem is problems[2]:
             raise rp.RetimingError("no time today")
-        return planned(problem, *arguments)
+        return planned(problem, **settings)
 
     monkeypatch.setattr(batch_worker, "plan", fail)
     answers = rp.plan_many(problems, executor=InLine(), rng=0, full=False, budget=BUDGET)
