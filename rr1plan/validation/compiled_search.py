@@ -72,7 +72,6 @@ class Search:
         self.undecided: dict[ElementPair, FoundPair] = {}
         self.cancelled = False
         self._fraction = 0.0
-        self._duration = float(motion.breaks[-1] - motion.breaks[0])
         breaks, coefficients = np.ascontiguousarray(motion.breaks), np.ascontiguousarray(motion.coefficients)
         pieces, terms, columns = coefficients.shape
         room, sizes = _room(scene), SOURCES.constants
@@ -84,7 +83,7 @@ class Search:
             "sweeps": bodies * scene.fields["sweep_stride"],
             "placed_on": bodies,
             "links": scene.link_count,
-            "ranges": pieces * columns,
+            "chords": pieces * columns,
             "placed": bodies,
             "terms_scratch": terms,
             "element_boxes": elements,
@@ -152,8 +151,8 @@ class Search:
         search, moving = self._search, self.scene.moving
         if search.stage == SOURCES.constants["SEARCH_DONE"]:
             return 1.0
-        work = self._duration * search.pair_count
-        chunk = min(1.0, search.decided / work) if work > 0.0 and search.whole else 0.0
+        alone = search.chunk_arms[1] < 0
+        chunk = min(1.0, search.decided / search.chunk_work) if alone and search.chunk_work > 0.0 else 0.0
         if search.stage == SOURCES.constants["SEARCH_MOVING"]:
             self._fraction = max(self._fraction, min(1.0, (search.arm + chunk) / moving))
         return self._fraction

@@ -46,7 +46,7 @@ static IntervalMiddle middle_of(const RefereeSearch *s, const TimeInterval *inte
 // Where the links of an arm are in the middle of an interval, and what its joints do within it.
 static void pose_links(RefereeSearch *s, int64_t arm, const TimeInterval *interval, IntervalMiddle middle) {
     expand_arm(s, arm, middle.at.piece, middle.at.local, middle.single ? middle.half : 0.0);
-    if (!middle.single) widen_arm(s, arm, interval->first, interval->stop);
+    if (!middle.single) span_pieces(s, arm, interval->first, interval->stop, middle.time);
     move_links(s, arm);
 }
 
@@ -175,9 +175,9 @@ static inline double padding_between(const RefereeSearch *s, Owner one, int64_t 
 
 // Make a pair of two bodies in a place for one.
 static void set_pair(RefereeSearch *s, int64_t k, int64_t arm_a, int64_t a, int64_t arm_b, int64_t b, int64_t elements,
-                     double padding) {
+                     int64_t slices, double padding) {
     if (is_plane(view_of(s, arm_a, a))) {
-        set_pair(s, k, arm_b, b, arm_a, a, elements, padding);
+        set_pair(s, k, arm_b, b, arm_a, a, elements, slices, padding);
         return;
     }
     const RefereeModel *one = model_of(s, arm_a), *two = model_of(s, arm_b);
@@ -199,6 +199,7 @@ static void set_pair(RefereeSearch *s, int64_t k, int64_t arm_a, int64_t a, int6
         .last_a = body_a->depth > 0 ? first_a + chain_a[body_a->depth - 1] : -1,
         .last_b = body_b->depth > 0 ? first_b + chain_b[body_b->depth - 1] : -1,
         .group = arm_a == arm_b ? GROUP_OWN : GROUP_OTHERS,
+        .slices = slices,
         .padding = padding,
     };
     s->gjk[k].count = 0;
@@ -216,8 +217,8 @@ static inline void note_proven(RefereeSearch *s, int64_t group, double bound) {
 
 static int encloses(const RefereeSearch *s, int64_t arm_a, int64_t a, int64_t arm_b, int64_t b);
 
-// Add all pairs of bodies of two elements to the chunk.
-static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64_t eb, double padding) {
+// Add all pairs of bodies of two elements to the chunk, for the slices of a mask.
+static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64_t eb, int64_t slices, double padding) {
     const RefereeModel *model_a = model_of(s, one.arm), *model_b = model_of(s, two.arm);
     int64_t elements = s->element_pair_count, before = s->pair_count, mark = PAIR_FREE;
     const int64_t *in_a = model_a->element_bodies + one.first + ea, *in_b = model_b->element_bodies + two.first + eb;
@@ -225,11 +226,14 @@ static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64
         if (is_concave(model_a, a)) continue;
         for (int64_t b = in_b[0]; b < in_b[1]; b++) {
             if (is_concave(model_b, b)) continue;
-            set_pair(s, s->pair_count++, one.arm, a, two.arm, b, elements, padding);
+            set_pair(s, s->pair_count++, one.arm, a, two.arm, b, elements, slices, padding);
             if (encloses(s, one.arm, a, two.arm, b)) mark = PAIR_LEFT;
         }
     }
     if (s->pair_count == before) return;
+    double duration = s->breaks[s->break_count - 1] - s->breaks[0];
+    s->chunk_slices |= slices;
+    s->chunk_work += (double)((s->pair_count - before) * __builtin_popcountll((uint64_t)slices)) * duration / s->slice_count;
     s->elements[s->element_pair_count++] = (ElementPair){one.index + ea, two.index + eb, mark, INFINITY, 0.0};
 }
 
@@ -268,8 +272,7 @@ static void add_pairs(RefereeSearch *s, int64_t i, int64_t j) {
                                    b_moves, need + padding, mask, &apart);
             note_proven(s, GROUP_OTHERS, apart - padding);
             if (!near) continue;
-            s->chunk_slices |= near;
-            add_bodies(s, one, ea, two, eb, padding);
+            add_bodies(s, one, ea, two, eb, near, padding);
         }
     }
 }
@@ -300,7 +303,7 @@ static void find_nearest_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner t
             }
             if (ball_gap(body_a, body_b, padding).gap >= best->clearance) continue;
             if (box_gap(body_a, body_b, padding) >= best->clearance) continue;
-            set_pair(s, k, one.arm, a, two.arm, b, k, padding);
+            set_pair(s, k, one.arm, a, two.arm, b, k, 0, padding);
             s->elements[k] = (ElementPair){one.index + ea, two.index + eb, PAIR_FREE, INFINITY, 0.0};
             double value = bound_clearance(s, k, best->clearance - tolerance, best->clearance).upper;
             if (note_clearance(s, k, value, time) || !(value < best->clearance)) continue;

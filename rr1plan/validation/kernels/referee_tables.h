@@ -153,6 +153,7 @@ typedef struct {
     int64_t last_a;    // last joint that carries each body, -1: none
     int64_t last_b;
     int64_t group;
+    int64_t slices;  // mask of the slices of the motion on which they can come near
     double padding;  // distance to keep [m]
 } RefereePair;
 
@@ -241,10 +242,10 @@ typedef struct {
     double linear[3];
 } JointState;
 
-// Range of a column of q on a piece.
+// A column of q on a piece: its values at both ends, and how far it gets from the straight line between them.
 typedef struct {
-    double low, high;
-} ColumnRange;
+    double begin, end, bulge;
+} ColumnChord;
 
 // How far a body reaches from a joint of its chain (1 for a sliding joint), and how far that joint and those after it
 // carry it.
@@ -286,7 +287,7 @@ typedef struct {
     // Scratch for all of the scene.
     LinkPose *links;
     ColumnMotion *columns;  // those of q, then the postures of arms that stand still
-    ColumnRange *ranges;    // shape (column_count, piece_count)
+    ColumnChord *chords;    // shape (column_count, piece_count)
     JointState *states;     // shape (joint_count + 1,): the last one is at rest
     PlacedBody *placed;
     Sweep *sweeps;          // shape (bodies, sweep_stride)
@@ -313,7 +314,7 @@ typedef struct {
     int64_t chunk_arms[2];  // arms of it that move, -1: none
     int64_t chunk_searches;
     int64_t chunk_slices;  // mask of the slices that are to be searched
-    int64_t whole;         // the whole motion is to be searched at once, not slices of it
+    double chunk_work;     // what is to be decided of it: pairs of bodies times seconds
     int64_t open;          // intervals that are open
     // Where the search is.
     int64_t stage;
@@ -329,7 +330,7 @@ typedef struct {
     int64_t has_nearest[2];  // whether a smallest clearance of each group is known
     double smallest[2];      // that clearance, or 0 with a contact to report [m]
     double proven[2];        // lower bound of it [m]
-    double decided;          // share of the chunk that is decided
+    double decided;          // what is decided of the chunk: pairs of bodies times seconds
     ElementPair ends[2];     // pair with the smallest clearance to the surroundings at the begin and at the end
 } RefereeSearch;
 
