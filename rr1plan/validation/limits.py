@@ -35,33 +35,36 @@ class Ledger:
     statistics: dict[str, float] = field(default_factory=dict)
 
 
-class Columns(NamedTuple):
-    """The columns of a motion: their names "arm/joint", units (rad or m) and limits."""
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """The columns of a motion.
+
+    Args:
+        names: Their names "arm/joint".
+        limits: Their limits.
+        arms: The arms of the scene.
+    """
 
     names: tuple[str, ...]
-    units: tuple[str, ...]
     limits: Limits
+    arms: Mapping[str, Arm]
+
+    def unit(self, column: int) -> str:
+        """Unit of a column: rad or m."""
+        arm, joint = self.names[column].split("/", 1)
+        return "m" if self.arms[arm].robot.joint(joint).kind == "prismatic" else "rad"
 
 
-def columns_of(arms: Mapping[str, Arm], names: tuple[str, ...]) -> Columns:
-    """The columns of these names, each a joint of one of the arms, in their order."""
-    moving = list(dict.fromkeys(name.split("/", 1)[0] for name in names))
-    if not moving:
-        return Columns(names, (), Limits(*([np.zeros(0)] * len(fields(Limits)))))
-    stacked = Limits.stack([arms[arm].robot.limits for arm in moving])
-    units = {id(arms[arm].robot): _units(arms[arm].robot) for arm in moving}
-    every = [(f"{arm}/{j}", unit) for arm in moving for j, unit in units[id(arms[arm].robot)]]
-    place = {name: i for i, (name, _) in enumerate(every)}
-    order = [place[name] for name in names]
-    limits = stacked
-    if order != list(range(len(every))):
-        limits = Limits(*(getattr(stacked, f.name)[order] for f in fields(Limits)))
-    return Columns(names, tuple(every[i][1] for i in order), limits)
-
-
-def _units(robot: Robot) -> list[tuple[str, str]]:
-    """The planning joints of a robot, each with the unit of its value."""
-    return [(name, "m" if robot.joint(name).kind == "prismatic" else "rad") for name in robot.joint_names]
+def columns_of(arms: Mapping[str, Arm], places: Mapping[str, list[int]], names: tuple[str, ...]) -> Columns:
+    """The columns of these names; of each arm that moves it is given where those of its joints are."""
+    if not places:
+        return Columns(names, Limits(*([np.zeros(0)] * len(fields(Limits)))), arms)
+    limits = Limits.stack([arms[arm].robot.limits for arm in places])
+    order = [column for columns in places.values() for column in columns]
+    if order != list(range(len(order))):
+        inverse = np.argsort(order)
+        limits = Limits(*(getattr(limits, f.name)[inverse] for f in fields(Limits)))
+    return Columns(names, limits, arms)
 
 
 def check_positions(ledger: Ledger, columns: Columns, found: Extremes) -> None:
@@ -69,7 +72,7 @@ def check_positions(ledger: Ledger, columns: Columns, found: Extremes) -> None:
     upper, lower = columns.limits.upper.tolist(), columns.limits.lower.tolist()
     highest = zip(found.high[0].tolist(), upper, found.high_time[0].tolist(), strict=True)
     lowest = zip(found.low[0].tolist(), lower, found.low_time[0].tolist(), strict=True)
-    for name, unit, above, below in zip(columns.names, columns.units, highest, lowest, strict=True):
+    for name, unit, above, below in zip(columns.names, [columns.unit(j) for j in range(len(columns.names))], highest, lowest, strict=True):
         half = 0.5 * (above[1] - below[1])
         for (value, bound, time), sign in ((above, 1.0), (below, -1.0)):
             if sign * (value - bound) > TOLERANCE * max(1.0, abs(bound)):
@@ -95,7 +98,7 @@ def check_rates(ledger: Ledger, columns: Columns, found: Extremes, jerk: bool) -
         values = np.where(up, found.high[order], -found.low[order]).tolist()
         times = np.where(up, found.high_time[order], found.low_time[order]).tolist()
         for name, unit, value, bound, time in zip(
-            columns.names, columns.units, values, bounds.tolist(), times, strict=True
+            columns.names, [columns.unit(j) for j in range(len(columns.names))], values, bounds.tolist(), times, strict=True
         ):
             _hold(ledger, kind, name, unit + per, value, bound, time)
         ledger.checked.append(kind)
@@ -136,7 +139,7 @@ def _check_jumps(
     ledger: Ledger, kind: ViolationKind, columns: Columns, found: Extremes, order: int, allowed: Array
 ) -> None:
     for j in np.flatnonzero(found.jump[order] > allowed).tolist():
-        name, unit = columns.names[j], columns.units[j] + ("", "/s", "/s²")[order]
+        name, unit = columns.names[j], columns.unit(j) + ("", "/s", "/s²")[order]
         jump, time = float(found.jump[order, j]), float(found.jump_time[order, j])
         what = {"continuity": "jumps", "jerk": "has a jump of acceleration, an infinite jerk,"}[kind]
         message = f"{name} {what} by {jump:.6g} {unit} at {time:.6f} s"
@@ -152,5 +155,5 @@ def check_rest(ledger: Ledger, columns: Columns, found: Extremes, breaks: Array,
     for when, speeds, time in (("starts", start, breaks[0]), ("ends", found.end[1], breaks[-1])):
         for j in np.flatnonzero(np.abs(speeds) > _VELOCITY_JUMP).tolist():
             name, speed = columns.names[j], float(speeds[j])
-            message = f"{name} {when} with {speed:.6g} {columns.units[j]}/s at {time:.6f} s, expected rest"
+            message = f"{name} {when} with {speed:.6g} {columns.unit(j)}/s at {time:.6f} s, expected rest"
             ledger.violations.append(Violation("rest", (name,), float(time), abs(speed), _VELOCITY_JUMP, message))

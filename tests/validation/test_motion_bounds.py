@@ -37,7 +37,7 @@ class Stretch:
         search = Search(moving, motion, ProofOptions(1e-3, 1))
         self.kept, self.search, self.native = search, search.struct, load_library()
         self.native.rr1_probe_interval(self.search, 0, at, half)
-        self.placed = search.table("placed")
+        self.placed = search.table("placed", len(self.model.rows.shapes))
 
     @property
     def movers(self) -> list[int]:

@@ -92,7 +92,7 @@ static void box_arm(RefereeSearch *s, int64_t arm, int swept, BoundingBox *eleme
         BoundingBox *box = &elements[first + e];
         *box = NO_BOX;
         for (int64_t b = model->element_bodies[e]; b < model->element_bodies[e + 1]; b++) {
-            double carried = swept ? s->sweeps[(s->arms[arm].first_body + b) * s->sweep_stride].carried : 0.0;
+            double carried = swept ? carried_by(s, arm, b, 0) : 0.0;
             BoundingBox one = body_box(view_of(s, arm, b), carried);
             join_boxes(box, &one);
         }
@@ -166,7 +166,8 @@ static inline double padding_between(const RefereeSearch *s, Owner one, int64_t 
                                      const double *paddings) {
     if (paddings) return paddings[ea * two.count + eb];
     const RefereeModel *model = model_of(s, one.arm);
-    if (one.arm == two.arm) return model->own_checked[ea * one.count + eb] ? s->padding : -1.0;
+    if (one.arm == two.arm)
+        return model->own_checked && model->own_checked[ea * one.count + eb] ? s->padding : -1.0;
     if (two.arm == arm_count(s) && ea == model->base_element) return -1.0;
     return s->padding;
 }
@@ -195,9 +196,9 @@ static void set_pair(RefereeSearch *s, int64_t k, int64_t arm_a, int64_t a, int6
         .body_b = b,
         .elements = elements,
         .shared = shared,
-        .before = shared > 0 ? first_a + chain_a[shared - 1] : -1,
-        .last_a = body_a->depth > 0 ? first_a + chain_a[body_a->depth - 1] : -1,
-        .last_b = body_b->depth > 0 ? first_b + chain_b[body_b->depth - 1] : -1,
+        .before = shared > 0 && arm_a < s->moving_count ? first_a + chain_a[shared - 1] : -1,
+        .last_a = body_a->depth > 0 && arm_a < s->moving_count ? first_a + chain_a[body_a->depth - 1] : -1,
+        .last_b = body_b->depth > 0 && arm_b < s->moving_count ? first_b + chain_b[body_b->depth - 1] : -1,
         .group = arm_a == arm_b ? GROUP_OWN : GROUP_OTHERS,
         .slices = slices,
         .padding = padding,

@@ -221,8 +221,8 @@ static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double 
     const RefereePair *pair = &s->pairs[k];
     PairView v = view_pair(s, k);
     double need = needed_clearance(s, pair->group);
-    double approach = s->sweeps[pair->a * s->sweep_stride + pair->shared].carried +
-                      s->sweeps[pair->b * s->sweep_stride + pair->shared].carried;
+    double approach = carried_by(s, pair->arm_a, pair->body_a, pair->shared) +
+                      carried_by(s, pair->arm_b, pair->body_b, pair->shared);
     BallGap ball = ball_gap(v.a, v.b, pair->padding);
     double least = ball.gap - approach;
     if (least > need) return (IntervalClearance){least, 1};

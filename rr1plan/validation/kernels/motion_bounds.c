@@ -207,8 +207,15 @@ static void sweep_body(RefereeSearch *s, int64_t arm, int64_t b) {
     }
 }
 
+// How far the joints of its chain from `shared` on carry a body [m].
+static inline double carried_by(const RefereeSearch *s, int64_t arm, int64_t b, int64_t shared) {
+    if (arm >= s->moving_count) return 0.0;
+    return s->sweeps[(s->arms[arm].first_body + b) * s->sweep_stride + shared].carried;
+}
+
 // What a body can move beside its steady velocity, by the joints of its chain from `shared` on [m].
 static double unsteadiness(const RefereeSearch *s, int64_t arm, int64_t b, int64_t shared) {
+    if (arm >= s->moving_count) return 0.0;
     const RefereeModel *model = model_of(s, arm);
     const RefereeBody *body = &model->bodies->bodies[b];
     const JointState *states = s->states + s->arms[arm].first_joint;

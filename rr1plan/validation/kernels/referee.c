@@ -14,6 +14,7 @@
 #include "motion_bounds.c"
 #include "clearance.c"
 #include "broad_phase.c"
+#include "memory.c"
 #include "cells.c"
 #include "surfaces.c"
 #include "search.c"

@@ -102,12 +102,13 @@ typedef struct {
     const ArmJoint *joints;
     const JointFrame *frames;
     int64_t joint_count;
+    int64_t column_count;
     const RefereeBodies *bodies;
     const int64_t *chains;          // joints that carry each body, one body after the other
     const int64_t *element_bodies;  // first body of each element, shape (element_count + 1,)
     int64_t element_count;
     int64_t base_element;        // that of the base link, which no obstacle is checked against; -1: none
-    const uint8_t *own_checked;  // which pairs of its elements must not touch, shape (element_count, element_count)
+    const uint8_t *own_checked;  // which pairs of its elements must not touch, shape (element_count, element_count); or NULL
 } RefereeModel;
 
 // ---- the scene ---------------------------------------------------------------------------------
@@ -149,8 +150,8 @@ typedef struct {
     int64_t body_b;
     int64_t elements;  // the pair of elements
     int64_t shared;    // joints of their chains that carry both
-    int64_t before;    // the last of those, -1: none
-    int64_t last_a;    // last joint that carries each body, -1: none
+    int64_t before;    // the last of those that moves, -1: none
+    int64_t last_a;    // last joint that carries each body and moves, -1: none
     int64_t last_b;
     int64_t group;
     int64_t slices;  // mask of the slices of the motion on which they can come near
@@ -209,6 +210,8 @@ enum { SEARCH_START, SEARCH_STANDING, SEARCH_MOVING, SEARCH_DONE };
 enum { PASS_STANDING, PASS_MOVING };
 // Intervals that are open at once: with halving, one for each level.
 enum { SEARCH_DEPTH = 160 };
+// Pairs of bodies that are searched at once, unless those of two owners are more.
+enum { SEARCH_CHUNK = 4096 };
 // The broad phase cuts the whole motion into at most this many intervals.
 enum { MOTION_SLICES = 8 };
 
@@ -264,16 +267,14 @@ typedef struct {
     int64_t column_count;
     // The scene. Owners are the arms, then each obstacle.
     const RefereeModel *models;
-    const RefereeArm *arms;
-    const int64_t *arm_columns;  // columns of each arm: of q, and those of arms that stand still after them
-    const LinkPose *bases;       // of each arm
+    const int64_t *arm_models;   // model of each arm, and that of the obstacles
+    const int64_t *columns_of_q;  // columns of each arm that moves, one after the other
+    const double *postures;      // columns of the arms that stand still, one after the other [rad or m]
+    const double *base_poses;    // T_world_base of each arm, shape (arms, 4, 4)
     const int64_t *own_arms;     // arms that stand still and whose own pairs no earlier one has in the same posture
     int64_t own_arm_count;
     int64_t moving_count;    // arms that move
     int64_t standing_count;  // arms that stand still
-    int64_t owner_count;
-    int64_t element_count;
-    int64_t joint_count;
     double padding;       // distance to keep where no rule says otherwise [m]
     double most_padding;  // the largest one [m]
     const PaddingRule *rules;  // by ascending keys
@@ -284,15 +285,23 @@ typedef struct {
     double tolerance;        // smallest clearances are found within this [m]
     double touch;            // a clearance up to this is a contact [m]
     int64_t max_searches;    // of a chunk of pairs, before what is open is left undecided
-    // Scratch for all of the scene.
+    // Counts that follow from these, and memory that the caller gives; see `memory.c`.
+    int64_t owner_count;
+    int64_t element_count;
+    int64_t joint_count;
+    int64_t link_count;
+    int64_t body_count;
+    RefereeArm *arms;      // shape (arms + 1,)
+    int64_t *arm_columns;  // columns of each arm: of q, and those of arms that stand still after them
+    LinkPose *bases;       // of each arm
     LinkPose *links;
     ColumnMotion *columns;  // those of q, then the postures of arms that stand still
     ColumnChord *chords;    // shape (column_count, piece_count)
     JointState *states;     // shape (joint_count + 1,): the last one is at rest
     PlacedBody *placed;
-    Sweep *sweeps;          // shape (bodies, sweep_stride)
+    Sweep *sweeps;          // of bodies of arms that move, shape (bodies, sweep_stride)
     int64_t sweep_stride;   // longest chain + 1
-    int64_t *placed_on;     // of each body: number of the interval on which it was placed last
+    int64_t *placed_on;     // of the same bodies: number of the interval on which each was placed last
     double *terms_scratch;  // shape (terms,)
     BoundingBox *element_boxes;  // at one time, shape (element_count,)
     BoundingBox *owner_boxes;    // shape (owner_count,)
