@@ -19,6 +19,7 @@
 #include "surfaces.c"
 #include "search.c"
 #include "extremes.c"
+#include "limits.c"
 #include "probes.c"
 #include "../../binding/cpu_level.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.

@@ -203,6 +203,32 @@ typedef struct {
     double size, time;
 } Jump;
 
+// ---- limits ------------------------------------------------------------------------------------
+
+// The rows of a table of limits, and of what is tightest; the three of rates in the order of derivatives.
+enum { LIMIT_LOWER, LIMIT_VELOCITY, LIMIT_ACCELERATION, LIMIT_JERK, LIMIT_UPPER, LIMIT_ROWS };
+enum { TIGHTEST_POSITION, TIGHTEST_VELOCITY, TIGHTEST_ACCELERATION, TIGHTEST_JERK, TIGHTEST_ROWS };
+// What is wrong with a column: bits.
+enum {
+    FLAW_ABOVE = 1,
+    FLAW_BELOW = 2,
+    FLAW_VELOCITY = 4,
+    FLAW_ACCELERATION = 8,
+    FLAW_JERK = 16,
+    FLAW_POSITION_JUMP = 32,
+    FLAW_VELOCITY_JUMP = 64,
+    FLAW_ACCELERATION_JUMP = 128,
+    FLAW_START = 256,
+    FLAW_END = 512
+};
+
+// The share of a limit that is used most, by which column and when.
+typedef struct {
+    double ratio;  // -inf where no column has a limit
+    double column;
+    double time;
+} Tightest;
+
 // ---- the search --------------------------------------------------------------------------------
 
 enum { SEARCH_START, SEARCH_STANDING, SEARCH_MOVING, SEARCH_DONE };
