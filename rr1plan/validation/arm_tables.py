@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.robot import Geometry, Joint, Robot
 from rr1plan.scene import Attachment, Obstacle
 from rr1plan.shapes import Shape
 from rr1plan.validation.motion import Drive, drives
@@ -135,24 +135,19 @@ class ArmTables:
 
 
 def arm_tables(robot: Robot, held: tuple[HeldThing, ...]) -> ArmTables:
-    """The model of a robot with what it holds; the same robot with other limits has the same.
+    """The model of a robot with what it holds, made once for its content.
 
     Raises:
         InputError: a joint that follows none that has a value.
     """
-    values = tuple(robot.held.items())
-    return _build(_Content(robot.links, robot.joints, robot.joint_names, values, robot.never_collide, held, robot))
+    return _build(_Content(robot.content_hash, held, robot))
 
 
 @dataclass(frozen=True)
 class _Content:
-    """All of a robot that its model depends on."""
+    """A robot by its content, and what it holds."""
 
-    links: tuple[Link, ...]
-    joints: tuple[Joint, ...]
-    joint_names: tuple[str, ...]
-    values: tuple[tuple[str, float], ...]
-    never_collide: frozenset[frozenset[str]]
+    key: str
     held: tuple[HeldThing, ...]
     robot: Robot = field(compare=False)
 
@@ -255,7 +250,7 @@ def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]
     index, count = {name: i for i, name in enumerate(links)}, len(links) + len(content.held)
     checked = np.ones((count, count), dtype=np.uint8)
     np.fill_diagonal(checked, 0)
-    for both in content.never_collide:
+    for both in content.robot.never_collide:
         # Links without a shape are no elements.
         pair = [index[name] for name in both if name in index]
         if len(pair) == 2:

@@ -121,6 +121,59 @@ static inline double box_separation(const BoundingBox *a, const BoundingBox *b) 
     return sqrt(square);
 }
 
+// ---- owners that stand still -------------------------------------------------------------------
+
+static int compare_lows(const void *a, const void *b) {
+    const SortedOwner *one = a, *two = b;
+    if (one->low != two->low) return one->low < two->low ? -1 : 1;
+    return one->owner < two->owner ? -1 : 1;
+}
+
+static int compare_indices(const void *a, const void *b) {
+    int64_t one = *(const int64_t *)a, two = *(const int64_t *)b;
+    return (one > two) - (one < two);
+}
+
+// Sort the owners that stand still along x; half-spaces have no end and come after the others.
+static void sort_owners(RefereeSearch *s) {
+    int64_t last = s->owner_count - s->moving_count;
+    s->sorted_count = 0;
+    s->widest = 0.0;
+    for (int64_t o = s->moving_count; o < s->owner_count; o++) {
+        const BoundingBox *box = &s->owner_boxes[o];
+        double width = box->high[0] - box->low[0];
+        // Nor has an owner without a body, which is near nothing, a begin.
+        int bounded = width < INFINITY;
+        s->sorted[bounded ? s->sorted_count++ : --last] = (SortedOwner){box->low[0], o};
+        if (bounded) s->widest = greater(s->widest, width);
+    }
+    qsort(s->sorted, (size_t)s->sorted_count, sizeof(SortedOwner), compare_lows);
+}
+
+// Find the owners from `first` on, after a standing one, that are within a distance of it along each axis [m]; their
+// number. They are written to `near_owners` in order.
+static int64_t find_near_owners(RefereeSearch *s, int64_t owner, int64_t first, double distance) {
+    const BoundingBox *box = &s->owner_boxes[owner];
+    int64_t low = 0, high = s->sorted_count, count = 0, all = s->owner_count - s->moving_count;
+    double begin = box->low[0] - s->widest - distance;
+    while (low < high) {
+        int64_t middle = (low + high) / 2;
+        if (s->sorted[middle].low < begin) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    for (int64_t i = low; i < all; i++) {
+        if (i < s->sorted_count && s->sorted[i].low > box->high[0] + distance) i = s->sorted_count;
+        if (i == all) break;
+        int64_t other = s->sorted[i].owner;
+        if (other >= first && !(axis_separation(box, &s->owner_boxes[other]) > distance)) s->near_owners[count++] = other;
+    }
+    qsort(s->near_owners, (size_t)count, sizeof(int64_t), compare_indices);
+    return count;
+}
+
 // The boxes of an owner or element that moves differ from slice to slice; those of one that stands still are in the first.
 static inline const BoundingBox *slice_box(const BoundingBox *boxes, int64_t count, int64_t index, int moves,
                                            int64_t slice) {
@@ -345,8 +398,14 @@ static NearestElements find_nearest_others(RefereeSearch *s, int64_t first, int6
         if (!note_clearance(s, k, value, time) && value < best.clearance)
             best = (NearestElements){value, s->elements[k].a, s->elements[k].b};
     }
-    for (int64_t i = first; i < stop; i++)
-        for (int64_t j = i + 1; j < s->owner_count; j++) find_nearest_elements(s, i, j, time, tolerance, &best);
+    for (int64_t i = first; i < stop; i++) {
+        if (i < s->moving_count) {
+            for (int64_t j = i + 1; j < s->owner_count; j++) find_nearest_elements(s, i, j, time, tolerance, &best);
+            continue;
+        }
+        int64_t count = find_near_owners(s, i, i + 1, best.clearance + s->most_padding);
+        for (int64_t n = 0; n < count; n++) find_nearest_elements(s, i, s->near_owners[n], time, tolerance, &best);
+    }
     return best;
 }
 

@@ -80,6 +80,8 @@ static int64_t lay_out(RefereeSearch *s, char *block) {
     TAKE(element_slices, MOTION_SLICES * s->element_count);
     TAKE(owner_slices, MOTION_SLICES * s->owner_count);
     TAKE(owner_sweeps, s->owner_count);
+    TAKE(sorted, s->owner_count);
+    TAKE(near_owners, s->owner_count);
     TAKE(slices, MOTION_SLICES);
     TAKE(intervals, SEARCH_DEPTH);
     TAKE(pairs, spare);

@@ -1,5 +1,6 @@
 // The referee's own kernels as one translation unit. They share no source with those of the planners.
 #include <stddef.h>
+#include <stdlib.h>
 
 #include "referee_tables.h"
 #include "simd.h"

@@ -135,6 +135,12 @@ typedef struct {
     double high[3];
 } BoundingBox;
 
+// An owner that stands still, by where it begins along x [m].
+typedef struct {
+    double low;
+    int64_t owner;
+} SortedOwner;
+
 // ---- pairs -------------------------------------------------------------------------------------
 
 // Pairs in two groups, whose smallest clearances are reported apart: with the surroundings, and one arm's own.
@@ -334,6 +340,10 @@ typedef struct {
     BoundingBox *element_slices;  // over each slice of the motion, shape (MOTION_SLICES, element_count)
     BoundingBox *owner_slices;    // shape (MOTION_SLICES, owner_count)
     BoundingBox *owner_sweeps;    // over the whole motion, shape (owner_count,)
+    SortedOwner *sorted;          // owners that stand still, shape (owner_count,)
+    int64_t sorted_count;         // without those that are not bounded, which come after them
+    double widest;                // the longest of the bounded ones along x [m]
+    int64_t *near_owners;         // scratch, shape (owner_count,)
     TimeInterval *slices;         // shape (MOTION_SLICES,)
     int64_t slice_count;
     // A chunk of pairs: the bodies of an arm, or of two, that are near each other.

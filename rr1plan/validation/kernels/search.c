@@ -221,6 +221,19 @@ static int64_t body_count_of(const RefereeSearch *s, int64_t o) {
 // Add the pairs of an owner with `partner` and later ones while there is room for them.
 static void add_partners(RefereeSearch *s, int64_t owner) {
     int64_t bodies = body_count_of(s, owner);
+    if (owner >= s->moving_count) {
+        double need = needed_clearance(s, GROUP_OTHERS);
+        int64_t first = s->partner, count = find_near_owners(s, owner, first, need + s->most_padding);
+        for (int64_t n = 0; n < count; n++) {
+            s->partner = s->near_owners[n];
+            if (s->pair_count + bodies * body_count_of(s, s->partner) > s->pair_room) return;
+            add_pairs(s, owner, s->partner);
+        }
+        // Those that were passed over are farther away.
+        if (count < s->owner_count - first) note_proven(s, GROUP_OTHERS, need);
+        s->partner = s->owner_count;
+        return;
+    }
     for (; s->partner < s->owner_count; s->partner++) {
         if (s->pair_count + bodies * body_count_of(s, s->partner) > s->pair_room) return;
         add_pairs(s, owner, s->partner);
@@ -354,6 +367,7 @@ static void start_search(RefereeSearch *s) {
     for (int64_t e = s->arms[s->moving_count].first_element; e < s->element_count; e++)
         s->element_slices[e] = s->element_boxes[e];
     for (int64_t o = s->moving_count; o < s->owner_count; o++) s->owner_slices[o] = s->owner_sweeps[o] = s->owner_boxes[o];
+    sort_owners(s);
     if (s->with_clearance) search_ends(s);
     search_slices(s);
     if (s->with_clearance)
