@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from itertools import accumulate
 from functools import cached_property, lru_cache
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -22,18 +22,18 @@ from rr1plan.shapes import Shape
 from rr1plan.validation.motion import Drive, drives
 from rr1plan.validation.native import (
     AXIS,
+    CENTER,
     COUNT,
     DEPTH,
     FIRST_CORNER,
     FIRST_JOINT,
     FIRST_NODE,
-    LINK,
-    SHAPE,
-    CENTER,
     GAIN,
+    LINK,
     LOCAL,
     OFFSET,
     PLANE,
+    SHAPE,
     SHAPE_CONCAVE,
     SHAPE_SURFACE,
     SHIFT,
@@ -278,9 +278,12 @@ def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
 
 
 def _bodies(rows: BodyRows, links: Table | None, depth: Table | None) -> RefereeStruct:
-    """Bodies with their corners and triangles, each on the link that carries it and below so many joints.
+    """Bodies as the kernels read them, with their corners and triangles.
 
-    Without links all are on the first one, which no joint carries.
+    Args:
+        rows: The bodies.
+        links: Number of the link of each body, shape (b,); None if all are on link 0, which no joint carries.
+        depth: Number of joints that carry each body, shape (b,); None with `links`.
     """
     table = np.zeros((len(rows.shapes), 7), dtype=np.int64)
     kind, table[:, COUNT], columns = rows.cores.T

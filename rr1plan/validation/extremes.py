@@ -19,8 +19,7 @@ class Extremes:
 
     Args:
         peaks: Highest value of each column, when [s], lowest value, when; shape (4, nq, 4).
-        jumps: Largest jump at a break, of position, velocity and acceleration, and when [s], 0 where nothing jumps; shape
-            (3, nq, 2).
+        jumps: Largest jump at a break, of position, velocity and acceleration, and when [s]; shape (3, nq, 2).
         end: Value at the last instant, shape (4, nq).
     """
 

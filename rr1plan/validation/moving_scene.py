@@ -16,6 +16,7 @@ from rr1plan.validation.contact_paddings import ALLOWED
 from rr1plan.validation.limits import columns_of
 from rr1plan.validation.referee_scene import RefereeScene, referee_scene
 
+
 class MovingScene:
     """A scene with the arms first that some columns move, then the others, then the obstacles.
 
@@ -25,7 +26,7 @@ class MovingScene:
 
     Attributes:
         tables: The scene.
-        columns: Names, units and limits of the columns.
+        columns: Names and limits of the columns.
         columns_of_arm: Columns of each arm that moves, by its name.
         arms: Numbers in `tables` of the arms in that order.
         moving: How many of them move.

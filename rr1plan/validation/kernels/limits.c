@@ -1,4 +1,4 @@
-// Whether numbers make a motion, and what of it is beyond a limit.
+// Checks of a motion without its scene: that its numbers are finite and its times increase, and its limits.
 
 // Rounding that a limit forgives, relative to it.
 #define LIMIT_ROUNDING 1e-9

@@ -211,7 +211,7 @@ typedef struct {
 
 // ---- limits ------------------------------------------------------------------------------------
 
-// The rows of a table of limits, and of what is tightest; the three of rates in the order of derivatives.
+// Rows of the table of limits, and of the largest shares of limits used; velocity, acceleration and jerk are rows 1 to 3.
 enum { LIMIT_LOWER, LIMIT_VELOCITY, LIMIT_ACCELERATION, LIMIT_JERK, LIMIT_UPPER, LIMIT_ROWS };
 enum { TIGHTEST_POSITION, TIGHTEST_VELOCITY, TIGHTEST_ACCELERATION, TIGHTEST_JERK, TIGHTEST_ROWS };
 // What is wrong with a column: bits.
@@ -228,7 +228,7 @@ enum {
     FLAW_END = 512
 };
 
-// The share of a limit that is used most, by which column and when.
+// The largest share of a limit that is used, its column and its time.
 typedef struct {
     double ratio;  // -inf where no column has a limit
     double column;
