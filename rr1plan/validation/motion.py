@@ -42,7 +42,10 @@ class TimedColumns:
     def endpoints(self) -> Array:
         """Columns at the first and at the last instant, shape (2, nq)."""
         width = self.breaks[-1] - self.breaks[-2] if len(self.breaks) > 1 else 0.0
-        return evaluate(self.coefficients[[0, -1]], np.array([0.0, width]))
+        last = self.coefficients[-1, -1]
+        for terms in self.coefficients[-1, -2::-1]:
+            last = last * width + terms
+        return np.stack([self.coefficients[0, 0], last])
 
 
 class Frames(NamedTuple):

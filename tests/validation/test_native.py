@@ -106,7 +106,7 @@ def test_all_variants_find_the_same_extremes(by_each_variant: Make) -> None:
     breaks, coefficients = np.cumsum(rng.uniform(0.1, 1.0, 9)), rng.normal(size=(8, 6, 5))
     first, *others = by_each_variant(lambda: extremes(breaks, coefficients))
     for other in others:
-        assert all((one == two).all() for one, two in zip(first, other, strict=True))
+        assert all((getattr(first, name) == getattr(other, name)).all() for name in ("peaks", "jumps", "end"))
 
 
 def cloud_and_bodies(rng: np.random.Generator) -> tuple[CellBlocks, list[tuple[Solid, Array]]]:
