@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import FARTHEST, Array, Value, finite_array, finite_number, of_kind, positive_number, read_only
-from rr1plan.collision.coal_checker import CoalChecker
+from rr1plan.collision.coal_checker import CoalChecker, checked_margin
+from rr1plan.collision.collision_geometry import geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
+from rr1plan.collision.sphere_tables import build_edge_tables, padded_pairs
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene
@@ -88,6 +89,26 @@ class CollisionChecker(CoalChecker):
     def done(self) -> EdgeCounters:
         """What has been done so far, by compiled planners too."""
         return self._kernel.done
+
+    def keep_margin(self, margin: float) -> None:
+        """Keep another margin from now on; one for which other elements count needs a checker of its own.
+
+        Args:
+            margin: Distance to keep beyond the scene's padding [m].
+
+        Raises:
+            InputError: below zero, or so different that other elements can come near.
+        """
+        margin = checked_margin(margin)
+        if margin == self.margin:
+            return
+        if geometry_distance(self.scene, margin) != self.geometry.distance:
+            raise InputError(f"a margin of {margin:g} m needs another checker than one of {self.margin:g} m; make one")
+        self._keep_margin(margin)
+        self._without.clear()
+        if "_kernel" in self.__dict__:
+            kernel = self._kernel
+            kernel.use_padding(padded_pairs(self.geometry, self.solid_padding, self.tolerance, kernel.rest))
 
     def set_up(self) -> None:
         """Build the collision tables, which the first query needs."""

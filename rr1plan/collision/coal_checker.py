@@ -18,7 +18,7 @@ from rr1plan.checks import Array, finite_array, finite_number, items_of, of_kind
 from rr1plan.collision.answers import Contact, Nearest
 from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
-from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry
+from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry, geometry_distance
 from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.exact_tables import build_static_tables, build_tables
 from rr1plan.collision.kernel_tables import ExactTables
@@ -61,18 +61,28 @@ class CoalChecker:
         self.scene = scene
         # A second time, as a scene may have no arms at all.
         self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
-        self.margin = checked_margin(margin)
-        self._use(collision_geometry(scene, self.arms, self.margin))
+        margin = checked_margin(margin)
+        self._use(collision_geometry(scene, self.arms, geometry_distance(scene, margin)), margin)
 
-    def _use(self, geometry: CollisionGeometry) -> None:
+    def _use(self, geometry: CollisionGeometry, margin: float) -> None:
         scene = self.scene
         self.geometry = geometry
         self.solid_pairs: NDArray[np.int64] = geometry.pairs.moving
         self.solid_owner: NDArray[np.int64] = geometry.pairs.moving_owner
         self.padding: Array = read_only(geometry.rules.paddings(scene.padding, scene.pair_padding))
-        self.solid_padding: Array = read_only(self.padding[self.solid_owner] + self.margin)
+        self._bare_padding: Array = self.padding[self.solid_owner]
+        self._kept_padding: Array = self._bare_padding + margin
+        self.solid_padding: Array = read_only(self._kept_padding.view())
+        self.margin = margin
         self.joint_names: tuple[str, ...] = scene.joint_names(self.arms)
         self.nq = len(self.joint_names)
+
+    def _keep_margin(self, margin: float) -> None:
+        """Keep another margin; only for one with which the geometry would be the same."""
+        np.add(self._bare_padding, margin, out=self._kept_padding)
+        self.margin = margin
+        for name in ("_left_out", "_whole", "_moving"):
+            self.__dict__.pop(name, None)
 
     # ---- what it is about ----------------------------------------------------------------
 
@@ -285,7 +295,7 @@ class CoalChecker:
     def _whole(self) -> CoalChecker:
         """A checker of the same arms that leaves nothing out."""
         other = CoalChecker(self.scene, self.arms, margin=self.margin)
-        other._use(collision_geometry(self.scene, self.arms, np.inf))
+        other._use(collision_geometry(self.scene, self.arms, np.inf), self.margin)
         return other
 
     @cached_property

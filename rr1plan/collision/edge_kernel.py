@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.kernel_tables import EdgeTables, ExactTables
+from rr1plan.collision.kernel_tables import EdgeTables, ExactTables, PaddedPairs
 from rr1plan.kernels.library import CStruct, address_of, constants, load_library, slab, zeroed
 from rr1plan.kernels.wasm import memory_image
 
@@ -280,6 +280,24 @@ class EdgeKernel:
         """What has been done so far."""
         done = self._scratch.value.done
         return EdgeCounters(done.edges, done.exact_edges, done.configurations, done.gaps)
+
+    @property
+    def rest(self) -> float:
+        """What must be left of a gap beyond everything else for a proof [m]."""
+        rest: float = self._scene.value.margin
+        return rest
+
+    def use_padding(self, pairs: PaddedPairs) -> None:
+        """Go on with another padding, after the numbers in the array of the tables were changed.
+
+        Args:
+            pairs: The same pairs with clearance maps for it.
+        """
+        table = self._scene.targets["pairs"]
+        table.set(
+            body_pairs=pairs.body_pairs, group_pairs=pairs.group_pairs, map_ranges=pairs.map_ranges, maps=pairs.maps
+        )
+        self._scene.set(max_padding=pairs.greatest)
 
     def certify_edge(self, q0: Array, q1: Array) -> Answer:
         """Certify the straight line between two configurations; shapes and numbers have been checked.

@@ -119,3 +119,18 @@ class EdgeTables(NamedTuple):
     lowest: NDArray[np.int64]
     core_of: _INTS
     margins: Array
+
+
+class PaddedPairs(NamedTuple):
+    """What of the pairs depends on padding; columns as in `EdgeTables`.
+
+    Args:
+        body_pairs, group_pairs, maps, map_ranges: As there.
+        greatest: The greatest padding [m].
+    """
+
+    body_pairs: _INTS
+    group_pairs: _INTS
+    maps: NDArray[np.int16]
+    map_ranges: Array
+    greatest: float

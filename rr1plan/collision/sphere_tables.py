@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import read_only
+from rr1plan.checks import Array, read_only
 from rr1plan.collision.clearance_maps import instance_maps
 from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.collision_geometry import CollisionGeometry
 from rr1plan.collision.groups import families_of
-from rr1plan.collision.kernel_tables import EdgeTables, ExactTables
+from rr1plan.collision.kernel_tables import EdgeTables, ExactTables, PaddedPairs
 from rr1plan.collision.link_spheres import instance_spheres
 from rr1plan.collision.obstacle_tables import LANES, fixed_links, joined_obstacles, obstacle_tables
 from rr1plan.kept import kept_in
@@ -34,24 +34,52 @@ def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: floa
         spheres.cores, [fixed_links(geometry.instances), *obstacle_tables(geometry.obstacles)], pairs.obstacles
     )
     scale = float(np.abs(still.values[:, :16]).max(initial=0.0)) + float(np.abs(spheres.joint_values[:, 9:12]).sum())
-    margins = np.array([2.0 * tolerance + 1e-9 + 1e-12 * scale, float(np.max(tables.padding, initial=0.0))])
-    # Rounded up, so that maps serve scenes of other sizes too.
-    margin = max(10.0 * tolerance, float(margins[0]))
-    maps = instance_maps(
-        geometry.instances, pairs.solids, tables.padding[pairs.body_pairs[:, 3]] + margin, pairs.group_pairs
-    )
+    rest = 2.0 * tolerance + 1e-9 + 1e-12 * scale
+    padded = padded_pairs(geometry, tables.padding, tolerance, rest)
     return EdgeTables(
         spheres.joints, spheres.joint_values, spheres.bodies, spheres.groups, spheres.spheres,
         spheres.chain, spheres.chain_reach,
         still.kinds, still.values, np.ascontiguousarray(still.boxes.T),
         pairs.pair_of, pairs.obstacle_blocks, pairs.first_block,
-        np.column_stack([pairs.body_pairs, maps.places]), np.column_stack([pairs.group_pairs, maps.groups]),
-        maps.counts, maps.ranges,
-        tables.padding, *still.cores, still.core_of, margins,
+        padded.body_pairs, padded.group_pairs, padded.maps, padded.map_ranges,
+        tables.padding, *still.cores, still.core_of, np.array([rest, padded.greatest]),
     )  # fmt: skip
 
 
 # ---- pairs -----------------------------------------------------------------------------------------
+
+
+# Paddings for which pairs are kept.
+_MOST_PADDINGS = 8
+
+
+def padded_pairs(geometry: CollisionGeometry, padding: Array, tolerance: float, rest: float) -> PaddedPairs:
+    """The pairs of a geometry with clearance maps for a padding.
+
+    Args:
+        geometry: The geometry.
+        padding: Distance to keep of each of its pairs that move [m], shape (m,).
+        tolerance: Gaps beyond the padding smaller than this are no proof [m].
+        rest: What must be left of a gap for a proof [m].
+    """
+    # Rounded up, so that maps serve scenes of other sizes too.
+    rest = max(10.0 * tolerance, rest)
+    kept: dict[tuple[bytes, float], PaddedPairs] = geometry.pairs.kept.setdefault("padded", {})
+    key = (padding.tobytes(), rest)
+    return kept_in(kept, key, lambda: _new_padded_pairs(geometry, padding, rest), _MOST_PADDINGS)
+
+
+def _new_padded_pairs(geometry: CollisionGeometry, padding: Array, rest: float) -> PaddedPairs:
+    pairs = _kernel_pairs(geometry)
+    least = padding[pairs.body_pairs[:, 3]] + rest
+    maps = instance_maps(geometry.instances, pairs.solids, least, pairs.group_pairs)
+    return PaddedPairs(
+        read_only(np.column_stack([pairs.body_pairs, maps.places])),
+        read_only(np.column_stack([pairs.group_pairs, maps.groups])),
+        maps.counts,
+        maps.ranges,
+        float(np.max(padding, initial=0.0)),
+    )
 
 
 @dataclass(frozen=True, eq=False)
