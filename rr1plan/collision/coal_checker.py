@@ -22,15 +22,12 @@ from rr1plan.collision.collision_geometry import CollisionGeometry, collision_ge
 from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.exact_tables import build_static_tables, build_tables
 from rr1plan.collision.kernel_tables import ExactTables
-from rr1plan.collision.standing_contacts import standing_contacts
+from rr1plan.collision.standing_contacts import ROUNDING, standing_contacts
 from rr1plan.collision.static_pairs import StaticPairs, measure_static
 from rr1plan.errors import InputError
 from rr1plan.limits import Limits
 from rr1plan.model import SceneModel
 from rr1plan.scene import Scene
-
-# Rounding of a gap that the kernel computed is far below this [m].
-_ROUNDING = 1e-9
 
 
 class CoalChecker:
@@ -114,7 +111,7 @@ class CoalChecker:
     @cached_property
     def static_is_free(self) -> bool:
         """No two elements collide that do not move against each other, those of arms that stand still included."""
-        own = self._static_clearance(_ROUNDING) >= _ROUNDING or not self._static.touching
+        own = self._static_clearance(ROUNDING) >= ROUNDING or not self._static.touching
         return own and not self._standing
 
     @property

@@ -6,18 +6,20 @@ place, and a scene's tables by all paddings.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
+from rr1plan.collision.arm_instances import ArmInstances, arm_instances
 from rr1plan.collision.arm_tables import instance_tables
 from rr1plan.collision.body_tables import BodyTables
 from rr1plan.collision.collision_geometry import CollisionGeometry
 from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.collision.mesh_trees import joined_trees, mesh_tree
-from rr1plan.collision.obstacle_geometry import obstacle_bodies
+from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_bodies
 from rr1plan.collision.solids import is_concave
 from rr1plan.kept import kept_in
 from rr1plan.kernels.library import constants
@@ -48,19 +50,35 @@ def build_static_tables(checker: CoalChecker) -> ExactTables | None:
     return _with_pairs(_bare_tables(geometry), pairs.static_rows, checker.padding[pairs.static_owner])
 
 
+def build_fixed_tables(things: Sequence[ObstacleGeometry], pairs: _INTS, padding: Array) -> ExactTables | None:
+    """Tables of solids that do not move; None if some pairs cannot be measured by the kernel.
+
+    Args:
+        things: The solids.
+        pairs: Pairs of them, numbered thing after thing [index], shape (m, 2).
+        padding: Distance to keep of each [m], shape (m,).
+    """
+    surfaceless = np.array([kind for thing in things for kind in thing.surfaceless], np.bool_)[pairs]
+    if surfaceless.all(axis=1).any():
+        return None
+    turned = np.where(surfaceless[:, :1], pairs[:, ::-1], pairs)
+    rows = np.column_stack([turned, np.zeros(len(pairs), np.int64)])
+    return _with_pairs(_joined_tables(arm_instances((), ()), things), rows, padding)
+
+
 def _with_pairs(bare: ExactTables, pairs: _INTS, padding: Array) -> ExactTables:
     return bare._replace(pairs=pairs, padding=padding)
 
 
 def _bare_tables(geometry: CollisionGeometry) -> ExactTables:
     """Tables without pairs and padding."""
-    return kept_in(geometry.kept, "exact", lambda: _joined_tables(geometry))
+    return kept_in(geometry.kept, "exact", lambda: _joined_tables(geometry.instances, geometry.obstacles))
 
 
-def _joined_tables(geometry: CollisionGeometry) -> ExactTables:
-    arms = instance_tables(geometry.instances)
-    bodies = _joined([arms.bodies, *obstacle_bodies(geometry.obstacles)], len(arms.chain))
-    meshes = [mesh_tree(s.shape) for thing in geometry.obstacles for s in thing.solids if is_concave(s.shape)]
+def _joined_tables(instances: ArmInstances, obstacles: Sequence[ObstacleGeometry]) -> ExactTables:
+    arms = instance_tables(instances)
+    bodies = _joined([arms.bodies, *obstacle_bodies(obstacles)], len(arms.chain))
+    meshes = [mesh_tree(s.shape) for thing in obstacles for s in thing.solids if is_concave(s.shape)]
     bodies.bodies[bodies.bodies[:, 0] == constants()["BODY_MESH"], 2] = np.arange(len(meshes))
     begins = np.concatenate([[0], np.cumsum(bodies.degrees)]) + len(bodies.corners) + 1
     return ExactTables(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -104,49 +105,46 @@ def reach_ball(geometry: ArmGeometry) -> Array:
 
 def _reach_ball(geometry: ArmGeometry) -> Array:
     tables = arm_tables(geometry)
-    bodies, poses = tables.bodies, tables.joint_poses
-    center, anchor = poses[0, 9:], 0
-    driven = [joint for joint in range(1, len(tables.joints)) if tables.joints[joint, 2] >= 0]
-    if any(tables.joints[joint, 1] for joint in driven):
-        return np.array([*center, np.inf])
+    bodies, joints, poses = tables.bodies, tables.joints.tolist(), tables.joint_poses
+    origins = poses[:, 9:].tolist()
+    driven = [joint for joint, (_, _, column, _) in enumerate(joints) if joint and column >= 0]
+    if any(joints[joint][1] for joint in driven):
+        return np.array([*origins[0], np.inf])
+    above = {0: 0} | {joint: _carrier(joints, joints[joint][0]) for joint in driven}
     # The origin of a joint stays where it is while it lies on the axes of all joints before it.
+    axes = np.einsum("nij,nj->ni", poses[:, :9].reshape(-1, 3, 3), tables.joint_values[:, 12:15]).tolist()
+    anchor = 0
     for joint in driven:
-        chain = _driven_above(tables.joints, joint)
-        if all(_is_on_axis(poses[joint, 9:], poses[j], tables.joint_values[j, 12:15]) for j in chain):
-            center, anchor = poses[joint, 9:], joint
+        before = above[joint]
+        while before and _is_on_axis(origins[joint], origins[before], axes[before]):
+            before = above[before]
+        anchor = joint if not before else anchor
+    center = origins[anchor]
+    # How far the origin of each joint gets from the center: two points that one joint carries stay as far apart as
+    # they are.
+    origins[0], beyond = center, {0: 0.0, anchor: 0.0}
+    for joint in driven:
+        before = above[joint]
+        beyond.setdefault(joint, beyond[before] + math.dist(origins[joint], origins[before]))
     radius = 0.0
-    for body, at, ball in zip(bodies.bodies.tolist(), bodies.centers, bodies.values[:, 15], strict=True):
-        points = [at]
-        joint = body[1]
-        # Down to the anchor: two points that one joint carries stay as far apart as they are.
-        for j in reversed(_driven_above(tables.joints, joint, inclusive=True)):
-            if j == anchor:
-                break
-            points.append(poses[j, 9:])
-        points.append(center)
-        radius = max(radius, _length(points) + float(ball))
+    rows = zip(bodies.bodies.tolist(), bodies.centers.tolist(), bodies.values[:, 15].tolist(), strict=True)
+    for (_, carrier, *_), at, ball in rows:
+        joint = _carrier(joints, carrier)
+        radius = max(radius, math.dist(at, origins[joint]) + beyond[joint] + ball)
     return np.array([*center, radius * _RELATIVE + _ROUNDING])
 
 
-def _length(points: list[Array]) -> float:
-    return float(np.linalg.norm(np.diff(np.array(points), axis=0), axis=1).sum())
+def _carrier(joints: list[list[int]], joint: int) -> int:
+    """The driven joint that carries what hangs on a joint, 0 for the world."""
+    while joint and joints[joint][2] < 0:
+        joint = joints[joint][0]
+    return joint
 
 
-def _driven_above(joints: NDArray[np.int64], joint: int, *, inclusive: bool = False) -> list[int]:
-    """The driven joints between the world and a joint, root first."""
-    chain = []
-    at = joint if inclusive else int(joints[joint, 0])
-    while at:
-        if joints[at, 2] >= 0:
-            chain.append(at)
-        at = int(joints[at, 0])
-    return chain[::-1]
-
-
-def _is_on_axis(point: Array, pose: Array, axis: Array) -> bool:
-    """Whether a point is on the axis of a joint, at q = 0, to a picometer."""
-    arm = point - pose[9:]
-    return float(np.linalg.norm(np.cross(pose[:9].reshape(3, 3) @ axis, arm))) < 1e-12
+def _is_on_axis(point: list[float], origin: list[float], axis: list[float]) -> bool:
+    """Whether a point is on the axis through an origin, to a picometer."""
+    (x, y, z), (a, b, c) = (p - o for p, o in zip(point, origin, strict=True)), axis
+    return math.hypot(b * z - c * y, c * x - a * z, a * y - b * x) < 1e-12
 
 
 def placed_balls(balls: Array, bases: Array) -> Array:

@@ -13,6 +13,8 @@ from rr1plan.collision.answers import Contact
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.coal_pairs import CoalPairs
 from rr1plan.collision.collision_geometry import geometries_of
+from rr1plan.collision.edge_kernel import ExactKernel
+from rr1plan.collision.exact_tables import build_fixed_tables
 from rr1plan.collision.obstacle_geometry import (
     ObstacleGeometry,
     arm_posture,
@@ -74,6 +76,8 @@ def _contacts(scene: Scene) -> Iterator[Contact]:
             yield from _contacts_between(scene, (names[i], obstacles[j]), geometries)
 
 
+# Rounding of a gap that the kernel computed is far below this [m].
+ROUNDING = 1e-9
 # Configurations of which an arm's contacts with itself are kept.
 _MOST_KEPT = 1024
 # Pairs of parts that are measured at once.
@@ -166,8 +170,12 @@ def _contacts_between(
     if not chosen:
         return
     padding = np.array([checked[named[k]] for k in chosen])
+    tables = build_fixed_tables(things, near[chosen], padding)
+    nothing = np.zeros(0)
+    if tables is not None and ExactKernel(tables, 0).least_clearance(nothing, ROUNDING) >= ROUNDING:
+        return  # mostly, and Coal's objects would take milliseconds
     coal = CoalPairs(None, tuple(solids), near[chosen], padding)
-    coal.place(np.zeros(0))
+    coal.place(nothing)
     deepest: dict[tuple[str, str], Contact] = {}
     for k in coal.touching():
         distance, a, b = coal.distance(k)
