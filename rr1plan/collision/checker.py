@@ -138,7 +138,7 @@ class CollisionChecker(CoalChecker):
 
     def _make_kernel(self, exact: ExactKernel) -> EdgeKernel:
         tables = build_edge_tables(self, self.tables, self.tolerance)
-        return EdgeKernel(tables, exact, self.nq, self.tolerance)
+        return EdgeKernel(tables, exact, self.nq, self.tolerance, fixed=self.fixed.struct)
 
     def is_free(self, q: Any) -> bool:
         """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.

@@ -22,6 +22,7 @@ from rr1plan.collision.collision_geometry import CollisionGeometry, collision_ge
 from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.exact_tables import build_static_tables, build_tables
 from rr1plan.collision.kernel_tables import ExactTables
+from rr1plan.collision.obstacle_tables import FixedSolids, fixed_links
 from rr1plan.collision.standing_contacts import ROUNDING, standing_contacts
 from rr1plan.collision.static_pairs import StaticPairs, measure_static
 from rr1plan.errors import InputError
@@ -239,8 +240,14 @@ class CoalChecker:
     # ---- for the kernels -----------------------------------------------------------
 
     @cached_property
+    def fixed(self) -> FixedSolids:
+        """The links and obstacles that do not move, as compiled code puts them in place."""
+        links, bodies = fixed_links(self.geometry.instances), len(self.geometry.instances.groups)
+        return FixedSolids([*links, *self.geometry.obstacles], bodies, len(links))
+
+    @cached_property
     def tables(self) -> ExactTables:
-        """What the exact kernel knows of the pairs that move, with its scratch memory."""
+        """What the exact kernel knows of the pairs that move."""
         return build_tables(self)
 
     @cached_property

@@ -70,12 +70,15 @@ class CollisionGeometry:
         self.rules = _rules(scene, near, arms)
         moving = chain.from_iterable(g.elements(a) for a, g in zip(arms, self.instances.geometries, strict=True))
         still = chain.from_iterable(geometries[name].elements(name) for name in near.arms)
-        owners = [*moving, *still, *(name for name, o in zip(near.obstacles, obstacles, strict=True) for _ in o.solids)]
+        owners = [
+            *moving,
+            *still,
+            *(name for name, o in zip(near.obstacles, obstacles, strict=True) for _ in o.rows.shapes),
+        ]
         number = {name: i for i, name in enumerate(self.rules.names)}
         elements = np.array([number[name] for name in owners], np.int64)
-        kinds = tuple(kind for thing in self.obstacles for kind in thing.surfaceless)
+        kinds = tuple(kind for thing in self.obstacles for kind in thing.rows.surfaceless)
         self.pairs = _solid_pairs(_PairContent(self.instances, self.rules, elements.tobytes(), kinds))
-        self.kept: dict[str, Any] = {}
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:

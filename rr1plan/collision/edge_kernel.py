@@ -119,7 +119,9 @@ class ExactKernel:
         return clearance
 
 
-def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: float) -> CStruct:
+def scene_struct(
+    tables: EdgeTables, exact: CStruct, columns: int, tolerance: float, fixed: CStruct | None = None
+) -> CStruct:
     """A scene's tables as C reads them.
 
     Args:
@@ -127,6 +129,7 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         exact: What the exact kernel knows of the same pairs.
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
+        fixed: The `FixedSolids` that the tables were made of, if obstacles are going to be moved.
     """
     depths, blocks, reach = _chain_tables(tables)
     arm = CStruct(
@@ -173,7 +176,7 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         map_ranges=tables.map_ranges,
         maps=tables.maps,
     )
-    return CStruct(
+    scene = CStruct(
         "SceneTables",
         arm=arm,
         obstacles=obstacles,
@@ -184,6 +187,9 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         max_padding=float(tables.margins[1]),
         tolerance=tolerance,
     )
+    if fixed is not None:
+        scene.set(fixed=fixed)
+    return scene
 
 
 def _chain_tables(tables: EdgeTables) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
@@ -257,17 +263,24 @@ class EdgeKernel:
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
         library: The compiled kernels (default: the fastest ones this processor can run).
+        fixed: The `FixedSolids` that the tables were made of, if obstacles are going to be moved.
 
     Attributes:
         context: Addresses of the scene's tables and of the scratch memory, as the kernels of planners take them.
     """
 
     def __init__(
-        self, tables: EdgeTables, exact: ExactKernel, columns: int, tolerance: float, library: ctypes.CDLL | None = None
+        self,
+        tables: EdgeTables,
+        exact: ExactKernel,
+        columns: int,
+        tolerance: float,
+        library: ctypes.CDLL | None = None,
+        fixed: CStruct | None = None,
     ) -> None:
         self._library = library or load_library()
         self._exact = exact
-        self._scene = scene_struct(tables, exact.struct, columns, tolerance)
+        self._scene = scene_struct(tables, exact.struct, columns, tolerance, fixed)
         self._scratch = edge_scratch(tables, exact.scratch, columns)
         self.context = self._scene.address, self._scratch.address
         self._ends = np.zeros((2, columns))

@@ -13,7 +13,7 @@ from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_tables import arm_tables
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry, arm_posture
-from rr1plan.collision.obstacle_tables import obstacle_tables
+from rr1plan.collision.obstacle_tables import boxes_of
 from rr1plan.kept import kept_in
 from rr1plan.scene import Scene
 
@@ -158,8 +158,8 @@ def obstacle_boxes(obstacles: Sequence[ObstacleGeometry]) -> Array:
     """Low and high corner of a box around each obstacle [m], infinite for a half-space, shape (n, 6)."""
     if not obstacles:
         return np.zeros((0, 6))
-    boxes = np.concatenate([own.boxes for own in obstacle_tables(obstacles)])
-    counts = np.array([len(obstacle.solids) for obstacle in obstacles])
+    boxes = boxes_of(obstacles)
+    counts = np.array([len(obstacle.elements) for obstacle in obstacles])
     first = np.cumsum(counts) - counts
     low, high = np.minimum.reduceat(boxes[:, :3], first), np.maximum.reduceat(boxes[:, 3:], first)
     return np.concatenate([low, high], axis=1)

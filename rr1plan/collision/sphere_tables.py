@@ -14,7 +14,7 @@ from rr1plan.collision.collision_geometry import CollisionGeometry
 from rr1plan.collision.groups import families_of
 from rr1plan.collision.kernel_tables import EdgeTables, ExactTables, PaddedPairs
 from rr1plan.collision.link_spheres import instance_spheres
-from rr1plan.collision.obstacle_tables import LANES, fixed_links, joined_obstacles, obstacle_tables
+from rr1plan.collision.obstacle_tables import LANES
 from rr1plan.kept import kept_in
 
 _INTS = NDArray[np.int64]
@@ -30,19 +30,18 @@ def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: floa
     """
     geometry = checker.geometry
     spheres, pairs = instance_spheres(geometry.instances), _kernel_pairs(geometry)
-    still = joined_obstacles(
-        spheres.cores, [fixed_links(geometry.instances), *obstacle_tables(geometry.obstacles)], pairs.obstacles
-    )
-    scale = float(np.abs(still.values[:, :16]).max(initial=0.0)) + float(np.abs(spheres.joint_values[:, 9:12]).sum())
+    kinds, values, boxes = checker.fixed.placed_shapes(pairs.places, pairs.pair_of.shape[1])
+    cores, core_of = checker.fixed.placed_cores(spheres.cores, pairs.places, pairs.pair_of.shape[1])
+    scale = float(np.abs(values[:, :16]).max(initial=0.0)) + float(np.abs(spheres.joint_values[:, 9:12]).sum())
     rest = 2.0 * tolerance + 1e-9 + 1e-12 * scale
     padded = padded_pairs(geometry, tables.padding, tolerance, rest)
     return EdgeTables(
         spheres.joints, spheres.joint_values, spheres.bodies, spheres.groups, spheres.spheres,
         spheres.chain, spheres.chain_reach,
-        still.kinds, still.values, np.ascontiguousarray(still.boxes.T),
+        kinds, values, boxes,
         pairs.pair_of, pairs.obstacle_blocks, pairs.first_block,
         padded.body_pairs, padded.group_pairs, padded.maps, padded.map_ranges,
-        tables.padding, *still.cores, still.core_of, np.array([rest, padded.greatest]),
+        tables.padding, *cores, core_of, np.array([rest, padded.greatest]),
     )  # fmt: skip
 
 
@@ -90,8 +89,8 @@ class _KernelPairs:
         body_pairs, group_pairs: Their first columns there.
         solids: The solids of `body_pairs`, shape (m, 2).
         pair_of, obstacle_blocks, first_block: As there.
-        obstacles: Which of the links that do not move, then of the obstacles it counts [index], and some beyond the
-            last.
+        places: Of each link that does not move, then of each solid of the obstacles, its column in `pair_of`; -1 where
+            nothing that moves must not touch it.
     """
 
     body_pairs: _INTS
@@ -100,7 +99,7 @@ class _KernelPairs:
     pair_of: _INTS
     obstacle_blocks: _INTS
     first_block: _INTS
-    obstacles: _INTS
+    places: _INTS
 
 
 def _kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
@@ -124,9 +123,10 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     more = -len(chosen) % LANES
     pair_of = np.full((int(np.count_nonzero(bodies >= 0)), len(chosen) + more), -1, np.int64)
     pair_of[body[moving], place] = number
-    chosen = np.concatenate([chosen, len(fixed) + np.arange(more)])
+    places = np.full(len(fixed), -1, np.int64)
+    places[chosen] = np.arange(len(chosen))
     blocks = _blocks_of_groups(pair_of, spheres.bodies[:, 3], len(spheres.groups))
-    return _KernelPairs(*map(read_only, (rows, group_pairs, pairs.moving[rows[:, 3]], pair_of, *blocks, chosen)))
+    return _KernelPairs(*map(read_only, (rows, group_pairs, pairs.moving[rows[:, 3]], pair_of, *blocks, places)))
 
 
 def _blocks_of_groups(pair_of: _INTS, group: _INTS, count: int) -> tuple[_INTS, _INTS]:
