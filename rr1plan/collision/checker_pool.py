@@ -61,4 +61,4 @@ def acquire_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> Colli
 
 def release_checker(checker: CollisionChecker) -> None:
     """Put a checker back into the pool of its scene."""
-    checker.scene.kept.setdefault((_POOL, checker.arms, checker.geometry.distance), []).append(checker)
+    checker.scene.kept.setdefault((_POOL, checker.arms, checker.distance), []).append(checker)

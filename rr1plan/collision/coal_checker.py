@@ -42,8 +42,9 @@ class CoalChecker:
         margin: Distance to keep beyond the scene's padding between elements that move against each other [m].
 
     Attributes:
-        scene, arms: As given; arms in the order of the scene.
-        geometry: The solids of the moving arms and of all that can come near them, and their pairs.
+        arms: As given, in the order of the scene.
+        distance: What is proven to stay farther than this from every moving arm is left out [m].
+        pair_tables: The pairs of solids.
         solid_pairs: Pairs of solids [index] whose relative pose depends on q, shape (m, 2).
         solid_owner: For each of those the index in `pairs`, shape (m,).
         padding: The scene's padding of each of `pairs` [m], shape (n_pairs,).
@@ -56,7 +57,8 @@ class CoalChecker:
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None, *, margin: float = 0.0) -> None:
         of_kind("scene", scene, Scene)
-        self.scene = scene
+        self._scene = scene
+        self._moved: dict[str, Array] = {}
         # A second time, as a scene may have no arms at all.
         self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
         margin = checked_margin(margin)
@@ -64,7 +66,8 @@ class CoalChecker:
 
     def _use(self, geometry: CollisionGeometry, margin: float) -> None:
         scene = self.scene
-        self.geometry = geometry
+        self._geometry: CollisionGeometry | None = geometry
+        self.distance, self.pair_tables = geometry.distance, geometry.pairs
         self.solid_pairs: NDArray[np.int64] = geometry.pairs.moving
         self.solid_owner: NDArray[np.int64] = geometry.pairs.moving_owner
         self.padding: Array = read_only(geometry.rules.paddings(scene.padding, scene.pair_padding))
@@ -74,6 +77,26 @@ class CoalChecker:
         self.margin = margin
         self.joint_names: tuple[str, ...] = scene.joint_names(self.arms)
         self.nq = len(self.joint_names)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, with all obstacles where they have been moved."""
+        for name in list(self._moved):
+            self._scene = self._scene.with_obstacle_at(name, self._moved.pop(name))
+        return self._scene
+
+    @property
+    def geometry(self) -> CollisionGeometry:
+        """The solids of the moving arms and of all that can come near them, and their pairs."""
+        if self._geometry is None:
+            self._geometry = collision_geometry(self.scene, self.arms, self.distance)
+        return self._geometry
+
+    def _forget_places(self) -> None:
+        """Forget what depends on where obstacles are, but for the tables of compiled code."""
+        self._geometry = None
+        for name in ("_left_out", "_whole", "_moving", "_standing", "_static", "static_is_free"):
+            self.__dict__.pop(name, None)
 
     def _keep_margin(self, margin: float) -> None:
         """Keep another margin; only for one with which the geometry would be the same."""
@@ -314,11 +337,11 @@ class CoalChecker:
 
     @cached_property
     def _standing(self) -> tuple[Contact, ...]:
-        return standing_contacts(self.scene, self.arms)
+        return standing_contacts(self.scene, self.arms) if len(self.arms) < len(self._scene.arms) else ()
 
     def _static_clearance(self, most: float) -> float:
         """The least distance beyond their padding of pairs that do not move against each other [m], `most` at most."""
-        if len(self.geometry.pairs.static) == 0:
+        if len(self.pair_tables.static) == 0:
             return most
         tables = build_static_tables(self)
         if tables is None:
@@ -328,7 +351,7 @@ class CoalChecker:
 
     @cached_property
     def _static(self) -> StaticPairs:
-        index, owner = self.geometry.pairs.static, self.geometry.pairs.static_owner
+        index, owner = self.pair_tables.static, self.pair_tables.static_owner
         if len(index) == 0:
             return StaticPairs(read_only(np.full(len(self.pairs), np.inf)))
         padding = self.padding[owner]

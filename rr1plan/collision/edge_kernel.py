@@ -185,6 +185,7 @@ def scene_struct(
         column_count=columns,
         margin=float(tables.margins[0]),
         max_padding=float(tables.margins[1]),
+        bare_margin=float(tables.margins[2]),
         tolerance=tolerance,
     )
     if fixed is not None:
@@ -311,6 +312,15 @@ class EdgeKernel:
             body_pairs=pairs.body_pairs, group_pairs=pairs.group_pairs, map_ranges=pairs.map_ranges, maps=pairs.maps
         )
         self._scene.set(max_padding=pairs.greatest)
+
+    def move_object(self, number: int, pose: Array) -> None:
+        """Go on with an object of its `FixedSolids` at another place.
+
+        Args:
+            number: The object [index].
+            pose: T_world_object, shape (4, 4).
+        """
+        self._library.rr1_move_object(*self.context, number, pose)
 
     def certify_edge(self, q0: Array, q1: Array) -> Answer:
         """Certify the straight line between two configurations; shapes and numbers have been checked.

@@ -36,7 +36,7 @@ def build_tables(checker: CoalChecker) -> ExactTables:
 
 def build_static_tables(checker: CoalChecker) -> ExactTables | None:
     """The same of the pairs that do not move against each other; None if some cannot be measured by the kernel."""
-    pairs = checker.geometry.pairs
+    pairs = checker.pair_tables
     if pairs.surfaceless[pairs.static].all(axis=1).any():
         return None
     return checker.tables._replace(pairs=pairs.static_rows, padding=checker.padding[pairs.static_owner])

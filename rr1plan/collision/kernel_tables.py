@@ -91,7 +91,8 @@ class EdgeTables(NamedTuple):
         blocks: Ball around each block of corners of a core: center and radius; shape (n, 4).
         lowest: Support tables: which corners can be the lowest along the directions of each cell.
         core_of: Row of `cores` of each obstacle, CORE_CLOSED_FORM or CORE_LEFT_OUT, shape (o,).
-        margins: Rest of a gap that a proof needs, and the greatest padding [m], shape (2,).
+        margins: Rest of a gap that a proof needs, the greatest padding, and the first with all obstacles at the origin
+            [m], shape (3,).
     """
 
     joints: _INTS

@@ -94,7 +94,7 @@ class FixedSolids:
             bodies.centers,
         )
         rows[first:, 0], rows[first:, 4:] = self.exact_kinds, links
-        load_library().rr1_place_bodies(self.struct, values, poses, centers)
+        self.place_bodies(values, poses, centers)
         corners, degrees, to = [bodies.corners], [bodies.degrees], [bodies.neighbors]
         meshes: list[MeshTree] = []
         count = len(bodies.corners)
@@ -115,6 +115,10 @@ class FixedSolids:
         else:
             joined = np.concatenate(corners), np.concatenate(degrees), np.concatenate(to)
         return BodyTables(rows, values, *joined, poses, centers), joined_trees(meshes)
+
+    def place_bodies(self, values: Array, poses: Array, centers: Array) -> None:
+        """Write the rows of `body_values`, `poses` and `centers` of `ExactTables` of all that have some."""
+        load_library().rr1_place_bodies(self.struct, values, poses, centers)
 
     def placed_shapes(self, places: _INTS, count: int) -> tuple[_INTS, Array, Array]:
         """The `obstacles`, `obstacle_values` and `boxes` of `EdgeTables`; places that nothing has are nowhere.
@@ -165,7 +169,7 @@ def balls_of(things: Sequence[ObstacleGeometry]) -> Array:
     fixed = FixedSolids(things)
     count = len(fixed.solids)
     values, poses, centers = np.empty((count, 27)), np.empty((count, 12)), np.empty((count, 3))
-    load_library().rr1_place_bodies(fixed.struct, values, poses, centers)
+    fixed.place_bodies(values, poses, centers)
     return np.column_stack([centers, values[:, 15]])
 
 

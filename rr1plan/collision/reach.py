@@ -17,8 +17,8 @@ from rr1plan.collision.obstacle_tables import boxes_of
 from rr1plan.kept import kept_in
 from rr1plan.scene import Scene
 
-# So many obstacles are never left out: scenes that differ in where these are share their pairs.
-_FEW_OBSTACLES = 64
+FEW_OBSTACLES = 64
+"""So many obstacles are never left out: scenes that differ in where these are share their pairs."""
 # Far above the rounding of the sums here, relative and absolute [m].
 _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 
@@ -57,7 +57,7 @@ def find_near(
         arms: The arms that move.
         distance: The distance [m].
     """
-    if len(scene.arms) == 1 and len(obstacles) <= _FEW_OBSTACLES:
+    if len(scene.arms) == 1 and len(obstacles) <= FEW_OBSTACLES:
         return Near((), tuple(scene.obstacles), None, np.inf)
     others = [name for name in scene.arms if name not in set(arms)]
     balls = placed_balls(np.array([reach_ball(geometries[a]) for a in arms]).reshape(-1, 4), bases_of(scene, arms))
@@ -67,7 +67,7 @@ def find_near(
     boxes = obstacle_boxes(obstacles)
     gaps = np.concatenate([ball_gaps(balls, balls), ball_gaps(balls, still), box_gaps(balls, boxes)], axis=1)
     np.fill_diagonal(gaps, -np.inf)
-    if len(names) <= _FEW_OBSTACLES:
+    if len(names) <= FEW_OBSTACLES:
         gaps[:, len(everyone) - len(names) :] = -np.inf
     is_near = np.array(gaps <= distance, dtype=np.bool_)
     kept: NDArray[np.bool_] = np.any(is_near, axis=0)

@@ -16,6 +16,7 @@ from rr1plan.collision.kernel_tables import EdgeTables, ExactTables, PaddedPairs
 from rr1plan.collision.link_spheres import instance_spheres
 from rr1plan.collision.obstacle_tables import LANES
 from rr1plan.kept import kept_in
+from rr1plan.kernels.library import load_library
 
 _INTS = NDArray[np.int64]
 
@@ -32,8 +33,8 @@ def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: floa
     spheres, pairs = instance_spheres(geometry.instances), _kernel_pairs(geometry)
     kinds, values, boxes = checker.fixed.placed_shapes(pairs.places, pairs.pair_of.shape[1])
     cores, core_of = checker.fixed.placed_cores(spheres.cores, pairs.places, pairs.pair_of.shape[1])
-    scale = float(np.abs(values[:, :16]).max(initial=0.0)) + float(np.abs(spheres.joint_values[:, 9:12]).sum())
-    rest = 2.0 * tolerance + 1e-9 + 1e-12 * scale
+    bare = 2.0 * tolerance + 1e-9 + 1e-12 * float(np.abs(spheres.joint_values[:, 9:12]).sum())
+    rest = bare + float(load_library().rr1_obstacle_rounding(values, len(values)))
     padded = padded_pairs(geometry, tables.padding, tolerance, rest)
     return EdgeTables(
         spheres.joints, spheres.joint_values, spheres.bodies, spheres.groups, spheres.spheres,
@@ -41,7 +42,7 @@ def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: floa
         kinds, values, boxes,
         pairs.pair_of, pairs.obstacle_blocks, pairs.first_block,
         padded.body_pairs, padded.group_pairs, padded.maps, padded.map_ranges,
-        tables.padding, *cores, core_of, np.array([rest, padded.greatest]),
+        tables.padding, *cores, core_of, np.array([rest, padded.greatest, bare]),
     )  # fmt: skip
 
 

@@ -115,6 +115,19 @@ EXPORT void rr1_place_cores(
     }
 }
 
+// What rounding may take from a gap to obstacles as far out as these [m].
+EXPORT double rr1_obstacle_rounding(const ObstacleShape *shapes, int64_t count) {
+    double largest = 0.0;
+    for (int64_t o = 0; o < count; o++) {
+        const ObstacleShape *row = &shapes[o];
+        for (int k = 0; k < 9; k++) largest = max_number(largest, abs_number(row->rotation[k]));
+        for (int k = 0; k < 3; k++) largest = max_number(largest, abs_number(row->center[k]));
+        for (int k = 0; k < 3; k++) largest = max_number(largest, row->half[k]);
+        largest = max_number(largest, row->radius);
+    }
+    return 1e-12 * largest;
+}
+
 // Move an object: the tables and the scratch memory are as if they had been made with it at the pose, shape (4, 4).
 EXPORT void rr1_move_object(SceneTables *scene, Scratch *scratch, int64_t object, const double *pose) {
     const FixedSolids *fixed = scene->fixed;
@@ -144,4 +157,5 @@ EXPORT void rr1_move_object(SceneTables *scene, Scratch *scratch, int64_t object
             );
         }
     }
+    scene->margin = scene->bare_margin + rr1_obstacle_rounding(obstacles->shapes, obstacles->count);
 }

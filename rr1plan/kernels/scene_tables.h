@@ -17,6 +17,7 @@ typedef struct {
     const FixedSolids *fixed;  // of obstacles; null where none can be moved
     int64_t column_count;  // of q
     double margin;         // what must be left of a gap beyond everything else for a proof [m]
+    double bare_margin;    // the same where all obstacles are at the origin [m]
     double max_padding;    // [m]
     double tolerance;      // motions that pass at less than this beyond the padding are refused [m]
 } SceneTables;
