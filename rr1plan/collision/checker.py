@@ -30,7 +30,7 @@ from rr1plan.collision.coal_checker import CoalChecker, checked_margin
 from rr1plan.collision.collision_geometry import geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.reach import FEW_OBSTACLES
-from rr1plan.collision.sphere_tables import build_edge_tables, padded_pairs
+from rr1plan.collision.sphere_tables import build_edge_tables, padded_pairs, shared_structs
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene
@@ -190,7 +190,8 @@ class CollisionChecker(CoalChecker):
 
     def _make_kernel(self, exact: ExactKernel) -> EdgeKernel:
         tables = build_edge_tables(self, self.tables, self.tolerance)
-        return EdgeKernel(tables, exact, self.nq, self.tolerance, fixed=self.fixed.struct)
+        known = {"fixed": self.fixed.struct, **shared_structs(self.geometry, tables, self.tolerance)}
+        return EdgeKernel(tables, exact, self.nq, self.tolerance, known=known)
 
     def is_free(self, q: Any) -> bool:
         """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.

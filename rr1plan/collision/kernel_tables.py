@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,12 +126,17 @@ class PaddedPairs(NamedTuple):
     """What of the pairs depends on padding; columns as in `EdgeTables`.
 
     Args:
-        body_pairs, group_pairs, maps, map_ranges: As there.
+        pair_of, obstacle_blocks, first_block, body_pairs, group_pairs, maps, map_ranges: As there.
         greatest: The greatest padding [m].
+        kept: What was made of them.
     """
 
+    pair_of: _INTS
+    obstacle_blocks: _INTS
+    first_block: _INTS
     body_pairs: _INTS
     group_pairs: _INTS
     maps: NDArray[np.int16]
     map_ranges: Array
     greatest: float
+    kept: dict[str, Any]

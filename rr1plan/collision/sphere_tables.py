@@ -11,12 +11,13 @@ from rr1plan.checks import Array, read_only
 from rr1plan.collision.clearance_maps import instance_maps
 from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.collision_geometry import CollisionGeometry
+from rr1plan.collision.edge_kernel import arm_struct, padded_struct
 from rr1plan.collision.groups import families_of
 from rr1plan.collision.kernel_tables import EdgeTables, ExactTables, PaddedPairs
 from rr1plan.collision.link_spheres import instance_spheres
 from rr1plan.collision.obstacle_tables import LANES
 from rr1plan.kept import kept_in
-from rr1plan.kernels.library import load_library
+from rr1plan.kernels.library import CStruct, load_library
 
 _INTS = NDArray[np.int64]
 
@@ -46,8 +47,22 @@ def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: floa
     )  # fmt: skip
 
 
-# ---- pairs -----------------------------------------------------------------------------------------
+def shared_structs(geometry: CollisionGeometry, tables: EdgeTables, tolerance: float) -> dict[str, CStruct]:
+    """What other scenes share of the structs made of tables, see `scene_struct`: each is made once.
 
+    Args:
+        geometry: What the tables are of.
+        tables: The tables.
+        tolerance: As they were made with [m].
+    """
+    shared = {"pairs": padded_struct(padded_pairs(geometry, tables.padding, tolerance, float(tables.margins[0])))}
+    instances = geometry.instances
+    if tables.cores is instance_spheres(instances).cores.rows:  # no obstacle has a core
+        shared["arm"] = kept_in(instances.kept, "struct", lambda: arm_struct(tables))
+    return shared
+
+
+# ---- pairs -----------------------------------------------------------------------------------------
 
 # Paddings for which pairs are kept.
 _MOST_PADDINGS = 8
@@ -74,11 +89,15 @@ def _new_padded_pairs(geometry: CollisionGeometry, padding: Array, rest: float) 
     least = padding[pairs.body_pairs[:, 3]] + rest
     maps = instance_maps(geometry.instances, pairs.solids, least, pairs.group_pairs)
     return PaddedPairs(
+        pairs.pair_of,
+        pairs.obstacle_blocks,
+        pairs.first_block,
         read_only(np.column_stack([pairs.body_pairs, maps.places])),
         read_only(np.column_stack([pairs.group_pairs, maps.groups])),
         maps.counts,
         maps.ranges,
         float(np.max(padding, initial=0.0)),
+        {},
     )
 
 

@@ -164,7 +164,7 @@ def test_a_moved_checker_keeps_other_margins_too(six):
 
 def test_what_cannot_be_moved(six):
     checker = CollisionChecker(Scene().with_arm("a", six).with_obstacle("box", Box((1, 1, 1)), [3, 0, 0]))
-    with pytest.raises(UnknownNameError, match="'bock'.*'box'"):
+    with pytest.raises(UnknownNameError, match=r"'bock'.*'box'"):
         checker.move_obstacle("bock", [0, 0, 0])
     for wrong in ([0, 0], [np.nan, 0, 0], np.zeros((4, 4)), "there"):
         with pytest.raises(InputError):
