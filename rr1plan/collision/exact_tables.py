@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
 from rr1plan.collision.arm_tables import instance_tables
+from rr1plan.collision.body_tables import BodyTables
 from rr1plan.collision.kernel_tables import ExactTables
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry
 from rr1plan.collision.obstacle_tables import FixedSolids
+from rr1plan.kept import kept_in
 
 if TYPE_CHECKING:
     from rr1plan.collision.coal_checker import CoalChecker
@@ -61,14 +63,17 @@ def build_fixed_tables(things: Sequence[ObstacleGeometry], pairs: _INTS, padding
 def _tables(instances: ArmInstances, fixed: FixedSolids, pairs: _INTS, padding: Array) -> ExactTables:
     arms = instance_tables(instances)
     bodies, meshes = fixed.add_bodies(arms.bodies, len(arms.chain))
-    begins = np.concatenate([[0], np.cumsum(bodies.degrees)]) + len(bodies.corners) + 1
+    if bodies.corners is arms.bodies.corners:  # no obstacle has any
+        links = kept_in(instances.kept, "links", lambda: _links(bodies))
+    else:
+        links = _links(bodies)
     return ExactTables(
         arms.joints,
         arms.joint_values,
         bodies.bodies,
         bodies.values,
         bodies.corners,
-        np.concatenate([begins, bodies.neighbors]),
+        links,
         arms.chain,
         arms.chain_reach,
         pairs,
@@ -78,3 +83,9 @@ def _tables(instances: ArmInstances, fixed: FixedSolids, pairs: _INTS, padding: 
         bodies.centers,
         meshes,
     )
+
+
+def _links(bodies: BodyTables) -> _INTS:
+    """The `links` of `ExactTables`."""
+    begins = np.concatenate([[0], np.cumsum(bodies.degrees)]) + len(bodies.corners) + 1
+    return read_only(np.concatenate([begins, bodies.neighbors]))

@@ -16,9 +16,10 @@ from rr1plan.collision.solid_rows import SolidRows, solid_rows
 from rr1plan.collision.solids import obstacle_pieces
 from rr1plan.kept import kept_in
 from rr1plan.scene import Obstacle
+from rr1plan.shapes import Mesh, PointCloud, Shape
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class ObstacleGeometry:
     """An object that does not move, as solids.
 
@@ -48,11 +49,13 @@ def obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
     Raises:
         InputError: a shape that cannot be made solid.
     """
-    shapes, frames = [], []
+    shapes: list[Shape] = []
+    frames: list[bytes] = []
     for geometry in obstacle.geometries:
-        for piece in pieces_of(name, geometry.shape, obstacle_pieces):
-            shapes.append(piece)
-            frames.append(geometry.pose.tobytes())
+        shape, frame = geometry.shape, geometry.pose.tobytes()
+        pieces = pieces_of(name, shape, obstacle_pieces) if isinstance(shape, Mesh | PointCloud) else (shape,)
+        shapes += pieces
+        frames += [frame] * len(pieces)
     return ObstacleGeometry([name] * len(shapes), solid_rows(tuple(shapes)), b"".join(frames), obstacle.pose)
 
 

@@ -31,17 +31,17 @@ class FixedSolids:
 
     Args:
         things: The objects.
-        first_body: Row of the exact kernel's tables of the first solid; those of the first `without` objects have none.
-        without: How many objects have no rows there.
+        first_body: Row of the exact kernel's tables of the first solid that has one.
+        links: How many objects, the first ones, are of arms that move: rows and cores of their solids are with the arms'.
 
     Attributes:
         solids: A `FixedSolid` of each, shape (n, 8).
         struct: All as C reads it.
     """
 
-    def __init__(self, things: Sequence[ObstacleGeometry], first_body: int = 0, without: int = 0) -> None:
+    def __init__(self, things: Sequence[ObstacleGeometry], first_body: int = 0, links: int = 0) -> None:
         counts = [len(thing.rows.shapes) for thing in things]
-        total, before = sum(counts), sum(counts[:without])
+        total, before = sum(counts), sum(counts[:links])
         kinds = np.frombuffer(b"".join([thing.rows.kinds for thing in things]), np.int64).reshape(-1, 4)
         self.exact_kinds = kinds[before:, 0]
         self.solids = np.zeros((total, 8), np.int64)
@@ -57,7 +57,8 @@ class FixedSolids:
             self.special += [(first + i, thing.rows.shapes[i]) for i in thing.rows.special]
             first += count
         self._before = before
-        self._cores = [(i, shape_core(shape)) for i, shape in self.special if kinds[i, 3] == 0]
+        self.solids[:before, 4] = -1
+        self._cores = [(i, shape_core(shape)) for i, shape in self.special if i >= before and kinds[i, 3] == 0]
         points, blocks = np.zeros((0, 3)), np.zeros((0, 4))
         if self._cores:
             parts = [core for _, core in self._cores]
@@ -155,6 +156,18 @@ class FixedSolids:
         there = places >= 0
         core_of[places[there]] = self.solids[there, 3]
         return tables, core_of
+
+
+def link_cores(instances: ArmInstances, bodies: CoreTables) -> tuple[CoreTables, _INTS]:
+    """Cores of the arms' bodies and of links that no joint moves, and the `core` of each solid of these; cached."""
+    return kept_in(instances.kept, "link cores", lambda: _link_cores(instances, bodies))
+
+
+def _link_cores(instances: ArmInstances, bodies: CoreTables) -> tuple[CoreTables, _INTS]:
+    links = FixedSolids(fixed_links(instances))
+    count = len(links.solids)
+    tables, _ = links.placed_cores(bodies, np.arange(count), count)
+    return tables, links.solids[:, 3].copy()
 
 
 def boxes_of(things: Sequence[ObstacleGeometry]) -> Array:

@@ -47,32 +47,26 @@ def solid_rows(shapes: tuple[Shape, ...]) -> SolidRows:
 
 
 def _row(shape: Shape) -> tuple[bytes, bytes]:
-    exact, core = body_core(shape), _KIND["CORE_CLOSED_FORM"]
-    kind, is_exact, closed = _closed_form(shape)
-    inner = (0.0, 0.0, 0.0, 0.0)
-    if is_concave(shape):
-        core = _KIND["CORE_MESH"]
-    elif isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
-        core, values = 0, shape_core(shape).values[0]
-        inner = (*values[:3].tolist(), float(values[4]))
-    elif isinstance(shape, Mesh | PointCloud):
-        core = _KIND["CORE_LEFT_OUT"]
-    return _KINDS.pack(exact.kind, kind, is_exact, core), _VALUES.pack(*exact.ball, *exact.values, *closed, *inner)
-
-
-def _closed_form(shape: Shape) -> tuple[int, int, tuple[float, float, float, float]]:
-    """Kind, whether that is the shape itself or a box around it, half sizes (of a shape itself) and radius."""
     box, none = _KIND["OBSTACLE_ROUNDED_BOX"], (0.0, 0.0, 0.0, 0.0)
+    kind, is_exact, core, inner = box, 1, _KIND["CORE_CLOSED_FORM"], none
+    # Half sizes and radius of a shape that is its closed form; of others that is the box around them.
     match shape:
-        case Sphere(radius):
-            return box, 1, (0.0, 0.0, 0.0, radius)
-        case Capsule(radius, length):
-            return box, 1, (0.0, 0.0, 0.5 * length, radius)
-        case Cylinder(radius, length):
-            return _KIND["OBSTACLE_CYLINDER"], 1, (radius, radius, 0.5 * length, 0.0)
         case Box((x, y, z)):
-            return box, 1, (0.5 * x, 0.5 * y, 0.5 * z, 0.0)
+            closed = 0.5 * x, 0.5 * y, 0.5 * z, 0.0
+        case Sphere(radius):
+            closed = 0.0, 0.0, 0.0, radius
+        case Capsule(radius, length):
+            closed = 0.0, 0.0, 0.5 * length, radius
+        case Cylinder(radius, length):
+            kind, closed = _KIND["OBSTACLE_CYLINDER"], (radius, radius, 0.5 * length, 0.0)
         case HalfSpace():
-            return _KIND["OBSTACLE_HALF_SPACE"], 1, none
-        case _:
-            return box, 0, none
+            kind, closed = _KIND["OBSTACLE_HALF_SPACE"], none
+        case PointCloud():
+            is_exact, closed, core = 0, none, _KIND["CORE_LEFT_OUT"]
+        case Mesh():
+            is_exact, closed, core = 0, none, _KIND["CORE_MESH" if is_concave(shape) else "CORE_LEFT_OUT"]
+            if shape.convex and len(shape.vertices) <= _MOST_POINTS:
+                core, values = 0, shape_core(shape).values[0].tolist()
+                inner = values[0], values[1], values[2], values[4]
+    exact = body_core(shape)
+    return _KINDS.pack(exact.kind, kind, is_exact, core), _VALUES.pack(*exact.ball, *exact.values, *closed, *inner)

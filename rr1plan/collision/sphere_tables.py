@@ -15,7 +15,7 @@ from rr1plan.collision.edge_kernel import arm_struct, padded_struct
 from rr1plan.collision.groups import families_of
 from rr1plan.collision.kernel_tables import EdgeTables, ExactTables, PaddedPairs
 from rr1plan.collision.link_spheres import instance_spheres
-from rr1plan.collision.obstacle_tables import LANES
+from rr1plan.collision.obstacle_tables import LANES, link_cores
 from rr1plan.kept import kept_in
 from rr1plan.kernels.library import CStruct, load_library
 
@@ -33,7 +33,9 @@ def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: floa
     geometry = checker.geometry
     spheres, pairs = instance_spheres(geometry.instances), _kernel_pairs(geometry)
     kinds, values, boxes = checker.fixed.placed_shapes(pairs.places, pairs.pair_of.shape[1])
-    cores, core_of = checker.fixed.placed_cores(spheres.cores, pairs.places, pairs.pair_of.shape[1])
+    carried, links = link_cores(geometry.instances, spheres.cores)
+    checker.fixed.solids[: len(links), 3] = links
+    cores, core_of = checker.fixed.placed_cores(carried, pairs.places, pairs.pair_of.shape[1])
     bare = 2.0 * tolerance + 1e-9 + 1e-12 * float(np.abs(spheres.joint_values[:, 9:12]).sum())
     rest = bare + float(load_library().rr1_obstacle_rounding(values, len(values)))
     padded = padded_pairs(geometry, tables.padding, tolerance, rest)
@@ -57,7 +59,7 @@ def shared_structs(geometry: CollisionGeometry, tables: EdgeTables, tolerance: f
     """
     shared = {"pairs": padded_struct(padded_pairs(geometry, tables.padding, tolerance, float(tables.margins[0])))}
     instances = geometry.instances
-    if tables.cores is instance_spheres(instances).cores.rows:  # no obstacle has a core
+    if tables.cores is link_cores(instances, instance_spheres(instances).cores)[0].rows:  # no obstacle has a core
         shared["arm"] = kept_in(instances.kept, "struct", lambda: arm_struct(tables))
     return shared
 

@@ -14,7 +14,7 @@ typedef struct {
     int64_t body;         // row of the exact kernel's tables, -1: none of its own
     int64_t place;        // in `ObstacleTables`, -1: nothing that moves is checked against it
     int64_t core;         // as there
-    int64_t first_point;  // of `points`, if it has a core
+    int64_t first_point;  // of `points`, if it has a core; -1: that is in place and stays there
     int64_t first_block;  // of `blocks`
     int64_t kind;         // as in `ObstacleKind`
     int64_t is_exact;

@@ -111,7 +111,7 @@ EXPORT void rr1_place_cores(
     for (int64_t i = 0; i < fixed->count; i++) {
         int64_t core = fixed->solids[i].core;
         Pose at = pose_of(fixed, i);
-        if (core >= 0) set_core(fixed, i, &at, &cores[core], &shapes[core], points, blocks);
+        if (core >= 0 && fixed->solids[i].first_point >= 0) set_core(fixed, i, &at, &cores[core], &shapes[core], points, blocks);
     }
 }
 
