@@ -150,7 +150,10 @@ class CollisionChecker(CoalChecker):
 
     @cached_property
     def object_numbers(self) -> Mapping[str, int]:
-        """The number of each obstacle for `rr1_move_object`, which pages call; of scenes of up to 64 obstacles."""
+        """The number of each obstacle for `rr1_move_object`, which pages call; of scenes of up to 64 obstacles.
+
+        That moves an obstacle for edges of arms that move; contacts with what stands still are not looked at there.
+        """
         names = self._scene.obstacles if len(self._scene.obstacles) <= FEW_OBSTACLES else ()
         first = len(self.arms) + len(self.geometry.obstacles) - len(names)
         return {name: first + i for i, name in enumerate(names)}

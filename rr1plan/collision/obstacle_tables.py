@@ -32,7 +32,7 @@ class FixedSolids:
     Args:
         things: The objects.
         first_body: Row of the exact kernel's tables of the first solid that has one.
-        links: How many objects, the first ones, are of arms that move: rows and cores of their solids are with the arms'.
+        links: How many objects, the first ones, are links of arms that move: their rows and cores are with the arms'.
 
     Attributes:
         solids: A `FixedSolid` of each, shape (n, 8).
