@@ -81,7 +81,7 @@ class CStruct:
         self._rooms.append((layout, room[first:]))
 
     def copied(self, **fields: Any) -> CStruct:
-        """Another struct with the same values, but for some fields."""
+        """A copy of the struct, with new values for some fields."""
         other: CStruct = object.__new__(type(self))
         other.sources, other.name = self.sources, self.name
         other.value = type(self.value).from_buffer_copy(self.value)

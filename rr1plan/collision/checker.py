@@ -103,13 +103,13 @@ class CollisionChecker(CoalChecker):
         return self._kernel.done
 
     def keep_margin(self, margin: float) -> None:
-        """Keep another margin from now on; one for which other elements count needs a checker of its own.
+        """Change the margin in place, which keeps the tables.
 
         Args:
             margin: Distance to keep beyond the scene's padding [m].
 
         Raises:
-            InputError: below zero, or so different that other elements can come near.
+            InputError: below zero, or so large or small that the set of nearby elements changes.
         """
         margin = checked_margin(margin)
         if margin == self.margin:
@@ -123,10 +123,10 @@ class CollisionChecker(CoalChecker):
             kernel.use_padding(padded_pairs(self.geometry, self.solid_padding, self.tolerance, kernel.rest))
 
     def move_obstacle(self, name: str, pose: Any) -> None:
-        """Go on as if the scene had an obstacle at another place: its rows in the tables are written anew.
+        """Move an obstacle in place: only its rows of the collision tables are rewritten.
 
-        Every answer is that of a new checker, at a hundredth of its cost in scenes of up to 64 obstacles; where there
-        are more, some of which may be too far away to count, a new one is made inside.
+        Answers equal those of a new checker of the changed scene. In scenes of more than 64 obstacles, of which some
+        may be left out because they are out of reach, all tables are rebuilt.
 
         Args:
             name: The obstacle.
@@ -150,16 +150,16 @@ class CollisionChecker(CoalChecker):
 
     @cached_property
     def object_numbers(self) -> Mapping[str, int]:
-        """The number of each obstacle for `rr1_move_object`, which pages call; of scenes of up to 64 obstacles.
+        """The object index of each obstacle for `rr1_move_object`, which pages call; empty above 64 obstacles.
 
-        That moves an obstacle for edges of arms that move; contacts with what stands still are not looked at there.
+        The kernel updates pairs that involve a moving arm; it does not check contacts with arms that stand still.
         """
         names = self._scene.obstacles if len(self._scene.obstacles) <= FEW_OBSTACLES else ()
         first = len(self.arms) + len(self.geometry.obstacles) - len(names)
         return {name: first + i for i, name in enumerate(names)}
 
     def _begin_anew(self, scene: Scene) -> None:
-        """Become a new checker of another scene; only the count of edges goes on."""
+        """Rebuild the checker for another scene; only `edges_checked` is kept."""
         arms, margin, tolerance, edges = self.arms, self.margin, self.tolerance, self.edges_checked
         self.__dict__.clear()
         CollisionChecker.__init__(self, scene, arms, margin=margin, tolerance=tolerance)

@@ -93,13 +93,13 @@ class CoalChecker:
         return self._geometry
 
     def _forget_places(self) -> None:
-        """Forget what depends on where obstacles are, but for the tables of compiled code."""
+        """Drop cached values that depend on obstacle poses, except the kernels' tables."""
         self._geometry = None
         for name in ("_left_out", "_whole", "_moving", "_standing", "_static", "static_is_free"):
             self.__dict__.pop(name, None)
 
     def _keep_margin(self, margin: float) -> None:
-        """Keep another margin; only for one with which the geometry would be the same."""
+        """Change the margin; the geometry must be the same for both."""
         np.add(self._bare_padding, margin, out=self._kept_padding)
         self.margin = margin
         for name in ("_left_out", "_whole", "_moving"):

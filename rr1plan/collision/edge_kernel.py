@@ -136,8 +136,8 @@ def scene_struct(
         exact: What the exact kernel knows of the same pairs.
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
-        known: Fields of the struct that are known: `fixed`, if obstacles are going to be moved, and what other scenes
-            share, `arm` and, but for its padding, `pairs`.
+        known: Structs that exist already, by field: `fixed`, needed to move obstacles; `arm` and `pairs`, which scenes
+            share (the padding of the pairs is replaced).
     """
     obstacles = CStruct(
         "ObstacleTables",
@@ -325,7 +325,7 @@ class EdgeKernel:
         return rest
 
     def use_padding(self, pairs: PaddedPairs) -> None:
-        """Go on with another padding, after the numbers in the array of the tables were changed.
+        """Use another padding, after the padding array of the tables was changed in place.
 
         Args:
             pairs: The same pairs with clearance maps for it.
@@ -335,7 +335,7 @@ class EdgeKernel:
         self._scene.set(max_padding=pairs.greatest)
 
     def move_object(self, number: int, pose: Array) -> None:
-        """Go on with an object of its `FixedSolids` at another place.
+        """Move an object of the `FixedSolids` and update all tables.
 
         Args:
             number: The object [index].

@@ -137,10 +137,10 @@ class FixedSolids:
         return kinds, values, boxes
 
     def placed_cores(self, bodies: CoreTables, places: _INTS, count: int) -> tuple[CoreTables, _INTS]:
-        """Cores after those of what moves, and the `core_of` of `EdgeTables`.
+        """The cores of moving bodies followed by those of the obstacles, and `core_of` of `EdgeTables`.
 
         Args:
-            bodies: The cores of what moves.
+            bodies: The cores of moving bodies.
             places: See `placed_shapes`.
             count: See `placed_shapes`.
         """

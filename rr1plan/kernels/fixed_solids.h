@@ -11,7 +11,7 @@ typedef struct {
 
 typedef struct {
     int64_t object;
-    int64_t body;         // row of the exact kernel's tables, -1: none of its own
+    int64_t body;         // row of the exact kernel's tables, -1: a link, whose row is the arm's
     int64_t place;        // in `ObstacleTables`, -1: nothing that moves is checked against it
     int64_t core;         // as there
     int64_t first_point;  // of `points`, if it has a core; -1: that is in place and stays there
