@@ -349,7 +349,7 @@ def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> No
 def affordable_margin(problem: Problem, margin: float) -> float:
     """The margin [m], halved until start and goal have twice as much beyond their padding, 0 after a few halvings.
 
-    Halvings, because a scene keeps one checker for each margin. Of several configurations as goals the one with most
+    Of several configurations as goals the one with most
     counts; of other goals it is not known ahead. Elements that do not move against each other do not count.
 
     Raises:
@@ -358,11 +358,13 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     margin = finite_number("margin", margin)
     if margin < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
-    with checker_from_pool(problem.scene, problem.arms) as checker:
-        clearance = checker.moving_clearance(problem.start, 2.0 * margin)
+    # By the checker that will plan with the margin: what is left beyond that.
+    with checker_from_pool(problem.scene, problem.arms, margin) as checker:
+        rest = checker.moving_clearance(problem.start, margin)
         goals = joint_goals(problem)
         if goals is not None:
-            clearance = min(clearance, max(checker.moving_clearance(q, clearance) for q in goals))
+            rest = min(rest, max(checker.moving_clearance(q, margin) for q in goals))
+    clearance = margin + rest
     return next((part for part in (margin * 0.5**k for k in range(6)) if 2.0 * part <= clearance), 0.0)
 
 

@@ -58,6 +58,11 @@ def is_concave(shape: Shape) -> TypeGuard[Mesh]:
     return isinstance(shape, Mesh) and not shape.convex
 
 
+def is_surfaceless(shape: Shape) -> bool:
+    """Whether it is a half-space, a point cloud or a concave mesh: distances are measured to it, not from it."""
+    return isinstance(shape, HalfSpace | PointCloud) or is_concave(shape)
+
+
 def cut_meshes(scene: Scene, progress: ProgressCallback) -> None:
     """Make the convex pieces of all concave meshes that move, which may take long, ahead of their use.
 

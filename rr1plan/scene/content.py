@@ -241,9 +241,10 @@ class SceneContent(Value):
     def contact_rules(self) -> ContactRules:
         """Which pairs of elements must not touch; scenes that agree in that share it."""
         names, held = self.element_names, self.attachments.items()
+        links = [name for name, arm in self.arms.items() for link in arm.robot.links if link.collisions]
         content = RuleContent(
             names,
-            tuple(self.owner(name) for name in names),
+            (*links, *[None] * len(self.obstacles), *(thing.arm for thing in self.attachments.values())),
             tuple((name, arm.robot.base, frozenset(arm.robot.disabled_collisions)) for name, arm in self.arms.items()),
             tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
             self.allowed,

@@ -71,6 +71,23 @@ class Scene(SceneContent):
             shape = (Geometry(name, shape, identity(), color),)
         return replace(self, obstacles={**self.obstacles, name: Obstacle(posed_shapes(shape), as_pose(pose))})
 
+    def with_obstacle_at(self, name: str, pose: Any) -> Scene:
+        """A scene in which that obstacle is at another place.
+
+        Args:
+            name: The obstacle.
+            pose: T_world_object: (4, 4), or a position (3,) [m].
+
+        Raises:
+            UnknownNameError: no such obstacle.
+            InputError: no pose.
+        """
+        thing = self.obstacles[known_name("obstacle", name, self.obstacles)]
+        other = replace(self, obstacles={**self.obstacles, name: Obstacle(thing.geometries, as_pose(pose))})
+        for kept in ("element_names", "contact_rules"):
+            other.__dict__[kept] = getattr(self, kept)
+        return other
+
     def without_obstacle(self, name: str) -> Scene:
         """A scene without that obstacle."""
         known_name("obstacle", name, self.obstacles)

@@ -196,6 +196,16 @@ def test_many_arms_are_measured_in_processes_of_their_own(script, tmp_path):
     assert (tmp_path / "many_instances.png").stat().st_size > 0
 
 
+def test_changes_of_scenes_are_timed(script, problem_file, tmp_path):
+    arguments = [problem_file, "--robot", robot_folder("rr1") / "rr1.urdf", "--rounds", "3", "--out", tmp_path]
+    assert script("scene_changes").main([*map(str, arguments)]) == 0
+    results = json.loads((tmp_path / "scene_changes.json").read_text())["results"]
+    assert {"moved", "boxes", "boxes, with a margin", "set up", "plan"} <= set(results)
+    assert all(result["median"] > 0.0 for result in results.values())
+    assert results["moved"]["n"] == results["boxes"]["n"] == 3
+    assert "| set up" in (tmp_path / "scene_changes.md").read_text()
+
+
 def test_what_takes_too_long_with_many_arms_is_told(script, tmp_path):
     arguments = ["--arms", "2", "--columns", "motion", "--limit", "0.01", "--out", str(tmp_path)]
     assert script("many_instances").main(arguments) == 0

@@ -15,11 +15,9 @@ from rr1plan.collision import (
     collision_geometry,
     exact_tables,
     link_spheres,
-    obstacle_geometry,
+    solid_rows,
 )
 from rr1plan.collision.edge_kernel import exact_scratch
-from rr1plan.collision.obstacle_geometry import obstacle_bodies
-from rr1plan.collision.obstacle_tables import obstacle_tables
 from rr1plan.collision.sphere_tables import build_edge_tables
 from rr1plan.contact_rules import rules_of
 from rr1plan.errors import InputError
@@ -36,9 +34,8 @@ HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0
 
 def forget() -> None:
     # All else is kept by these.
-    obstacles = obstacle_geometry._obstacle, obstacle_geometry._standing
     arms = _skeleton, arm_geometry._arm_geometry, arm_instances._arm_instances
-    for kept in (*arms, *obstacles, collision_geometry._solid_pairs, rules_of):
+    for kept in (*arms, solid_rows.solid_rows, collision_geometry._solid_pairs, rules_of):
         kept.cache_clear()
 
 
@@ -162,11 +159,8 @@ def test_an_obstacle_that_moved_leaves_all_else_as_it_was(odd, monkeypatch):
     monkeypatch.setattr(arm_tables, "_joint_tables", made_again)
     moved = scene.with_obstacle("two", Sphere(0.1), [-0.7, 0.35, 0.4])
     after = CollisionChecker(moved)
-    same = [a is b for a, b in zip(first.geometry.obstacles, after.geometry.obstacles, strict=True)]
-    assert same == [True, False, True, True]
-    for make in (obstacle_bodies, obstacle_tables):
-        rows = zip(make(first.geometry.obstacles), make(after.geometry.obstacles), strict=True)
-        assert [a is b for a, b in rows] == same
+    same = [a.rows is b.rows for a, b in zip(first.geometry.obstacles, after.geometry.obstacles, strict=True)]
+    assert all(same)
     assert after.geometry.instances is first.geometry.instances
     assert after.geometry.pairs is first.geometry.pairs
     changed = [x.shape == y.shape and (x != y).any() for x, y in zip(before, arrays_of(moved, None), strict=True)]
@@ -176,7 +170,8 @@ def test_an_obstacle_that_moved_leaves_all_else_as_it_was(odd, monkeypatch):
 def test_equal_obstacles_made_apart_share_their_tables(odd):
     one, two = (furnished(Scene().with_arm("a", odd)) for _ in range(2))
     geometries = [CollisionChecker(scene).geometry for scene in (one, two)]
-    assert geometries[0].obstacles == geometries[1].obstacles
+    rows = [[thing.rows for thing in geometry.obstacles] for geometry in geometries]
+    assert rows[0] == rows[1]
     assert geometries[0].pairs is geometries[1].pairs
 
 

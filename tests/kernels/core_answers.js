@@ -21,9 +21,10 @@ export function sines(core, name, angles) {
   return out.map((part) => part.values);
 }
 
-/** Status, fraction and pair of each edge; an edge is begin and end, one after the other. */
-export function edges(core, image, ends) {
+/** Status, fraction and pair of each edge, begin and end one after the other, once objects have been moved. */
+export function edges(core, image, ends, moves = []) {
   const { scene, scratch } = core.place(image);
+  for (const [object, pose] of moves) core.call("rr1_move_object", scene, scratch, object, pose);
   const nq = scene.column_count, count = ends.length / nq / 2;
   const answers = new Float64Array(3 * count);
   for (let i = 0; i < count; i++) {

@@ -147,6 +147,20 @@ def test_edges_have_the_same_answers_to_the_last_bit(ask: Ask, name: str) -> Non
     assert 20 < np.count_nonzero(expected[:, 0] == constants()["EDGE_FREE"]) < 1180
 
 
+def test_obstacles_are_moved_in_a_page_too(ask: Ask) -> None:
+    checker, rng = CollisionChecker(SCENES["mixed"]), np.random.default_rng(6)
+    image, ends, moves = checker.memory_image(), random_edges(checker.nq, 300), []
+    before = [native(checker, "rr1_certify_edge", *edge) for edge in ends]
+    for name, obstacle in list(checker.scene.obstacles.items()):
+        there = pose(obstacle.pose[:3, 3] + rng.normal(size=3) * 0.1, quaternion=rng.normal(size=4))
+        there = pose([0.0, 0.0, 0.05]) if name == "ground" else there
+        checker.move_obstacle(name, there)
+        moves.append([checker.object_numbers[name], there.ravel()])
+    expected = [native(checker, "rr1_certify_edge", *edge) for edge in ends]
+    assert np.array_equal(ask("edges", image, ends, moves), np.array(expected, float).ravel())
+    assert expected != before
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_parabolas_have_the_same_answers_to_the_last_bit(ask: Ask, name: str) -> None:
     checker = CollisionChecker(SCENES[name])
