@@ -55,7 +55,7 @@ class Bodies:
 
     def frames(self, q: Array) -> Array:
         """T_world_body of all bodies at configurations q (n, nq), shape (n, bodies, 4, 4)."""
-        links = _link_frames(self.robot, q)
+        links = link_frames(self.robot, q)
         moving = [self.base @ links[b.element.split("/", 1)[1]] @ b.local for b in self.moving]
         resting = [np.broadcast_to(b.local, (len(q), 4, 4)) for b in self.resting]
         return np.stack([*moving, *resting], axis=1)
@@ -92,7 +92,7 @@ def _body(element: str, shape: Any, local: Array) -> Body:
     return Body(element, shape, np.array(local), center, half)
 
 
-def _link_frames(robot: rp.Robot, q: Array) -> dict[str, Array]:
+def link_frames(robot: rp.Robot, q: Array) -> dict[str, Array]:
     """T_base_link of every link, each (n, 4, 4); Rodrigues' formula for every joint."""
     fixed = robot.joint_values(q[0])
     frames = {robot.base: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
