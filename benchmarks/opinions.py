@@ -211,7 +211,7 @@ class FclOpinion:
     name = "FCL"
 
     def __init__(self, bodies: Sequence[Body]) -> None:
-        self._things = [fcl.CollisionObject(_fcl_shape(b.shape)) for b in bodies]
+        self._things = [fcl.CollisionObject(fcl_shape(b.shape)) for b in bodies]
         self._request = fcl.CollisionRequest()
 
     def touch(self, a: int, Ta: Array, b: int, Tb: Array) -> bool:
@@ -221,7 +221,7 @@ class FclOpinion:
         return bool(fcl.collide(self._things[a], self._things[b], self._request, fcl.CollisionResult()) > 0)
 
 
-def _fcl_shape(shape: Any) -> Any:
+def fcl_shape(shape: Any) -> Any:
     match shape:
         case rp.Box(size):
             return fcl.Box(*size)
