@@ -263,7 +263,7 @@ def _where_free(wanted: rp.Scene, instead: rp.Scene) -> rp.Scene:
 
 
 def _stand(robots: Sequence[rp.Robot], spacing: float, rng: np.random.Generator) -> rp.Scene:
-    """Robots on a grid, each turned and in a posture at random that is free of those before it.
+    """Robots on a grid, each with a random heading and in a random posture that is free of those before it.
 
     Where they are nearer than `_DENSE` all are turned and stand nearly alike, as hardly any others find room. Bases may
     touch each other, as if they were bolted together.

@@ -165,7 +165,7 @@ class PlainCoal:
         return np.asarray((placed[..., :3, :3] @ self._centers[:, :, None])[..., 0] + placed[..., :3, 3])
 
     def ball_gaps(self, centers: Array, pairs: NDArray[np.int64] | slice = slice(None)) -> Array:
-        """How far the balls around some pairs are apart beyond their padding [m], below zero where they meet.
+        """Distance of the balls around each of some pairs beyond their padding [m], below zero where they overlap.
 
         Args:
             centers: Where both balls of each are, shape (n, 2, 3).
@@ -268,7 +268,7 @@ def _in_coal(shape: Any) -> Any:
 
 
 def _flat(triangle: Triangle) -> Any:
-    """A triangle as a convex body of no volume, as Coal has no distance of its own triangles from capsules."""
+    """A triangle as a convex body without volume: Coal cannot measure `TriangleP` against capsules."""
     corners, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     corners.extend(list(triangle.vertices))
     faces.extend([coal.Triangle(0, 1, 2), coal.Triangle(0, 2, 1)])

@@ -42,7 +42,7 @@ class Recorder:
         return lambda *given: self._call(kernel, function, given)
 
     def questions(self) -> list[dict[str, Any]]:
-        """What `replay` is asked."""
+        """The questions for `replay`."""
         return [call.question for call in self.calls]
 
     def answers(self) -> list[list[Any]]:
