@@ -141,6 +141,19 @@ def test_cells_of_the_picture_are_those_of_coal(script, tmp_path):
     assert [(s["cells"], s["wrong"]) for s in scenes] == [(576, 0)] * 2
 
 
+def test_concave_obstacles_are_timed_as_triangles_and_as_pieces(script, tmp_path):
+    arguments = ["--triangles", "200", "--edges", "20", "--samples", "60", "--seconds", "0", "--out", str(tmp_path)]
+    assert script("triangle_meshes").main(arguments) == 0
+    none, mug, terrain = json.loads((tmp_path / "triangle_meshes.json").read_text())["meshes"]
+    assert (none["triangles"], mug["triangles"], terrain["triangles"]) == (0, 2592, 200)
+    for result in (mug, terrain):
+        assert result["set_up"] > 0.0
+        assert result["edge"] > 0.0
+        assert result["different"] == 0
+    assert 0 < terrain["contacts"] < 60
+    assert "| terrain of 200" in (tmp_path / "triangle_meshes.md").read_text()
+
+
 def test_inverse_kinematics_is_timed_beside_the_plain_method(script, tmp_path):
     arguments = ["--robot", "planar2r_limited", "--poses", "6", "--plain", "3", "--out", str(tmp_path)]
     assert script("inverse_kinematics").main(arguments) == 0

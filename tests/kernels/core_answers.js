@@ -82,6 +82,29 @@ function shorten(core, { scene, scratch }, waypoints, { iterations, patience, sh
   return points.values.slice(0, path.size * nq);
 }
 
+/**
+ * Recorded calls once more (`recorded_calls.py`): results, numbers in structs, and bytes of arrays, filled up to eights.
+ *
+ * Arguments are numbers or names of things in the call's own image, or in that of a scene.
+ */
+export function replay(core, image, calls) {
+  const world = image.length ? core.place(image) : {};
+  return calls.map(({ kernel, image, given, numbers, arrays }) =>
+    core.scoped(() => {
+      const named = { ...world, ...core.place(image) };
+      const result = core.call(kernel, ...given.map((one) => (typeof one === "string" ? named[one] : one)));
+      const values = numbers.map(([name, fields]) => Float64Array.from(fields, (field) => named[name][field]));
+      const parts = arrays.map(([name, field, size]) => {
+        const address = field ? named[name][field] : core.addressOf(named[name]);
+        const part = new Uint8Array(8 * Math.ceil(size / 8));
+        part.set(new Uint8Array(core.buffer, address, size));
+        return new Float64Array(part.buffer);
+      });
+      return [Float64Array.of(result), ...values, ...parts];
+    }),
+  );
+}
+
 /** The messages of errors, each of another wrong call. */
 export function errors(core, image) {
   const { scene, scratch } = core.place(image);
