@@ -10,13 +10,14 @@ from rr1plan.checks import check_text, file_path, known_name, of_kind, shown
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.formats.convex_pieces import Convexity
 from rr1plan.formats.files import is_regular, write_text
+from rr1plan.formats.mjcf_document import is_mjcf
 from rr1plan.formats.motion_bench import read_bench_scene
 from rr1plan.formats.moveit_scene import read_moveit_scene
 from rr1plan.formats.robot_data import installed_robots
 from rr1plan.formats.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.formats.robots import Choice, assemble
 from rr1plan.formats.scene_toml import SceneFile, parse_scene, read_scene, scene_text
-from rr1plan.formats.srdf import Semantics, read_srdf
+from rr1plan.formats.srdf import Semantics, joined_semantics, read_srdf
 from rr1plan.formats.urdf import Tree, read_urdf
 from rr1plan.formats.xacro import expand_xacro
 from rr1plan.limits import Limits
@@ -25,6 +26,7 @@ from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 
 _SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml")
+_MJCF_SUFFIXES = (".xml", ".mjcf")
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -121,11 +123,13 @@ def load_robot(
         if text is not None:
             check_text(option, text)
     folder, file, beside = _locate(name_or_file)
-    tree = _read_tree(file, package_dirs, convex, xacro_arguments)
-    if srdf is not None:
-        semantics = None if srdf is False else read_srdf(file_path(srdf), tree)
+    if file.suffix in _MJCF_SUFFIXES and is_mjcf(file):
+        if xacro_arguments is not None:
+            raise InputError(f"{file} is MJCF; option xacro_arguments is for xacro files")
+        tree, own = _read_mjcf(file, package_dirs, convex, tool)
     else:
-        semantics = _semantics_beside(beside, tree)
+        tree, own = _read_tree(file, package_dirs, convex, xacro_arguments), None
+    semantics = _semantics(srdf, beside, tree, own)
     if folder is not None:
         group, tool = folder.group if group is None else group, folder.tool if tool is None else tool
     if groups is None and group is not None:
@@ -145,12 +149,24 @@ def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | 
     installed = installed_robots()
     if isinstance(name_or_file, str) and name_or_file in installed:
         return None, *installed[name_or_file]
-    if file.suffix in (".urdf", ".xacro", ".xml"):
+    if file.suffix in (".urdf", ".xacro", *_MJCF_SUFFIXES):
         return None, file, _srdf_beside(file)
     if isinstance(name_or_file, Path) or len(file.parts) > 1:
-        raise InputError(f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf or .xacro")
-    more = "" if installed else "More come with: pip install 'rr1plan[robots]'. Or give a .urdf or .xacro file."
+        raise InputError(
+            f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf, .xacro or .xml (MJCF)"
+        )
+    more = "" if installed else "More come with: pip install 'rr1plan[robots]'. Or give a .urdf, .xacro or MJCF file."
     raise UnknownNameError("robot", name_or_file, (*robot_names(), *installed), more)
+
+
+def _read_mjcf(
+    file: Path, package_dirs: Sequence[str | Path], convex: Convexity, tool: str | None
+) -> tuple[Tree, Semantics]:
+    # MuJoCo takes a fifth of a second to be imported.
+    from rr1plan.formats.mjcf import read_mjcf
+
+    content = read_mjcf(file, package_dirs=package_dirs, convex=convex, tool=tool)
+    return content.tree, content.semantics
 
 
 def _read_tree(
@@ -160,6 +176,19 @@ def _read_tree(
         return read_urdf(file, package_dirs=package_dirs, convex=convex)
     text = expand_xacro(file, package_dirs=package_dirs, arguments=arguments)
     return read_urdf(text, package_dirs=package_dirs, convex=convex, file=file)
+
+
+def _semantics(
+    srdf: str | Path | Literal[False] | None, beside: Path | None, tree: Tree, own: Semantics | None
+) -> Semantics | None:
+    """What the SRDF that was chosen, or the one beside the robot's file, adds to what that file says itself."""
+    if srdf is None:
+        found = _semantics_beside(beside, tree)
+    else:
+        found = None if srdf is False else read_srdf(file_path(srdf), tree)
+    if own is None or found is None:
+        return own or found
+    return joined_semantics(found, own)
 
 
 def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:

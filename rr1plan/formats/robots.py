@@ -61,7 +61,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     groups, names = _planning_joints(tree, known, chosen, choice.joints)
     limits = urdf_limits([joints[n] for n in names])
     held = {
-        j.name: float(np.clip(0.0, j.lower, j.upper))
+        j.name: float(np.clip(known.resting.get(j.name, 0.0), j.lower, j.upper))
         for j in tree.joints
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
@@ -81,7 +81,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         source=tree.source,
     )
     robot = with_assumed_masses(robot)
-    robot = _with_self_contacts(robot, bool(known.disabled), "home" in states)
+    robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, "home" in states)
     if not any(link.collisions for link in robot.links):
         log.warning("%s: no link has a <collision>, nothing will ever be in its way", robot.name)
     elif robot.unchecked_links:
@@ -99,7 +99,7 @@ def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robo
     elif always:
         log.info("%s: always touching, not checked: %s", robot.name, always)
     never = robot.never_collide | found.always
-    if at_home and has_rules:
+    if at_home and (has_rules or keeps_home):
         log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, at_home)
     elif at_home:
         # As MoveIt's setup assistant has it; without this no configuration of the robot would be free.

@@ -1,0 +1,437 @@
+"""MJCF: MuJoCo's own format, read by MuJoCo and held to the same rules as URDF.
+
+The base is the file's world frame, bodies are links and named sites are frames. Joints keep MuJoCo's values: one with a
+`ref` has that value where its body stands as written. Several joints on a body, or joints beside its origin, get
+frames between. Bodies that no driven joint moves (tables, cubes, doors) are not part of the robot, and neither is what stands
+still in the world; `read_mjcf` returns them apart.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from rr1plan.checks import Array, file_path, known_name, read_only
+from rr1plan.formats.convex_pieces import CONVEXITIES, Convexity
+from rr1plan.formats.mesh_lookup import MeshLookup
+from rr1plan.formats.mjcf_document import read_document
+from rr1plan.formats.mjcf_joints import HINGE, SLIDE, JointReader
+from rr1plan.formats.mjcf_links import PLANE, LinkReader
+from rr1plan.formats.mjcf_model import CompiledDocument, compile_document
+from rr1plan.formats.srdf import Semantics
+from rr1plan.formats.urdf import MAX_LINKS, Tree
+from rr1plan.robot import Geometry, Joint, Link
+
+log = logging.getLogger(__name__)
+
+BASE = "world"
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_CONNECTS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+# Names of tool frames, the most telling first, without prefixes ("left/") and the endings "_site" and "_frame".
+_TOOLS = (
+    "tcp", "link_tcp", "hand_tcp", "tool_center_point", "pinch", "grip", "grasp", "gripper", "gripperframe", "ee",
+    "eef", "end_effector", "attachment", "tool", "tool0", "flange",
+)  # fmt: skip
+# Joints that open and close a hand.
+_GRIPPER = re.compile(r"finger|grip|jaw|claw|knuckle|thumb", re.IGNORECASE)
+
+
+@dataclass(frozen=True, eq=False)
+class Surrounding:
+    """A body of the file that is not part of the robot.
+
+    Args:
+        name: Its name.
+        geometries: Its shapes that hit things, in the frame of the world.
+        stands: It cannot move.
+    """
+
+    name: str
+    geometries: tuple[Geometry, ...]
+    stands: bool
+
+
+@dataclass(frozen=True, eq=False)
+class MjcfContent:
+    """What an MJCF file says.
+
+    Args:
+        tree: The links and joints of its robots, hung on the world.
+        semantics: One group for each of its robots, named after its first body, the configurations of its keyframes,
+            and the pairs of bodies that it excludes from contact.
+        surroundings: The other bodies that have a shape, where they stand at first.
+        standing: Links of the robots that cannot move.
+    """
+
+    tree: Tree
+    semantics: Semantics
+    surroundings: tuple[Surrounding, ...]
+    standing: tuple[str, ...]
+
+
+def read_mjcf(
+    file: str | Path,
+    *,
+    package_dirs: Sequence[str | Path] = (),
+    convex: Convexity = "hull",
+    tool: str | None = None,
+) -> MjcfContent:
+    """Read an MJCF file.
+
+    Args:
+        file: The file; its outermost element is <mujoco>.
+        package_dirs: Folders besides its own in which meshes may be.
+        convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces".
+        tool: The body or site that the first group's chain leads to; by default a site named like a tool, or the body
+            that the gripper's fingers are on.
+
+    Raises:
+        FormatError: anything that is not a sound description of robots with hinges and slides.
+        UnknownNameError: an unknown `convex` or `tool`.
+    """
+    known_name("convex", convex, CONVEXITIES)
+    path = file_path(file)
+    lookup = MeshLookup(package_dirs, path)
+    compiled = compile_document(read_document(path, lookup), lookup)
+    return _Reader(compiled, convex, tool).read()
+
+
+class _Reader:
+    """Turns one compiled model into links and joints."""
+
+    def __init__(self, compiled: CompiledDocument, convex: Convexity, tool: str | None) -> None:
+        self.compiled = compiled
+        self.model = compiled.model
+        self.file = compiled.document.file
+        self.tool = tool
+        self.keyframes = self._keyframes()
+        rest = self.keyframes.get("home", next(iter(self.keyframes.values()), np.array(self.model.qpos0)))
+        self.joints = JointReader(compiled, rest)
+        self.shapes = LinkReader(compiled, convex)
+        self.roots = self._roots()
+        self.bodies = [b for b in range(1, self.model.nbody) if int(self.model.body_rootid[b]) in self.roots]
+        # The world is shared by everything that stands in it.
+        self.links: list[Link] = [Link(BASE)]
+        self.tree_joints: list[Joint] = []
+        self.link_of: dict[int, str] = {0: BASE}
+        self.site_of: dict[str, int] = {}
+        self.taken = {self.model.body(b).name for b in range(self.model.nbody)}
+
+    def read(self) -> MjcfContent:
+        self._refuse_what_no_robot_has()
+        for body in self.bodies:
+            self._add_body(body)
+        if len(self.links) > MAX_LINKS:
+            root = self.compiled.document.root
+            raise root.error(f"the robot has {len(self.links)} links and frames, expected at most {MAX_LINKS}")
+        self._warn()
+        name = self.compiled.document.root.attributes.get("model", "").strip() or self.file.stem
+        tree = Tree(name, tuple(self.links), tuple(self.tree_joints), str(self.file))
+        standing = tuple(self.link_of[b] for b in self.bodies if int(self.model.body_weldid[b]) == 0)
+        return MjcfContent(tree, self._semantics(tree), tuple(self._surroundings()), standing)
+
+    # ---- robots and other things ----------------------------------------------------------
+
+    def _roots(self) -> list[int]:
+        """The first body of each robot: those whose joints are driven, or all with joints where nothing is driven."""
+        model = self.model
+        moved: dict[int, list[int]] = {}
+        for joint in range(model.njnt):
+            if int(model.jnt_type[joint]) in (HINGE, SLIDE):
+                moved.setdefault(int(model.body_rootid[model.jnt_bodyid[joint]]), []).append(joint)
+        driven = [root for root, joints in moved.items() if any(map(self.joints.is_driven, joints))]
+        roots = driven or list(moved)
+        if not roots:
+            raise self.compiled.document.root.error("has no body that a hinge or slide joint moves, expected a robot")
+        return roots
+
+    def _refuse_what_no_robot_has(self) -> None:
+        model = self.model
+        for joint in range(model.njnt):
+            body = int(model.jnt_bodyid[joint])
+            kind = int(model.jnt_type[joint])
+            if body not in self.bodies or kind in (HINGE, SLIDE, _FREE):
+                continue
+            raise self.compiled.error_at(
+                self.compiled.spec.joints[joint],
+                f"joint {self.joints.names[joint]!r} is a ball joint, which a robot here cannot have; "
+                "write three hinge joints instead",
+            )
+        for body in self.bodies:
+            if any(int(model.geom_type[g]) == PLANE for g in self.shapes.geoms(body)):
+                raise self.compiled.error_at(
+                    self.compiled.spec.bodies[body],
+                    f"body {model.body(body).name!r} has a plane, which has no end; take a box",
+                )
+
+    def _surroundings(self) -> Iterator[Surrounding]:
+        """What has shapes and is not the robot: geoms of the world one by one, then bodies."""
+        model = self.model
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        for body in range(model.nbody):
+            if body in self.bodies:
+                continue
+            geometries = []
+            for geom in self.shapes.colliding_geoms(body):
+                name = model.geom(geom).name or f"geom{geom}"
+                shape, pose = self.shapes.shape(geom, name)
+                T_world_body = self.compiled.pose(data.xpos[body], data.xquat[body])
+                geometries.append(Geometry(name, shape, read_only(T_world_body @ pose)))
+            if body == 0:
+                yield from (Surrounding(g.name, (g,), True) for g in geometries)
+            elif geometries:
+                stands = int(model.body_weldid[body]) == 0
+                yield Surrounding(model.body(body).name or f"body{body}", tuple(geometries), stands)
+
+    # ---- links and joints -----------------------------------------------------------------
+
+    def _add_body(self, body: int) -> None:
+        model = self.model
+        name = model.body(body).name or self._unused(f"body{body}")
+        self.link_of[body] = name
+        parent = self.link_of[int(model.body_parentid[body])]
+        before = self.compiled.pose(model.body_pos[body], model.body_quat[body])
+        start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        joints = [j for j in range(start, start + count) if int(model.jnt_type[j]) != _FREE]
+        if count > len(joints):
+            log.warning("%s: body %r is free to move, it is taken as fixed: bases stand still here", self.file, name)
+        for joint in joints:
+            after = np.eye(4)
+            after[:3, 3] = -model.jnt_pos[joint]
+            last = joint == joints[-1] and not model.jnt_pos[joint].any()
+            child = name if last else self._unused(f"{name}.{self.joints.names[joint]}")
+            self.tree_joints.append(self.joints.joint(joint, parent, child, before))
+            if not last:
+                self.links.append(Link(child))
+            parent, before = child, after
+        if parent != name:
+            self._fix(parent, name, before)
+        self.links.append(self.shapes.link(body, name))
+        for site in range(model.nsite):
+            if int(model.site_bodyid[site]) == body and model.site(site).name:
+                self._add_site(site, name)
+
+    def _add_site(self, site: int, body: str) -> None:
+        written = self.model.site(site).name
+        name = self._unused(written if written not in self.taken else f"{written}_site")
+        self.site_of[name] = int(self.model.site_bodyid[site])
+        self._fix(body, name, self.compiled.pose(self.model.site_pos[site], self.model.site_quat[site]))
+        self.links.append(Link(name))
+
+    def _fix(self, parent: str, child: str, pose: Array) -> None:
+        joint = f"{child}_fixed"
+        while joint in self.joints.names.values() or any(joint == j.name for j in self.tree_joints):
+            joint += "_"
+        self.tree_joints.append(Joint(joint, "fixed", parent, child, read_only(pose)))
+
+    def _unused(self, name: str) -> str:
+        """A name that no body and no frame has."""
+        while name in self.taken:
+            name += "_"
+        self.taken.add(name)
+        return name
+
+    # ---- groups, configurations, pairs ----------------------------------------------------
+
+    def _keyframes(self) -> dict[str, Array]:
+        """The configurations that keyframes give, by name, each (nq,)."""
+        keys = self.compiled.spec.keys
+        named = {(key.name or f"key{i}"): i for i, key in enumerate(keys) if len(key.qpos)}
+        return {name: np.array(self.model.key_qpos[index]) for name, index in named.items()}
+
+    def _semantics(self, tree: Tree) -> Semantics:
+        names = self.joints.names
+        moving = {joint.name for joint in tree.joints if joint.kind != "fixed"}
+        numbers = {j: n for j, n in names.items() if n in moving}
+        states = {
+            ("", state): {n: self.joints.value(j, qpos) for j, n in numbers.items()}
+            for state, qpos in self.keyframes.items()
+        }
+        arms = dict(self._arms(tree))
+        return Semantics(
+            groups={name: joints for name, (joints, _) in arms.items()},
+            chains={name: (BASE, tip) for name, (_, tip) in arms.items()},
+            states=states,
+            disabled=self._excluded(),
+            resting={n: self.joints.rest_value(j) for j, n in numbers.items()},
+            is_partial=True,
+        )
+
+    def _excluded(self) -> frozenset[frozenset[str]]:
+        """The pairs of links that the file excludes from contact."""
+        pairs = set()
+        for signature in self.model.exclude_signature.tolist():
+            a, b = (self.link_of.get(body) for body in (signature >> 16, signature & 0xFFFF))
+            if a is not None and b is not None and a != b and BASE not in (a, b):
+                pairs.add(frozenset((a, b)))
+        return frozenset(pairs)
+
+    def _arms(self, tree: Tree) -> Iterator[tuple[str, tuple[tuple[str, ...], str]]]:
+        """For each robot its first body's name, its planning joints and its tool."""
+        walk = _Walk(self, tree)
+        if self.tool is not None:
+            known_name("link", self.tool, walk.above | {BASE: None})
+        roots = sorted(self.roots, key=lambda root: self.tool is not None and not walk.is_below(self.tool, root))
+        for root in roots:
+            wanted = self.tool if self.tool is not None and walk.is_below(self.tool, root) else None
+            tip = wanted or walk.named_tool(root) or walk.hand(root)
+            joints = walk.arm_joints(tip)
+            if joints:
+                yield self.link_of[root], (joints, tip)
+
+    # ---- warnings -------------------------------------------------------------------------
+
+    def _warn(self) -> None:
+        """Say once what the file has and the robot has not."""
+        model = self.model
+        others = [
+            model.body(b).name or f"body{b}"
+            for b in range(1, model.nbody)
+            if b not in self.bodies and int(model.body_parentid[b]) == 0
+        ]
+        if self.shapes.colliding_geoms(0):
+            others.insert(0, "shapes of the world")
+        if others:
+            log.warning(
+                "%s: not part of the robot, left out: %s; rr1plan.load_scene reads them as obstacles",
+                self.file,
+                _listed(others),
+            )
+        if self.compiled.document.not_read:
+            log.warning("%s: left out, not read: %s", self.file, ", ".join(self.compiled.document.not_read))
+        assumed = self.shapes.assumed_masses(self.bodies)
+        if assumed:
+            log.warning(
+                "%s: links without a mass, taken as solid with 1000 kg/m³, torques are estimates: %s",
+                self.file,
+                _listed([self.link_of[b] for b in assumed]),
+            )
+        self._warn_of_loops()
+        hidden = [b for b in self.bodies if any(self.compiled.uses[g].switched_off for g in self.shapes.geoms(b))]
+        if hidden:
+            log.info(
+                "%s: shapes of hidden groups (3 to 5) are checked although contype and conaffinity are 0, of %s",
+                self.file,
+                _listed([self.link_of[b] for b in hidden]),
+            )
+
+    def _warn_of_loops(self) -> None:
+        """Closed loops and tendons couple joints in a way that is not modelled."""
+        model = self.model
+        loops = [
+            model.eq(e).name or f"equality {e}"
+            for e in range(model.neq)
+            if int(model.eq_type[e]) in _CONNECTS and model.eq_active0[e] and self._is_of_robot(e)
+        ]
+        if loops:
+            log.warning(
+                "%s: closed loops are not modelled, their passive joints are held: %s", self.file, _listed(loops)
+            )
+
+    def _is_of_robot(self, equality: int) -> bool:
+        model = self.model
+        ends = (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality]))
+        if int(model.eq_objtype[equality]) == int(mujoco.mjtObj.mjOBJ_SITE):
+            ends = (int(model.site_bodyid[ends[0]]), int(model.site_bodyid[ends[1]]))
+        return all(end in self.bodies for end in ends)
+
+
+class _Walk:
+    """Finds the arm in a tree: where its hand is, and which joints lead there."""
+
+    def __init__(self, reader: _Reader, tree: Tree) -> None:
+        self.reader = reader
+        self.above: dict[str, Joint] = {joint.child: joint for joint in tree.joints}
+        self.below: dict[str, list[Joint]] = {}
+        for joint in tree.joints:
+            self.below.setdefault(joint.parent, []).append(joint)
+        numbers = {name: j for j, name in reader.joints.names.items()}
+        any_driven = any(reader.joints.is_driven(j) for j in numbers.values())
+        self.driven = {
+            joint.name
+            for joint in tree.joints
+            if joint.kind != "fixed"
+            and joint.mimic is None
+            and (not any_driven or reader.joints.is_driven(numbers[joint.name]))
+        }
+        self.reach: dict[str, int] = {}
+        for joint in reversed(tree.joints):
+            self.reach[joint.parent] = max(
+                self.reach.get(joint.parent, 0), self.reach.get(joint.child, 0) + (joint.kind != "fixed")
+            )
+
+    def chain(self, link: str) -> list[Joint]:
+        """The joints from the base to a link."""
+        found: list[Joint] = []
+        while link in self.above:
+            found.append(self.above[link])
+            link = found[-1].parent
+        return found[::-1]
+
+    def is_below(self, link: str, root: int) -> bool:
+        name = self.reader.link_of[root]
+        return link == name or any(name in (joint.parent, joint.child) for joint in self.chain(link))
+
+    def named_tool(self, root: int) -> str | None:
+        """The site or body of a robot whose name says that it is the tool, behind at least one driven joint."""
+        found = []
+        for place, name in enumerate(self.above):
+            word = re.split(r"[/:]", name)[-1].lower()
+            word = word.removesuffix("_site").removesuffix("_frame")
+            is_site = name in self.reader.site_of
+            if word not in _TOOLS or not (is_site or self.reach.get(name, 0) == 0) or not self.is_below(name, root):
+                continue
+            if any(joint.name in self.driven for joint in self.chain(name)):
+                found.append((not is_site, _TOOLS.index(word), place, name))
+        return min(found)[-1] if found else None
+
+    def hand(self, root: int) -> str:
+        """The last body of the arm: where fingers branch off, or the last one with a joint that is no gripper's."""
+        link, passed = self.reader.link_of[root], sum(j.kind != "fixed" for j in self.chain(self.reader.link_of[root]))
+        while True:
+            ways = [j for j in self.below.get(link, ()) if self.reach.get(j.child, 0) + (j.kind != "fixed") > 0]
+            if not ways:
+                return self._end(link)
+            best = max(ways, key=lambda j: self.reach.get(j.child, 0) + (j.kind != "fixed"))
+            ahead = self.reach.get(best.child, 0) + (best.kind != "fixed")
+            if (len(ways) > 1 and passed >= ahead) or (best.kind != "fixed" and self._is_gripper(best)):
+                return link
+            passed += best.kind != "fixed"
+            link = best.child
+
+    def _end(self, link: str) -> str:
+        """What hangs on the last link as the only thing."""
+        while len(ways := [j for j in self.below.get(link, ()) if j.child not in self.reader.site_of]) == 1:
+            link = ways[0].child
+        return link
+
+    def _is_gripper(self, joint: Joint) -> bool:
+        """Whether a joint and all below it open and close a hand, by their names."""
+        waiting, names = [joint], []
+        while waiting:
+            at = waiting.pop()
+            waiting.extend(self.below.get(at.child, ()))
+            names.extend([at.name] if at.kind != "fixed" else [])
+        return all(_GRIPPER.search(name) for name in names)
+
+    def arm_joints(self, tip: str) -> tuple[str, ...]:
+        """The driven joints on the way to a tip, without those of a gripper at its end."""
+        joints = [joint for joint in self.chain(tip) if joint.name in self.driven]
+        while joints and self._is_gripper(joints[-1]):
+            joints.pop()
+        return tuple(joint.name for joint in joints)
+
+
+def _listed(names: Sequence[Any], most: int = 12) -> str:
+    return ", ".join(map(str, names[:most])) + (", ..." if len(names) > most else "")
+
+
+__all__ = ["MjcfContent", "Surrounding", "read_mjcf"]
