@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -25,8 +26,8 @@ from rr1plan.problem import Problem
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 
-_SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml")
 _MJCF_SUFFIXES = (".xml", ".mjcf")
+_SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml", *_MJCF_SUFFIXES)
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -166,6 +167,7 @@ def _read_mjcf(
     from rr1plan.formats.mjcf import read_mjcf
 
     content = read_mjcf(file, package_dirs=package_dirs, convex=convex, tool=tool)
+    content.warn_of_surroundings()
     return content.tree, content.semantics
 
 
@@ -220,9 +222,10 @@ def load_scene(name_or_file: str | Path) -> Scene:
     """Load a scene that ships with rr1plan, or one from a file.
 
     Args:
-        name_or_file: A name of `scene_names`, or a scene file (.toml), a MoveIt scene (.scene) or a
-            MotionBenchMaker scene (.yaml, .yml). The last two hold obstacles only: add arms with
-            `scene.with_arm`.
+        name_or_file: A name of `scene_names`, or a scene file (.toml), a MoveIt scene (.scene), a MotionBenchMaker
+            scene (.yaml, .yml) or an MJCF file (.xml, .mjcf). MoveIt's and MotionBenchMaker's hold obstacles only: add
+            arms with `scene.with_arm`. Of an MJCF file the robot is the arm "arm", and all other bodies that hit
+            things are obstacles where they stand in its first keyframe.
 
     Raises:
         UnknownNameError: no scene of that name ships.
@@ -243,7 +246,26 @@ def load_scene_file(name_or_file: str | Path) -> SceneFile:
         return SceneFile(read_moveit_scene(file), {})
     if file.suffix in (".yaml", ".yml"):
         return SceneFile(read_bench_scene(file), {})
+    if file.suffix in _MJCF_SUFFIXES:
+        return SceneFile(_read_mjcf_scene(file), {})
     return read_scene(file, load_robot)
+
+
+def _read_mjcf_scene(file: Path) -> Scene:
+    """The robot of an MJCF file as an arm, and what surrounds it as obstacles."""
+    from rr1plan.formats.mjcf import read_mjcf
+
+    content = read_mjcf(file)
+    scene = Scene(name=content.tree.name).with_arm("arm", assemble(content.tree, content.semantics, Choice()))
+    for thing in content.surroundings:
+        name = thing.name.replace("/", "_")
+        while name in scene.arms or name in scene.obstacles:
+            name += "_"
+        scene = scene.with_obstacle(name, thing.geometries, thing.pose)
+        if thing.stands:  # what stands on it stays there
+            touching = frozenset(frozenset((f"arm/{link}", name)) for link in content.standing)
+            scene = replace(scene, allowed=scene.allowed | touching)
+    return scene
 
 
 def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:

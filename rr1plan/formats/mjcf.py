@@ -1,9 +1,9 @@
 """MJCF: MuJoCo's own format, read by MuJoCo and held to the same rules as URDF.
 
 The base is the file's world frame, bodies are links and named sites are frames. Joints keep MuJoCo's values: one with a
-`ref` has that value where its body stands as written. Several joints on a body, or joints beside its origin, get
-frames between. Bodies that no driven joint moves (tables, cubes, doors) are not part of the robot, and neither is what stands
-still in the world; `read_mjcf` returns them apart.
+`ref` has that value where its body stands as written. Several joints on a body, or joints beside its origin, get frames
+between. Bodies that no driven joint moves (tables, cubes, doors) are not part of the robot, and neither are the shapes
+of the world; `read_mjcf` returns them apart.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from rr1plan.formats.mjcf_model import CompiledDocument, compile_document
 from rr1plan.formats.srdf import Semantics
 from rr1plan.formats.urdf import MAX_LINKS, Tree
 from rr1plan.robot import Geometry, Joint, Link
+from rr1plan.transforms import identity
 
 log = logging.getLogger(__name__)
 
@@ -48,12 +49,14 @@ class Surrounding:
     """A body of the file that is not part of the robot.
 
     Args:
-        name: Its name.
-        geometries: Its shapes that hit things, in the frame of the world.
+        name: Its name, or that of its geom where it is a shape of the world.
+        pose: T_world_body, shape (4, 4).
+        geometries: Its shapes that hit things, in its frame.
         stands: It cannot move.
     """
 
     name: str
+    pose: Array
     geometries: tuple[Geometry, ...]
     stands: bool
 
@@ -67,13 +70,22 @@ class MjcfContent:
         semantics: One group for each of its robots, named after its first body, the configurations of its keyframes,
             and the pairs of bodies that it excludes from contact.
         surroundings: The other bodies that have a shape, where they stand at first.
-        standing: Links of the robots that cannot move.
+        standing: Links of the robots that hit things and cannot move.
     """
 
     tree: Tree
     semantics: Semantics
     surroundings: tuple[Surrounding, ...]
     standing: tuple[str, ...]
+
+    def warn_of_surroundings(self) -> None:
+        """Say what a caller leaves out who takes the robots only."""
+        if self.surroundings:
+            log.warning(
+                "%s: not part of the robot, left out: %s; rr1plan.load_scene makes them obstacles",
+                self.tree.source,
+                _listed([thing.name for thing in self.surroundings]),
+            )
 
 
 def read_mjcf(
@@ -112,8 +124,8 @@ class _Reader:
         self.file = compiled.document.file
         self.tool = tool
         self.keyframes = self._keyframes()
-        rest = self.keyframes.get("home", next(iter(self.keyframes.values()), np.array(self.model.qpos0)))
-        self.joints = JointReader(compiled, rest)
+        self.rest = self.keyframes.get("home", next(iter(self.keyframes.values()), np.array(self.model.qpos0)))
+        self.joints = JointReader(compiled, self.rest)
         self.shapes = LinkReader(compiled, convex)
         self.roots = self._roots()
         self.bodies = [b for b in range(1, self.model.nbody) if int(self.model.body_rootid[b]) in self.roots]
@@ -134,8 +146,11 @@ class _Reader:
         self._warn()
         name = self.compiled.document.root.attributes.get("model", "").strip() or self.file.stem
         tree = Tree(name, tuple(self.links), tuple(self.tree_joints), str(self.file))
-        standing = tuple(self.link_of[b] for b in self.bodies if int(self.model.body_weldid[b]) == 0)
-        return MjcfContent(tree, self._semantics(tree), tuple(self._surroundings()), standing)
+        solid = {link.name for link in self.links if link.collisions}
+        standing = [self.link_of[b] for b in self.bodies if int(self.model.body_weldid[b]) == 0]
+        return MjcfContent(
+            tree, self._semantics(tree), tuple(self._surroundings()), tuple(n for n in standing if n in solid)
+        )
 
     # ---- robots and other things ----------------------------------------------------------
 
@@ -175,21 +190,18 @@ class _Reader:
         """What has shapes and is not the robot: geoms of the world one by one, then bodies."""
         model = self.model
         data = mujoco.MjData(model)
+        data.qpos[:] = self.rest
         mujoco.mj_kinematics(model, data)
         for body in range(model.nbody):
             if body in self.bodies:
                 continue
-            geometries = []
-            for geom in self.shapes.colliding_geoms(body):
-                name = model.geom(geom).name or f"geom{geom}"
-                shape, pose = self.shapes.shape(geom, name)
-                T_world_body = self.compiled.pose(data.xpos[body], data.xquat[body])
-                geometries.append(Geometry(name, shape, read_only(T_world_body @ pose)))
+            geometries = [self.shapes.geometry(geom) for geom in self.shapes.colliding_geoms(body)]
             if body == 0:
-                yield from (Surrounding(g.name, (g,), True) for g in geometries)
+                yield from (Surrounding(g.name, g.pose, (replace(g, pose=identity()),), True) for g in geometries)
             elif geometries:
+                pose = read_only(self.compiled.pose(data.xpos[body], data.xquat[body]))
                 stands = int(model.body_weldid[body]) == 0
-                yield Surrounding(model.body(body).name or f"body{body}", tuple(geometries), stands)
+                yield Surrounding(model.body(body).name or f"body{body}", pose, tuple(geometries), stands)
 
     # ---- links and joints -----------------------------------------------------------------
 
@@ -255,7 +267,7 @@ class _Reader:
             ("", state): {n: self.joints.value(j, qpos) for j, n in numbers.items()}
             for state, qpos in self.keyframes.items()
         }
-        arms = dict(self._arms(tree))
+        arms = self._arms(tree)
         return Semantics(
             groups={name: joints for name, (joints, _) in arms.items()},
             chains={name: (BASE, tip) for name, (_, tip) in arms.items()},
@@ -274,37 +286,27 @@ class _Reader:
                 pairs.add(frozenset((a, b)))
         return frozenset(pairs)
 
-    def _arms(self, tree: Tree) -> Iterator[tuple[str, tuple[tuple[str, ...], str]]]:
+    def _arms(self, tree: Tree) -> dict[str, tuple[tuple[str, ...], str]]:
         """For each robot its first body's name, its planning joints and its tool."""
         walk = _Walk(self, tree)
         if self.tool is not None:
             known_name("link", self.tool, walk.above | {BASE: None})
         roots = sorted(self.roots, key=lambda root: self.tool is not None and not walk.is_below(self.tool, root))
-        for root in roots:
-            wanted = self.tool if self.tool is not None and walk.is_below(self.tool, root) else None
-            tip = wanted or walk.named_tool(root) or walk.hand(root)
-            joints = walk.arm_joints(tip)
-            if joints:
-                yield self.link_of[root], (joints, tip)
+        found: dict[str, tuple[tuple[str, ...], str]] = {}
+        for driven in (walk.driven, walk.moving):
+            walk.driven = driven  # all joints where only the grippers are driven
+            for root in roots if not found else ():
+                wanted = self.tool if self.tool is not None and walk.is_below(self.tool, root) else None
+                tip = wanted or walk.named_tool(root) or walk.hand(root)
+                joints = walk.arm_joints(tip)
+                if joints:
+                    found[self.link_of[root]] = joints, tip
+        return found
 
     # ---- warnings -------------------------------------------------------------------------
 
     def _warn(self) -> None:
         """Say once what the file has and the robot has not."""
-        model = self.model
-        others = [
-            model.body(b).name or f"body{b}"
-            for b in range(1, model.nbody)
-            if b not in self.bodies and int(model.body_parentid[b]) == 0
-        ]
-        if self.shapes.colliding_geoms(0):
-            others.insert(0, "shapes of the world")
-        if others:
-            log.warning(
-                "%s: not part of the robot, left out: %s; rr1plan.load_scene reads them as obstacles",
-                self.file,
-                _listed(others),
-            )
         if self.compiled.document.not_read:
             log.warning("%s: left out, not read: %s", self.file, ", ".join(self.compiled.document.not_read))
         assumed = self.shapes.assumed_masses(self.bodies)
@@ -355,13 +357,8 @@ class _Walk:
             self.below.setdefault(joint.parent, []).append(joint)
         numbers = {name: j for j, name in reader.joints.names.items()}
         any_driven = any(reader.joints.is_driven(j) for j in numbers.values())
-        self.driven = {
-            joint.name
-            for joint in tree.joints
-            if joint.kind != "fixed"
-            and joint.mimic is None
-            and (not any_driven or reader.joints.is_driven(numbers[joint.name]))
-        }
+        self.moving = {joint.name for joint in tree.joints if joint.kind != "fixed" and joint.mimic is None}
+        self.driven = {n for n in self.moving if not any_driven or reader.joints.is_driven(numbers[n])}
         self.reach: dict[str, int] = {}
         for joint in reversed(tree.joints):
             self.reach[joint.parent] = max(

@@ -96,6 +96,16 @@ class LinkReader:
         names = [name] if len(shapes) == 1 else [f"{name}.{k}" for k in range(len(shapes))]
         return [Geometry(n, s, pose) for n, s in zip(names, shapes, strict=True)]
 
+    def geometry(self, geom: int) -> Geometry:
+        """A geom as one shape with its color; meshes as they are.
+
+        Raises:
+            FormatError: as `shape`.
+        """
+        name = self.model.geom(geom).name or f"geom{geom}"
+        shape, pose = self.shape(geom, name)
+        return Geometry(name, shape, pose, self._color(geom))
+
     def shape(self, geom: int, name: str) -> tuple[Shape, Array]:
         """The shape of a geom and its pose in its body (4, 4); meshes as they are.
 

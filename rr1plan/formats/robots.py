@@ -57,6 +57,11 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         InputError: no joint to plan for, or one that cannot be.
     """
     known, chosen = _chosen_groups(tree, semantics or Semantics(), choice.groups)
+    if known.is_partial and len(known.groups) > 1 and choice.groups is None and choice.joints is None:
+        first, *others = known.groups
+        log.warning(
+            "%s: group %r is planned for, not %s; option groups takes several", tree.name, first, ", ".join(others)
+        )
     joints = {joint.name: joint for joint in tree.joints}
     groups, names = _planning_joints(tree, known, chosen, choice.joints)
     limits = urdf_limits([joints[n] for n in names])
