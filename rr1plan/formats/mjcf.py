@@ -195,7 +195,9 @@ class _Reader:
         for body in range(model.nbody):
             if body in self.bodies:
                 continue
-            geometries = [self.shapes.geometry(geom) for geom in self.shapes.colliding_geoms(body)]
+            # A hidden shape that hits nothing is a mark here, such as the zone of a task.
+            solid = [g for g in self.shapes.colliding_geoms(body) if not self.compiled.uses[g].switched_off]
+            geometries = [self.shapes.geometry(geom) for geom in solid]
             if body == 0:
                 yield from (Surrounding(g.name, g.pose, (replace(g, pose=identity()),), True) for g in geometries)
             elif geometries:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import re
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -95,7 +96,8 @@ def compile_document(document: Document, lookup: MeshLookup) -> CompiledDocument
     Raises:
         FormatError: what MuJoCo refuses, ranges and keyframes that it passes over, or a mesh that cannot be read.
     """
-    with mujoco_warnings() as warnings:
+    with mujoco_warnings() as said, warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always")
         spec = _parsed(document)
         _check_ranges(document, spec)
         uses = {id(geom): (geom, _use(geom, spec)) for geom in spec.geoms}
@@ -108,8 +110,8 @@ def compile_document(document: Document, lookup: MeshLookup) -> CompiledDocument
             model = spec.compile()
         except (ValueError, RuntimeError) as error:
             raise _refusal(document, error) from error
-    for warning in dict.fromkeys(warnings):
-        log.warning("%s: %s", document.file, warning.strip())
+    for warning in dict.fromkeys(text.strip() for text in (*said, *(str(w.message) for w in raised))):
+        log.warning("%s: %s", document.file, warning)
     _check_keyframes(document, spec, model)
     _check_numbers(document, model)
     kept = sorted((geom.id, geom, use) for geom, use in uses.values() if geom.id >= 0)
