@@ -162,7 +162,7 @@ class LinkReader:
             if material < 0:
                 return None
             rgba = tuple(self.model.mat_rgba[material].tolist())
-        r, g, b, a = (min(max(share, 0.0), 1.0) for share in rgba)
+        r, g, b, a = (min(max(round(share, 6), 0.0), 1.0) for share in rgba)  # MuJoCo's are single precision
         return r, g, b, a
 
     def _error(self, geom: int, message: str) -> FormatError:

@@ -16,8 +16,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from rr1plan.checks import Array
-from rr1plan.errors import FormatError
+from rr1plan.checks import Array, near_array
+from rr1plan.errors import FormatError, InputError
 from rr1plan.formats.mesh_lookup import MeshLookup, check_suffix
 from rr1plan.formats.meshes import joined_mesh, read_mesh
 from rr1plan.formats.mjcf_document import Document, MeshFile
@@ -34,6 +34,11 @@ MAX_FACES = 5_000_000
 _SEEN_GROUPS = 3
 # MuJoCo's default, of water [kg/m³].
 _DENSITY = 1000.0
+_LENGTHS = ("body_pos", "body_ipos", "jnt_pos", "jnt_range", "site_pos", "qpos0", "key_qpos", "eq_data")
+_NUMBERS = (
+    "body_quat", "body_iquat", "body_mass", "body_inertia", "jnt_axis", "dof_damping", "dof_frictionloss", "geom_pos",
+    "geom_quat", "geom_size", "geom_rgba", "site_quat",
+)  # fmt: skip
 _LINE = re.compile(r"line (\d+)")
 
 
@@ -172,14 +177,15 @@ def _check_keyframes(document: Document, spec: Any, model: Any) -> None:
 
 
 def _check_numbers(document: Document, model: Any) -> None:
-    """Refuse a model with a number that is not finite, such as 1e200 squared."""
-    for name in (
-        "qpos0", "body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis",
-        "jnt_range", "dof_damping", "dof_frictionloss", "geom_pos", "geom_quat", "geom_size", "geom_rgba", "site_pos",
-        "site_quat", "eq_data", "key_qpos",
-    ):  # fmt: skip
+    """Refuse a model with a number that is not finite, such as 1e200 squared, or a length beyond all reason."""
+    for name in _NUMBERS:
         if not np.isfinite(getattr(model, name)).all():
-            raise FormatError(f"gives MuJoCo a number that is not finite or too large ({name})", document.file)
+            raise FormatError(f"gives MuJoCo a number that is not finite ({name})", document.file)
+    for name in _LENGTHS:
+        try:
+            near_array(name, getattr(model, name), (None,) * getattr(model, name).ndim)
+        except InputError as error:
+            raise FormatError(str(error), document.file) from error
 
 
 # ---- meshes -----------------------------------------------------------------------------------
