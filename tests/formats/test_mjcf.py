@@ -102,7 +102,8 @@ GRIPPER = """
     </body>
   </worldbody>
   <contact><exclude body1="base" body2="two"/></contact>
-  <tendon><fixed name="both"><joint joint="left_finger" coef="0.5"/><joint joint="right_finger" coef="0.5"/></fixed></tendon>
+  <tendon><fixed name="both"><joint joint="left_finger" coef="0.5"/><joint joint="right_finger" coef="0.5"/></fixed>
+  </tendon>
   <equality><joint joint1="right_finger" joint2="left_finger" polycoef="0 1 0 0 0"/></equality>
   <actuator>
     <position class="arm" name="p1" joint="first"/>
@@ -123,17 +124,20 @@ CASES = {
     "joints beside the origin, with references": """
 <mujoco><compiler angle="radian"/><worldbody><body name="a" pos="0 0 0.1" euler="0.1 0.2 0.3">
   <joint name="j1" pos="0.1 -0.2 0.05" axis="1 2 3" ref="0.4" range="-1 2"/><geom type="box" size="0.1 0.05 0.03"/>
-  <body name="b" pos="0.3 0 0"><joint name="j2" pos="0 0.03 0" axis="0 1 0" ref="-0.3"/><geom size="0.04" pos="0.1 0 0"/>
+  <body name="b" pos="0.3 0 0"><joint name="j2" pos="0 0.03 0" axis="0 1 0" ref="-0.3"/><geom size="0.04"
+  pos="0.1 0 0"/>
   <body name="c" pos="0.2 0 0"><joint name="j3" type="slide" axis="1 0 1" ref="0.05" range="0 0.2"/>
   <geom type="cylinder" size="0.02 0.05"/></body></body></body></worldbody></mujoco>""",
     "several joints on one body": """
 <mujoco model="wrist"><compiler eulerseq="XYZ"/><worldbody><body name="a"><geom size="0.1"/>
   <joint name="x" axis="1 0 0" pos="0 0 0.1"/><joint name="y" axis="0 1 0" pos="0.02 0 0"/>
   <joint name="s" type="slide" axis="0 0 1" range="-0.1 0.1"/><joint name="z" axis="0 0 1"/>
-  <body name="b" pos="0 0 0.3" euler="30 40 50"><joint name="last" range="-90 90"/><geom type="ellipsoid" size="0.05 0.1 0.03"/>
+  <body name="b" pos="0 0 0.3" euler="30 40 50"><joint name="last" range="-90 90"/><geom type="ellipsoid"
+  size="0.05 0.1 0.03"/>
   </body></body></worldbody></mujoco>""",
     "frames and replicas": """
-<mujoco><worldbody><frame pos="1 0 0" euler="0 0 90"><body name="a" pos="0 1 0"><frame euler="45 0 0"><joint name="j" axis="0 0 1"/>
+<mujoco><worldbody><frame pos="1 0 0" euler="0 0 90"><body name="a" pos="0 1 0"><frame euler="45 0 0"><joint name="j"
+  axis="0 0 1"/>
   <geom type="capsule" size="0.03 0.1"/></frame><body name="b"><joint name="k" axis="1 0 0"/>
   <replicate count="3" offset="0 0 0.1" euler="0 0 20"><geom type="box" size="0.02 0.01 0.03"/></replicate>
   <site name="tool_frame" pos="0 0 0.4"/></body></body></frame></worldbody></mujoco>""",
@@ -141,48 +145,62 @@ CASES = {
 <mujoco><worldbody><body><joint/><geom size="0.1"/><body pos="0 0 0.3"><joint axis="1 0 0"/><geom size="0.1"/><site/>
   </body></body></worldbody></mujoco>""",
     "masses of shapes": """
-<mujoco><compiler inertiagrouprange="0 1" boundmass="0.01" boundinertia="1e-5"/><default><geom density="500"/></default><worldbody>
+<mujoco><compiler inertiagrouprange="0 1" boundmass="0.01" boundinertia="1e-5"/><default><geom density="500"/>
+  </default><worldbody>
   <body name="a"><joint name="j"/><geom type="box" size="0.1 0.2 0.3" pos="0.1 0 0" mass="2"/>
   <geom type="sphere" size="0.1" group="2"/><body name="b" pos="0 0 0.5"><joint name="k" axis="0 1 0"/>
   <geom type="capsule" size="0.05 0.2"/><geom type="ellipsoid" size="0.1 0.2 0.05" pos="0.1 0.2 0.3"/></body>
   </body></worldbody></mujoco>""",
     "meshes fitted by shapes": """
-<mujoco><compiler meshdir="assets" fitaabb="true"/><asset><mesh name="m" file="part.obj" scale="1 -2 1"/></asset><worldbody>
+<mujoco><compiler meshdir="assets" fitaabb="true"/><asset><mesh name="m" file="part.obj" scale="1 -2 1"/></asset>
+  <worldbody>
   <body name="a"><joint name="j"/><geom type="box" mesh="m"/><body name="b" pos="0 0 0.3"><joint name="k" axis="1 0 0"/>
-  <geom type="capsule" mesh="m" euler="10 20 30"/><geom type="mesh" mesh="m" pos="0.1 0 0" euler="5 0 50"/></body></body>
+  <geom type="capsule" mesh="m" euler="10 20 30"/><geom type="mesh" mesh="m" pos="0.1 0 0" euler="5 0 50"/></body>
+  </body>
   </worldbody></mujoco>""",
     "a shape in the file": """
-<mujoco><asset><mesh name="m" vertex="0 0 0 0.1 0 0 0 0.2 0 0 0 0.3"/><mesh name="s" builtin="sphere" params="1" scale="0.1 0.1 0.2"/>
+<mujoco><asset><mesh name="m" vertex="0 0 0 0.1 0 0 0 0.2 0 0 0 0.3"/><mesh name="s" builtin="sphere" params="1"
+  scale="0.1 0.1 0.2"/>
   </asset><worldbody><body name="a"><joint name="j"/><geom type="mesh" mesh="m"/>
-  <body name="b" pos="0 0 0.5"><joint name="k" axis="1 0 0"/><geom type="mesh" mesh="s"/></body></body></worldbody></mujoco>""",
+  <body name="b" pos="0 0 0.5"><joint name="k" axis="1 0 0"/><geom type="mesh" mesh="s"/></body></body></worldbody>
+  </mujoco>""",
     "a chain of equalities": """
-<mujoco><worldbody><body name="a"><joint name="j" axis="0 0 1" range="-1 1"/><geom size="0.1"/><body name="b" pos="0.3 0 0">
+<mujoco><worldbody><body name="a"><joint name="j" axis="0 0 1" range="-1 1"/><geom size="0.1"/><body name="b"
+  pos="0.3 0 0">
   <joint name="k" axis="0 0 1" ref="10"/><geom size="0.1"/><body name="c" pos="0.3 0 0"><joint name="l" axis="0 0 1"/>
-  <geom size="0.1"/><body name="d" pos="0.3 0 0"><joint name="m" axis="0 0 1"/><geom size="0.1"/></body></body></body></body></worldbody>
+  <geom size="0.1"/><body name="d" pos="0.3 0 0"><joint name="m" axis="0 0 1"/><geom size="0.1"/></body></body>
+  </body></body></worldbody>
   <equality><joint joint1="k" joint2="j" polycoef="0.1 -0.5 0 0 0"/><joint joint1="l" joint2="k" polycoef="0 2 0 0 0"/>
   <joint joint1="m" polycoef="0.25 0 0 0 0"/><joint active="false" joint1="j" joint2="m"/></equality></mujoco>""",
     "two arms and a cube": """
-<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="left/base" pos="0 0.5 0.1"><geom size="0.05"/><body name="left/arm">
+<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="left/base" pos="0 0.5 0.1"><geom size="0.05"/>
+  <body name="left/arm">
   <joint name="left/a"/><geom type="capsule" size="0.03" fromto="0 0 0.1 0 0 0.3"/><body name="left/tip" pos="0 0 0.3">
   <joint name="left/b" axis="0 1 0"/><geom size="0.03"/><site name="left/gripper" pos="0 0 0.1"/></body></body></body>
   <body name="right/base" pos="0 -0.5 0.1"><geom size="0.05"/><body name="right/arm"><joint name="right/a"/>
-  <geom type="capsule" size="0.03" fromto="0 0 0.1 0 0 0.3"/><body name="right/tip" pos="0 0 0.3"><joint name="right/b" axis="0 1 0"/>
+  <geom type="capsule" size="0.03" fromto="0 0 0.1 0 0 0.3"/><body name="right/tip" pos="0 0 0.3">
+  <joint name="right/b" axis="0 1 0"/>
   <geom size="0.03"/><site name="right/gripper" pos="0 0 0.1"/></body></body></body>
   <body name="cube" pos="0.5 0 0.02"><freejoint/><geom type="box" size="0.02 0.02 0.02"/></body>
   <body name="table" pos="1 0 0"><geom type="box" size="0.2 0.2 0.1"/></body></worldbody>
   <actuator><motor joint="left/a"/><motor joint="left/b"/><motor joint="right/a"/><motor joint="right/b"/></actuator>
   <keyframe><key name="home" qpos="0.1 0.2 0.3 0.4 0.5 0.1 0.02 1 0 0 0"/></keyframe></mujoco>""",
     "a base that is free": """
-<mujoco><worldbody><body name="trunk" pos="0 0 1" euler="0 0 30"><freejoint/><geom size="0.2"/><body name="arm" pos="0.3 0 0">
+<mujoco><worldbody><body name="trunk" pos="0 0 1" euler="0 0 30"><freejoint/><geom size="0.2"/><body name="arm"
+  pos="0.3 0 0">
   <joint name="j" axis="0 1 0"/><geom type="capsule" size="0.05 0.1"/></body></body></worldbody>
   <actuator><motor joint="j"/></actuator></mujoco>""",
     "a passive door": """
-<mujoco><worldbody><body name="arm"><joint name="j"/><geom size="0.1"/></body><body name="door" pos="1 0 0"><joint name="hinge"/>
+<mujoco><worldbody><body name="arm"><joint name="j"/><geom size="0.1"/></body><body name="door" pos="1 0 0">
+  <joint name="hinge"/>
   <geom type="box" size="0.3 0.02 0.5"/></body></worldbody><actuator><motor joint="j"/></actuator></mujoco>""",
     "masses scaled and balanced": """
-<mujoco><compiler balanceinertia="true" fusestatic="true" discardvisual="true"/><worldbody><body name="a"><joint name="j"/>
-  <inertial mass="1" pos="0 0 0" diaginertia="1 1 5"/><geom size="0.1"/><body name="fused" pos="0.1 0 0"><geom size="0.02" contype="0" conaffinity="0"/>
-  <body name="b" pos="0.2 0 0"><joint name="k" axis="1 0 0"/><geom size="0.1"/></body></body></body></worldbody></mujoco>""",
+<mujoco><compiler balanceinertia="true" fusestatic="true" discardvisual="true"/><worldbody><body name="a">
+  <joint name="j"/>
+  <inertial mass="1" pos="0 0 0" diaginertia="1 1 5"/><geom size="0.1"/><body name="fused" pos="0.1 0 0">
+  <geom size="0.02" contype="0" conaffinity="0"/>
+  <body name="b" pos="0.2 0 0"><joint name="k" axis="1 0 0"/><geom size="0.1"/></body></body></body></worldbody>
+  </mujoco>""",
 }  # fmt: skip
 
 
@@ -240,11 +258,11 @@ class Twin:
     def distance(self, a: str, b: str) -> float:
         """Of the geoms that collide on two links, by MuJoCo."""
         model = self.model
-        found = [1.0]
-        for g in (g for g in range(model.ngeom) if self.bodies.get(int(model.geom_bodyid[g])) == a):
-            for h in (h for h in range(model.ngeom) if self.bodies.get(int(model.geom_bodyid[h])) == b):
-                if model.geom_contype[g] and model.geom_contype[h]:
-                    found.append(mujoco.mj_geomDistance(model, self.data, g, h, 1.0, None))
+        of_a, of_b = (
+            [g for g in range(model.ngeom) if self.bodies.get(int(model.geom_bodyid[g])) == link] for link in (a, b)
+        )
+        pairs = [(g, h) for g in of_a for h in of_b if model.geom_contype[g] and model.geom_contype[h]]
+        found = [1.0, *(mujoco.mj_geomDistance(model, self.data, g, h, 1.0, None) for g, h in pairs)]
         return min(found)
 
 
@@ -438,7 +456,8 @@ def test_a_loop_is_named_and_its_joints_held(folder: Path, caplog: pytest.LogCap
 
 
 def test_a_slide_without_a_range_stands_still(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
-    text = """<mujoco><worldbody><body name="cart"><joint name="rail" type="slide"/><geom size="0.1"/><body name="arm" pos="0 0 1">
+    text = """<mujoco><worldbody><body name="cart"><joint name="rail" type="slide"/><geom size="0.1"/>
+  <body name="arm" pos="0 0 1">
     <joint name="j"/><geom size="0.1"/></body></body></worldbody></mujoco>"""
     robot = load(folder, text)
     assert robot.joint_names == ("j",)
@@ -448,8 +467,10 @@ def test_a_slide_without_a_range_stands_still(folder: Path, caplog: pytest.LogCa
 
 @pytest.mark.parametrize("name", ["jaw", "Gripper", "left_finger_joint"])
 def test_a_single_jaw_at_the_end_is_not_part_of_the_arm(folder: Path, name: str) -> None:
-    text = f"""<mujoco><worldbody><body name="a"><joint name="j"/><geom size="0.1"/><body name="b" pos="0 0 0.3"><joint name="k"/>
-    <geom size="0.1"/><body name="c" pos="0 0 0.3"><joint name="{name}" range="10 90"/><geom size="0.1"/></body></body></body>
+    text = f"""<mujoco><worldbody><body name="a"><joint name="j"/><geom size="0.1"/>
+    <body name="b" pos="0 0 0.3"><joint name="k"/><geom size="0.1"/>
+    <body name="c" pos="0 0 0.3"><joint name="{name}" range="10 90"/><geom size="0.1"/></body>
+  </body></body>
     </worldbody></mujoco>"""
     robot = load(folder, text)
     assert robot.joint_names == ("j", "k")
@@ -459,8 +480,10 @@ def test_a_single_jaw_at_the_end_is_not_part_of_the_arm(folder: Path, name: str)
 
 def test_fingers_branch_off_the_hand(folder: Path) -> None:
     finger = '<body name="f{0}"><joint name="{0}" range="-20 20"/><geom size="0.01"/></body>'
-    text = f"""<mujoco><worldbody><body name="a"><joint name="j"/><geom size="0.1"/><body name="b" pos="0 0 0.3"><joint name="k"/>
-    <geom size="0.1"/><body name="palm" pos="0 0 0.1">{finger.format("p")}{finger.format("q")}</body></body></body></worldbody></mujoco>"""
+    text = f"""<mujoco><worldbody><body name="a"><joint name="j"/><geom size="0.1"/>
+    <body name="b" pos="0 0 0.3"><joint name="k"/><geom size="0.1"/>
+    <body name="palm" pos="0 0 0.1">{finger.format("p")}{finger.format("q")}</body></body></body>
+  </worldbody></mujoco>"""
     robot = load(folder, text)
     assert robot.joint_names == ("j", "k")
     assert robot.tool == "palm"
@@ -541,49 +564,86 @@ def test_a_part_that_others_include_is_refused_as_such(folder: Path) -> None:
 
 
 def arm(inside: str = "", after: str = "", joint: str = '<joint name="j"/>') -> str:
-    return f'<mujoco>\n<worldbody>\n<body name="a">{joint}\n<geom size="0.1"/>\n{inside}\n</body>\n</worldbody>\n{after}\n</mujoco>'
+    body = f'<body name="a">{joint}\n<geom size="0.1"/>\n{inside}\n</body>'
+    return f"<mujoco>\n<worldbody>\n{body}\n</worldbody>\n{after}\n</mujoco>"
 
 
 BAD = {
-    "no robot": ('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>', r"1: has no body that a hinge or slide joint"),
+    "no robot": (
+        '<mujoco><worldbody><geom size="1"/></worldbody></mujoco>',
+        r"1: has no body that a hinge or slide joint",
+    ),
     "nothing": ("<mujoco/>", r"has no body that a hinge or slide joint moves"),
-    "a ball joint": (arm('<body name="b"><joint name="k" type="ball"/><geom size="1"/></body>'), r"5: joint 'k' is a ball joint"),
+    "a ball joint": (
+        arm('<body name="b"><joint name="k" type="ball"/><geom size="1"/></body>'),
+        r"5: joint 'k' is a ball joint",
+    ),
     "not a number": (arm(joint='<joint name="j" axis="nan 0 1"/>'), r"3: <joint> axis='nan 0 1', expected finite"),
     "infinite": (arm('<site pos="0 -inf 0"/>'), r"5: <site> pos='0 -inf 0', expected finite"),
     "too large": (arm('<site name="s" pos="0 1e400 0"/>'), r"5: MuJoCo does not take it: number is too large"),
-    "far away": (arm('<body name="b" pos="0 1e300 0"><joint/><geom size="0.1"/></body>'), r"body_pos holds 1e\+300, expected at most 10000"),
-    "an inverted range": (arm(joint='<joint name="j" range="20 10"/>'), r"3: joint 'j' has range 20 to 10, expected lower < upper"),
+    "far away": (
+        arm('<body name="b" pos="0 1e300 0"><joint/><geom size="0.1"/></body>'),
+        r"body_pos holds 1e\+300, expected at most 10000",
+    ),
+    "an inverted range": (
+        arm(joint='<joint name="j" range="20 10"/>'),
+        r"3: joint 'j' has range 20 to 10, expected lower < upper",
+    ),
     "an empty range": (arm(joint='<joint name="j" range="10 10"/>'), r"3: joint 'j' has range 10 to 10"),
     "no axis": (arm(joint='<joint name="j" axis="0 0 0"/>'), r"3: MuJoCo does not take it: axis too small"),
-    "a misspelt attribute": (arm(joint='<joint nam="j"/>'), r"3: MuJoCo does not take it: .*unrecognized attribute: 'nam'"),
+    "a misspelt attribute": (
+        arm(joint='<joint nam="j"/>'),
+        r"3: MuJoCo does not take it: .*unrecognized attribute: 'nam'",
+    ),
     "a misspelt element": (arm("<geoms/>"), r"5: MuJoCo does not take it: .*unrecognized element"),
     "a misspelt section": (arm(after="<worldbodies/>"), r"8: MuJoCo does not take it: .*unrecognized element"),
     "a name twice": (arm('<body name="a"><geom size="1"/></body>'), r"5: MuJoCo does not take it: .*repeated name 'a'"),
     "an unknown mesh": (arm('<geom type="mesh" mesh="m"/>'), r"5: MuJoCo does not take it: mesh 'm' not found"),
     "an unknown class": (arm('<geom class="c" size="1"/>'), r"5: MuJoCo does not take it: unknown default class"),
-    "an unknown body": (arm(after='<contact><exclude body1="a" body2="z"/></contact>'), r"8: MuJoCo does not take it: body 'z'"),
+    "an unknown body": (
+        arm(after='<contact><exclude body1="a" body2="z"/></contact>'),
+        r"8: MuJoCo does not take it: body 'z'",
+    ),
     "no mass": (arm('<body name="b"><joint/></body>'), r"5: MuJoCo does not take it: mass and inertia"),
-    "an impossible inertia": (arm('<inertial pos="0 0 0" mass="1" diaginertia="1 1 9"/>'), r"MuJoCo does not take it: .*A \+ B >= C"),
+    "an impossible inertia": (
+        arm('<inertial pos="0 0 0" mass="1" diaginertia="1 1 9"/>'),
+        r"MuJoCo does not take it: .*A \+ B >= C",
+    ),
     "a shape of no size": (arm('<geom size="0"/>'), r"5: MuJoCo does not take it: size 0 must be positive"),
-    "a keyframe too short": (arm(after='<keyframe><key qpos="1 2"/></keyframe>'), r"MuJoCo does not take it: .*expected 1, got 2"),
-    "another model": (arm(after='<asset><model name="m" file="m.xml"/></asset>'), r"8: <model> takes a part of another model"),
+    "a keyframe too short": (
+        arm(after='<keyframe><key qpos="1 2"/></keyframe>'),
+        r"MuJoCo does not take it: .*expected 1, got 2",
+    ),
+    "another model": (
+        arm(after='<asset><model name="m" file="m.xml"/></asset>'),
+        r"8: <model> takes a part of another model",
+    ),
     "an attached model": (arm('<attach model="m" body="b" prefix="p"/>'), r"5: <attach> takes a part of another model"),
     "a signed distance field": (arm('<geom type="sdf" mesh="m"/>'), r"5: "),
     "a mesh of another kind": (
-        arm('<geom type="mesh" mesh="m"/>', '<asset><mesh name="m" file="m.dae"/></asset>'), r"8: mesh 'm\.dae' has an unknown suffix"
+        arm('<geom type="mesh" mesh="m"/>', '<asset><mesh name="m" file="m.dae"/></asset>'),
+        r"8: mesh 'm\.dae' has an unknown suffix",
     ),
     "a mesh outside": (
-        arm('<geom type="mesh" mesh="m"/>', '<asset><mesh name="m" file="/etc/passwd.stl"/></asset>'), r"8: mesh '/etc/passwd\.stl' is not there"
+        arm('<geom type="mesh" mesh="m"/>', '<asset><mesh name="m" file="/etc/passwd.stl"/></asset>'),
+        r"8: mesh '/etc/passwd\.stl' is not there",
     ),
-    "too many replicas": (arm('<replicate count="100000"><geom size="1"/></replicate>'), r"5: <replicate> count='100000'"),
+    "too many replicas": (
+        arm('<replicate count="100000"><geom size="1"/></replicate>'),
+        r"5: <replicate> count='100000'",
+    ),
     "replicas of replicas": (
-        arm('<replicate count="1000"><replicate count="1000"><geom size="1"/></replicate></replicate>'), r"5: the model has more than 20000"
+        arm('<replicate count="1000"><replicate count="1000"><geom size="1"/></replicate></replicate>'),
+        r"5: the model has more than 20000",
     ),
-    "replicas without a count": (arm('<replicate><geom size="1"/></replicate>'), r"5: <replicate> has no attribute 'count'"),
+    "replicas without a count": (
+        arm('<replicate><geom size="1"/></replicate>'),
+        r"5: <replicate> has no attribute 'count'",
+    ),
     "a bomb": ('<!DOCTYPE m [<!ENTITY a "b">]><mujoco/>', r"DOCTYPE"),
     "unclosed": ("<mujoco>", r"not well-formed"),
     "nested too deep": (arm("<frame>" * 200 + "</frame>" * 200), r"nested deeper than 100"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", BAD)
@@ -631,7 +691,27 @@ def test_nothing_is_written_beside_the_file(folder: Path, monkeypatch: pytest.Mo
 
 # ---- changed files --------------------------------------------------------------------------
 
-_WORDS = ["", "0", "-1", "1e300", "1e-300", "nan", "x", "1 2", "1 2 3", "0 0 0", "0 0 0 0", "true", "mesh", "ball", "free", "a" * 300, "-5 5", "left", "99999999999"]  # fmt: skip
+_WORDS = [
+    "",
+    "0",
+    "-1",
+    "1e300",
+    "1e-300",
+    "nan",
+    "x",
+    "1 2",
+    "1 2 3",
+    "0 0 0",
+    "0 0 0 0",
+    "true",
+    "mesh",
+    "ball",
+    "free",
+    "a" * 300,
+    "-5 5",
+    "left",
+    "99999999999",
+]
 
 
 def mutated(text: str, rng: random.Random) -> str:
