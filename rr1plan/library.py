@@ -76,11 +76,13 @@ def load_robot(
     name: str | None = None,
     xacro_arguments: Mapping[str, str] | None = None,
 ) -> Robot:
-    """Load a robot that ships with rr1plan or is installed, or any arm from its URDF or xacro file.
+    """Load a robot that ships with rr1plan or is installed, or any arm from its URDF, xacro or MJCF file.
 
     The planning joints are the given `joints`, those of the given `group`, or else those of the
     SRDF's arm that carries an end effector, of its first group, or all that move by themselves.
-    Every other joint that moves by itself is held at zero, or at its limit nearest to zero.
+    Every other joint that moves by itself is held at zero, or at its limit nearest to zero. An MJCF file has a group
+    for each of its robots, named after its first body: the driven hinges and slides on the way to the tool. Its
+    keyframes are states, and its other joints are held as in "home".
 
     URDF knows no acceleration and no jerk: one that reaches the velocity in 0.25 s and a jerk that
     reaches that in 0.1 s are taken. A velocity it does not give becomes 1 rad/s or 0.25 m/s.
@@ -95,7 +97,7 @@ def load_robot(
 
     Args:
         name_or_file: One of `robot_names()`, one of `installed_robot_names()` (`pip install 'rr1plan[robots]'`), or a
-            .urdf or .xacro file. A xacro file is a program: load only those you trust.
+            .urdf, .xacro or MJCF (.xml, .mjcf) file. A xacro file is a program: load only those you trust.
         srdf: The SRDF; None looks beside the URDF and in ../srdf for one of the same name, False
             takes none.
         group: The SRDF group to plan for.
@@ -103,12 +105,14 @@ def load_robot(
             of a robot. Where the SRDF has no such group, or there is none, give a chain: (base link, tip link). The
             robot's tool is that of the first.
         joints: The joints to plan for, in this order.
-        package_dirs: Folders to look for `package://` meshes in, before those around the file.
+        package_dirs: Folders to look for `package://` meshes in, before those around the file; for MJCF,
+            folders besides its own in which meshes may be.
         convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
             (slow the first time, with a bar on a terminal; then kept on disk).
         limits: Limits of the planning joints, or the name of one of the robot's presets.
         tool: The link that pose goals mean when they name none; by default the tip of the group's
-            chain, or the end of what hangs on the last planning joint.
+            chain, or the end of what hangs on the last planning joint. Of MJCF a body or a site, to which the planned
+            chain leads; by default a site with a tool's name, or the body that the fingers are on.
         name: Another name for the robot.
         xacro_arguments: Values of a xacro file's arguments; with some, or {}, a .urdf is expanded as well.
 

@@ -171,7 +171,7 @@ class LinkReader:
     # ---- masses ---------------------------------------------------------------------------
 
     def _inertial(self, body: int) -> Inertial | None:
-        """Mass, center and inertia of a body in its axes; assumed where it comes from MuJoCo's default density."""
+        """Mass, center and inertia of a body in its axes; assumed where a moving one has MuJoCo's default density."""
         model = self.model
         mass = float(model.body_mass[body])
         if mass == 0.0:
@@ -182,7 +182,8 @@ class LinkReader:
         R = rotation_from_quaternion(model.body_iquat[body])
         inertia = (R * moments) @ R.T
         uses = [self.compiled.uses[g] for g in self.geoms(body)]
-        assumed = not self._explicit[body] and not all(use.given_mass for use in uses)
+        moves = int(model.body_weldid[body]) != 0
+        assumed = moves and not self._explicit[body] and not all(use.given_mass for use in uses)
         return Inertial(
             mass, read_only(np.array(model.body_ipos[body])), read_only(0.5 * (inertia + inertia.T)), assumed
         )
