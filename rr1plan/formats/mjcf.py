@@ -3,7 +3,7 @@
 The base is the file's world frame, bodies are links and named sites are frames. Joints keep MuJoCo's values: one with a
 `ref` has that value where its body stands as written. Several joints on a body, or joints beside its origin, get frames
 between. Bodies that no driven joint moves (tables, cubes, doors) are not part of the robot, and neither are the shapes
-of the world; `read_mjcf` returns them apart.
+of the world; `read_mjcf` returns them separately.
 """
 
 from __future__ import annotations
@@ -275,7 +275,7 @@ class _Reader:
             chains={name: (BASE, tip) for name, (_, tip) in arms.items()},
             states=states,
             disabled=self._excluded(),
-            resting={n: self.joints.rest_value(j) for j, n in numbers.items()},
+            default_positions={n: self.joints.rest_value(j) for j, n in numbers.items()},
             is_partial=True,
         )
 
@@ -396,20 +396,20 @@ class _Walk:
         """The last body of the arm: where fingers branch off, or the last one with a joint that is no gripper's."""
         link, passed = self.reader.link_of[root], sum(j.kind != "fixed" for j in self.chain(self.reader.link_of[root]))
         while True:
-            ways = [j for j in self.below.get(link, ()) if self.reach.get(j.child, 0) + (j.kind != "fixed") > 0]
-            if not ways:
+            branches = [j for j in self.below.get(link, ()) if self.reach.get(j.child, 0) + (j.kind != "fixed") > 0]
+            if not branches:
                 return self._end(link)
-            best = max(ways, key=lambda j: self.reach.get(j.child, 0) + (j.kind != "fixed"))
+            best = max(branches, key=lambda j: self.reach.get(j.child, 0) + (j.kind != "fixed"))
             ahead = self.reach.get(best.child, 0) + (best.kind != "fixed")
-            if (len(ways) > 1 and passed >= ahead) or (best.kind != "fixed" and self._is_gripper(best)):
+            if (len(branches) > 1 and passed >= ahead) or (best.kind != "fixed" and self._is_gripper(best)):
                 return link
             passed += best.kind != "fixed"
             link = best.child
 
     def _end(self, link: str) -> str:
         """What hangs on the last link as the only thing."""
-        while len(ways := [j for j in self.below.get(link, ()) if j.child not in self.reader.site_of]) == 1:
-            link = ways[0].child
+        while len(branches := [j for j in self.below.get(link, ()) if j.child not in self.reader.site_of]) == 1:
+            link = branches[0].child
         return link
 
     def _is_gripper(self, joint: Joint) -> bool:

@@ -3,7 +3,8 @@
 MuJoCo's parser is native code that follows includes, loads meshes and textures and expands macros. So the elements are
 read here first, within bounds. Includes are resolved and stay inside the robot's folders, mesh files become names that
 `mjcf_model` reads with the package's own readers, and all that says nothing about kinematics, masses, shapes or
-contacts is left out. Each element has its own line in the text, by which MuJoCo's messages are led back to the file.
+contacts is left out. Each element has its own line in the text, so that MuJoCo's messages can be given the line of the
+file.
 """
 
 from __future__ import annotations
@@ -220,7 +221,7 @@ class _Writer:
             return
         self.texts.append(f"<{element.tag}{written}>")
         if depth == 0:
-            # The last word of several compiler elements counts: bodies stay apart, no length of a muscle is simulated.
+            # Static bodies and shapes without contact stay, and no muscle is simulated to find its lengths.
             self._add('<compiler fusestatic="false" discardvisual="false"><lengthrange mode="none"/></compiler>')
         for child in children:
             self.write(child, element.tag, depth + 1)

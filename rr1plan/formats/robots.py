@@ -66,7 +66,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     groups, names = _planning_joints(tree, known, chosen, choice.joints)
     limits = urdf_limits([joints[n] for n in names])
     held = {
-        j.name: float(np.clip(known.resting.get(j.name, 0.0), j.lower, j.upper))
+        j.name: float(np.clip(known.default_positions.get(j.name, 0.0), j.lower, j.upper))
         for j in tree.joints
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
@@ -273,6 +273,9 @@ def _tool(tree: Tree, known: Semantics, groups: tuple[str, ...], names: tuple[st
             if group in (effector.parent_group, effector.group):
                 return effector.parent_link
         names = tuple(n for n in names if n in known.groups[group]) or names
+    for group, members in known.groups.items() if known.is_partial else ():
+        if members[-1:] == names[-1:]:
+            return known.chains[group][1]
     link = next(j.child for j in tree.joints if j.name == names[-1])
     while True:
         below = [j.child for j in tree.joints if j.parent == link and j.kind == "fixed"]

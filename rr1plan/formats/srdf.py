@@ -42,7 +42,7 @@ class Semantics:
         end_effectors: The grippers.
         passive: Joints that nobody drives.
         disabled: Pairs of links that need no check.
-        resting: Values that joints are held at where they are not planned for (default: zero, or the limit nearest it).
+        default_positions: Values of joints that are not planned for (default: zero, or the limit nearest to it).
         is_partial: Neighbors and links that always touch need no check either, though `disabled` does not name them.
     """
 
@@ -52,7 +52,7 @@ class Semantics:
     end_effectors: tuple[EndEffector, ...] = ()
     passive: frozenset[str] = frozenset()
     disabled: frozenset[frozenset[str]] = frozenset()
-    resting: Mapping[str, float] = field(default_factory=dict)
+    default_positions: Mapping[str, float] = field(default_factory=dict)
     is_partial: bool = False
 
 
@@ -84,7 +84,7 @@ def joined_semantics(srdf: Semantics, mjcf: Semantics) -> Semantics:
         chains=srdf.chains if srdf.groups else mjcf.chains,
         states={**mjcf.states, **srdf.states},
         disabled=srdf.disabled | mjcf.disabled,
-        resting=mjcf.resting,
+        default_positions=mjcf.default_positions,
         is_partial=not srdf.disabled,
     )
 

@@ -359,6 +359,13 @@ def test_it_goes_the_whole_line(folder: Path) -> None:
     assert again.report.valid
 
 
+def test_chosen_joints_keep_the_tool(folder: Path) -> None:
+    robot = load(folder, GRIPPER, joints=["second", "third"])
+    assert robot.tool == "grasp_site"
+    assert robot.held["first"] == 0.1
+    np.testing.assert_array_equal(robot.home, [0.2, -0.3])
+
+
 def test_the_way_to_a_chosen_tool_is_planned_for(folder: Path) -> None:
     robot = load(folder, CASES["two arms and a cube"], tool="right/tip")
     assert robot.joint_names == ("right/a", "right/b")
