@@ -273,13 +273,13 @@ def _read_mjcf_scene(file: Path) -> Scene:
 
 
 def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
-    """The named queries of a scene that ships with rr1plan, or of a scene file (.toml), as problems.
+    """The named queries of a scene that ships with rr1plan, or of a scene file, as problems; only .toml files have any.
 
     Raises:
         UnknownNameError: no scene of that name ships.
         FormatError: the file is not a scene.
     """
-    return read_scene(_scene_file(name_or_file), load_robot).problems
+    return load_scene_file(name_or_file).problems
 
 
 def save_scene(

@@ -417,6 +417,43 @@ def test_a_file_is_a_scene_too(folder: Path, caplog: pytest.LogCaptureFixture) -
     assert rp.CollisionChecker(scene).is_free(scene.arms["arm"].q)
 
 
+WORKPLACE = """
+<mujoco><compiler meshdir="assets"/><asset><mesh file="part.obj" scale="2 2 2"/></asset><worldbody>
+  <geom name="floor" type="plane" size="1 1 1" pos="0 0 -0.1" euler="5 0 0"/>
+  <geom name="wedge" type="mesh" mesh="part" pos="0.3 0.1 0.1" euler="0 0 20"/>
+  <body name="shelf" pos="-0.4 0 0.3" euler="0 0 30"><geom type="box" size="0.1 0.2 0.01" pos="0 0 0.1"/>
+  <geom type="capsule" size="0.02 0.2"/></body><body name="ball" pos="0 0.4 0.3"><freejoint/><geom size="0.08"/></body>
+  <body name="arm"><geom size="0.12"/><body name="one" pos="0 0 0.15"><joint name="j1" axis="0 0 1" range="-170 170"/>
+  <geom type="capsule" size="0.03" fromto="0 0 0 0 0 0.2"/><body name="two" pos="0 0 0.25">
+  <joint name="j2" axis="0 1 0" range="-150 150"/><geom type="capsule" size="0.03" fromto="0 0 0 0.3 0 0"/>
+  <body name="three" pos="0.3 0 0"><joint name="j3" axis="0 1 0" range="-150 150"/>
+  <geom type="box" size="0.15 0.02 0.02" pos="0.15 0 0"/></body></body></body></body></worldbody>
+  <actuator><motor joint="j1"/><motor joint="j2"/><motor joint="j3"/></actuator></mujoco>"""
+
+
+def test_the_scene_is_free_where_mujocos_is(folder: Path) -> None:
+    file = folder / "scene.xml"
+    file.write_text(WORKPLACE)
+    scene = rp.load_scene(file)
+    robot = scene.arms["arm"].robot
+    checker, rng = rp.CollisionChecker(scene), np.random.default_rng(3)
+    twin = Twin(robot, reference(WORKPLACE, folder))
+    own = [p for p in LinkBodies(robot).pairs if p not in robot.never_collide]
+    model, outcomes = twin.model, []
+    moving = [g for g in range(model.ngeom) if twin.bodies.get(int(model.geom_bodyid[g])) in ("one", "two", "three")]
+    around = [g for g in range(model.ngeom) if int(model.geom_bodyid[g]) not in twin.bodies]
+    assert len(around) == 5
+    for _ in range(300):
+        q = twin.random(rng)
+        twin.place(q)
+        found = [mujoco.mj_geomDistance(model, twin.data, g, h, 1.0, None) for g in moving for h in around]
+        nearest = min([*found, *(twin.distance(*sorted(pair)) for pair in own)])
+        if abs(nearest) > 1e-5:
+            outcomes.append(nearest > 0.0)
+            assert checker.is_free(q) == (nearest > 0.0), (q, nearest)
+    assert 20 < sum(outcomes) < len(outcomes) - 20
+
+
 def test_the_file_that_we_write_reads_back(rr1: rp.Robot, tmp_path: Path) -> None:
     scene = rp.Scene().with_arm("arm", rr1)
     robot = rp.load_robot(rp.playback.save_mjcf(tmp_path / "rr1.xml", scene), groups=[("world", f"arm/{rr1.tool}")])
