@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -24,10 +23,12 @@ from rr1plan.formats.xacro import expand_xacro
 from rr1plan.limits import Limits
 from rr1plan.problem import Problem
 from rr1plan.robot import Robot
-from rr1plan.scene import Scene
+from rr1plan.scene import Arm, Obstacle, Scene
 
 _MJCF_SUFFIXES = (".xml", ".mjcf")
 _SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml", *_MJCF_SUFFIXES)
+# Of an MJCF scene: contacts of each with each standing link are allowed one by one.
+_MOST_SURROUNDINGS = 1000
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -260,16 +261,21 @@ def _read_mjcf_scene(file: Path) -> Scene:
     from rr1plan.formats.mjcf import read_mjcf
 
     content = read_mjcf(file)
-    scene = Scene(name=content.tree.name).with_arm("arm", assemble(content.tree, content.semantics, Choice()))
+    if len(content.surroundings) > _MOST_SURROUNDINGS:
+        raise FormatError(
+            f"has {len(content.surroundings)} things around the robot, expected at most {_MOST_SURROUNDINGS}", file
+        )
+    arm = Arm(assemble(content.tree, content.semantics, Choice()))
+    obstacles: dict[str, Obstacle] = {}
+    allowed: set[frozenset[str]] = set()
     for thing in content.surroundings:
         name = thing.name.replace("/", "_")
-        while name in scene.arms or name in scene.obstacles:
+        while name == "arm" or name in obstacles:
             name += "_"
-        scene = scene.with_obstacle(name, thing.geometries, thing.pose)
+        obstacles[name] = Obstacle(thing.geometries, thing.pose)
         if thing.stands:  # what stands on it stays there
-            touching = frozenset(frozenset((f"arm/{link}", name)) for link in content.standing)
-            scene = replace(scene, allowed=scene.allowed | touching)
-    return scene
+            allowed.update(frozenset((f"arm/{link}", name)) for link in content.standing)
+    return Scene({"arm": arm}, obstacles, allowed=frozenset(allowed), name=content.tree.name)
 
 
 def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:

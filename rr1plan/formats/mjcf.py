@@ -128,7 +128,12 @@ class _Reader:
         self.joints = JointReader(compiled, self.rest)
         self.shapes = LinkReader(compiled, convex)
         self.roots = self._roots()
-        self.bodies = [b for b in range(1, self.model.nbody) if int(self.model.body_rootid[b]) in self.roots]
+        robots = set(self.roots)
+        self.bodies = {b: None for b in range(1, self.model.nbody) if int(self.model.body_rootid[b]) in robots}
+        self.sites: dict[int, list[int]] = {}
+        for site, body in enumerate(self.model.site_bodyid.tolist()):
+            if body in self.bodies and self.model.site(site).name:
+                self.sites.setdefault(body, []).append(site)
         # The world is shared by everything that stands in it.
         self.links: list[Link] = [Link(BASE)]
         self.tree_joints: list[Joint] = []
@@ -140,9 +145,7 @@ class _Reader:
         self._refuse_what_no_robot_has()
         for body in self.bodies:
             self._add_body(body)
-        if len(self.links) > MAX_LINKS:
-            root = self.compiled.document.root
-            raise root.error(f"the robot has {len(self.links)} links and frames, expected at most {MAX_LINKS}")
+        self._drop_mimics_of_others()
         self._warn()
         name = self.compiled.document.root.attributes.get("model", "").strip() or self.file.stem
         tree = Tree(name, tuple(self.links), tuple(self.tree_joints), str(self.file))
@@ -169,6 +172,11 @@ class _Reader:
 
     def _refuse_what_no_robot_has(self) -> None:
         model = self.model
+        frames = [j for j in range(model.njnt) if int(model.jnt_bodyid[j]) in self.bodies]
+        count = len(self.bodies) + len(frames) + sum(map(len, self.sites.values()))
+        if count > MAX_LINKS:
+            root = self.compiled.document.root
+            raise root.error(f"the robot has {count} bodies, joints and named sites, expected at most {MAX_LINKS}")
         for joint in range(model.njnt):
             body = int(model.jnt_bodyid[joint])
             kind = int(model.jnt_type[joint])
@@ -229,9 +237,8 @@ class _Reader:
         if parent != name:
             self._fix(parent, name, before)
         self.links.append(self.shapes.link(body, name))
-        for site in range(model.nsite):
-            if int(model.site_bodyid[site]) == body and model.site(site).name:
-                self._add_site(site, name)
+        for site in self.sites.get(body, ()):
+            self._add_site(site, name)
 
     def _add_site(self, site: int, body: str) -> None:
         written = self.model.site(site).name
@@ -245,6 +252,15 @@ class _Reader:
         while joint in self.joints.names.values() or any(joint == j.name for j in self.tree_joints):
             joint += "_"
         self.tree_joints.append(Joint(joint, "fixed", parent, child, read_only(pose)))
+
+    def _drop_mimics_of_others(self) -> None:
+        """A joint that follows one of a body which is not the robot's is held."""
+        moving = {joint.name for joint in self.tree_joints if joint.kind != "fixed"}
+        for index, joint in enumerate(self.tree_joints):
+            if joint.mimic is not None and joint.mimic.joint not in moving:
+                leader = joint.mimic.joint
+                log.warning("%s: joint %r follows %r, which no robot has; it is held", self.file, joint.name, leader)
+                self.tree_joints[index] = replace(joint, mimic=None)
 
     def _unused(self, name: str) -> str:
         """A name that no body and no frame has."""
@@ -311,7 +327,7 @@ class _Reader:
         """Say once what the file has and the robot has not."""
         if self.compiled.document.not_read:
             log.warning("%s: left out, not read: %s", self.file, ", ".join(self.compiled.document.not_read))
-        assumed = self.shapes.assumed_masses(self.bodies)
+        assumed = self.shapes.assumed_masses(list(self.bodies))
         if assumed:
             log.warning(
                 "%s: links without a mass, taken as solid with 1000 kg/m³, torques are estimates: %s",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,7 +105,8 @@ def compile_document(document: Document, lookup: MeshLookup) -> CompiledDocument
         warnings.simplefilter("always")
         spec = _parsed(document)
         _check_ranges(document, spec)
-        uses = {id(geom): (geom, _use(geom, spec)) for geom in spec.geoms}
+        paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
+        uses = {id(geom): (geom, _use(geom, paired)) for geom in spec.geoms}
         meshes = _Meshes(document, lookup, spec).read(list(uses.values()))
         for pair in list(spec.pairs):
             spec.delete(pair)
@@ -139,10 +140,10 @@ def _refusal(document: Document, error: Exception) -> FormatError:
     return document.error(f"MuJoCo does not take it: {message}", int(lines[-1]) if lines else None)
 
 
-def _use(geom: Any, spec: Any) -> GeomUse:
+def _use(geom: Any, paired: Container[str]) -> GeomUse:
+    """What a geom is for; `paired` are the names of those that are in a pair."""
     hidden = geom.group >= _SEEN_GROUPS
-    touches = bool(geom.contype or geom.conaffinity)
-    touches |= bool(geom.name) and any(geom.name in (pair.geomname1, pair.geomname2) for pair in spec.pairs)
+    touches = bool(geom.contype or geom.conaffinity) or (bool(geom.name) and geom.name in paired)
     weighed = np.isfinite(geom.mass) or geom.density != _DENSITY
     return GeomUse(
         collides=touches or hidden,

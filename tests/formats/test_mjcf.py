@@ -499,6 +499,18 @@ def test_a_loop_is_named_and_its_joints_held(folder: Path, caplog: pytest.LogCap
     assert "closed loops are not modelled, their passive joints are held: closed" in caplog.text
 
 
+def test_a_joint_that_follows_a_door_is_held(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    text = CASES["a passive door"].replace(
+        "</worldbody>", '</worldbody><equality><joint joint1="k" joint2="hinge"/></equality>'
+    )
+    text = text.replace(
+        '<geom size="0.1"/></body>',
+        '<geom size="0.1"/><body name="b"><joint name="k"/><geom size="0.1"/></body></body>',
+    )
+    assert dict(load(folder, text).held) == {"k": 0.0}
+    assert "joint 'k' follows 'hinge', which no robot has; it is held" in caplog.text
+
+
 def test_a_slide_without_a_range_stands_still(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     text = """<mujoco><worldbody><body name="cart"><joint name="rail" type="slide"/><geom size="0.1"/>
   <body name="arm" pos="0 0 1">
@@ -714,7 +726,12 @@ def test_very_many_elements_are_refused(folder: Path) -> None:
     with pytest.raises(rp.FormatError, match="more than 20000 elements"):
         load(folder, arm("<site/>" * 20_001))
     with pytest.raises(rp.FormatError, match="expected at most 1000"):
-        load(folder, arm("".join(f'<site name="s{i}"/>' for i in range(1_001))))
+        load(folder, arm("".join(f'<site name="s{i}"/>' for i in range(15_000))))
+    with pytest.raises(rp.FormatError, match="expected at most 1000"):
+        load(folder, arm('<body><geom size="1"/></body>' * 5_000))
+    (folder / "many.xml").write_text(arm().replace("</worldbody>", '<geom size="1"/>' * 3_000 + "</worldbody>"))
+    with pytest.raises(rp.FormatError, match="3000 things around the robot, expected at most 1000"):
+        rp.load_scene(folder / "many.xml")
 
 
 def test_options_of_other_formats_are_refused(folder: Path) -> None:
