@@ -9,7 +9,6 @@ of the world; `read_mjcf` returns them separately.
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 from rr1plan.checks import Array, file_path, known_name, read_only
 from rr1plan.formats.convex_pieces import CONVEXITIES, Convexity
 from rr1plan.formats.mesh_lookup import MeshLookup
+from rr1plan.formats.mjcf_arms import ArmFinder
 from rr1plan.formats.mjcf_document import read_document
 from rr1plan.formats.mjcf_joints import HINGE, SLIDE, JointReader
 from rr1plan.formats.mjcf_links import PLANE, LinkReader
@@ -35,13 +35,6 @@ log = logging.getLogger(__name__)
 BASE = "world"
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _CONNECTS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
-# Names of tool frames, the most telling first, without prefixes ("left/") and the endings "_site" and "_frame".
-_TOOLS = (
-    "tcp", "link_tcp", "hand_tcp", "tool_center_point", "pinch", "grip", "grasp", "gripper", "gripperframe", "ee",
-    "eef", "end_effector", "attachment", "tool", "tool0", "flange",
-)  # fmt: skip
-# Joints that open and close a hand.
-_GRIPPER = re.compile(r"finger|grip|jaw|claw|knuckle|thumb", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +131,7 @@ class _Reader:
         self.links: list[Link] = [Link(BASE)]
         self.tree_joints: list[Joint] = []
         self.link_of: dict[int, str] = {0: BASE}
-        self.site_of: dict[str, int] = {}
+        self.site_links: set[str] = set()
         self.taken = {self.model.body(b).name for b in range(self.model.nbody)}
 
     def read(self) -> MjcfContent:
@@ -243,7 +236,7 @@ class _Reader:
     def _add_site(self, site: int, body: str) -> None:
         written = self.model.site(site).name
         name = self._unused(written if written not in self.taken else f"{written}_site")
-        self.site_of[name] = int(self.model.site_bodyid[site])
+        self.site_links.add(name)
         self._fix(body, name, self.compiled.pose(self.model.site_pos[site], self.model.site_quat[site]))
         self.links.append(Link(name))
 
@@ -306,19 +299,21 @@ class _Reader:
 
     def _arms(self, tree: Tree) -> dict[str, tuple[tuple[str, ...], str]]:
         """For each robot its first body's name, its planning joints and its tool."""
-        walk = _Walk(self, tree)
-        if self.tool is not None:
-            known_name("link", self.tool, walk.above | {BASE: None})
-        roots = sorted(self.roots, key=lambda root: self.tool is not None and not walk.is_below(self.tool, root))
+        finder, tool = ArmFinder(tree, self.joints, self.site_links), self.tool
+        if tool is not None:
+            known_name("link", tool, [link.name for link in tree.links])
+        # The robot with the chosen tool comes first.
+        roots = sorted(
+            map(self.link_of.__getitem__, self.roots), key=lambda r: tool is None or not finder.is_below(tool, r)
+        )
         found: dict[str, tuple[tuple[str, ...], str]] = {}
-        for driven in (walk.driven, walk.moving):
-            walk.driven = driven  # all joints where only the grippers are driven
+        for joints in (finder.driven, finder.moving):
+            finder.driven = joints  # all of them where only grippers are driven
             for root in roots if not found else ():
-                wanted = self.tool if self.tool is not None and walk.is_below(self.tool, root) else None
-                tip = wanted or walk.named_tool(root) or walk.hand(root)
-                joints = walk.arm_joints(tip)
-                if joints:
-                    found[self.link_of[root]] = joints, tip
+                wanted = tool if tool is not None and finder.is_below(tool, root) else None
+                tip = wanted or finder.named_tool(root) or finder.hand(root)
+                if names := finder.arm_joints(tip):
+                    found[root] = names, tip
         return found
 
     # ---- warnings -------------------------------------------------------------------------
@@ -364,89 +359,5 @@ class _Reader:
         return all(end in self.bodies for end in ends)
 
 
-class _Walk:
-    """Finds the arm in a tree: where its hand is, and which joints lead there."""
-
-    def __init__(self, reader: _Reader, tree: Tree) -> None:
-        self.reader = reader
-        self.above: dict[str, Joint] = {joint.child: joint for joint in tree.joints}
-        self.below: dict[str, list[Joint]] = {}
-        for joint in tree.joints:
-            self.below.setdefault(joint.parent, []).append(joint)
-        numbers = {name: j for j, name in reader.joints.names.items()}
-        any_driven = any(reader.joints.is_driven(j) for j in numbers.values())
-        self.moving = {joint.name for joint in tree.joints if joint.kind != "fixed" and joint.mimic is None}
-        self.driven = {n for n in self.moving if not any_driven or reader.joints.is_driven(numbers[n])}
-        self.reach: dict[str, int] = {}
-        for joint in reversed(tree.joints):
-            self.reach[joint.parent] = max(
-                self.reach.get(joint.parent, 0), self.reach.get(joint.child, 0) + (joint.kind != "fixed")
-            )
-
-    def chain(self, link: str) -> list[Joint]:
-        """The joints from the base to a link."""
-        found: list[Joint] = []
-        while link in self.above:
-            found.append(self.above[link])
-            link = found[-1].parent
-        return found[::-1]
-
-    def is_below(self, link: str, root: int) -> bool:
-        name = self.reader.link_of[root]
-        return link == name or any(name in (joint.parent, joint.child) for joint in self.chain(link))
-
-    def named_tool(self, root: int) -> str | None:
-        """The site or body of a robot whose name says that it is the tool, behind at least one driven joint."""
-        found = []
-        for place, name in enumerate(self.above):
-            word = re.split(r"[/:]", name)[-1].lower()
-            word = word.removesuffix("_site").removesuffix("_frame")
-            is_site = name in self.reader.site_of
-            if word not in _TOOLS or not (is_site or self.reach.get(name, 0) == 0) or not self.is_below(name, root):
-                continue
-            if any(joint.name in self.driven for joint in self.chain(name)):
-                found.append((not is_site, _TOOLS.index(word), place, name))
-        return min(found)[-1] if found else None
-
-    def hand(self, root: int) -> str:
-        """The last body of the arm: where fingers branch off, or the last one with a joint that is no gripper's."""
-        link, passed = self.reader.link_of[root], sum(j.kind != "fixed" for j in self.chain(self.reader.link_of[root]))
-        while True:
-            branches = [j for j in self.below.get(link, ()) if self.reach.get(j.child, 0) + (j.kind != "fixed") > 0]
-            if not branches:
-                return self._end(link)
-            best = max(branches, key=lambda j: self.reach.get(j.child, 0) + (j.kind != "fixed"))
-            ahead = self.reach.get(best.child, 0) + (best.kind != "fixed")
-            if (len(branches) > 1 and passed >= ahead) or (best.kind != "fixed" and self._is_gripper(best)):
-                return link
-            passed += best.kind != "fixed"
-            link = best.child
-
-    def _end(self, link: str) -> str:
-        """What hangs on the last link as the only thing."""
-        while len(branches := [j for j in self.below.get(link, ()) if j.child not in self.reader.site_of]) == 1:
-            link = branches[0].child
-        return link
-
-    def _is_gripper(self, joint: Joint) -> bool:
-        """Whether a joint and all below it open and close a hand, by their names."""
-        waiting, names = [joint], []
-        while waiting:
-            at = waiting.pop()
-            waiting.extend(self.below.get(at.child, ()))
-            names.extend([at.name] if at.kind != "fixed" else [])
-        return all(_GRIPPER.search(name) for name in names)
-
-    def arm_joints(self, tip: str) -> tuple[str, ...]:
-        """The driven joints on the way to a tip, without those of a gripper at its end."""
-        joints = [joint for joint in self.chain(tip) if joint.name in self.driven]
-        while joints and self._is_gripper(joints[-1]):
-            joints.pop()
-        return tuple(joint.name for joint in joints)
-
-
 def _listed(names: Sequence[Any], most: int = 12) -> str:
     return ", ".join(map(str, names[:most])) + (", ..." if len(names) > most else "")
-
-
-__all__ = ["MjcfContent", "Surrounding", "read_mjcf"]

@@ -7,6 +7,8 @@ import math
 import os
 import random
 import struct
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -741,6 +743,11 @@ def test_options_of_other_formats_are_refused(folder: Path) -> None:
         load(folder, GRIPPER, convex="hul")
     with pytest.raises(rp.UnknownNameError, match="gripper"):
         load(folder, GRIPPER, group="gripper")
+
+
+def test_other_robots_do_not_import_mujoco() -> None:
+    code = "import sys, rr1plan as rp; rp.load_robot('planar2r'); sys.exit('mujoco' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
 
 
 def test_nothing_is_written_beside_the_file(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any) -> None:
