@@ -112,8 +112,9 @@ def load_robot(
             (slow the first time, with a bar on a terminal; then kept on disk).
         limits: Limits of the planning joints, or the name of one of the robot's presets.
         tool: The link that pose goals mean when they name none; by default the tip of the group's
-            chain, or the end of what hangs on the last planning joint. Of MJCF a body or a site, to which the planned
-            chain leads; by default a site with a tool's name, or the body that the fingers are on.
+            chain, or the end of what hangs on the last planning joint. In MJCF files it is a body or a site, and the
+            joints between the base and the tool are planned for; by default a site with a tool's name, or the body that
+            holds the fingers.
         name: Another name for the robot.
         xacro_arguments: Values of a xacro file's arguments; with some, or {}, a .urdf is expanded as well.
 
