@@ -55,11 +55,16 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         InputError: no joint to plan for, or one that cannot be.
     """
     known, chosen = _chosen_groups(tree, semantics or Semantics(), choice.groups)
+    if known.is_partial and len(known.groups) > 1 and choice.groups is None and choice.joints is None:
+        first, *others = known.groups
+        log.warning(
+            "%s: group %r is planned for, not %s; option groups takes several", tree.name, first, ", ".join(others)
+        )
     joints = {joint.name: joint for joint in tree.joints}
     groups, names = _planning_joints(tree, known, chosen, choice.joints)
     limits = urdf_limits([joints[n] for n in names])
     locked = {
-        j.name: float(np.clip(0.0, j.lower, j.upper))
+        j.name: float(np.clip(known.default_positions.get(j.name, 0.0), j.lower, j.upper))
         for j in tree.joints
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
@@ -79,7 +84,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         source=tree.source,
     )
     robot = with_assumed_masses(robot)
-    robot = _with_self_contacts(robot, bool(known.disabled), "home" in states)
+    robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, "home" in states)
     if not any(link.collisions for link in robot.links):
         log.warning("%s: no link has a <collision>, nothing will ever be in its way", robot.name)
     elif robot.unchecked_links:
@@ -100,7 +105,7 @@ def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robo
     elif always:
         log.info("%s: always touching, not checked: %s", robot.name, always)
     never = robot.disabled_collisions | found.always
-    if at_home and has_rules:
+    if at_home and (has_rules or keeps_home):
         log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, at_home)
     elif at_home:
         # As MoveIt's setup assistant has it; without this no configuration of the robot would be free.
@@ -269,6 +274,9 @@ def _tool(tree: Tree, known: Semantics, groups: tuple[str, ...], names: tuple[st
             if group in (effector.parent_group, effector.group):
                 return effector.parent_link
         names = tuple(n for n in names if n in known.groups[group]) or names
+    for group, members in known.groups.items() if known.is_partial else ():
+        if members[-1:] == names[-1:]:
+            return known.chains[group][1]
     link = next(j.child for j in tree.joints if j.name == names[-1])
     while True:
         below = [j.child for j in tree.joints if j.parent == link and j.kind == "fixed"]

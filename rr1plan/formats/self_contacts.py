@@ -18,13 +18,13 @@ from rr1plan.checks import Array, as_generator
 from rr1plan.formats.arrays import Arrays
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.formats.link_contacts import Pair
-from rr1plan.formats.srdf_proposal import free_configuration, jammed_pairs, sampled_reasons, touching_links
+from rr1plan.formats.srdf_proposal import free_configuration, jammed_pairs, sampled_reasons, stuck_pairs, touching_links
 from rr1plan.robot import Robot
 
 log = logging.getLogger(__name__)
 
 SAMPLES = 200
-_VERSION = "self-contacts-1"
+_VERSION = "self-contacts-2"
 # What takes less is sampled again [s].
 _WORTH_KEEPING = 0.3
 
@@ -35,7 +35,7 @@ class SelfContacts:
 
     Args:
         always: Pairs that need no check: those that touch wherever the robot is, and without rules links that a joint
-            joins.
+            joins, and those of a gripper that touch as it is held.
         home: A configuration free of other contacts, at or near the one that was asked for, shape (nq,).
         at_home: Pairs that touch even there.
     """
@@ -73,6 +73,10 @@ def _sampled(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
         reasons, _ = sampled_reasons(robot, SAMPLES, as_generator(0))
         always = frozenset(pair for pair, reason in reasons.items() if reason != "Never")
     robot = replace(robot, disabled_collisions=robot.disabled_collisions | always)
+    if keeps_home and not has_rules:
+        stuck = stuck_pairs(robot, touching_links(robot, robot.home), SAMPLES, rng=0)
+        always |= stuck
+        robot = replace(robot, disabled_collisions=robot.disabled_collisions | stuck)
     home = robot.home if keeps_home else free_configuration(robot, robot.home, rng=0)
     return SelfContacts(always, home, frozenset(touching_links(robot, home)))
 

@@ -8,7 +8,7 @@ judge. Shapes are compared by Coal directly.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import combinations
 from types import MappingProxyType
@@ -144,6 +144,18 @@ def jammed_pairs(robot: Robot, samples: int, rng: Seed = None) -> frozenset[Pair
             break
         jammed &= bodies.touching(_sample(robot, generator), list(jammed))
     return frozenset(jammed)
+
+
+def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int, rng: Seed = None) -> frozenset[Pair]:
+    """Those of some pairs of links that touch in each of some random configurations, grippers as they are held."""
+    generator = as_generator(rng)
+    bodies = LinkBodies(robot)
+    stuck = set(pairs)
+    for _ in range(samples):
+        if not stuck:
+            break
+        stuck &= bodies.touching(robot.joint_values(_random(robot, generator)), list(stuck))
+    return frozenset(stuck)
 
 
 def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed = None) -> Array:

@@ -81,7 +81,11 @@ class Kinematics:
         """
         if not isinstance(frame, str):
             raise InputError(f"frame is {shown(frame)}, expected a name")
-        arm, _, link = frame.rpartition("/")
+        arm, slash, link = frame.partition("/")
+        # Links may have a "/" in their names, arms have none.
+        is_link = arm not in self.scene.arms and any(frame in self.scene.arms[a].robot.link_names for a in self.arms)
+        if not slash or is_link:
+            arm, link = "", frame
         if not arm and len(self.arms) != 1:
             raise InputError(
                 f"frame {frame!r} could be of {', '.join(self.arms)}; say which, e.g. '{self.arms[0]}/{frame}'"

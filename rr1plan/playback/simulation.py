@@ -8,8 +8,7 @@ Kinematic: the arms are put where the trajectory says, and MuJoCo says what touc
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -18,6 +17,7 @@ import numpy as np
 
 from rr1plan.checks import Array, check_callback, finite_number, known_name, of_kind, positive_number
 from rr1plan.errors import BackendError, InputError, UnknownNameError
+from rr1plan.formats.mujoco_warnings import mujoco_warnings
 from rr1plan.playback.mujoco_model import MujocoScene, build_mujoco
 from rr1plan.playback.replay import Replay, ReplayContact
 from rr1plan.progress import ProgressCallback, fraction_callback
@@ -81,31 +81,13 @@ def simulate(
     if trajectory.duration + hold > _MOST_STEPS * timestep:
         raise InputError(f"{trajectory.duration + hold:g} s in steps of {timestep:g} s are too many; take longer steps")
     steps = max(1, int(np.ceil((trajectory.duration + hold) / timestep - 1e-9)))
-    with _mujoco_warnings() as warnings:
+    with mujoco_warnings() as warnings:
         world = build_mujoco(scene, timestep=timestep, stiffness=_bounded_stiffness(stiffness))
         times = _clock(trajectory.start_time, timestep, steps)
         run = _Run(world, targets, times, fraction_callback("simulate", progress), warnings)
         started = time.perf_counter()
         (run.dynamic if mode == "dynamic" else run.kinematic)()
     return _report(mode, run, record_dt, time.perf_counter() - started, stiffness)
-
-
-@contextmanager
-def _mujoco_warnings() -> Iterator[list[str]]:
-    """Collect MuJoCo's warnings, which it otherwise writes to MUJOCO_LOG.TXT in the working directory.
-
-    A handler that the caller has installed stays, and gets them instead.
-    """
-    found: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    if before is not None:
-        yield found
-        return
-    mujoco.set_mju_user_warning(found.append)
-    try:
-        yield found
-    finally:
-        mujoco.set_mju_user_warning(None)
 
 
 def _clock(start: float, timestep: float, steps: int) -> Array:

@@ -22,6 +22,8 @@ URDF = '<robot name="r"><link name="base"/></robot>'
 
 READERS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "urdf": (rp.load_robot, "a.urdf"),
+    "mjcf": (rp.load_robot, "a.mjcf"),
+    "mjcf scene": (rp.load_scene, "a.xml"),
     "xacro": (expand_xacro, "a.xacro"),
     "srdf": (lambda file: read_srdf(file, read_urdf(URDF)), "a.srdf"),
     "scene": (rp.load_scene, "a.toml"),
