@@ -300,5 +300,5 @@ def _with_free_arm(
         checker = CollisionChecker(fuller, [name])
         q = next(filter(checker.is_free, draws), None)
         if q is not None:
-            return fuller.with_posture(name, q)
+            return fuller.with_configuration(name, q)
     return None

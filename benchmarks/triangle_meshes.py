@@ -73,12 +73,12 @@ def _terrain(rng: np.random.Generator, triangles: int) -> rp.Mesh:
 def _measure(name: str, given: tuple[rp.Mesh, Any] | None, args: argparse.Namespace) -> dict[str, Any]:
     """All about one mesh, at a place."""
     bare, rng = rp.Scene().with_arm("arm", rp.load_robot("rr1")), np.random.default_rng(args.seed)
-    CollisionChecker(bare).set_up()
+    CollisionChecker(bare).warm_up()
     if given is None:
         return {"mesh": name, "triangles": 0} | _time_edges(bare, args.edges, rng)
     mesh, place = given
     scene = bare.with_obstacle("mesh", mesh, place)
-    result = {"mesh": name, "triangles": len(mesh.faces), "set_up": _time_set_up(bare, mesh, place)}
+    result = {"mesh": name, "triangles": len(mesh.faces), "warm_up": _time_set_up(bare, mesh, place)}
     result |= _time_edges(scene, args.edges, rng)
     if args.seconds > 0.0:
         result["pieces"] = _decompose(bare, mesh, place, args, rng)
@@ -91,7 +91,7 @@ def _time_set_up(bare: rp.Scene, mesh: rp.Mesh, place: Any) -> float:
     for k in range(_ROUNDS):
         scene = bare.with_obstacle("mesh", rp.Mesh(mesh.vertices * (1.0 + 1e-9 * (k + 1)), mesh.faces), place)
         begin = time.process_time()
-        CollisionChecker(scene).set_up()
+        CollisionChecker(scene).warm_up()
         times.append(time.process_time() - begin)
     return min(times)
 
@@ -202,7 +202,7 @@ def _row(result: dict[str, Any]) -> list[str]:
 
     pieces = result.get("pieces", {})
     count = str(pieces.get("count", "none" if "failed" in pieces else "-"))
-    row = [result["mesh"], str(result["triangles"]), shown(result, "set_up", 1e3), shown(result, "edge", 1e6)]
+    row = [result["mesh"], str(result["triangles"]), shown(result, "warm_up", 1e3), shown(result, "edge", 1e6)]
     row += [f"{result['free']:.0%}", count, shown(pieces, "making"), shown(pieces, "edge", 1e6)]
     row.append(f"{pieces['free']:.0%}" if "free" in pieces else "-")
     return [*row, *(str(result.get(key, "-")) for key in ("samples", "contacts", "grazing", "different"))]

@@ -147,7 +147,7 @@ def test_concave_obstacles_are_timed_as_triangles_and_as_pieces(script, tmp_path
     none, mug, terrain = json.loads((tmp_path / "triangle_meshes.json").read_text())["meshes"]
     assert (none["triangles"], mug["triangles"], terrain["triangles"]) == (0, 2592, 200)
     for result in (mug, terrain):
-        assert result["set_up"] > 0.0
+        assert result["warm_up"] > 0.0
         assert result["edge"] > 0.0
         assert result["different"] == 0
     assert 0 < terrain["contacts"] < 60

@@ -336,14 +336,14 @@ def test_a_gripper_arm_is_ready_to_plan(folder: Path) -> None:
     assert robot.name == "gripper arm"
     assert robot.joint_names == ("first", "second", "third")
     assert robot.tool == "grasp_site"
-    assert dict(robot.held) == {"left_finger": 0.03}
+    assert dict(robot.locked_joints) == {"left_finger": 0.03}
     assert robot.joint("right_finger").mimic == rp.robot.Mimic("left_finger", 1.0, 0.0)
     np.testing.assert_array_equal(robot.home, [0.1, 0.2, -0.3])
     assert set(robot.configurations) == {"home", "ready"}
-    assert robot.named_held["ready"]["left_finger"] == 0.04
+    assert robot.locked_joint_states["ready"]["left_finger"] == 0.04
     np.testing.assert_allclose(np.degrees(robot.limits.lower), [-160, -90, -170])
     np.testing.assert_allclose(robot.limits.effort, [80.0, 70.0, 30.0])
-    assert frozenset(("base", "two")) in robot.never_collide
+    assert frozenset(("base", "two")) in robot.disabled_collisions
     joint = robot.joint("first")
     assert (joint.damping, joint.friction) == (0.5, 0.2)
     assert robot.links_of_assumed_mass == ()
@@ -355,7 +355,7 @@ def test_a_gripper_arm_is_ready_to_plan(folder: Path) -> None:
 def test_it_goes_the_whole_line(folder: Path) -> None:
     scene = rp.Scene().with_arm("arm", load(folder, GRIPPER)).with_obstacle("ball", rp.Sphere(0.05), (0.6, 0.6, 0.6))
     motion = rp.plan_motion(rp.Problem(scene, "home", "ready"), rng=0)
-    assert motion.solved
+    assert motion.valid
     assert rp.simulate(motion.trajectory, scene).free
     again = rp.load_motion(motion.save(folder / "motion.json"))
     assert again.report.valid
@@ -364,7 +364,7 @@ def test_it_goes_the_whole_line(folder: Path) -> None:
 def test_chosen_joints_keep_the_tool(folder: Path) -> None:
     robot = load(folder, GRIPPER, joints=["second", "third"])
     assert robot.tool == "grasp_site"
-    assert robot.held["first"] == 0.1
+    assert robot.locked_joints["first"] == 0.1
     np.testing.assert_array_equal(robot.home, [0.2, -0.3])
 
 
@@ -380,7 +380,7 @@ def test_two_arms_are_two_groups(folder: Path, caplog: pytest.LogCaptureFixture)
     robot = load(folder, CASES["two arms and a cube"])
     assert robot.joint_names == ("left/a", "left/b")
     assert robot.tool == "left/gripper"
-    assert dict(robot.held) == {"right/a": 0.3, "right/b": 0.4}
+    assert dict(robot.locked_joints) == {"right/a": 0.3, "right/b": 0.4}
     assert "'left/base' is planned for, not right/base" in caplog.text
     caplog.clear()
     both = load(folder, CASES["two arms and a cube"], groups=["left/base", "right/base"])
@@ -440,7 +440,7 @@ def test_the_scene_is_free_where_mujocos_is(folder: Path) -> None:
     robot = scene.arms["arm"].robot
     checker, rng = rp.CollisionChecker(scene), np.random.default_rng(3)
     twin = Twin(robot, reference(WORKPLACE, folder))
-    own = [p for p in LinkBodies(robot).pairs if p not in robot.never_collide]
+    own = [p for p in LinkBodies(robot).pairs if p not in robot.disabled_collisions]
     model, outcomes = twin.model, []
     moving = [g for g in range(model.ngeom) if twin.bodies.get(int(model.geom_bodyid[g])) in ("one", "two", "three")]
     around = [g for g in range(model.ngeom) if int(model.geom_bodyid[g]) not in twin.bodies]
@@ -463,7 +463,7 @@ def test_the_file_that_we_write_reads_back(rr1: rp.Robot, tmp_path: Path) -> Non
     rng = np.random.default_rng(0)
     for _ in range(20):
         q = rng.uniform(rr1.limits.lower, rr1.limits.upper)
-        ours = robot.with_held({f"arm/{n}": v for n, v in rr1.held.items()}).link_poses(q)
+        ours = robot.with_locked_joints({f"arm/{n}": v for n, v in rr1.locked_joints.items()}).link_poses(q)
         for link, pose in rr1.link_poses(q).items():
             np.testing.assert_allclose(ours[f"arm/{link}"], pose, atol=1e-9)
     mass = {link.name: link.inertial.mass for link in robot.links if link.inertial is not None}
@@ -509,7 +509,7 @@ def test_a_joint_that_follows_a_door_is_held(folder: Path, caplog: pytest.LogCap
         '<geom size="0.1"/></body>',
         '<geom size="0.1"/><body name="b"><joint name="k"/><geom size="0.1"/></body></body>',
     )
-    assert dict(load(folder, text).held) == {"k": 0.0}
+    assert dict(load(folder, text).locked_joints) == {"k": 0.0}
     assert "joint 'k' follows 'hinge', which no robot has; it is held" in caplog.text
 
 
@@ -533,7 +533,7 @@ def test_a_single_jaw_at_the_end_is_not_part_of_the_arm(folder: Path, name: str)
     robot = load(folder, text)
     assert robot.joint_names == ("j", "k")
     assert robot.tool == "b"
-    assert robot.held[name] == pytest.approx(math.radians(10))
+    assert robot.locked_joints[name] == pytest.approx(math.radians(10))
 
 
 def test_fingers_branch_off_the_hand(folder: Path) -> None:
@@ -554,7 +554,7 @@ def test_an_srdf_says_more(folder: Path) -> None:
     )
     robot = load(folder, GRIPPER, srdf=folder / "more.srdf")
     assert robot.joint_names == ("first", "second")
-    assert {frozenset(("one", "hand")), frozenset(("base", "two"))} <= robot.never_collide
+    assert {frozenset(("one", "hand")), frozenset(("base", "two"))} <= robot.disabled_collisions
 
 
 def test_a_visual_mesh_that_is_missing_is_a_warning(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
