@@ -73,8 +73,9 @@ class EdgeTables(NamedTuple):
             center along its third axis; there are no others.
         boxes: Box around each obstacle, low and high, shape (6, o), o a multiple of the lanes.
         pair_of: Index of the pair of a body and an obstacle, -1 for none, shape (b, o).
-        obstacle_blocks, first_block: Which blocks of obstacles have pairs with some body of each group, see
-            `pair_tables.h`; shapes (k,) and (g + 1,).
+        obstacle_blocks, first_obstacle_block: Blocks of obstacles that have pairs with some body of each group: the
+            first of a block, and which of them as bits, see `pair_tables.h`; shapes (k, 3) and (g + 1,).
+        group_blocks, first_group_block: The same of groups; the third column is the first of `group_pairs`.
         body_pairs: Body, body, joints that move both, index of the pair, and if it has a map where that begins in
             `maps` (else -1), the number of its columns of cells, and its two columns of q; shape (m, 8).
         group_pairs: Groups with pairs of bodies: group, group, joints that move both, first and last of `body_pairs`,
@@ -106,7 +107,9 @@ class EdgeTables(NamedTuple):
     boxes: Array
     pair_of: _INTS
     obstacle_blocks: _INTS
-    first_block: _INTS
+    first_obstacle_block: _INTS
+    group_blocks: _INTS
+    first_group_block: _INTS
     body_pairs: _INTS
     group_pairs: _INTS
     maps: NDArray[np.int16]

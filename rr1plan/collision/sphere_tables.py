@@ -44,7 +44,7 @@ def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: floa
         spheres.joints, spheres.joint_values, spheres.bodies, spheres.groups, spheres.spheres,
         spheres.chain, spheres.chain_reach,
         still.kinds, still.values, np.ascontiguousarray(still.boxes.T),
-        pairs.pair_of, pairs.obstacle_blocks, pairs.first_block,
+        pairs.pair_of, *pairs.obstacle_blocks, *pairs.group_blocks,
         np.column_stack([pairs.body_pairs, maps.places]), np.column_stack([pairs.group_pairs, maps.groups]),
         maps.counts, maps.ranges,
         tables.padding, *still.cores, still.core_of, margins,
@@ -61,7 +61,8 @@ class _KernelPairs:
     Args:
         body_pairs, group_pairs: Their first columns there.
         solids: The solids of `body_pairs`, shape (m, 2).
-        pair_of, obstacle_blocks, first_block: As there.
+        pair_of: As there.
+        obstacle_blocks, group_blocks: As there, with the first of each group.
         obstacles: Which of the links that do not move, then of the obstacles it counts [index], and some beyond the
             last.
     """
@@ -70,8 +71,8 @@ class _KernelPairs:
     group_pairs: _INTS
     solids: _INTS
     pair_of: _INTS
-    obstacle_blocks: _INTS
-    first_block: _INTS
+    obstacle_blocks: tuple[_INTS, _INTS]
+    group_blocks: tuple[_INTS, _INTS]
     obstacles: _INTS
 
 
@@ -97,13 +98,29 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     pair_of = np.full((int(np.count_nonzero(bodies >= 0)), len(chosen) + more), -1, np.int64)
     pair_of[body[moving], place] = number
     chosen = np.concatenate([chosen, len(fixed) + np.arange(more)])
-    blocks = _blocks_of_groups(pair_of, spheres.bodies[:, 3], len(spheres.groups))
-    return _KernelPairs(*map(read_only, (rows, group_pairs, pairs.moving[rows[:, 3]], pair_of, *blocks, chosen)))
+    count = len(spheres.groups)
+    to_obstacles = np.logical_or.reduceat(pair_of >= 0, spheres.groups[:, 2], axis=0)
+    return _KernelPairs(
+        *map(read_only, (rows, group_pairs, pairs.moving[rows[:, 3]], pair_of)),
+        _near_blocks(*np.nonzero(to_obstacles), count),
+        _near_blocks(group_pairs[:, 0], group_pairs[:, 1], count),
+        read_only(chosen),
+    )
 
 
-def _blocks_of_groups(pair_of: _INTS, group: _INTS, count: int) -> tuple[_INTS, _INTS]:
-    """The `obstacle_blocks` and `first_block` of the groups that bodies belong to."""
-    there = np.zeros((count, pair_of.shape[1] // LANES), np.bool_)
-    np.logical_or.at(there, group, (pair_of >= 0).reshape(len(group), there.shape[1], LANES).any(axis=2))
-    groups, blocks = np.nonzero(there)
-    return blocks * LANES, np.searchsorted(groups, np.arange(count + 1))
+def _near_blocks(groups: _INTS, others: _INTS, count: int) -> tuple[_INTS, _INTS]:
+    """Blocks of obstacles or groups, as in `EdgeTables`.
+
+    Args:
+        groups, others: A row for each pair of a group and an obstacle or group, sorted by both.
+        count: Number of groups.
+    """
+    # The blocks of one group follow each other, one number for each.
+    blocks = others // LANES
+    keys = groups * (int(blocks.max(initial=0)) + 1) + blocks
+    begins = np.flatnonzero(np.diff(keys, prepend=-1))
+    lanes = np.bitwise_or.reduceat(1 << others % LANES, begins) if len(begins) else begins
+    return (
+        read_only(np.column_stack([blocks[begins] * LANES, lanes, begins])),
+        read_only(np.searchsorted(groups[begins], np.arange(count + 1))),
+    )

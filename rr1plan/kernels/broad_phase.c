@@ -15,7 +15,13 @@ INLINE void place_box(int64_t group, double h, const SceneTables *scene, Scratch
     const f64x8 *center = scratch->spheres[ball].center;
     double reach = scene->arm->spheres[ball].radius + scene->margin + scene->max_padding;
     f64x8 ends[6] = {center[0], center[1], center[2], -center[0], -center[1], -center[2]};
-    store_lanes(scratch->group_boxes[group].ends, min_of_each(ends) - (h * scratch->speeds[group] + reach));
+    f64x8 low = min_of_each(ends) - (h * scratch->speeds[group] + reach);
+    double *box = scratch->group_boxes + group;
+    int64_t stride = scene->arm->group_stride;
+    for (int k = 0; k < 3; k++) {
+        box[k * stride] = low[k];
+        box[(3 + k) * stride] = -low[3 + k];
+    }
     scratch->group_ready[group] = 0;
 }
 
@@ -29,21 +35,25 @@ INLINE void ready_group(int64_t group, f64x8 h, const SceneTables *scene, Scratc
     if (of->last_body - of->first_body == 1) scratch->placed_batch[of->first_body] = -1;
 }
 
-// Bits of the LANES obstacles from one on whose boxes meet a box; of those that are not proven apart.
-INLINE uint64_t boxes_near(const Box *box, int64_t first, const ObstacleTables *obstacles) {
-    const double *low = obstacles->boxes + first, *high = low + 3 * obstacles->count, *ends = box->ends;
-    int64_t n = obstacles->count;
-    i64x8 apart = (load_lanes(low) >= -ends[3]) | (load_lanes(low + n) >= -ends[4]) |
-                  (load_lanes(low + 2 * n) >= -ends[5]) | (load_lanes(high) <= ends[0]) |
-                  (load_lanes(high + n) <= ends[1]) | (load_lanes(high + 2 * n) <= ends[2]);
-    return bits_of(~apart);
+// The box around a group on the whole edge.
+typedef struct {
+    double low[3];
+    double high[3];
+} Box;
+
+INLINE Box box_of(int64_t group, const SceneTables *scene, const Scratch *scratch) {
+    const double *ends = scratch->group_boxes + group;
+    int64_t n = scene->arm->group_stride;
+    return (Box){{ends[0], ends[n], ends[2 * n]}, {ends[3 * n], ends[4 * n], ends[5 * n]}};
 }
 
-// 1 if the boxes around two groups have nothing in common: a low end of one is above the high end of the other.
-INLINE int boxes_apart(const Box *a, const Box *b) {
-    f64x8 one = load_lanes(a->ends), two = load_lanes(b->ends);
-    i64x8 above = one > -__builtin_shufflevector(two, two, 3, 4, 5, 0, 1, 2, 6, 7);
-    return (bits_of(above) & 0x3f) != 0;
+// Bits of those of a block whose boxes, in rows of `n` numbers, are not proven apart from a box.
+INLINE uint64_t boxes_near(Box box, const NearBlock *block, const double *boxes, int64_t n) {
+    const double *low = boxes + block->first, *high = low + 3 * n;
+    i64x8 apart = (load_lanes(low) >= box.high[0]) | (load_lanes(low + n) >= box.high[1]) |
+                  (load_lanes(low + 2 * n) >= box.high[2]) | (load_lanes(high) <= box.low[0]) |
+                  (load_lanes(high + n) <= box.low[1]) | (load_lanes(high + 2 * n) <= box.low[2]);
+    return bits_of(~apart) & (uint64_t)block->lanes;
 }
 
 // Report a contact, in the first of the lanes.
@@ -91,14 +101,14 @@ INLINE int64_t add_candidate(int64_t count, const NearBody *near, f64x8 h, const
 INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     SphereRef ball = ball_of_group(g, scene->arm);
     int64_t count = 0;
-    const Box *box = &scratch->group_boxes[g];
+    Box box = box_of(g, scene, scratch);
     const PairTables *pairs = scene->pairs;
-    for (int64_t k = pairs->first_block[g]; k < pairs->first_block[g + 1]; k++) {
-        int64_t block = pairs->obstacle_blocks[k];
-        uint64_t near = boxes_near(box, block, scene->obstacles);
+    for (int64_t k = pairs->first_obstacle_block[g]; k < pairs->first_obstacle_block[g + 1]; k++) {
+        const NearBlock *block = &pairs->obstacle_blocks[k];
+        uint64_t near = boxes_near(box, block, scene->obstacles->boxes, scene->obstacles->count);
         if (near) ready_group(g, h, scene, scratch);
         for (; near; near &= near - 1) {
-            int64_t o = block + first_bit(near);
+            int64_t o = block->first + first_bit(near);
             uint64_t lanes = lanes_near_obstacle(ball, o, scene->max_padding, ALL_LANES, h, scene, scratch);
             scratch->near_obstacles[count] = (Near){o, lanes};
             count += lanes != 0;
@@ -198,17 +208,29 @@ INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTabl
     return count;
 }
 
+// List the pairs of groups whose boxes meet; how many.
+INLINE int64_t list_group_pairs(const SceneTables *scene, Scratch *scratch) {
+    const PairTables *pairs = scene->pairs;
+    int64_t count = 0;
+    for (int64_t g = 0; g < scene->arm->group_count; g++) {
+        Box box = box_of(g, scene, scratch);
+        for (int64_t k = pairs->first_group_block[g]; k < pairs->first_group_block[g + 1]; k++) {
+            const NearBlock *block = &pairs->group_blocks[k];
+            uint64_t near = boxes_near(box, block, scratch->group_boxes, scene->arm->group_stride);
+            for (; near; near &= near - 1) {
+                uint64_t before = (uint64_t)block->lanes & ((near & -near) - 1);
+                scratch->near_groups[count++] = block->pair + __builtin_popcountll(before);
+            }
+        }
+    }
+    return count;
+}
+
 // Add the body pairs that neither maps nor spheres prove apart on the whole edge; -1 for a contact.
 NOINLINE int64_t meet_bodies(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {
-    const PairTables *pairs = scene->pairs;
-    int64_t groups = 0;
-    for (int64_t f = 0; f < pairs->group_pair_count; f++) {
-        const GroupPair *pair = &pairs->group_pairs[f];
-        scratch->near_groups[groups] = f;
-        groups += !boxes_apart(&scratch->group_boxes[pair->group], &scratch->group_boxes[pair->other]);
-    }
+    int64_t groups = list_group_pairs(scene, scratch);
     for (int64_t g = 0; g < groups; g++) {
-        int64_t listed = list_body_pairs(&pairs->group_pairs[scratch->near_groups[g]], h, scene, scratch);
+        int64_t listed = list_body_pairs(&scene->pairs->group_pairs[scratch->near_groups[g]], h, scene, scratch);
         for (int64_t n = 0; n < listed; n++) {
             count = add_candidate(count, &scratch->near_bodies[n], h, scene, scratch);
             if (count < 0) return -1;

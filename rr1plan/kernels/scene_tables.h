@@ -39,11 +39,6 @@ typedef struct {
     f64x8 limit;  // as near it may be, at least [m]
 } MeshSphere;
 
-// The box around a ball on the whole edge, with all that any pair has to keep [m]: low x, y, z, then -high x, y, z.
-typedef struct {
-    double ends[8];  // the last two are of no meaning
-} Box;
-
 // How an edge moves a joint: its value is (bend t + rate) t + begin.
 typedef struct {
     double begin;
@@ -110,7 +105,9 @@ typedef struct {
     FrameLanes *frames;
     SphereLanes *spheres;
     int64_t *placed_batch;  // batch a body was placed for last, below zero: only the ball around it
-    Box *group_boxes;
+    // Boxes around the balls of groups on the whole edge, with all that any pair has to keep [m]: rows low x, y, z, high x,
+    // y, z of `group_stride` numbers each.
+    double *group_boxes;
     Near *near_obstacles;
     int64_t *near_groups;  // of `group_pairs`
     NearBody *near_bodies;
