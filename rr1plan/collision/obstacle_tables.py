@@ -87,8 +87,17 @@ def _measured(shapes: list[Shape], poses: Array, bodies: Array) -> tuple[_INTS, 
             values[i] = 0.0
             values[i, [2, 5, 8]], values[i, 16] = normal, -np.inf
             values[i, 9:12] = (shape.offset + float(normal @ poses[i, 9:])) * normal
-            boxes[i] = [-np.inf] * 3 + [np.inf] * 3
+            boxes[i] = _box_of_half_space(normal, float(values[i, 9:12] @ normal))
     return read_only(measures[:, :2].astype(np.int64)), read_only(values), read_only(boxes)
+
+
+def _box_of_half_space(normal: Array, offset: float) -> Array:
+    """The box around all points p with normal.p <= offset: finite at one end where the normal is along an axis."""
+    box = np.array([-np.inf] * 3 + [np.inf] * 3)
+    axis = int(np.argmax(np.abs(normal)))
+    if np.count_nonzero(normal) == 1:
+        box[axis + (3 if normal[axis] > 0.0 else 0)] = offset / normal[axis]
+    return box
 
 
 def _cores(shapes: list[Shape], poses: Array) -> tuple[_INTS, CoreTables]:
