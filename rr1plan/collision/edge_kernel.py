@@ -139,6 +139,7 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         placements=tables.joint_values,
         bodies=tables.bodies,
         groups=tables.groups,
+        group_boxes=tables.group_boxes,
         spheres=tables.spheres,
         chain=tables.chain,
         depths=depths,
@@ -221,14 +222,13 @@ def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
     rows = int((tables.groups[:, 5] - tables.groups[:, 4]).max(initial=0)) + 1
     stride = _whole_lanes(len(tables.groups))
     largest = int((tables.groups[:, 3] - tables.groups[:, 2]).max(initial=0))
-    bodies, obstacles, groups = len(tables.bodies), len(tables.obstacles), len(tables.groups)
+    bodies, obstacles = len(tables.bodies), len(tables.obstacles)
     memory = slab(
         joint_motions=("JointMotion", len(tables.joints)),
         curve=("double", 3 * columns),
         speeds=("double", rows * stride),
         accelerations=("double", rows * stride),
         group_boxes=("double", 6 * stride),
-        group_ready=("int64_t", groups),
         placed_batch=("int64_t", bodies),
         group_lanes=("uint64_t", bodies),
         frames=("FrameLanes", len(tables.joints)),

@@ -63,6 +63,8 @@ class EdgeTables(NamedTuple):
         bodies: Joint, first and last sphere (the first is the ball around all), group; shape (b, 4).
         groups: Of bodies that one joint carries: joint, ball around all (of one, its own), first and last body, first
             and last entry of the chain; shape (g, 6).
+        group_boxes: The box around each group in its joint's axes, low and high from the center of its ball [m],
+            shape (g, 6).
         spheres: Center in the joint's frame, radius, radius of the ball inside, distance of the center from that of
             the body's ball [m]; those of bodies, then the balls around groups; shape (s, 6).
         chain: Joints above each group, root first.
@@ -99,6 +101,7 @@ class EdgeTables(NamedTuple):
     joint_values: Array
     bodies: _INTS
     groups: _INTS
+    group_boxes: Array
     spheres: Array
     chain: _INTS
     chain_reach: Array

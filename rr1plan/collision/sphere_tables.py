@@ -41,8 +41,8 @@ def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: floa
         geometry.instances, pairs.solids, tables.padding[pairs.body_pairs[:, 3]] + margin, pairs.group_pairs
     )
     return EdgeTables(
-        spheres.joints, spheres.joint_values, spheres.bodies, spheres.groups, spheres.spheres,
-        spheres.chain, spheres.chain_reach,
+        spheres.joints, spheres.joint_values, spheres.bodies, spheres.groups, spheres.group_boxes,
+        spheres.spheres, spheres.chain, spheres.chain_reach,
         still.kinds, still.values, np.ascontiguousarray(still.boxes.T),
         pairs.pair_of, *pairs.obstacle_blocks, *pairs.group_blocks,
         np.column_stack([pairs.body_pairs, maps.places]), np.column_stack([pairs.group_pairs, maps.groups]),
@@ -112,7 +112,8 @@ def _near_blocks(groups: _INTS, others: _INTS, count: int) -> tuple[_INTS, _INTS
     """Blocks of obstacles or groups, as in `EdgeTables`.
 
     Args:
-        groups, others: A row for each pair of a group and an obstacle or group, sorted by both.
+        groups: The group of each pair, sorted.
+        others: The obstacle or group that it has a pair with, sorted for each group.
         count: Number of groups.
     """
     # The blocks of one group follow each other, one number for each.

@@ -29,9 +29,14 @@ typedef struct {
 
 typedef struct {
     f64x8 center[3];
-    f64x8 travel;       // bound of how far it gets from there in its interval [m]
-    f64x8 velocity[3];  // of the center
 } SphereLanes;
+
+// How a sphere moves in its interval, for tests.
+typedef struct {
+    f64x8 center[3];
+    f64x8 travel;       // bound of how far it gets from there [m]
+    f64x8 velocity[3];  // of the center
+} SphereProbe;
 
 // A sphere in the frame of a mesh.
 typedef struct {
@@ -113,7 +118,6 @@ typedef struct {
     NearBody *near_bodies;
     Near *near_spheres;
     MeshSphere *mesh_spheres;  // of one body
-    int64_t *group_ready;   // 1 once velocity and travel of a group's ball are known
     uint64_t *group_lanes;  // in which a body may be near the group at hand
     // Bounds over the edge of the points of groups, by how many of the joints above do not count (those that move both,
     // where it is about two groups), shape (longest chain + 1, `group_stride` of the arm).
