@@ -60,7 +60,7 @@ class Cores:
             reach = float(np.hypot(0.5 * shape.length, shape.radius)) * (1.0 + 1e-9)
         else:
             points, blocks, lowest, shared = _placed_blocks(shape, rotate, shift)
-            radius, kind = _radius(shape), _KIND["CORE_POINTS"]
+            radius, kind = core_radius(shape), _KIND["CORE_POINTS"]
             middle = points.mean(axis=0)
             reach = float(np.linalg.norm(points - middle, axis=1).max()) * (1.0 + 1e-9)
         first, first_block, first_word = self._counts.tolist()
@@ -144,5 +144,6 @@ def _around(half: Array) -> Array:
     return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
 
 
-def _radius(shape: Shape) -> float:
+def core_radius(shape: Shape) -> float:
+    """How far a shape reaches beyond its core [m]."""
     return shape.radius if isinstance(shape, Sphere | Capsule) else 0.0

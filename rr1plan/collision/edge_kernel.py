@@ -177,6 +177,7 @@ def arm_struct(tables: EdgeTables) -> CStruct:
         placements=tables.joint_values,
         bodies=tables.bodies,
         groups=tables.groups,
+        group_boxes=tables.group_boxes,
         spheres=tables.spheres,
         chain=tables.chain,
         depths=depths,
@@ -201,10 +202,11 @@ def pair_struct(pairs: EdgeTables | PaddedPairs) -> CStruct:
     return CStruct(
         "PairTables",
         body_pair_count=len(pairs.body_pairs),
-        group_pair_count=len(pairs.group_pairs),
         obstacle_pair=pairs.pair_of,
         obstacle_blocks=pairs.obstacle_blocks,
-        first_block=pairs.first_block,
+        first_obstacle_block=pairs.first_obstacle_block,
+        group_blocks=pairs.group_blocks,
+        first_group_block=pairs.first_group_block,
         body_pairs=pairs.body_pairs,
         group_pairs=pairs.group_pairs,
         map_ranges=pairs.map_ranges,
@@ -246,15 +248,14 @@ def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
     rows = int((tables.groups[:, 5] - tables.groups[:, 4]).max(initial=0)) + 1
     stride = _whole_lanes(len(tables.groups))
     largest = int((tables.groups[:, 3] - tables.groups[:, 2]).max(initial=0))
-    bodies, obstacles, groups = len(tables.bodies), len(tables.obstacles), len(tables.groups)
+    bodies, obstacles = len(tables.bodies), len(tables.obstacles)
     scratch = CStruct("Scratch", bound_rows=rows, interval_size=_INTERVALS, exact=exact)
     scratch.give_room(
         joint_motions=len(tables.joints),
         curve=3 * columns,
         speeds=rows * stride,
         accelerations=rows * stride,
-        group_boxes=groups,
-        group_ready=groups,
+        group_boxes=6 * stride,
         placed_batch=bodies,
         group_lanes=bodies,
         frames=len(tables.joints),

@@ -63,6 +63,8 @@ class EdgeTables(NamedTuple):
         bodies: Joint, first and last sphere (the first is the ball around all), group; shape (b, 4).
         groups: Of bodies that one joint carries: joint, ball around all (of one, its own), first and last body, first
             and last entry of the chain; shape (g, 6).
+        group_boxes: The box around each group in its joint's axes, low and high from the center of its ball [m],
+            shape (g, 6).
         spheres: Center in the joint's frame, radius, radius of the ball inside, distance of the center from that of
             the body's ball [m]; those of bodies, then the balls around groups; shape (s, 6).
         chain: Joints above each group, root first.
@@ -73,8 +75,9 @@ class EdgeTables(NamedTuple):
             center along its third axis; there are no others.
         boxes: Box around each obstacle, low and high, shape (6, o), o a multiple of the lanes.
         pair_of: Index of the pair of a body and an obstacle, -1 for none, shape (b, o).
-        obstacle_blocks, first_block: Which blocks of obstacles have pairs with some body of each group, see
-            `pair_tables.h`; shapes (k,) and (g + 1,).
+        obstacle_blocks, first_obstacle_block: Blocks of obstacles that have pairs with some body of each group: the
+            first of a block, and which of them as bits, see `pair_tables.h`; shapes (k, 3) and (g + 1,).
+        group_blocks, first_group_block: The same of groups; the third column is the first of `group_pairs`.
         body_pairs: Body, body, joints that move both, index of the pair, and if it has a map where that begins in
             `maps` (else -1), the number of its columns of cells, and its two columns of q; shape (m, 8).
         group_pairs: Groups with pairs of bodies: group, group, joints that move both, first and last of `body_pairs`,
@@ -99,6 +102,7 @@ class EdgeTables(NamedTuple):
     joint_values: Array
     bodies: _INTS
     groups: _INTS
+    group_boxes: Array
     spheres: Array
     chain: _INTS
     chain_reach: Array
@@ -107,7 +111,9 @@ class EdgeTables(NamedTuple):
     boxes: Array
     pair_of: _INTS
     obstacle_blocks: _INTS
-    first_block: _INTS
+    first_obstacle_block: _INTS
+    group_blocks: _INTS
+    first_group_block: _INTS
     body_pairs: _INTS
     group_pairs: _INTS
     maps: NDArray[np.int16]
@@ -126,14 +132,17 @@ class PaddedPairs(NamedTuple):
     """What of the pairs depends on padding; columns as in `EdgeTables`.
 
     Args:
-        pair_of, obstacle_blocks, first_block, body_pairs, group_pairs, maps, map_ranges: As there.
+        pair_of, obstacle_blocks, first_obstacle_block, group_blocks, first_group_block, body_pairs, group_pairs, maps,
+            map_ranges: As there.
         greatest: The greatest padding [m].
         kept: What was made of them.
     """
 
     pair_of: _INTS
     obstacle_blocks: _INTS
-    first_block: _INTS
+    first_obstacle_block: _INTS
+    group_blocks: _INTS
+    first_group_block: _INTS
     body_pairs: _INTS
     group_pairs: _INTS
     maps: NDArray[np.int16]

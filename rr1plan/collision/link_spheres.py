@@ -11,7 +11,7 @@ from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.arm_tables import ArmTables, arm_tables, joint_motion, moved
-from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, extremes
+from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, core_radius, extremes
 from rr1plan.collision.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.groups import group_rows
 from rr1plan.collision.spheres import SphereCover, cover
@@ -21,6 +21,8 @@ from rr1plan.transforms import rotation_about
 _INTS = NDArray[np.int64]
 # No ball inside: a ball around the whole body is no part of it.
 _NOTHING = -1e12
+# More than what placing corners in a joint's frame rounds [m].
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,7 @@ class LinkSpheres:
     """Tables of the bodies that move; columns as in `EdgeTables`.
 
     Args:
-        joints, joint_values, bodies, groups, spheres, chain, chain_reach: As there.
+        joints, joint_values, bodies, groups, group_boxes, spheres, chain, chain_reach: As there.
         cores: The cores of the bodies, in their order.
         body: Index in `bodies` of each solid of the arms, -1 where it does not move, shape (n,).
     """
@@ -37,6 +39,7 @@ class LinkSpheres:
     joint_values: Array
     bodies: _INTS
     groups: _INTS
+    group_boxes: Array
     spheres: Array
     chain: _INTS
     chain_reach: Array
@@ -55,6 +58,7 @@ def instance_spheres(instances: ArmInstances) -> LinkSpheres:
 def _instance_spheres(instances: ArmInstances) -> LinkSpheres:
     joints, values = [np.zeros((1, 3), np.int64)], [np.zeros((1, 13))]
     bodies, groups, spheres = [np.zeros((0, 4), np.int64)], [np.zeros((0, 6), np.int64)], [np.zeros((0, 6))]
+    group_boxes = [np.zeros((0, 6))]
     chains, reaches, body = [np.zeros(0, np.int64)], [np.zeros(0)], [np.zeros(0, np.int64)]
     cores, first_core = _SharedCores(), [np.zeros((0, 7), np.int64)]
     core_values = [np.zeros((0, 14))]
@@ -71,6 +75,7 @@ def _instance_spheres(instances: ArmInstances) -> LinkSpheres:
         values.append(placed)
         bodies.append(own.bodies + np.array([joint, sphere, sphere, group]))
         groups.append(own.groups + np.array([joint, sphere, row, row, link, link]))
+        group_boxes.append(own.group_boxes)
         spheres.append(own.spheres)
         chains.append(own.chain + joint)
         reaches.append(own.chain_reach)
@@ -84,6 +89,7 @@ def _instance_spheres(instances: ArmInstances) -> LinkSpheres:
         read_only(np.concatenate(values)),
         read_only(np.concatenate(bodies)),
         read_only(np.concatenate(groups)),
+        read_only(np.concatenate(group_boxes)),
         read_only(np.concatenate(spheres)),
         read_only(np.concatenate(chains)),
         read_only(np.concatenate(reaches)),
@@ -146,6 +152,7 @@ def _arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
     bodies, spheres = np.zeros((len(moving), 4), np.int64), [np.zeros((0, 6))]
     chains: list[list[int]] = []
     reaches: list[list[float]] = []
+    boxes = np.zeros((len(moving), 6))
     cores = Cores()
     first = 0
     for i, solid in enumerate(moving):
@@ -160,15 +167,25 @@ def _arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
         spheres.append(rows)
         chains.append(above[::-1])
         cores.add(above[0], solid.shape, T)
-        points = np.concatenate([rows[:, :3], extremes(solid.shape) @ T[:3, :3].T + T[:3, 3]])
-        reaches.append(_reaches(joints, above, points))
+        corners = extremes(solid.shape) @ T[:3, :3].T + T[:3, 3]
+        boxes[i, :3] = corners.min(axis=0) - core_radius(solid.shape) - _ROUNDING
+        boxes[i, 3:] = corners.max(axis=0) + core_radius(solid.shape) + _ROUNDING
+        reaches.append(_reaches(joints, above, np.concatenate([rows[:, :3], corners])))
         first += len(rows)
     bodies, groups, all_spheres, chain, reach = _group(bodies, np.concatenate(spheres), chains, reaches)
+    centers = all_spheres[groups[:, 1], :3]
+    group_boxes = np.column_stack(
+        [
+            np.minimum.reduceat(boxes[:, :3], groups[:, 2]) - centers,
+            np.maximum.reduceat(boxes[:, 3:], groups[:, 2]) - centers,
+        ]
+    )
     return LinkSpheres(
         read_only(joints.rows),
         read_only(joints.values),
         read_only(bodies),
         read_only(groups),
+        read_only(group_boxes),
         read_only(all_spheres),
         read_only(chain),
         read_only(reach),

@@ -40,10 +40,11 @@ def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: floa
     rest = bare + float(load_library().rr1_obstacle_rounding(values, len(values)))
     padded = padded_pairs(geometry, tables.padding, tolerance, rest)
     return EdgeTables(
-        spheres.joints, spheres.joint_values, spheres.bodies, spheres.groups, spheres.spheres,
-        spheres.chain, spheres.chain_reach,
+        spheres.joints, spheres.joint_values, spheres.bodies, spheres.groups, spheres.group_boxes,
+        spheres.spheres, spheres.chain, spheres.chain_reach,
         kinds, values, boxes,
-        pairs.pair_of, pairs.obstacle_blocks, pairs.first_block,
+        padded.pair_of, padded.obstacle_blocks, padded.first_obstacle_block,
+        padded.group_blocks, padded.first_group_block,
         padded.body_pairs, padded.group_pairs, padded.maps, padded.map_ranges,
         tables.padding, *cores, core_of, np.array([rest, padded.greatest, bare]),
     )  # fmt: skip
@@ -92,8 +93,8 @@ def _new_padded_pairs(geometry: CollisionGeometry, padding: Array, rest: float) 
     maps = instance_maps(geometry.instances, pairs.solids, least, pairs.group_pairs)
     return PaddedPairs(
         pairs.pair_of,
-        pairs.obstacle_blocks,
-        pairs.first_block,
+        *pairs.obstacle_blocks,
+        *pairs.group_blocks,
         read_only(np.column_stack([pairs.body_pairs, maps.places])),
         read_only(np.column_stack([pairs.group_pairs, maps.groups])),
         maps.counts,
@@ -110,7 +111,8 @@ class _KernelPairs:
     Args:
         body_pairs, group_pairs: Their first columns there.
         solids: The solids of `body_pairs`, shape (m, 2).
-        pair_of, obstacle_blocks, first_block: As there.
+        pair_of: As there.
+        obstacle_blocks, group_blocks: As there, with the first of each group.
         places: Of each link that does not move, then of each solid of the obstacles, its column in `pair_of`; -1 where
             nothing that moves must not touch it.
     """
@@ -119,8 +121,8 @@ class _KernelPairs:
     group_pairs: _INTS
     solids: _INTS
     pair_of: _INTS
-    obstacle_blocks: _INTS
-    first_block: _INTS
+    obstacle_blocks: tuple[_INTS, _INTS]
+    group_blocks: tuple[_INTS, _INTS]
     places: _INTS
 
 
@@ -147,13 +149,34 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     pair_of[body[moving], place] = number
     places = np.full(len(fixed), -1, np.int64)
     places[chosen] = np.arange(len(chosen))
-    blocks = _blocks_of_groups(pair_of, spheres.bodies[:, 3], len(spheres.groups))
-    return _KernelPairs(*map(read_only, (rows, group_pairs, pairs.moving[rows[:, 3]], pair_of, *blocks, places)))
+    count = len(spheres.groups)
+    to_obstacles = np.logical_or.reduceat(pair_of >= 0, spheres.groups[:, 2], axis=0)
+    group, obstacle = np.nonzero(to_obstacles)
+    return _KernelPairs(
+        read_only(rows),
+        read_only(group_pairs),
+        read_only(pairs.moving[rows[:, 3]]),
+        read_only(pair_of),
+        _near_blocks(group, obstacle, count),
+        _near_blocks(group_pairs[:, 0], group_pairs[:, 1], count),
+        read_only(places),
+    )
 
 
-def _blocks_of_groups(pair_of: _INTS, group: _INTS, count: int) -> tuple[_INTS, _INTS]:
-    """The `obstacle_blocks` and `first_block` of the groups that bodies belong to."""
-    there = np.zeros((count, pair_of.shape[1] // LANES), np.bool_)
-    np.logical_or.at(there, group, (pair_of >= 0).reshape(len(group), there.shape[1], LANES).any(axis=2))
-    groups, blocks = np.nonzero(there)
-    return blocks * LANES, np.searchsorted(groups, np.arange(count + 1))
+def _near_blocks(groups: _INTS, others: _INTS, count: int) -> tuple[_INTS, _INTS]:
+    """Blocks of obstacles or groups, as in `EdgeTables`.
+
+    Args:
+        groups: The group of each pair, sorted.
+        others: The obstacle or group that it has a pair with, sorted for each group.
+        count: Number of groups.
+    """
+    # The blocks of one group follow each other, one number for each.
+    blocks = others // LANES
+    keys = groups * (int(blocks.max(initial=0)) + 1) + blocks
+    begins = np.flatnonzero(np.diff(keys, prepend=-1))
+    lanes = np.bitwise_or.reduceat(1 << others % LANES, begins) if len(begins) else begins
+    return (
+        read_only(np.column_stack([blocks[begins] * LANES, lanes, begins])),
+        read_only(np.searchsorted(groups[begins], np.arange(count + 1))),
+    )

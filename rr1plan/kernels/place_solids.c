@@ -47,6 +47,12 @@ static void set_shape(
             box[k * stride] = -INFINITY;
             box[(3 + k) * stride] = INFINITY;
         }
+        // Where the normal lies along an axis, the box ends at the plane.
+        for (int k = 0; k < 3; k++) {
+            double along = row->rotation[3 * k + 2];
+            if (row->rotation[3 * ((k + 1) % 3) + 2] != 0.0 || row->rotation[3 * ((k + 2) % 3) + 2] != 0.0) continue;
+            box[(along > 0.0 ? 3 + k : k) * stride] = height / along;
+        }
         return;
     }
     for (int k = 0; k < 9; k++) row->rotation[k] = at->rotation[k];

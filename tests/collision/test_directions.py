@@ -26,7 +26,7 @@ class Separation:
         # A copy, so that it can be written.
         self.tables = tables._replace(padding=tables.padding.copy())
         self.kernel = EdgeKernel(self.tables, checker.exact_kernel, checker.nq, 1e-6)
-        self.spheres = zeroed("SphereLanes", len(tables.spheres))
+        self.spheres = zeroed("SphereProbe", len(tables.spheres))
 
     def candidates(self):
         """Each pair as the kernel has it: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres."""

@@ -20,7 +20,7 @@ LANES = constants()["LANES"]
 
 def place(kernel, count, q0, q1, times):
     """Centers of all spheres at some times of an edge, (n, 3, LANES), and their travel in half of it, (n, LANES)."""
-    spheres = zeroed("SphereLanes", count)
+    spheres = zeroed("SphereProbe", count)
     curve = np.array([q0, q1 - q0, 0.0 * q0])
     load_library().rr1_place_spheres(*kernel.context, curve, times, np.full(LANES, 0.5), spheres)
     rows = spheres.view(np.float64).reshape(count, -1, LANES)
@@ -57,6 +57,25 @@ def test_no_sphere_moves_farther_than_its_travel(built):
         if size < 0.01:
             # A bound that says nothing would pass as well.
             assert travel.max() < 1.5 * apart.max()
+
+
+def test_a_groups_box_contains_the_cores_of_its_bodies(built):
+    _, tables = built
+    for (_, ball, first, last, _, _), box in zip(tables.groups.tolist(), tables.group_boxes, strict=True):
+        ends = []
+        for body in range(first, last):
+            begin, end, kind = tables.cores[body, 1:4].tolist()
+            points, radius = tables.points[begin:end], tables.core_values[body, 3]
+            if kind == constants()["CORE_CYLINDER"]:
+                center, axis, (half, radius, _) = points
+                size = half * np.abs(axis) + radius * np.sqrt(np.maximum(0.0, 1.0 - axis**2))
+                points, radius = np.array([center - size, center + size]), 0.0
+            ends += [points.min(axis=0) - radius, points.max(axis=0) + radius]
+        low, high = np.split(box + np.tile(tables.spheres[ball, :3], 2), 2)
+        assert (low <= np.min(ends, axis=0)).all()
+        assert (high >= np.max(ends, axis=0)).all()
+        # A box that contains everything would pass as well.
+        assert (high - low < 1.5 * np.ptp(ends, axis=0) + 1e-9).all()
 
 
 def test_a_groups_ball_contains_all_spheres_or_all_balls_of_its_bodies(built):

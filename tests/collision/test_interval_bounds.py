@@ -131,7 +131,7 @@ class World:
 
     def take_interval(self):
         """Place everything in the kernel's memory at the middle of the interval; place, travel and speed of spheres."""
-        spheres, lanes = zeroed("SphereLanes", len(self.tables.spheres)), np.ones(LANES)
+        spheres, lanes = zeroed("SphereProbe", len(self.tables.spheres)), np.ones(LANES)
         load_library().rr1_place_spheres(
             *self.kernel.context, self.curve, self.middle * lanes, self.half * lanes, spheres
         )
