@@ -352,7 +352,11 @@ def test_a_panel_sees_and_moves_the_arm(tab: Any, planar2r: rp.Robot, tmp_path: 
         root.querySelector('button').onclick = () => viewer.setQ(viewer.unpack(data).values);
     """
     panel = Panel(
-        "lesson", "Lesson", "<button>go</button><output></output>", script=script, data=pack_array([0.25, 0.5], "f8")
+        "lesson",
+        "Lesson",
+        html="<button>go</button><output></output>",
+        script=script,
+        data=pack_array([0.25, 0.5], "f8"),
     )
     tab.page.goto(save_html(tmp_path / "panel.html", scene, options=rp.ViewOptions(panels=[panel])).as_uri())
     wait_until(tab.page, READY)
