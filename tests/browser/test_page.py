@@ -330,7 +330,7 @@ def test_names_from_files_stay_text(tab: Any, rr1: rp.Robot, tmp_path: FilePath)
         rp.Scene(name=nasty, description=nasty).with_arm(flat, rr1).with_obstacle(flat + "2", rp.Box((0.1, 0.1, 0.1)))
     )
     panel = Panel(
-        "own", nasty, "<p id='told'></p>", script="root.querySelector('#told').textContent = data;", data=nasty
+        "own", nasty, html="<p id='told'></p>", script="root.querySelector('#told').textContent = data;", data=nasty
     )
     tab.page.goto(save_html(tmp_path / "nasty.html", scene, options=rp.ViewOptions(panels=[panel])).as_uri())
     wait_until(tab.page, READY)
@@ -352,7 +352,11 @@ def test_a_panel_sees_and_moves_the_arm(tab: Any, planar2r: rp.Robot, tmp_path: 
         root.querySelector('button').onclick = () => viewer.setQ(viewer.unpack(data).values);
     """
     panel = Panel(
-        "lesson", "Lesson", "<button>go</button><output></output>", script=script, data=pack_array([0.25, 0.5], "f8")
+        "lesson",
+        "Lesson",
+        html="<button>go</button><output></output>",
+        script=script,
+        data=pack_array([0.25, 0.5], "f8"),
     )
     tab.page.goto(save_html(tmp_path / "panel.html", scene, options=rp.ViewOptions(panels=[panel])).as_uri())
     wait_until(tab.page, READY)
