@@ -1,4 +1,4 @@
-"""What every planner takes and gives."""
+"""Interface of all planners: Budget, Progress, PlanResult, Planner."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PlanStatus(Enum):
 
 @dataclass(frozen=True)
 class Budget:
-    """When a planner has to stop, whichever comes first.
+    """Limits after which a planner stops, whichever is reached first.
 
     Args:
         seconds: Wall time [s], above zero (inf: no limit).
@@ -42,7 +42,7 @@ class Budget:
             alone (seconds=inf) makes a plan reproducible to the byte.
 
     Raises:
-        InputError: a budget of zero or less, NaN, or no limit at all.
+        InputError: a budget of zero or less, NaN, or neither limit.
     """
 
     seconds: float = 10.0
@@ -67,7 +67,7 @@ def _is_above_zero(value: Any, kind: type[Any]) -> bool:
 
 @dataclass(frozen=True)
 class Progress:
-    """What a planner says while it works: seconds so far, fraction of the budget used, best cost so far."""
+    """State of a running stage: elapsed seconds, fraction of the budget used, cost of the best path."""
 
     stage: str
     seconds: float
@@ -81,7 +81,7 @@ ProgressCallback = Callable[[Progress], bool | None]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SearchTree(Value):
-    """What a planner explored: configurations (n, nq) and edges between them (m, 2)."""
+    """The graph a planner explored: configurations (n, nq) and edges as vertex indices (m, 2)."""
 
     vertices: Array
     edges: NDArray[np.int64]
@@ -89,19 +89,19 @@ class SearchTree(Value):
 
 @dataclass(frozen=True, eq=False)
 class PlanResult:
-    """The answer of a planner.
+    """Result of a planner.
 
     Args:
-        status: How it ended; a path exists exactly for SOLVED.
-        path: The path, every edge certified free, start exact, end at a goal; or None.
-        reason: Why there is none, in words (which links touch what, which joint is out by how much).
+        status: How the query ended; `path` is given exactly for SOLVED.
+        path: Path from the start to a goal, every edge certified free; or None.
+        reason: Why there is no path (which links collide, which joint exceeds its limit by how much).
         planner: Name of the planner.
-        seed: Seed that gives this answer again under the same budget of iterations.
+        seed: Seed that reproduces this result under the same budget of iterations.
         seconds: Wall time [s].
         iterations: Termination checks made.
         edges_checked: Edges given to the collision checker.
         cost_history: (seconds, path length) whenever the best path improved.
-        tree: What was explored, when asked for.
+        tree: The explored graph, if requested.
     """
 
     status: PlanStatus
@@ -134,7 +134,7 @@ class PlanResult:
         """The path.
 
         Raises:
-            NoPlanError: there is none; the message is the reason.
+            NoPlanError: no path was found; the message is the reason.
         """
         if self.path is None:
             raise NoPlanError(f"{self.planner}: {self.status.value}: {self.reason}")
@@ -143,7 +143,7 @@ class PlanResult:
 
 @dataclass(frozen=True)
 class PlannerInfo:
-    """A row of the table of planners: name, one line about it, whether it improves its path until the budget ends."""
+    """Name and one-line description of a planner, and whether it improves its path until the budget ends."""
 
     name: str
     description: str
@@ -151,7 +151,7 @@ class PlannerInfo:
 
 
 def check_question(problem: Any, budget: Any, progress: Any) -> None:
-    """Refuse what is no question to a planner.
+    """Check the types of a planner's arguments.
 
     Args:
         problem: Expected to be a `Problem`.
@@ -159,7 +159,7 @@ def check_question(problem: Any, budget: Any, progress: Any) -> None:
         progress: A `ProgressCallback` or None.
 
     Raises:
-        InputError: one of them is something else.
+        InputError: an argument of another type.
     """
     if not isinstance(problem, Problem):
         of_kind("problem", problem, Problem)
@@ -169,11 +169,11 @@ def check_question(problem: Any, budget: Any, progress: Any) -> None:
 
 
 class Planner(Protocol):
-    """Settings in the constructor, data in the verb."""
+    """A planner takes its settings in the constructor and the problem in `plan`."""
 
     @property
     def name(self) -> str:
-        """Name in the table of planners."""
+        """Name in `planner_table()`."""
         ...
 
     def plan(
@@ -183,5 +183,5 @@ class Planner(Protocol):
         rng: Seed = None,
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
-        """Answer a problem; see `rr1plan.plan`."""
+        """Solve a problem; see `rr1plan.plan`."""
         ...
