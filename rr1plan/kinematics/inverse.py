@@ -1,11 +1,11 @@
-"""Inverse kinematics by many starts: every distinct configuration that brings a frame to its goal.
+"""Multi-start numerical inverse kinematics: all distinct solutions of a goal.
 
-From each start (the seeds first, then random ones) a descent within the joint limits runs to the
-nearest solution; what it finds is counted once, whole turns taken off. Arms without a closed form,
-mimic joints, redundant arms and position-only goals are all the same to it. Numerical and random:
-a rare solution next to a limit can be missed, more `attempts` miss fewer.
+A descent within the joint limits runs from each start (the seeds first, then random ones); solutions that
+are equal modulo whole turns count once. The method needs no closed form and covers mimic joints,
+redundant arms and position-only goals. It is not complete: solutions close to a limit can be missed; more
+`attempts` miss fewer.
 
-The whole search is compiled (`inverse_kinematics.c`): a start takes some ten microseconds.
+The search is compiled (`inverse_kinematics.c`): a start takes about ten microseconds.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ _MOST_STARTS = 10_000_000
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IkResult(Value):
-    """What inverse kinematics found.
+    """Result of inverse kinematics.
 
     Args:
         solutions: Distinct configurations within the limits, nearest to the first seed first, shape (k, nq).
-            One copy of each: the one nearest to the first seed; `copies_within_limits` gives the others.
-        reason: Why there is none, in words; empty when there is one.
-        attempts: Starts that were tried.
-        rejected: Distinct solutions that `accept` refused.
-        nearest: The configuration within the limits that came nearest to the goal, shape (nq,).
-        position_error: Distance left there [m].
-        orientation_error: Angle left there [rad].
+            Of copies modulo whole turns, the nearest to the first seed; `copies_within_limits` gives the others.
+        reason: Why there is no solution; empty if there is one.
+        attempts: Number of starts.
+        rejected: Number of distinct solutions that `accept` rejected.
+        nearest: The configuration within the limits with the smallest pose error, shape (nq,).
+        position_error: Position error there [m].
+        orientation_error: Orientation error there [rad].
     """
 
     solutions: Array
@@ -69,7 +69,7 @@ class IkResult(Value):
 
     @property
     def solved(self) -> bool:
-        """There is a solution."""
+        """Whether there is a solution."""
         return len(self.solutions) > 0
 
     def __bool__(self) -> bool:
@@ -90,30 +90,30 @@ def solve_ik(
     patience: int | None = None,
     separation: float | None = None,
 ) -> IkResult:
-    """Every distinct configuration found that brings a frame of one arm to its goal.
+    """Find distinct configurations of one arm that satisfy a pose or region goal.
 
-    Solutions use at most nine tenths of the goal's tolerance. Where there is none, but a descent came near, a second
-    attempt uses all of it.
+    Solutions use at most nine tenths of the goal's tolerance. If there is none but a descent came close, a second
+    search uses the whole tolerance.
 
     Args:
-        kinematics: Of the scene, or of the robot alone.
-        goal: A position, a full pose, or a box for the frame's origin. A random start aims at a
-            random point of the box, a seed at the nearest.
+        kinematics: Kinematics of the scene or robot.
+        goal: A position, a pose, or a box for the frame's origin. The target of a random start is a
+            random point of the box, that of a seed the nearest point.
         arm: The arm (default: the only one that moves).
-        seeds: Where to start first [rad or m], shape (nq,) or (k, nq), clipped to the limits
+        seeds: First starts [rad or m], shape (nq,) or (k, nq), clipped to the limits
             (default: the arm's posture in the scene).
-        rng: Generator or seed of the random starts; the same seed gives the same answer.
-        attempts: Starts in all, seeds included; of a second attempt as many again.
-        accept: Asked for each distinct solution, e.g. whether it is free of collision; gets (nq,).
-        max_solutions: Stop after so many accepted ones (default: all that are found).
-        patience: Stop after so many starts in a row that led to no other accepted one, once there is one (default:
-            never).
-        separation: Solutions count as distinct from this difference in some joint on [rad or m]. Default: 0.001,
-            and 0.2 where the arm has more joints than the goal needs and solutions form a continuum.
+        rng: Generator or seed of the random starts; the same seed gives the same result.
+        attempts: Number of starts including seeds; the second search has as many again.
+        accept: Called with each distinct solution (nq,), e.g. a collision check; False rejects it.
+        max_solutions: Most accepted solutions (default: no limit).
+        patience: Consecutive starts without another accepted solution after which to stop, once there is one
+            (default: never).
+        separation: Smallest difference in some joint between distinct solutions [rad or m]. Default: 0.001, or
+            0.2 if the arm is redundant for the goal and solutions form a continuum.
 
     Raises:
         UnknownNameError: no such arm or frame.
-        InputError: a goal of another kind, or numbers that make no sense.
+        InputError: a goal of another kind, or numbers out of range.
     """
     of_kind("kinematics", kinematics, Kinematics)
     own = kinematics.for_arm(arm)
@@ -143,11 +143,11 @@ def solve_ik(
 
 
 def why_none(search: IkSearch, link: str) -> str:
-    """Why a search has found nothing that was accepted, in words.
+    """Why a search has no accepted solution.
 
     Args:
         search: The search.
-        link: How the words call its frame.
+        link: Name of its frame for the message.
     """
     tried = f"({counted(search.tried, 'start')})"
     if search.rejected:
@@ -167,7 +167,7 @@ def why_none(search: IkSearch, link: str) -> str:
 
 
 def _outside_limits(search: IkSearch, nearest: Array, rng: np.random.Generator) -> str:
-    """Which joints would have to leave their limits by how much; empty if that does not help either."""
+    """Message about the least excess of joint limits that reaches the goal; empty if it cannot be reached."""
     robot, limits = search.robot, search.robot.limits
     lower, upper = sampling_box(robot)
     free = np.full(robot.nq, np.inf)
@@ -197,7 +197,7 @@ def _position_alone(search: IkSearch, nearest: Array, rng: np.random.Generator) 
 
 
 def describe_excess(robot: Robot, q: Array) -> str:
-    """Which joints of q are out of their limits by how much, in words; empty if none is."""
+    """Message about the joints of q that are out of limits; empty if none is."""
     limits = robot.limits
     if (q >= limits.lower).all() and (q <= limits.upper).all():
         return ""

@@ -1,6 +1,6 @@
-"""One verb, many planners: `plan(problem, planner="rrt_connect")`.
+"""All planners behind one function: `plan(problem, planner="rrt_connect")`.
 
-A planner is a class with a `name` and the verb `plan`; a row in `_ROWS` makes it known by that name.
+A planner is a class with a `name` and a method `plan`; `_ROWS` lists all planners by name.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ __all__ = [
 _ROWS = (
     PlannerInfo(RrtConnect.name, "RRT-Connect as one compiled loop (Kuffner, LaValle 2000; Yershova et al. 2005)"),
     PlannerInfo(
-        AnytimePlanner.name, "RRT-Connect under falling bounds, with shortcuts, again and again, compiled", True
+        AnytimePlanner.name, "RRT-Connect restarted under decreasing cost bounds, with shortcuts, compiled", True
     ),
-    PlannerInfo(RoadmapPlanner.name, "a roadmap kept with the scene, for many queries, compiled"),
+    PlannerInfo(RoadmapPlanner.name, "a roadmap cached with the scene, for many queries, compiled"),
     *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
     PlannerInfo("cartesian", "the tool moves on a straight line to a pose, the joints follow"),
 )
 _NAMES = tuple(row.name for row in _ROWS)
-# Our own planners, and their settings.
+# Planners of this package, and their settings.
 _OWN: Mapping[str, tuple[Callable[..., Planner], tuple[str, ...]]] = MappingProxyType(
     {
         RrtConnect.name: (RrtConnect, ("range", "tree")),
@@ -83,7 +83,7 @@ def make_planner(name: str, **settings: float) -> Planner:
     return kind(**settings)
 
 
-# One with its usual settings is the same for all questions.
+# A planner with default settings is shared by all queries.
 _usual_planner = lru_cache(maxsize=None)(make_planner)
 
 
@@ -94,26 +94,26 @@ def plan(
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> PlanResult:
-    """Find a path that answers a problem, every edge of it certified free.
+    """Find a path from the start to a goal, every edge certified free.
 
     Args:
-        problem: The question. What aims at configurations (all planners but "cartesian") looks for eight of each
-            pose or region goal; where many reach it, the nearest of all may not be among them. Our own planners
-            look for others where they do not get on.
-        planner: A name of `planner_names()`, or a planner with settings of its own.
+        problem: The planning problem. All planners except "cartesian" sample up to eight configurations of each pose
+            or region goal by inverse kinematics, not necessarily the nearest ones; the compiled planners
+            sample more of them if the search makes no progress.
+        planner: A name of `planner_names()`, or a planner with other settings.
         budget: When to stop (default: 10 s). Under a budget of iterations alone the same seed gives the
-            same path to the byte. A hint why a search failed gets a tenth of the seconds (at most 1 s) and a twentieth
-            of the iterations; below a second or a thousand iterations there is none.
-        rng: Generator or seed of everything random.
+            same path to the byte. A tenth of the seconds (at most 1 s) and a twentieth of the iterations are reserved
+            for a hint why the search failed; a budget below a second or a thousand iterations gets no hint.
+        rng: Generator or seed of all random numbers.
         progress: Called about ten times a second; it may return False to cancel.
 
     Returns:
-        The path, or why there is none: INVALID_START, INVALID_GOAL (what touches what and how deep, which
-        joint is out by how much), INFEASIBLE (no configuration reaches the goal), TIMEOUT, CANCELLED.
+        The path, or why there is none: INVALID_START, INVALID_GOAL (which elements collide and how deep, which
+        joint exceeds its limit by how much), INFEASIBLE (no configuration reaches the goal), TIMEOUT, CANCELLED.
 
     Raises:
         UnknownNameError: no such planner.
-        InputError: a problem this planner does not take.
+        InputError: a problem this planner does not support.
         KeyboardInterrupt: Ctrl-C, after cleaning up.
     """
     check_question(problem, budget, progress)
