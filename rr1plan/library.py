@@ -1,4 +1,4 @@
-"""Models by name: the robots and scenes that ship with rr1plan, and those of the user's files."""
+"""Models by name: robots and scenes that ship with rr1plan, or from files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def models_folder() -> Path:
-    """The folder with the shipped models: inside an installed package, beside it in a source tree."""
+    """The folder of the shipped models: inside an installed package, next to it in a source tree."""
     inside = _PACKAGE / "models"
     return inside if inside.is_dir() else _PACKAGE.parent / "models"
 
@@ -54,7 +54,7 @@ def robot_folder(name: str) -> Path:
         name: One of `robot_names()`.
 
     Raises:
-        UnknownNameError: no robot of that name ships.
+        UnknownNameError: no shipped robot of that name.
     """
     return models_folder() / "robots" / known_name("robot", name, robot_names())
 
@@ -73,46 +73,45 @@ def load_robot(
     name: str | None = None,
     xacro_arguments: Mapping[str, str] | None = None,
 ) -> Robot:
-    """Load a robot that ships with rr1plan or is installed, or any arm from its URDF or xacro file.
+    """Load a robot that ships with rr1plan or is installed, or an arm from its URDF or xacro file.
 
     The planning joints are the given `joints`, those of the given `group`, or else those of the
-    SRDF's arm that carries an end effector, of its first group, or all that move by themselves.
-    Every other joint that moves by itself is held at zero, or at its limit nearest to zero.
+    SRDF's arm with an end effector, of its first group, or all independent joints.
+    All other independent joints are held at zero, or at their limit nearest to zero.
 
-    URDF knows no acceleration and no jerk: one that reaches the velocity in 0.25 s and a jerk that
-    reaches that in 0.1 s are taken. A velocity it does not give becomes 1 rad/s or 0.25 m/s.
-    Give `limits` where you know better.
+    URDF has no acceleration and jerk limits: the defaults reach the velocity limit in 0.25 s and the
+    acceleration limit in 0.1 s. Missing velocity limits become 1 rad/s or 0.25 m/s.
+    Pass `limits` to set the real ones.
 
-    "home" is the SRDF's state of that name, else "ready", else its first one; without any, zero or
-    the middle of the range where that is free of self-collision, else a free configuration near it.
+    "home" is the SRDF's state of that name, else "ready", else its first one; without an SRDF, zero or
+    the middle of the range if that is free of self-collision, else a free configuration near it.
 
-    Where no SRDF switches pairs of links off, neighbors and links that touch in each of 200 random
-    configurations are not checked against each other; see `propose_never_collide`. Where no configuration
-    is free even so, links that touch at home are not checked either, as the log warns.
+    If no SRDF disables pairs of links, adjacent links and links in contact in all of 200 random
+    configurations are not checked against each other; see `propose_never_collide`. If no configuration
+    is free even so, links in contact at home are not checked either, with a warning in the log.
 
     Args:
         name_or_file: One of `robot_names()`, one of `installed_robot_names()` (`pip install 'rr1plan[robots]'`), or a
             .urdf or .xacro file. A xacro file is a program: load only those you trust.
-        srdf: The SRDF; None looks beside the URDF and in ../srdf for one of the same name, False
-            takes none.
-        group: The SRDF group to plan for.
-        groups: Several of them, planned for as one: the joints of the first, then those of the next, e.g. both arms
-            of a robot. Where the SRDF has no such group, or there is none, give a chain: (base link, tip link). The
-            robot's tool is that of the first.
-        joints: The joints to plan for, in this order.
-        package_dirs: Folders to look for `package://` meshes in, before those around the file.
-        convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
-            (slow the first time, with a bar on a terminal; then kept on disk).
+        srdf: The SRDF; None searches for one of the same name next to the URDF and in ../srdf, False
+            uses none.
+        group: The planning group of the SRDF.
+        groups: Several planning groups combined, in order, e.g. both arms of a robot. Each is a group of the SRDF or
+            a chain (base link, tip link). The robot's tool is that of the first.
+        joints: The planning joints, in order.
+        package_dirs: Folders to search for `package://` meshes, before those around the file.
+        convex: Replacement of a concave collision mesh: its "hull", or convex "pieces"
+            (slow the first time, with a progress bar on a terminal; then cached on disk).
         limits: Limits of the planning joints, or the name of one of the robot's presets.
-        tool: The link that pose goals mean when they name none; by default the tip of the group's
-            chain, or the end of what hangs on the last planning joint.
+        tool: The frame of pose goals for "tool"; by default the tip of the group's
+            chain, or the last link after the last planning joint.
         name: Another name for the robot.
-        xacro_arguments: Values of a xacro file's arguments; with some, or {}, a .urdf is expanded as well.
+        xacro_arguments: Values of a xacro file's arguments; if given, even {}, a .urdf is expanded as well.
 
     Raises:
         UnknownNameError: no such robot, group, joint, link or preset.
-        FormatError: a file that cannot be read as what it claims to be.
-        InputError: joints that cannot be planned for, or limits of another length.
+        FormatError: a malformed file.
+        InputError: joints that cannot be planning joints, or limits of another length.
         MissingPackageError: a xacro file, and xacrodoc is not installed.
     """
     if group is not None and groups is not None:
@@ -137,7 +136,7 @@ def load_robot(
 
 
 def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | None]:
-    """The shipped robot's folder, if it is one, its URDF or xacro file, and the SRDF that belongs to that."""
+    """Folder of a shipped robot (or None), URDF or xacro file, and SRDF (or None)."""
     file = file_path(name_or_file)
     if isinstance(name_or_file, str) and name_or_file in robot_names():
         folder = read_robot_folder(robot_folder(name_or_file))
@@ -163,7 +162,7 @@ def _read_tree(
 
 
 def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:
-    """What an SRDF says that nobody asked for by name; one that does not fit says how to do without."""
+    """Content of an SRDF that was found next to the URDF; errors explain how to load the robot without it."""
     try:
         return None if srdf is None else read_srdf(srdf, tree)
     except FormatError as error:
@@ -173,10 +172,10 @@ def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:
 
 
 def _srdf_beside(file: Path) -> Path | None:
-    """An SRDF of the same name beside a URDF, or in the folder "srdf" beside its folder."""
+    """An SRDF of the same name next to a URDF, or in the folder "srdf" next to its folder."""
     name = f"{file.name.removesuffix('.xacro').removesuffix('.xml').removesuffix('.urdf')}.srdf"
-    places = (file.parent / name, file.parent.parent / "srdf" / name)
-    return next((place for place in places if is_regular(place)), None)
+    candidates = (file.parent / name, file.parent.parent / "srdf" / name)
+    return next((file for file in candidates if is_regular(file)), None)
 
 
 # ---- scenes ------------------------------------------------------------------------------
@@ -192,21 +191,21 @@ def load_scene(name_or_file: str | Path) -> Scene:
 
     Args:
         name_or_file: A name of `scene_names`, or a scene file (.toml), a MoveIt scene (.scene) or a
-            MotionBenchMaker scene (.yaml, .yml). The last two hold obstacles only: add arms with
+            MotionBenchMaker scene (.yaml, .yml). The last two contain obstacles only: add arms with
             `scene.with_arm`.
 
     Raises:
-        UnknownNameError: no scene of that name ships.
+        UnknownNameError: no shipped scene of that name.
         FormatError: the file is not a scene.
     """
     return load_scene_file(name_or_file).scene
 
 
 def load_scene_file(name_or_file: str | Path) -> SceneFile:
-    """A scene as `load_scene` loads it, with its named queries where the file can have some: both in one reading.
+    """Load a scene like `load_scene`, together with the named queries of the file.
 
     Raises:
-        UnknownNameError: no scene of that name ships.
+        UnknownNameError: no shipped scene of that name.
         FormatError: the file is not a scene.
     """
     file = _scene_file(name_or_file)
@@ -221,7 +220,7 @@ def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
     """The named queries of a scene that ships with rr1plan, or of a scene file (.toml), as problems.
 
     Raises:
-        UnknownNameError: no scene of that name ships.
+        UnknownNameError: no shipped scene of that name.
         FormatError: the file is not a scene.
     """
     return read_scene(_scene_file(name_or_file), load_robot).problems
@@ -233,10 +232,10 @@ def save_scene(
     problems: Mapping[str, Problem] | None = None,
     robots: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a scene file (.toml) from which `load_scene` makes the same scene, to the last bit.
+    """Write a scene file (.toml) from which `load_scene` loads the same scene, to the last bit.
 
     Args:
-        file: The file; it is replaced in one step.
+        file: The file; it is replaced atomically.
         scene: The scene. Meshes and point clouds are written into the file.
         problems: Named queries in that scene, for `load_problems`.
         robots: Name or file of the robot of each arm, files relative to the scene file (default: the robot's name if it
@@ -248,7 +247,7 @@ def save_scene(
     Raises:
         InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that
             was loaded with another SRDF), or a file that cannot be written.
-        UnknownNameError: a name in `robots` that is no arm.
+        UnknownNameError: a name in `robots` is not an arm.
     """
     of_kind("scene", scene, Scene)
     path = file_path(file)
@@ -272,7 +271,7 @@ def save_scene(
 
 
 def _robot_entry(arm: str, robot: Robot) -> str:
-    """How a scene file names a robot: its name where it ships with rr1plan, else its file."""
+    """Entry of a robot in a scene file: its name if it ships with rr1plan, else its file."""
     if robot.name in robot_names():
         return robot.name
     source = Path(robot.source)
@@ -285,7 +284,7 @@ def _robot_entry(arm: str, robot: Robot) -> str:
 
 
 def _scene_file(name_or_file: str | Path) -> Path:
-    """The file that is meant: anything with a suffix is a file, a bare name is a shipped scene."""
+    """The scene file: a name with a suffix is a file, a bare name a shipped scene."""
     file = file_path(name_or_file)
     if file.suffix in _SCENE_SUFFIXES:
         return file

@@ -1,4 +1,4 @@
-"""One arm's description, and its plain kinematics in numpy."""
+"""Description of an arm, with reference kinematics in NumPy."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from rr1plan.robot.parts import Joint, Link
 
 @dataclass(frozen=True, eq=False)
 class Robot(Value):
-    """One arm's description. Build it with `rr1plan.load_robot` or `rr1plan.formats`.
+    """Description of an arm. Build it with `rr1plan.load_robot` or `rr1plan.formats`.
 
     Args:
         name: Name of the robot.
@@ -41,13 +41,13 @@ class Robot(Value):
         joints: All joints, each after the joint that moves its parent link.
         joint_names: The planning joints: the columns of q, in order.
         limits: Limits of the planning joints, in that order.
-        configurations: Named configurations of the planning joints, each (nq,); has "home".
-        held: Values of the actuated joints that are not planned for (a gripper), by name.
-        never_collide: Pairs of links that may touch or never can (SRDF `disable_collisions`).
-        tool: The link whose frame pose goals mean when they name none.
+        configurations: Named configurations of the planning joints, each (nq,), including "home".
+        held: Values of the actuated joints that are not planning joints (a gripper), by name.
+        never_collide: Pairs of links that are not checked for collision (SRDF `disable_collisions`).
+        tool: The frame of pose goals for "tool".
         presets: Other limits by name, e.g. "sim" and "hardware".
         named_held: Named values of held joints, e.g. {"open": {"finger_joint": 0.0}}.
-        source: Where the description came from, for messages.
+        source: Origin of the description, for messages.
     """
 
     name: str
@@ -104,7 +104,7 @@ class Robot(Value):
 
     @cached_property
     def bodies(self) -> tuple[tuple[Link, ...], ...]:
-        """The links that fixed joints make one rigid body, for each body; the base's is the first."""
+        """Groups of links connected by fixed joints, each one rigid body; the base's group is the first."""
         found = {self.base: [self.links[0]]}
         for joint in self.joints:
             body = found[joint.parent] if joint.kind == "fixed" else []
@@ -114,9 +114,10 @@ class Robot(Value):
 
     @cached_property
     def unchecked_links(self) -> tuple[str, ...]:
-        """Links that are never checked for collision: those with a visual in a body without a collision shape.
+        """Links that are never checked for collision: links with a visual in a body without a collision shape.
 
-        Neither a link that is fixed to one with shapes nor a mere frame is among them. Without any shape all links are.
+        A link fixed to one with a collision shape, and a frame without a visual, do not count. If the robot has no
+        collision shape, all links count.
         """
         if not any(link.collisions for link in self.links):
             return self.link_names
@@ -125,12 +126,12 @@ class Robot(Value):
 
     @cached_property
     def links_of_assumed_mass(self) -> tuple[str, ...]:
-        """Links whose mass the robot's file does not give; it was computed from their shapes."""
+        """Links whose mass was computed from their shapes because the robot's file has none."""
         return tuple(link.name for link in self.links if link.inertial is not None and link.inertial.assumed)
 
     @cached_property
     def continuous(self) -> Array:
-        """Which planning joints have no position limits (they wrap around), shape (nq,) of 0 and 1."""
+        """Mask of planning joints without position limits (they wrap around), shape (nq,) of 0 and 1."""
         return read_only(np.array([float(self.joint(n).kind == "continuous") for n in self.joint_names]))
 
     def joint(self, name: str) -> Joint:
@@ -154,7 +155,7 @@ class Robot(Value):
 
         Raises:
             UnknownNameError: no configuration of that name.
-            InputError: wrong shape, not finite, or beyond all reason.
+            InputError: wrong shape, not finite, or too large.
         """
         if isinstance(value, str):
             return self.configurations[known_name("configuration", value, self.configurations)]
@@ -170,7 +171,7 @@ class Robot(Value):
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of everything that plans depend on: joints, limits, shapes, masses (hex)."""
+        """SHA-256 of everything that affects plans: joints, limits, shapes, masses (hex)."""
         digest = hashlib.sha256()
         feed_digest(
             digest, (self.name, self.joint_names, dict(self.held), sorted(sorted(p) for p in self.never_collide))
@@ -203,7 +204,7 @@ class Robot(Value):
         return replace(self, limits=limits)
 
     def with_held(self, values: Mapping[str, float] | str) -> Robot:
-        """The same robot with its gripper elsewhere: joint values, or the name of a state, e.g. "open".
+        """The same robot with other values of held joints, by joint or by the name of a state, e.g. "open".
 
         Raises:
             UnknownNameError: no such state or no such held joint.
@@ -224,7 +225,7 @@ class Robot(Value):
     # ---- plain kinematics ---------------------------------------------------------------
 
     def joint_values(self, q: Array) -> dict[str, float]:
-        """The value of every movable joint [rad or m]: planned, held and mimicking."""
+        """The values of all movable joints [rad or m]: planning, held and mimic joints."""
         values = dict(zip(self.joint_names, finite_array("q", q, (self.nq,)).tolist(), strict=True)) | dict(self.held)
         for joint in self.joints:
             if joint.kind != "fixed" and joint.name not in values:
@@ -232,7 +233,7 @@ class Robot(Value):
         return values
 
     def _resolve(self, joint: Joint, values: Mapping[str, float], depth: int = 0) -> float:
-        """The value of a mimic joint, following a chain of mimics."""
+        """The value of a mimic joint, through a chain of mimic joints."""
         if joint.name in values:
             return values[joint.name]
         if joint.mimic is None or depth > len(self.joints):
@@ -243,7 +244,7 @@ class Robot(Value):
         return joint.mimic.multiplier * leader + joint.mimic.offset
 
     def link_poses(self, q: Any) -> dict[str, Array]:
-        """T_base_link of every link at q (nq,), by plain numpy.
+        """T_base_link of every link at q (nq,), computed in NumPy.
 
         Raises:
             InputError: wrong shape or not finite.
