@@ -1,6 +1,6 @@
-"""Which links of a robot touch each other always or at home, found by sampling when it is loaded.
+"""Pairs of links in contact always or at home, found by sampling when a robot is loaded.
 
-That takes seconds for a robot of sixty links, so what took long is kept on disk by the robot's content.
+Sampling takes seconds for a robot with sixty links, so slow results are cached on disk by the robot's content.
 """
 
 from __future__ import annotations
@@ -25,19 +25,18 @@ log = logging.getLogger(__name__)
 
 SAMPLES = 200
 _VERSION = "self-contacts-1"
-# What takes less is sampled again [s].
+# Faster results are not cached [s].
 _WORTH_KEEPING = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class SelfContacts:
-    """What sampling finds.
+    """Result of sampling.
 
     Args:
-        always: Pairs that need no check: those that touch wherever the robot is, and without rules links that a joint
-            joins.
-        home: A configuration free of other contacts, at or near the one that was asked for, shape (nq,).
-        at_home: Pairs that touch even there.
+        always: Pairs that need no check: those in contact in all samples, and without an SRDF adjacent links.
+        home: A configuration free of other contacts, at or near the given home, shape (nq,).
+        at_home: Pairs in contact even there.
     """
 
     always: frozenset[Pair]
@@ -46,12 +45,12 @@ class SelfContacts:
 
 
 def self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
-    """Sample a robot's contacts with itself, or load what was found before.
+    """Sample a robot's self-contacts, or load them from the cache.
 
     Args:
         robot: The robot.
-        has_rules: Its `never_collide` comes from an SRDF.
-        keeps_home: Its home is given, not to be moved.
+        has_rules: Whether its `never_collide` comes from an SRDF.
+        keeps_home: Whether its home is given and must not be moved.
     """
     rules = f"{_VERSION} {version('coal')} {SAMPLES} {has_rules} {keeps_home}"
     key = cache_key(rules, robot.content_hash, np.array(robot.home))
@@ -87,7 +86,7 @@ def _packed(robot: Robot, found: SelfContacts) -> Arrays:
 
 
 def _unpacked(robot: Robot, kept: Arrays) -> SelfContacts | None:
-    """What a cache entry holds, or None where it is damaged."""
+    """The content of a cache entry, or None if it is damaged."""
     names = robot.link_names
     try:
         always, at_home = (

@@ -33,15 +33,15 @@ class EndEffector:
 
 @dataclass(frozen=True)
 class Semantics:
-    """What an SRDF says about a robot.
+    """Content of an SRDF.
 
     Args:
         groups: Names of the movable joints of each group, in the robot's order.
         chains: (base link, tip link) of each group that is one chain.
         states: Joint values of each named state, by group ("" where the file names none) and state.
         end_effectors: The grippers.
-        passive: Joints that nobody drives.
-        disabled: Pairs of links that need no check.
+        passive: Passive joints.
+        disabled: Pairs of links with disabled collision checks.
     """
 
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -125,7 +125,7 @@ class _Reader:
         return self._has(element, "name", "joint", self.joints)
 
     def _has(self, element: Element, attribute: str, kind: str, known: Container[str]) -> bool:
-        """Whether there is the link, joint or group that an attribute names; what there is not is remembered."""
+        """Whether the link, joint or group in an attribute exists; missing ones are recorded."""
         name = element.text(attribute)
         if name not in known and not (kind == "joint" and name in self.virtual):
             self.strange.setdefault((kind, name), element.line)
@@ -215,7 +215,7 @@ class _Reader:
         return tuple(found)
 
     def _disabled(self) -> frozenset[frozenset[str]]:
-        """Links off by default, then the pairs switched off, then the pairs switched on again."""
+        """Pairs of links disabled by default, plus disabled pairs, minus pairs enabled again."""
         off = {e.text("link") for e in self.root.all("disable_default_collisions") if self._has_link(e, "link")}
         pairs = {frozenset((a, b)) for a in off for b in self.links if a != b}
         return frozenset((pairs | self._pairs("disable_collisions")) - self._pairs("enable_collisions"))

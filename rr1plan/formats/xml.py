@@ -197,9 +197,9 @@ def _run(parser: expat.XMLParserType, builder: _Builder, data: bytes) -> None:
 
 
 def first_attributes(data: bytes, tag: str, file: str | Path | None = None) -> dict[str, str]:
-    """The attributes of the first element with a tag, namespaces apart; empty where there is none.
+    """The attributes of the first element with a tag, ignoring namespaces; empty if there is none.
 
-    For documents that another library reads: this pass refuses what that one would accept.
+    For documents that another library reads less strictly.
 
     Raises:
         FormatError: not well-formed, or a DOCTYPE.
