@@ -171,7 +171,7 @@ class Trees:
             edges.append(np.stack([parents[children], children], axis=1) + first)
         if joined:
             one, two = memory.struct.value.sides
-            edges.append(np.array([[one.meeting, two.meeting + sizes[0]]]))
+            edges.append(np.array([[one.connection, two.connection + sizes[0]]]))
         return SearchTree(vertices, np.concatenate(edges).astype(np.int64))
 
 
