@@ -46,7 +46,7 @@ def place_grid(
         robot: The robot all of them are.
         rows: How many along x.
         columns: How many along y.
-        spacing: Distance between neighbors [m], the same both ways or (along x, along y).
+        spacing: Distance between neighbors [m], one number or (along x, along y).
         center: Middle of the grid in the world [m], shape (3,).
         yaw: How every base is turned about z [rad].
         q: Posture of every arm: a configuration's name or numbers (nq,).
