@@ -1,4 +1,4 @@
-"""Do the compiled kernels answer as Coal does? Random configurations and edges of several robots, one by one.
+"""Agreement of the compiled kernels with Coal on random configurations and edges of several robots.
 
     python benchmarks/agreement.py --panda panda.urdf --folder ROBOTS
 
@@ -46,7 +46,7 @@ FOREIGN = {"panda": "panda.urdf", "ur5": "ur5_robot.urdf"}
 
 @dataclass
 class Tally:
-    """What came of the questions in one scene."""
+    """Results of the checks in one scene."""
 
     robot: str
     scene: str
@@ -62,7 +62,7 @@ class Tally:
 
 
 class Comparison:
-    """One scene: the kernels, Coal, and what they said so far."""
+    """Comparison of the kernels with Coal in one scene."""
 
     def __init__(self, robot: str, name: str, scene: rp.Scene) -> None:
         self.tally = Tally(robot, name)
@@ -75,7 +75,7 @@ class Comparison:
         self.low, self.high = box_of(self.checker.limits)
 
     def configurations(self, rng: np.random.Generator, count: int) -> None:
-        """Ask about random configurations."""
+        """Check random configurations."""
         tally, clock = self.tally.configurations, self.tally.clock
         q = rng.uniform(self.low, self.high, (count, self.checker.nq))
         with clock.stage("configurations, kernel"):
@@ -91,7 +91,7 @@ class Comparison:
                 self._differ(tally, one, one, one, "Coal through numpy and through Pinocchio differ")
 
     def random_edges(self, rng: np.random.Generator, count: int) -> None:
-        """Ask about random edges that begin at free configurations."""
+        """Check random edges from free configurations."""
         begins, ends = self._draw(rng, count)
         tally, clock = self.tally.edges, self.tally.clock
         with clock.stage("edges, kernel"):
@@ -110,7 +110,7 @@ class Comparison:
             )
 
     def _judge(self, q0: Array, q1: Array, status: int, where: float) -> None:
-        """What Coal makes of the kernel's answer about an edge."""
+        """Compare the kernel's result for an edge with Coal's."""
         tally = self.tally.edges
         if status != FREE:
             q = q0 + where * (q1 - q0)
@@ -130,15 +130,15 @@ class Comparison:
     def _differ(self, tally: Counter[str], q0: Array, q1: Array, q: Array, what: str) -> None:
         """Count an answer that differs: as grazing if that is proven, else as a difference."""
         bracket = self.plain.bracket(q)
-        told = {"robot": self.tally.robot, "scene": self.tally.scene, "what": what, "pair": bracket.pair}
-        told |= {"at least": bracket.lower, "at most": bracket.upper, "begin": q0.tolist(), "end": q1.tolist()}
-        told |= {"q": q.tolist()}
+        record = {"robot": self.tally.robot, "scene": self.tally.scene, "what": what, "pair": bracket.pair}
+        record |= {"at least": bracket.lower, "at most": bracket.upper, "begin": q0.tolist(), "end": q1.tolist()}
+        record |= {"q": q.tolist()}
         if bracket.lower >= -BAND and bracket.upper <= BAND:
             tally["grazing"] += 1
-            self.tally.grazing.append(told)
+            self.tally.grazing.append(record)
         else:
             tally["different"] += 1
-            self.tally.differences.append(told)
+            self.tally.differences.append(record)
 
     def _draw(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Free begins, and ends 0.02 to 1.5 rad (or m) from them within the limits."""
@@ -199,7 +199,7 @@ def _compare(name: str, args: argparse.Namespace) -> list[Tally]:
     work = [*_shares(parts, "configurations", args.configurations, _CHUNK)]
     work += _shares(parts, "random_edges", args.edges, _CHUNK_OF_EDGES)
     rng, begun = np.random.default_rng([args.seed, ROBOTS.index(name)]), time.monotonic()
-    # In any order, so that what is asked before the time is over is spread over all scenes.
+    # Shuffled, so that the checks within the time limit are spread over all scenes.
     for k in track(rng.permutation(len(work)).tolist(), name):
         part, question, count = work[k]
         getattr(part, question)(rng, count)
@@ -228,7 +228,7 @@ def _load(name: str, args: argparse.Namespace) -> rp.Robot | None:
 
 
 def _shipped(name: str) -> Iterator[tuple[str, rp.Scene]]:
-    """Shipped scenes of a robot, but for the one with twelve arms."""
+    """Shipped scenes of a robot, except the one with twelve arms."""
     for scene in rp.scene_names():
         if scene.startswith(f"{name}_") and scene != "rr1_twelve":
             yield scene, rp.load_scene(scene)

@@ -1,4 +1,4 @@
-"""What Coal alone says of configurations and edges, without the package's compiled kernels.
+"""Checks of configurations and edges by Coal alone, without the package's compiled kernels.
 
 `PlainCoal` places every shape by the robot's own numpy kinematics and asks Coal for each pair; where an answer
 depends on the last micrometer, it brackets the distance between points that are in both bodies and a plane between
@@ -182,7 +182,7 @@ class CoalProof:
     """Edges proven free by Coal's answers at the middles of intervals, halved until these suffice.
 
     Args:
-        checker: The collision checker whose Coal is asked.
+        checker: The collision checker; only its Coal geometry is used.
     """
 
     def __init__(self, checker: CollisionChecker) -> None:
@@ -196,9 +196,9 @@ class CoalProof:
         self.asked = 0
 
     def judge(self, q0: Array, q1: Array) -> tuple[str, float]:
-        """What Coal makes of a straight edge, and where that is.
+        """Coal's verdict on a straight edge, and its position.
 
-        "free": proven. "contact": Coal finds one there. "narrow": proven, but for places where something is
+        "free": proven. "contact": Coal finds one there. "narrow": proven, except where a clearance is
         within Coal's error; there all samples at `FINEST` are free. "undecided": too many samples would be needed.
         """
         travel = float(self._swings @ np.abs(q1 - q0))
