@@ -1,7 +1,7 @@
 """SRDF: groups of joints, named states, end effectors and pairs of links that need no check.
 
 A strict reader: a value that is no number or a group that contains itself is an error with file and line. A link or
-joint that the robot does not have and a group that nobody defines are passed over with a warning, and so is a robot
+joint that the robot does not have and an undefined group are ignored with a warning, and so is a robot
 name that differs: many files serve several variants of a robot.
 """
 

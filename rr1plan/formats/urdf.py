@@ -138,7 +138,7 @@ def _order(
 
 
 def _check_mimics(elements: dict[str, Element], joints: dict[str, Joint]) -> None:
-    """Every mimic leads to a movable joint that mimics nobody."""
+    """Require that every chain of mimic joints ends at an independent movable joint."""
     for name, joint in joints.items():
         seen = [name]
         while joint.mimic is not None:
