@@ -125,13 +125,13 @@ def _run(name: str, problem: str, question: rp.Problem, seed: int, budgets: Sequ
 def _solve(name: str, problem: rp.Problem, seed: int, seconds: float) -> float:
     """Length of the path [rad]."""
     if name != _BASELINE:
-        result = rp.plan(problem, name, rp.Budget(seconds=seconds), seed)
+        result = rp.plan(problem, planner=name, budget=rp.Budget(seconds=seconds), rng=seed)
         return np.inf if result.path is None else result.path.length
-    result = rp.plan(problem, "rrt_connect", rp.Budget(seconds=seconds), seed)
+    result = rp.plan(problem, planner="rrt_connect", budget=rp.Budget(seconds=seconds), rng=seed)
     if result.path is None:
         return np.inf
     with checker_from_pool(problem.scene, problem.arms) as motion:
-        return rp.shorten(result.path, motion, rng=seed).length
+        return rp.shorten(result.path, problem.scene, checker=motion, rng=seed).length
 
 
 def _shortest(runs: Sequence[Run]) -> dict[str, float]:

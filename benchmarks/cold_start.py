@@ -40,11 +40,11 @@ motion = rp.plan_motion(problem, rng=0)
 lap("first plan")
 rp.plan_motion(problem, rng=0)
 lap("second plan")
-assert motion.solved, motion
+assert motion.valid, motion
 print(json.dumps(stages))
 """
 # Only up to the result of the first plan, without the second.
-_FIRST = "import rr1plan as rp; assert rp.plan_motion(next(iter(rp.load_problems({scene!r}).values())), rng=0).solved"
+_FIRST = "import rr1plan as rp; assert rp.plan_motion(next(iter(rp.load_problems({scene!r}).values())), rng=0).valid"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -100,7 +100,7 @@ def find_path(
     out.status, out.reason, out.raw = result.status.value, result.reason, result.path
     if out.raw is not None:
         with checker_from_pool(problem.scene, problem.arms, roomy.margin) as motions, out.clock.stage("shorten"):
-            out.path = rp.shorten(out.raw, motions, rng=seed)
+            out.path = rp.shorten(out.raw, problem.scene, checker=motions, rng=seed)
     return roomy
 
 
@@ -111,7 +111,7 @@ def time_motion(out: Outcome, problem: rp.Problem, roomy: rp.Problem) -> None:
     with checker_from_pool(problem.scene, problem.arms, roomy.margin) as motions:
         for out.retiming in ("blend", "stop"):
             with out.clock.stage("retime"):
-                out.trajectory = rp.retime(out.path, problem.scene, out.retiming, checker=motions)
+                out.trajectory = rp.retime(out.path, problem.scene, method=out.retiming, checker=motions)
             with out.clock.stage("validate"):
                 out.report = rp.validate(out.trajectory, problem.scene, problem)
             if out.report.valid:
@@ -125,9 +125,9 @@ def _plan(
     for m in (margin, 0.0):
         with clock.stage("set up"):
             roomy = problem.with_margin(m)
-            rp.set_up(roomy)
+            rp.warm_up(roomy)
         with clock.stage("plan"):
-            result = rp.plan(roomy, planner, budget, seed)
+            result = rp.plan(roomy, planner=planner, budget=budget, rng=seed)
         if result.status not in (rp.PlanStatus.INVALID_GOAL, rp.PlanStatus.INFEASIBLE):
             break
     return result, roomy, m

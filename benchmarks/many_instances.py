@@ -107,7 +107,7 @@ def _memory() -> float:
 
 def _scene(count: int, layout: str = "grid") -> rp.Scene:
     rows = max(k for k in range(1, math.isqrt(count) + 1) if count % k == 0) if layout == "grid" else 1
-    return rp.place_grid(rp.load_robot("rr1"), rows, count // rows, _SPACING)
+    return rp.place_grid(rp.load_robot("rr1"), rows, count // rows, spacing=_SPACING)
 
 
 # ---- what is measured ----------------------------------------------------------------------------
@@ -133,7 +133,7 @@ def _time_question(task: Mapping[str, Any], progress: Callable[[Any], bool] | No
     begin = time.perf_counter()
     motion = answer(problem, rng=task["seed"], progress=progress)
     seconds = time.perf_counter() - begin
-    found = motion.solved if progress is None else motion.seconds.get("retime", 0.0) > 0.0
+    found = motion.valid if progress is None else motion.seconds.get("retime", 0.0) > 0.0
     return {"seconds": seconds, "stages": dict(motion.seconds), "found": found}
 
 
@@ -180,7 +180,7 @@ def _time_edge(task: Mapping[str, Any]) -> dict[str, Any]:
     scene = _scene(task["arms"], task["layout"])
     begin = time.perf_counter()
     checker = rp.CollisionChecker(scene)
-    checker.set_up()
+    checker.warm_up()
     made = time.perf_counter() - begin
     q0, q1 = _edge(scene, task["seed"])
     halved = 0

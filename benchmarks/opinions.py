@@ -55,7 +55,7 @@ class Bodies:
 
     def frames(self, q: Array) -> Array:
         """T_world_body of all bodies at configurations q (n, nq), shape (n, bodies, 4, 4)."""
-        links = _link_frames(self.robot, q)
+        links = link_frames(self.robot, q)
         moving = [self.base @ links[b.element.split("/", 1)[1]] @ b.local for b in self.moving]
         fixed = [np.broadcast_to(b.local, (len(q), 4, 4)) for b in self.fixed]
         return np.stack([*moving, *fixed], axis=1)
@@ -92,7 +92,7 @@ def _body(element: str, shape: Any, local: Array) -> Body:
     return Body(element, shape, np.array(local), center, half)
 
 
-def _link_frames(robot: rp.Robot, q: Array) -> dict[str, Array]:
+def link_frames(robot: rp.Robot, q: Array) -> dict[str, Array]:
     """T_base_link of every link, each (n, 4, 4); Rodrigues' formula for every joint."""
     fixed = robot.joint_values(q[0])
     frames = {robot.base: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
@@ -211,7 +211,7 @@ class FclOpinion:
     name = "FCL"
 
     def __init__(self, bodies: Sequence[Body]) -> None:
-        self._things = [fcl.CollisionObject(_fcl_shape(b.shape)) for b in bodies]
+        self._things = [fcl.CollisionObject(fcl_shape(b.shape)) for b in bodies]
         self._request = fcl.CollisionRequest()
 
     def touch(self, a: int, Ta: Array, b: int, Tb: Array) -> bool:
@@ -221,7 +221,7 @@ class FclOpinion:
         return bool(fcl.collide(self._things[a], self._things[b], self._request, fcl.CollisionResult()) > 0)
 
 
-def _fcl_shape(shape: Any) -> Any:
+def fcl_shape(shape: Any) -> Any:
     match shape:
         case rp.Box(size):
             return fcl.Box(*size)

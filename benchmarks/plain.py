@@ -41,7 +41,7 @@ def settle(problem: rp.Problem, seed: int) -> rp.Problem:
     settled = rp.Problem(scene, {arm: problem.start}, goals)
     if len(goals[arm]) == 1 and isinstance(goals[arm][0], rp.JointGoal):
         return settled
-    found = rp.plan(settled, "rrt_connect", rp.Budget(seconds=10.0), np.random.default_rng(seed))
+    found = rp.plan(settled, planner="rrt_connect", budget=rp.Budget(seconds=10.0), rng=np.random.default_rng(seed))
     if found.path is None:
         raise rp.InputError(f"no configuration for the goal of scene {scene.name!r}: {found.status.value}")
     return rp.Problem(scene, {arm: problem.start}, {arm: rp.JointGoal(found.path.waypoints[-1])})

@@ -76,7 +76,7 @@ def _scenes() -> list[str]:
 
 def _run(planner: str, query: str, problem: rp.Problem, seed: int, seconds: float) -> Run:
     began = time.process_time()
-    result = rp.plan(problem, planner, rp.Budget(seconds=seconds), seed)
+    result = rp.plan(problem, planner=planner, budget=rp.Budget(seconds=seconds), rng=seed)
     cpu = time.process_time() - began
     first = result.cost_history[0][0] if result.cost_history else np.inf
     length = np.inf if result.path is None else result.path.length

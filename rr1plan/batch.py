@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import math
 import os
+import pickle
 import signal
 import time
 from collections import deque
@@ -40,8 +41,8 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import BackendError, InputError
 from rr1plan.pipeline import MotionPlan
-from rr1plan.planners import planner_names
-from rr1plan.planning import Budget, PlanResult, Progress, ProgressCallback
+from rr1plan.planners import chosen_planner, is_own
+from rr1plan.planning import Budget, Planner, PlanResult, Progress, ProgressCallback
 from rr1plan.problem import Problem
 from rr1plan.retiming import retiming_names
 
@@ -72,8 +73,13 @@ class PlanFailure(Value):
     details: str = ""
 
     @property
-    def solved(self) -> bool:
-        """Always False; mirrors `MotionPlan.solved`."""
+    def found(self) -> bool:
+        """Always False; mirrors `MotionPlan.found` and `PlanResult.found`."""
+        return False
+
+    @property
+    def valid(self) -> bool:
+        """Always False; mirrors `MotionPlan.valid`."""
         return False
 
     def __bool__(self) -> bool:
@@ -89,11 +95,11 @@ def plan_many(
     *,
     executor: Executor | None = None,
     workers: int | None = None,
-    rng: Seed = None,
     full: bool = True,
-    planner: str = "rrt_connect",
+    planner: str | Planner = "rrt_connect",
     retiming: str = "blend",
     budget: Budget | None = None,
+    rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> list[Answer]:
     """Solve many problems in parallel, each like `plan_motion` (or `plan`).
@@ -106,29 +112,29 @@ def plan_many(
         problems: The problems. Those in one scene should share one `Scene` object and be consecutive.
         executor: Any `concurrent.futures.Executor` to use instead, e.g. of a Dask client
             (`client.get_executor()`) or of mpi4py. It is not shut down.
-        workers: Number of processes (default: the processors available to this process), or of workers of the
-            executor.
-        rng: Seed of the batch; problem i is planned with seed i of `problem_seeds(rng, n)`.
+        workers: How many processes (default: the processors this process may use); with an executor, how
+            many it has.
         full: Plan, shorten, retime and validate, as `plan_motion`; or only plan, as `plan`.
-        planner: A name of `planner_names()`.
+        planner: A name of `planner_names()`, or an instance of `Planner`, which is sent to the processes by pickle.
         retiming: A name of `retiming_names()`.
-        budget: When the planner stops, for each problem (default: 10 s).
-        progress: Called after each problem with the fraction done; it may return False to cancel. With
-            an executor it is called when the chunk of a problem is done.
+        budget: When the planner has to stop, for each problem (default: 10 s).
+        rng: Seed of all; problem i is asked with seed i of `problem_seeds(rng, n)`.
+        progress: Called for each problem that is done, with the fraction that is; it may return False to cancel. With
+            an executor it learns of problems when the whole chunk that they travel in is done.
 
     Returns:
         The results in the order of the problems: a `MotionPlan` (or `PlanResult` if not `full`), or a
         `PlanFailure` if the problem raised, its process died, or the batch was cancelled.
 
     Raises:
-        UnknownNameError: no such planner or retiming method.
-        InputError: something that is not a problem, no worker, a seed below zero.
-        BackendError: the processes do not start.
+        UnknownNameError: no such planner or retiming.
+        InputError: something that is not a problem, no worker, a seed below zero, a planner that cannot be pickled.
+        BackendError: the processes do not even start.
         KeyboardInterrupt: Ctrl-C, after the processes have ended.
     """
     settings = Settings(
         full,
-        known_name("planner", planner, planner_names()),
+        _sent_planner(planner, executor),
         known_name("retiming", retiming, retiming_names()),
         budget,
     )
@@ -157,6 +163,26 @@ def problem_seeds(rng: Seed, count: int) -> list[int]:
     if not isinstance(sequence, np.random.SeedSequence):
         raise InputError(f"rng has a seed of kind {type(sequence).__name__}, expected numpy's SeedSequence")
     return [int(child.generate_state(1, np.uint64)[0]) for child in sequence.spawn(count)]
+
+
+def _sent_planner(planner: str | Planner, executor: Executor | None) -> str | Planner:
+    """What processes are told to plan with: names that are known everywhere, or the planner itself.
+
+    Raises:
+        InputError: a planner that cannot be sent.
+    """
+    chosen = chosen_planner(planner)
+    if isinstance(planner, str) and is_own(planner):
+        return planner
+    if executor is None:
+        try:
+            pickle.dumps(chosen)
+        except Exception as error:
+            raise InputError(
+                f"planner {chosen.name!r} cannot be sent to other processes: {error}; "
+                "define its class in a module, and keep what cannot be pickled out of it"
+            ) from error
+    return chosen
 
 
 def _checked(problems: Iterable[Problem], executor: Executor | None, workers: int | None) -> list[Problem]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from rr1plan.pipeline import plan_motion
 from rr1plan.planners import plan
-from rr1plan.planning import Budget, Progress
+from rr1plan.planning import Budget, Planner, Progress
 from rr1plan.problem import Problem
 
 
@@ -17,7 +17,7 @@ class Settings(NamedTuple):
     """Settings common to all problems of a batch."""
 
     full: bool
-    planner: str
+    planner: str | Planner
     retiming: str
     budget: Budget | None
 
@@ -83,7 +83,7 @@ def _run(task: Task, settings: Settings) -> Any:
         return Raised("Cancelled", "the batch was cancelled before this problem was done")
     try:
         if not settings.full:
-            return plan(task.problem, settings.planner, settings.budget, task.seed, _go_on)
+            return plan(task.problem, planner=settings.planner, budget=settings.budget, rng=task.seed, progress=_go_on)
         return plan_motion(
             task.problem,
             planner=settings.planner,

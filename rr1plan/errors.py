@@ -1,15 +1,16 @@
 """The exceptions of rr1plan.
 
     Rr1PlanError
-    ├── InputError (ValueError)       an invalid argument: its name, what was got and expected, what to try
-    │   ├── UnknownNameError          an unknown name; suggests similar ones
-    │   └── FormatError               a malformed file
-    ├── NoPlanError                   no path, raised on access to a missing result
-    ├── RetimingError                 a path that cannot be timed under the limits
-    ├── CancelledError                a progress callback cancelled work without partial results
-    ├── MissingPackageError (ImportError)   an optional package is missing; names the extra to install
-    ├── InstallationError (ImportError)     a compiled part of rr1plan is missing or broken
-    └── BackendError                  an unexpected failure of a library
+    ├── InputError (ValueError)       a wrong call: says what, got, expected, what to try
+    │   ├── UnknownNameError          a name nobody knows; lists the near ones
+    │   └── FormatError               a file that cannot be read as what it claims to be
+    ├── NoPlanError                   "no answer", only when asked for as an exception
+    ├── RetimingError                 a path that cannot be given times under the limits
+    ├── CancelledError                a progress callback ended work that has no answer without its end
+    ├── MissingPackageError (ImportError)   an optional package; names the extra to install
+    ├── InstallationError (ImportError)     a part of rr1plan that the build makes is missing or broken
+    ├── PlannerError                  a planner of the caller's own raised something, or its answer is none
+    └── BackendError                  a library failed in a way we did not foresee
 
 A failed search is a value (`PlanResult.status`), an invalid argument is an exception.
 """
@@ -85,6 +86,10 @@ class FormatError(InputError):
 
 class NoPlanError(Rr1PlanError):
     """There is no path; the message is the planner's reason."""
+
+
+class PlannerError(Rr1PlanError):
+    """A planner of the caller's own raised something, or returned a path that is no answer to the problem."""
 
 
 class RetimingError(Rr1PlanError):

@@ -6,25 +6,28 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
-from rr1plan.checks import check_text, file_path, known_name, of_kind, shown
+from rr1plan.checks import check_text, file_path, known_name, of_kind
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.formats.convex_pieces import Convexity
 from rr1plan.formats.files import is_regular, write_text
+from rr1plan.formats.mjcf_document import is_mjcf
 from rr1plan.formats.motion_bench import read_bench_scene
 from rr1plan.formats.moveit_scene import read_moveit_scene
 from rr1plan.formats.robot_data import installed_robots
 from rr1plan.formats.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.formats.robots import Choice, assemble
 from rr1plan.formats.scene_toml import SceneFile, parse_scene, read_scene, scene_text
-from rr1plan.formats.srdf import Semantics, read_srdf
+from rr1plan.formats.srdf import Semantics, joined_semantics, read_srdf
 from rr1plan.formats.urdf import Tree, read_urdf
 from rr1plan.formats.xacro import expand_xacro
-from rr1plan.limits import Limits
 from rr1plan.problem import Problem
 from rr1plan.robot import Robot
-from rr1plan.scene import Scene
+from rr1plan.scene import Arm, Obstacle, Scene
 
-_SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml")
+_MJCF_SUFFIXES = (".xml", ".mjcf")
+_SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml", *_MJCF_SUFFIXES)
+# Of an MJCF scene: contacts of each with each standing link are allowed one by one.
+_MOST_SURROUNDINGS = 1000
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -63,76 +66,73 @@ def load_robot(
     name_or_file: str | Path,
     *,
     srdf: str | Path | Literal[False] | None = None,
-    group: str | None = None,
     groups: Sequence[str | Sequence[str]] | None = None,
     joints: Sequence[str] | None = None,
     package_dirs: Sequence[str | Path] = (),
     convex: Convexity = "hull",
-    limits: Limits | str | None = None,
     tool: str | None = None,
-    name: str | None = None,
     xacro_arguments: Mapping[str, str] | None = None,
 ) -> Robot:
-    """Load a robot that ships with rr1plan or is installed, or an arm from its URDF or xacro file.
+    """Load a robot that ships with rr1plan or is installed, or any arm from its URDF, xacro or MJCF file.
 
-    The planning joints are the given `joints`, those of the given `group`, or else those of the
-    SRDF's arm with an end effector, of its first group, or all independent joints.
-    All other independent joints are held at zero, or at their limit nearest to zero.
+    The planning joints are the given `joints`, those of the given `groups`, or else those of the
+    SRDF's arm that carries an end effector, of its first group, or all that move by themselves.
+    Every other joint that moves by itself is locked at zero, or at its limit nearest to zero. An MJCF file has a group
+    for each of its robots, named after its first body: the driven hinges and slides on the way to the tool. Its
+    keyframes are states, and its other joints are locked as in "home".
 
-    URDF has no acceleration and jerk limits: the defaults reach the velocity limit in 0.25 s and the
-    acceleration limit in 0.1 s. Missing velocity limits become 1 rad/s or 0.25 m/s.
-    Pass `limits` to set the real ones.
+    URDF knows no acceleration and no jerk: one that reaches the velocity in 0.25 s and a jerk that
+    reaches that in 0.1 s are taken. A velocity it does not give becomes 1 rad/s or 0.25 m/s.
+    Use `robot.with_limits` where you know better.
 
     "home" is the SRDF's state of that name, else "ready", else its first one; without an SRDF, zero or
     the middle of the range if that is free of self-collision, else a free configuration near it.
 
-    If no SRDF disables pairs of links, adjacent links and links in contact in all of 200 random
-    configurations are not checked against each other; see `propose_never_collide`. If no configuration
-    is free even so, links in contact at home are not checked either, with a warning in the log.
+    Where no SRDF switches pairs of links off, neighbors and links that touch in each of 200 random
+    configurations are not checked against each other; see `propose_disabled_collisions`. Where no configuration
+    is free even so, links that touch at home are not checked either, as the log warns.
 
     Args:
         name_or_file: One of `robot_names()`, one of `installed_robot_names()` (`pip install 'rr1plan[robots]'`), or a
-            .urdf or .xacro file. A xacro file is a program: load only those you trust.
-        srdf: The SRDF; None searches for one of the same name next to the URDF and in ../srdf, False
-            uses none.
-        group: The planning group of the SRDF.
-        groups: Several planning groups combined, in order, e.g. both arms of a robot. Each is a group of the SRDF or
-            a chain (base link, tip link). The robot's tool is that of the first.
-        joints: The planning joints, in order.
-        package_dirs: Folders to search for `package://` meshes, before those around the file.
-        convex: Replacement of a concave collision mesh: its "hull", or convex "pieces"
-            (slow the first time, with a progress bar on a terminal; then cached on disk).
-        limits: Limits of the planning joints, or the name of one of the robot's presets.
-        tool: The frame of pose goals for "tool"; by default the tip of the group's
-            chain, or the last link after the last planning joint.
-        name: Another name for the robot.
-        xacro_arguments: Values of a xacro file's arguments; if given, even {}, a .urdf is expanded as well.
+            .urdf, .xacro or MJCF (.xml, .mjcf) file. A xacro file is a program: load only those you trust.
+        srdf: The SRDF; None looks beside the URDF and in ../srdf for one of the same name, False
+            takes none.
+        groups: The SRDF groups to plan for, as one: the joints of the first, then those of the next, e.g. one arm or
+            both arms of a robot. Where the SRDF has no such group, or there is none, give a chain: (base link, tip
+            link). The robot's tool is that of the first.
+        joints: The joints to plan for, in this order.
+        package_dirs: Folders to look for `package://` meshes in, before those around the file; for MJCF,
+            folders besides its own in which meshes may be.
+        convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
+            (slow the first time, with a bar on a terminal; then kept on disk).
+        tool: The link that pose goals mean when they name none; by default the tip of the group's
+            chain, or the end of what hangs on the last planning joint. In MJCF files it is a body or a site, and the
+            joints between the base and the tool are planned for; by default a site with a tool's name, or the body that
+            holds the fingers.
+        xacro_arguments: Values of a xacro file's arguments; with some, or {}, a .urdf is expanded as well.
 
     Raises:
-        UnknownNameError: no such robot, group, joint, link or preset.
-        FormatError: a malformed file.
-        InputError: joints that cannot be planning joints, or limits of another length.
+        UnknownNameError: no such robot, group, joint or link.
+        FormatError: a file that cannot be read as what it claims to be.
+        InputError: joints that cannot be planned for.
         MissingPackageError: a xacro file, and xacrodoc is not installed.
     """
-    if group is not None and groups is not None:
-        raise InputError(f"got group={shown(group)} and groups={shown(groups)}, expected one of them")
-    for option, text in (("group", group), ("tool", tool), ("name", name)):
-        if text is not None:
-            check_text(option, text)
+    if tool is not None:
+        check_text("tool", tool)
     folder, file, beside = _locate(name_or_file)
-    tree = _read_tree(file, package_dirs, convex, xacro_arguments)
-    if srdf is not None:
-        semantics = None if srdf is False else read_srdf(file_path(srdf), tree)
+    if file.suffix in _MJCF_SUFFIXES and is_mjcf(file):
+        if xacro_arguments is not None:
+            raise InputError(f"{file} is MJCF; option xacro_arguments is for xacro files")
+        tree, own = _read_mjcf(file, package_dirs, convex, tool)
     else:
-        semantics = _semantics_beside(beside, tree)
+        tree, own = _read_tree(file, package_dirs, convex, xacro_arguments), None
+    semantics = _semantics(srdf, beside, tree, own)
     if folder is not None:
-        group, tool = folder.group if group is None else group, folder.tool if tool is None else tool
-    if groups is None and group is not None:
-        groups = (group,)
-    robot = assemble(tree, semantics, Choice(groups, joints, tool, name))
-    if folder is not None:
-        robot = folder.apply(robot)
-    return robot if limits is None else robot.with_limits(limits)
+        tool = folder.tool if tool is None else tool
+        if groups is None and folder.group is not None:
+            groups = (folder.group,)
+    robot = assemble(tree, semantics, Choice(groups, joints, tool))
+    return robot if folder is None else folder.apply(robot)
 
 
 def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | None]:
@@ -144,12 +144,25 @@ def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | 
     installed = installed_robots()
     if isinstance(name_or_file, str) and name_or_file in installed:
         return None, *installed[name_or_file]
-    if file.suffix in (".urdf", ".xacro", ".xml"):
+    if file.suffix in (".urdf", ".xacro", *_MJCF_SUFFIXES):
         return None, file, _srdf_beside(file)
     if isinstance(name_or_file, Path) or len(file.parts) > 1:
-        raise InputError(f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf or .xacro")
-    more = "" if installed else "More come with: pip install 'rr1plan[robots]'. Or give a .urdf or .xacro file."
+        raise InputError(
+            f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf, .xacro or .xml (MJCF)"
+        )
+    more = "" if installed else "More come with: pip install 'rr1plan[robots]'. Or give a .urdf, .xacro or MJCF file."
     raise UnknownNameError("robot", name_or_file, (*robot_names(), *installed), more)
+
+
+def _read_mjcf(
+    file: Path, package_dirs: Sequence[str | Path], convex: Convexity, tool: str | None
+) -> tuple[Tree, Semantics]:
+    # MuJoCo takes a fifth of a second to be imported.
+    from rr1plan.formats.mjcf import read_mjcf
+
+    content = read_mjcf(file, package_dirs=package_dirs, convex=convex, tool=tool)
+    content.warn_of_surroundings()
+    return content.tree, content.semantics
 
 
 def _read_tree(
@@ -159,6 +172,19 @@ def _read_tree(
         return read_urdf(file, package_dirs=package_dirs, convex=convex)
     text = expand_xacro(file, package_dirs=package_dirs, arguments=arguments)
     return read_urdf(text, package_dirs=package_dirs, convex=convex, file=file)
+
+
+def _semantics(
+    srdf: str | Path | Literal[False] | None, beside: Path | None, tree: Tree, own: Semantics | None
+) -> Semantics | None:
+    """What the SRDF that was chosen, or the one beside the robot's file, adds to what that file says itself."""
+    if srdf is None:
+        found = _semantics_beside(beside, tree)
+    else:
+        found = None if srdf is False else read_srdf(file_path(srdf), tree)
+    if own is None or found is None:
+        return own or found
+    return joined_semantics(found, own)
 
 
 def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:
@@ -190,9 +216,10 @@ def load_scene(name_or_file: str | Path) -> Scene:
     """Load a scene that ships with rr1plan, or one from a file.
 
     Args:
-        name_or_file: A name of `scene_names`, or a scene file (.toml), a MoveIt scene (.scene) or a
-            MotionBenchMaker scene (.yaml, .yml). The last two contain obstacles only: add arms with
-            `scene.with_arm`.
+        name_or_file: A name of `scene_names`, or a scene file (.toml), a MoveIt scene (.scene), a MotionBenchMaker
+            scene (.yaml, .yml) or an MJCF file (.xml, .mjcf). MoveIt's and MotionBenchMaker's hold obstacles only: add
+            arms with `scene.with_arm`. Of an MJCF file the robot is the arm "arm", and all other bodies that hit
+            things are obstacles where they stand in its first keyframe.
 
     Raises:
         UnknownNameError: no shipped scene of that name.
@@ -213,22 +240,47 @@ def load_scene_file(name_or_file: str | Path) -> SceneFile:
         return SceneFile(read_moveit_scene(file), {})
     if file.suffix in (".yaml", ".yml"):
         return SceneFile(read_bench_scene(file), {})
+    if file.suffix in _MJCF_SUFFIXES:
+        return SceneFile(_read_mjcf_scene(file), {})
     return read_scene(file, load_robot)
 
 
+def _read_mjcf_scene(file: Path) -> Scene:
+    """The robot of an MJCF file as an arm, and what surrounds it as obstacles."""
+    from rr1plan.formats.mjcf import read_mjcf
+
+    content = read_mjcf(file)
+    if len(content.surroundings) > _MOST_SURROUNDINGS:
+        raise FormatError(
+            f"has {len(content.surroundings)} things around the robot, expected at most {_MOST_SURROUNDINGS}", file
+        )
+    arm = Arm(assemble(content.tree, content.semantics, Choice()))
+    obstacles: dict[str, Obstacle] = {}
+    allowed: set[frozenset[str]] = set()
+    for thing in content.surroundings:
+        name = thing.name.replace("/", "_")
+        while name == "arm" or name in obstacles:
+            name += "_"
+        obstacles[name] = Obstacle(thing.geometries, thing.pose)
+        if thing.stands:  # what stands on it stays there
+            allowed.update(frozenset((f"arm/{link}", name)) for link in content.standing)
+    return Scene({"arm": arm}, obstacles, allowed=frozenset(allowed), name=content.tree.name)
+
+
 def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
-    """The named queries of a scene that ships with rr1plan, or of a scene file (.toml), as problems.
+    """The named queries of a scene that ships with rr1plan, or of a scene file, as problems; only .toml files have any.
 
     Raises:
         UnknownNameError: no shipped scene of that name.
         FormatError: the file is not a scene.
     """
-    return read_scene(_scene_file(name_or_file), load_robot).problems
+    return load_scene_file(name_or_file).problems
 
 
 def save_scene(
     file: str | Path,
     scene: Scene,
+    *,
     problems: Mapping[str, Problem] | None = None,
     robots: Mapping[str, str] | None = None,
 ) -> Path:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, Value, items_of, number_array, of_kind, positive_number, read_only, shown
 from rr1plan.errors import InputError
@@ -35,6 +37,18 @@ class Limits(Value):
     jerk: Array
     effort: Array
 
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(
+            self,
+            lower: ArrayLike,
+            upper: ArrayLike,
+            velocity: ArrayLike,
+            acceleration: ArrayLike,
+            jerk: ArrayLike,
+            effort: ArrayLike,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         n = None
         for name in ("lower", "upper", *_POSITIVE):
@@ -55,8 +69,8 @@ class Limits(Value):
     def __len__(self) -> int:
         return len(self.lower)
 
-    def scaled(self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
-        """The same limits with velocity, acceleration and jerk multiplied by factors above zero.
+    def scaled(self, *, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
+        """The same limits with the rates multiplied by factors above zero.
 
         Raises:
             InputError: a factor that is not a number above zero.

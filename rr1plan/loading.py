@@ -74,7 +74,7 @@ def load_motion(
             raise
         raise FormatError(f"cannot be judged in its own scene: {error}", file) from error
     lacks = f"{file} holds no path" if path is None else f"{file} holds no trajectory" if trajectory is None else ""
-    result = PlanResult(PlanStatus.SOLVED, path, lacks)
+    result = PlanResult(PlanStatus.FOUND, path, lacks)
     different = changes(saved, where)
     return MotionPlan(problem, result, {}, 0.0, path, trajectory, report, different, where)
 

@@ -1,10 +1,10 @@
 """A scene as one Pinocchio model of all arms, with one number for each movable joint.
 
-The model is built from `Robot`, never from a file, so all libraries use the same robot. An affine map
-takes the planning configuration q (the moving arms' planning joints, in the order of the scene) to the
-configuration of the whole model: planning joints take their column, mimic joints
-follow through their chain of multipliers, held joints and arms that do not move are constant. Obstacles and
-attached objects are massless: they are geometry only.
+Built from our own description, never from a file, so every back end sees the same robot. The
+planning configuration q (the moving arms' planning joints, in the order of the scene) maps to the
+configuration of the whole model by an affine map: planning joints take their column, mimic joints
+follow through their chain of multipliers, locked joints and resting arms are constants. Obstacles and
+attached objects weigh nothing here: they are geometry only.
 
 Instances are cheap, contain no scratch memory, and are thread-safe.
 """
@@ -45,7 +45,7 @@ class SceneModel:
 
     Raises:
         UnknownNameError: no such arm.
-        InputError: an arm twice, or a joint that is neither planned, held nor mimics one that is.
+        InputError: an arm twice, or a joint that is neither planned, locked nor mimics one that is.
     """
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     Array,
@@ -57,6 +59,10 @@ class Path(Value):
 
     joint_names: tuple[str, ...]
     waypoints: Array
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, joint_names: Sequence[str], waypoints: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         names = check_joint_names(self.joint_names)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, true_or_false
 from rr1plan.collision.checker_pool import checker_from_pool
@@ -19,10 +19,10 @@ from rr1plan.collision.solids import cut_meshes
 from rr1plan.errors import CancelledError, InputError, NoPlanError
 from rr1plan.imports import import_clock
 from rr1plan.path import Path
-from rr1plan.planners import plan
+from rr1plan.planners import chosen_planner, plan
 from rr1plan.planners.goals import joint_goals
 from rr1plan.planners.shortcut import shorten as shorten_path
-from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
 from rr1plan.problem import Problem
 from rr1plan.report import Report
 from rr1plan.retiming import retime, retiming_names
@@ -30,13 +30,17 @@ from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
+if TYPE_CHECKING:
+    from rr1plan.playback.replay import Replay
+    from rr1plan.playback.viewer import Viewer, ViewOptions
+
 
 @dataclass(frozen=True, eq=False)
 class MotionPlan:
     """Result of `plan_motion`: the planner's result, path, trajectory and report.
 
-    After a failure, `path`, `trajectory` and `report` raise `NoPlanError` with the planner's reason; check
-    `solved` or `status` first.
+    Asking a plan that failed for its path, trajectory or report raises `NoPlanError` with the
+    planner's reason; look at `found`, `valid` and `status` first.
 
     Args:
         problem: The planning problem; None for a motion from a file without a problem.
@@ -72,8 +76,13 @@ class MotionPlan:
         return self.result.status
 
     @property
-    def solved(self) -> bool:
-        """Whether there is a trajectory that the referee found valid."""
+    def found(self) -> bool:
+        """The planner found a path; whether its motion is `valid` is another matter."""
+        return self.result.found
+
+    @property
+    def valid(self) -> bool:
+        """There is a trajectory, and its report is valid: the referee found no violation."""
         return self._report is not None and self._report.valid
 
     def __bool__(self) -> bool:
@@ -108,28 +117,58 @@ class MotionPlan:
         return "\n".join([*lines, str(self._report)])
 
     def size(self) -> str:
-        """Summary of path and trajectory: "57 waypoints, 2.31 rad long, 1.20 s in 112 quartic pieces"."""
-        _, path, trajectory, _, _ = self._content()
+        """What it consists of, in words: "57 waypoints, 2.31 rad long, 1.20 s in 112 quartic pieces"."""
+        path, trajectory = self._path_if_any(), self._trajectory
         parts = [] if path is None else [f"{counted(len(path), 'waypoint')}, {path.length:.2f} rad long"]
         if trajectory is not None:
             kind = _DEGREES.get(trajectory.degree, f"degree-{trajectory.degree}")
             parts.append(f"{trajectory.duration:.3f} s in {counted(len(trajectory.coefficients), f'{kind} piece')}")
         return ", ".join(parts)
 
-    def show(self, **options: Any) -> Any:
-        """Open the motion in a live Meshcat page and print its address; options as in `rr1plan.playback.show`.
+    def show(
+        self,
+        *,
+        replay: Replay | None = None,
+        options: ViewOptions | None = None,
+        port: int | None = None,
+        open_browser: bool = True,
+        quiet: bool = False,
+    ) -> Viewer:
+        """Open the motion in a live Meshcat page and print its address; the arguments are those of `rr1plan.show`.
 
         End a script with `motion.show().wait()`, which keeps the page until it is closed.
         """
-        from rr1plan import playback
+        from rr1plan.playback.viewer import show
 
-        return playback.show(self.scene, self._trajectory, **self._picture(), **options)
+        return show(
+            self.scene,
+            trajectory=self._trajectory,
+            path=self._path_if_any(),
+            problem=self.problem,
+            report=self._report,
+            replay=replay,
+            options=options,
+            port=port,
+            open_browser=open_browser,
+            quiet=quiet,
+        )
 
-    def save_html(self, file: str | FilePath, **options: Any) -> FilePath:
-        """Write one self-contained page that plays the motion offline; options as in `save_html`."""
-        from rr1plan import playback
+    def save_html(
+        self, file: str | FilePath, *, replay: Replay | None = None, options: ViewOptions | None = None
+    ) -> FilePath:
+        """Write one self-contained page that plays the motion offline; arguments as in `rr1plan.save_html`."""
+        from rr1plan.playback.viewer import save_html
 
-        return playback.save_html(file, self.scene, self._trajectory, **self._picture(), **options)
+        return save_html(
+            file,
+            self.scene,
+            trajectory=self._trajectory,
+            path=self._path_if_any(),
+            problem=self.problem,
+            report=self._report,
+            replay=replay,
+            options=options,
+        )
 
     def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
         """Write scene, problem, path, trajectory and report to one JSON file; read it with `rr1plan.load_motion`.
@@ -140,23 +179,34 @@ class MotionPlan:
         """
         from rr1plan.formats.plan_files import save_motion
 
-        return save_motion(file, *self._content(), embed=embed)
+        return save_motion(
+            file,
+            self.scene,
+            path=self._path_if_any(),
+            trajectory=self._trajectory,
+            report=self._report,
+            problem=self.problem,
+            embed=embed,
+        )
 
     def to_json(self) -> str:
         """Text of a self-contained motion file."""
         from rr1plan.formats.plan_files import motion_text
 
-        return motion_text(*self._content())
+        return motion_text(
+            self.scene,
+            path=self._path_if_any(),
+            trajectory=self._trajectory,
+            report=self._report,
+            problem=self.problem,
+        )
 
-    def _content(self) -> tuple[Scene, Path | None, Trajectory | None, Report | None, Problem | None]:
+    def _path_if_any(self) -> Path | None:
+        """The path, or None for a motion from a file that holds a trajectory alone."""
         path = self._path if self._path is not None else self.result.path
         if path is None:
             _present(self._trajectory, self.result)
-        return self.scene, path, self._trajectory, self._report, self.problem
-
-    def _picture(self) -> dict[str, Any]:
-        _, path, _, report, problem = self._content()
-        return {"path": path, "problem": problem, "report": report}
+        return path
 
 
 _T = TypeVar("_T")
@@ -170,7 +220,7 @@ _DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic"
 
 def _present(value: _T | None, result: PlanResult) -> _T:
     if value is None:
-        if not result.solved:
+        if not result.found:
             result.path_or_raise()
         raise NoPlanError(result.reason or f"{result.planner}: found a path that was not timed")
     return value
@@ -179,7 +229,7 @@ def _present(value: _T | None, result: PlanResult) -> _T:
 def plan_motion(
     problem: Problem,
     *,
-    planner: str = "rrt_connect",
+    planner: str | Planner = "rrt_connect",
     retiming: str = "blend",
     shorten: bool = True,
     margin: float | None = None,
@@ -194,32 +244,36 @@ def plan_motion(
     is timed again with a stop at each waypoint, which stays on the certified edges.
 
     Args:
-        problem: The planning problem.
-        planner: A name of `planner_names()`.
-        retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, and they stop at each
-            waypoint; with the others the report lists jerk as not checked.
-        shorten: Whether to shorten the path; a path of the Cartesian planner is never shortened.
-        margin: Distance to keep beyond the scene's padding [m] (default: the problem's, or 2 mm if it has none),
-            to allow for the arm's tracking error. It is halved until the clearance of start and goal is at least
-            twice as large, and dropped if no goal configuration of a pose or region goal satisfies it.
-        torque_limits: Whether the trajectory also has to satisfy the joints' effort limits.
-        budget: When the planner stops (default: 10 s).
+        problem: The question.
+        planner: A name of `planner_names()`, or an instance of `Planner`.
+        retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
+            waypoint; with the others the report names jerk as not checked.
+        shorten: Whether to shorten the path; that of a planner that `keeps_shape`, such as the Cartesian one, is left
+            as it is.
+        margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm where it has
+            none): a proof of zero clearance is little use to an
+            arm that tracks to a fraction of a millimeter. It is halved until start and goal have
+            twice as much, and given up when no configuration found for a goal in space has it.
+        torque_limits: Whether the motion also has to keep the joints' effort limits.
+        budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
         progress: Called about ten times a second during planning and convex decomposition of moving meshes,
             and once at the beginning of each other stage; False cancels.
 
     Returns:
-        A `MotionPlan`; `solved` is True if it has a valid trajectory.
+        A `MotionPlan`; `found` says whether there is a path, `valid` whether its timed motion is proven.
 
     Raises:
-        UnknownNameError: unknown planner or retiming method.
-        InputError: a margin below zero, or `problem` is not a `Problem`.
+        UnknownNameError: an unknown planner or retiming.
+        PlannerError: a planner of your own raised something, or returned a path that is no answer.
+        InputError: a margin below zero, or no problem at all.
         RetimingError: the path cannot be timed under the limits (a torque limit below gravity).
     """
     imports = import_clock.read_once()
     seconds = {"imports": imports} if imports > _NO_IMPORTS else {}
     generator = as_generator(rng)
     check_question(problem, budget, progress)
+    chosen = chosen_planner(planner)
     known_name("retiming", retiming, retiming_names())
     shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     try:
@@ -227,26 +281,28 @@ def plan_motion(
             _cut_meshes(problem.scene, progress)
             margin = affordable_margin(problem, (problem.margin or _MARGIN) if margin is None else margin)
             roomy = problem.with_margin(margin)
-            set_up(roomy)
+            warm_up(roomy)
     except CancelledError as error:
-        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
+        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
     with _timed(seconds, "plan"):
-        result = plan(roomy, planner, budget, generator, progress)
+        result = plan(roomy, planner=chosen, budget=budget, rng=generator, progress=progress)
         if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
             margin = 0.0
-            result = plan(problem.with_margin(0.0), planner, budget, generator, progress)
+            result = plan(problem.with_margin(0.0), planner=chosen, budget=budget, rng=generator, progress=progress)
     if result.path is None:
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")
     with checker_from_pool(problem.scene, problem.arms, margin) as motions:
         try:
-            if shorten and planner != "cartesian":
+            if shorten and not chosen.keeps_shape:
                 with _timed(seconds, "shorten", progress):
-                    path = shorten_path(path, motions, rng=generator, iterations=_SHORTCUTS)
+                    path = shorten_path(path, problem.scene, checker=motions, iterations=_SHORTCUTS, rng=generator)
             for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
                 with _timed(seconds, "retime", progress):
-                    trajectory = retime(path, problem.scene, method, checker=motions, torque_limits=torque_limits)
+                    trajectory = retime(
+                        path, problem.scene, method=method, checker=motions, torque_limits=torque_limits
+                    )
                 with _timed(seconds, "validate", progress):
                     report = validate(
                         trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits
@@ -263,13 +319,13 @@ def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
     """Decompose moving meshes into convex pieces, the only part of the warm-up that may take a minute."""
     began = time.perf_counter()
 
-    def report(fraction: float) -> bool | None:
-        return None if progress is None else progress(Progress("set up", time.perf_counter() - began, fraction))
+    def told(part: Progress) -> bool | None:
+        return None if progress is None else progress(Progress("set up", time.perf_counter() - began, part.fraction))
 
     cut_meshes(scene, report)
 
 
-def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
+def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> None:
     """Warm up: build the collision tables of a problem's scene before its first query.
 
     Planning does this on demand, in a millisecond or two. Call it in advance when the latency of the first query
@@ -287,15 +343,14 @@ def set_up(problem: Problem, progress: ProgressCallback | None = None) -> None:
     check_question(problem, None, progress)
     _cut_meshes(problem.scene, progress)
     with checker_from_pool(problem.scene, problem.arms, problem.margin) as motions:
-        motions.set_up()
+        motions.warm_up()
 
 
 def affordable_margin(problem: Problem, margin: float) -> float:
     """The margin [m], halved until the clearance of start and goal is twice as large; 0 after five halvings.
 
-    The margin is halved, not fitted, because a scene caches one checker per margin. Of several goal configurations
-    the one with the largest clearance counts; pose and region goals are not considered. Pairs without relative
-    motion do not count.
+    Of several configurations as goals the one with most
+    counts; of other goals it is not known ahead. Elements that do not move against each other do not count.
 
     Raises:
         InputError: below zero or not finite.
@@ -303,11 +358,13 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     margin = finite_number("margin", margin)
     if margin < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
-    with checker_from_pool(problem.scene, problem.arms) as checker:
-        clearance = checker.moving_clearance(problem.start, 2.0 * margin)
+    # By the checker that will plan with the margin: what is left beyond that.
+    with checker_from_pool(problem.scene, problem.arms, margin) as checker:
+        rest = checker.moving_clearance(problem.start, margin)
         goals = joint_goals(problem)
         if goals is not None:
-            clearance = min(clearance, max(checker.moving_clearance(q, clearance) for q in goals))
+            rest = min(rest, max(checker.moving_clearance(q, margin) for q in goals))
+    clearance = margin + rest
     return next((part for part in (margin * 0.5**k for k in range(6)) if 2.0 * part <= clearance), 0.0)
 
 

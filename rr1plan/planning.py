@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import numbers
 import sys
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from rr1plan.checks import Array, Seed, Value, check_callback, counted, of_kind,
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.problem import Problem
+from rr1plan.progress import Progress as Progress
+from rr1plan.progress import ProgressCallback as ProgressCallback
 
 _MOST_ITERATIONS = 2**62  # kernels count in 64 bits
 
@@ -24,7 +26,7 @@ _MOST_ITERATIONS = 2**62  # kernels count in 64 bits
 class PlanStatus(Enum):
     """How a planning query ended."""
 
-    SOLVED = "solved"
+    FOUND = "found"
     TIMEOUT = "timeout"
     INVALID_START = "invalid_start"
     INVALID_GOAL = "invalid_goal"
@@ -65,20 +67,6 @@ def _is_above_zero(value: Any, kind: type[Any]) -> bool:
     return isinstance(value, kind) and not isinstance(value, bool) and bool(value > 0)
 
 
-@dataclass(frozen=True)
-class Progress:
-    """State of a running stage: elapsed seconds, fraction of the budget used, cost of the best path."""
-
-    stage: str
-    seconds: float
-    fraction: float
-    best_cost: float | None = None
-
-
-# It may return False to cancel the search.
-ProgressCallback = Callable[[Progress], bool | None]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class SearchTree(Value):
     """The graph a planner explored: configurations (n, nq) and edges as vertex indices (m, 2)."""
@@ -92,9 +80,9 @@ class PlanResult:
     """Result of a planner.
 
     Args:
-        status: How the query ended; `path` is given exactly for SOLVED.
-        path: Path from the start to a goal, every edge certified free; or None.
-        reason: Why there is no path (which links collide, which joint exceeds its limit by how much).
+        status: How it ended; a path exists exactly for FOUND.
+        path: The path, every edge certified free, start exact, end at a goal; or None.
+        reason: Why there is none, in words (which links touch what, which joint is out by how much).
         planner: Name of the planner.
         seed: Seed that reproduces this result under the same budget of iterations.
         seconds: Wall time [s].
@@ -122,13 +110,13 @@ class PlanResult:
         return f"PlanResult({self.planner}, {self.status.value}: {said})"
 
     @property
-    def solved(self) -> bool:
+    def found(self) -> bool:
         """There is a path."""
-        return self.status is PlanStatus.SOLVED
+        return self.status is PlanStatus.FOUND
 
     def __bool__(self) -> bool:
-        """The same as `solved`."""
-        return self.solved
+        """The same as `found`."""
+        return self.found
 
     def path_or_raise(self) -> Path:
         """The path.
@@ -168,20 +156,40 @@ def check_question(problem: Any, budget: Any, progress: Any) -> None:
     check_callback("progress", progress)
 
 
-class Planner(Protocol):
-    """A planner takes its settings in the constructor and the problem in `plan`."""
+class Planner(ABC):
+    """A planner: settings in the constructor, the problem in `plan`. Derive from it to bring your own.
 
-    @property
-    def name(self) -> str:
-        """Name in `planner_table()`."""
-        ...
+    A planner keeps no state that changes its answers: the same problem, seed and budget of iterations give the same
+    path. Pass an instance wherever a planner's name is taken, or make it known by a name with `register_planner`.
 
+    Attributes:
+        name: What results and messages call it; one line.
+        keeps_shape: The shape of its paths is part of the answer, as a straight line of the tool is: `plan_motion` does
+            not shorten them.
+    """
+
+    name: str
+    keeps_shape: bool = False
+
+    @abstractmethod
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
-        """Solve a problem; see `rr1plan.plan`."""
-        ...
+        """Answer a problem.
+
+        `rr1plan.plan` checks what a planner of yours returns: a `PlanResult` whose path, if the status is `FOUND`,
+        starts at `problem.start`, ends at a goal, and has edges that are free by `CollisionChecker(problem.scene,
+        problem.arms, margin=problem.margin)`.
+
+        Args:
+            problem: The question.
+            budget: When to stop; None: the default `Budget()`.
+            rng: Generator or seed of everything random.
+            progress: Called about ten times a second with a `Progress`; when it returns False, the status is
+                `CANCELLED`.
+        """

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     Array,
@@ -38,7 +39,11 @@ class JointGoal(Value):
         q: A configuration's name, or its numbers [rad or m], shape (nq,).
     """
 
-    q: Any
+    q: Array
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, q: str | ArrayLike) -> None: ...
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,10 +64,23 @@ class PoseGoal(Value):
     """
 
     frame: str
-    position: Any
-    quaternion: Any = None
+    position: Array
+    quaternion: Array | None = None
+    _: KW_ONLY
     position_tolerance: float = 1e-4
     orientation_tolerance: float = 1e-3
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(
+            self,
+            frame: str,
+            position: ArrayLike,
+            quaternion: ArrayLike | None = None,
+            *,
+            position_tolerance: float = 1e-4,
+            orientation_tolerance: float = 1e-3,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         check_text("frame", self.frame)
@@ -102,10 +120,23 @@ class RegionGoal(Value):
     """
 
     frame: str
-    lower: Any
-    upper: Any
-    quaternion: Any = None
+    lower: Array
+    upper: Array
+    quaternion: Array | None = None
+    _: KW_ONLY
     orientation_tolerance: float = 1e-3
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(
+            self,
+            frame: str,
+            lower: ArrayLike,
+            upper: ArrayLike,
+            quaternion: ArrayLike | None = None,
+            *,
+            orientation_tolerance: float = 1e-3,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         lower = near_array("region lower", self.lower, (3,))
@@ -120,6 +151,8 @@ class RegionGoal(Value):
 
 
 Goal = JointGoal | PoseGoal | RegionGoal
+# What a problem takes as the goal of an arm: a goal, a configuration's name or numbers, or a list of those.
+GoalLike = Goal | ArrayLike | Sequence[Goal | ArrayLike]
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,10 +180,22 @@ class Problem(Value):
     """
 
     scene: Scene
-    start: Any
-    goal: Any
-    arms: Any = None
+    start: Array
+    goal: Mapping[str, tuple[Goal, ...]]
+    _: KW_ONLY
+    arms: tuple[str, ...] = None  # type: ignore[assignment]  # set below
     margin: float = field(default=0.0, init=False)
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(
+            self,
+            scene: Scene,
+            start: ArrayLike | Mapping[str, ArrayLike] | None,
+            goal: GoalLike | Mapping[str, GoalLike],
+            *,
+            arms: str | Sequence[str] | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         if not isinstance(self.scene, Scene):
@@ -207,15 +252,17 @@ class Problem(Value):
             order = [old.index(name) for name in new]
             start[arm] = postures[arm][order]
             goal[arm] = [JointGoal(g.q[order]) if isinstance(g, JointGoal) else g for g in self.goal[arm]]
-        return Problem(scene, start, goal, self.arms).with_margin(self.margin)
+        return Problem(scene, start, goal, arms=self.arms).with_margin(self.margin)
 
     def _moving_arms(self) -> tuple[str, ...]:
-        if self.arms is not None:
-            if not isinstance(self.arms, str | Sequence):
-                raise InputError(f"arms is {shown(self.arms)}, expected a sequence of names")
-            return self.scene.arm_names([self.arms] if isinstance(self.arms, str) else list(self.arms))
-        if isinstance(self.goal, Mapping):
-            return self.scene.arm_names(list(self.goal))
+        arms: Any = self.arms
+        goal: Any = self.goal
+        if arms is not None:
+            if not isinstance(arms, str | Sequence):
+                raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
+            return self.scene.arm_names([arms] if isinstance(arms, str) else list(arms))
+        if isinstance(goal, Mapping):
+            return self.scene.arm_names(list(goal))
         if len(self.scene.arms) > 1:
             names = ", ".join(self.scene.arms)
             raise InputError(f"which arm moves? expected a goal mapping from arm to goal, or arms=[...] of {names}")
@@ -223,30 +270,32 @@ class Problem(Value):
 
     def _start(self, arms: tuple[str, ...]) -> Array:
         robots = {name: self.scene.arms[name].robot for name in arms}
-        if self.start is None:
+        start: Any = self.start
+        if start is None:
             given: Mapping[str, Any] = {}
-        elif isinstance(self.start, Mapping):
-            given = self.start
+        elif isinstance(start, Mapping):
+            given = start
             for name in given:
                 known_name("moving arm", name, arms)
         elif len(arms) == 1:
-            given = {arms[0]: self.start}
-        elif isinstance(self.start, str):
-            given = dict.fromkeys(arms, self.start)
+            given = {arms[0]: start}
+        elif isinstance(start, str):
+            given = dict.fromkeys(arms, start)
         else:
-            values = finite_array("start", self.start, (sum(r.nq for r in robots.values()),))
+            values = finite_array("start", start, (sum(r.nq for r in robots.values()),))
             given = {name: q for name, q in self.scene.split(values, arms).items() if name in arms}
         return np.concatenate(
             [robots[n].configuration(given[n], f"start of {n!r}") if n in given else self.scene.arms[n].q for n in arms]
         )
 
     def _goals(self, arms: tuple[str, ...]) -> dict[str, tuple[Goal, ...]]:
-        if isinstance(self.goal, Mapping):
-            given = dict(self.goal)
+        goal: Any = self.goal
+        if isinstance(goal, Mapping):
+            given = dict(goal)
             for name in given:
                 known_name("moving arm", name, arms)
         elif len(arms) == 1:
-            given = {arms[0]: self.goal}
+            given = {arms[0]: goal}
         else:
             raise InputError(f"{len(arms)} arms move ({', '.join(arms)}); expected a goal mapping from arm to goal")
         starts = self.scene.split(self.start, arms)

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, Value, finite_array, near_array, number_array, positive_length, read_only
 from rr1plan.errors import InputError
@@ -138,6 +138,10 @@ class Mesh(Value):
     faces: NDArray[np.int32]
     convex: bool = False
 
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, vertices: ArrayLike, faces: ArrayLike, convex: bool = False) -> None: ...
+
     def __post_init__(self) -> None:
         vertices = near_array("mesh vertices", self.vertices, (None, 3))
         faces = _whole_numbers(self.faces)
@@ -178,6 +182,10 @@ class PointCloud(Value):
 
     points: Array
     resolution: float = 0.02
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, points: ArrayLike, resolution: float = 0.02) -> None: ...
 
     def __post_init__(self) -> None:
         points = near_array("point cloud", self.points, (None, 3))

@@ -95,7 +95,7 @@ def skeleton_of(scene: Scene, arms: tuple[str, ...]) -> Skeleton:
     """The skeleton of a scene with the given moving arms; cached for scenes with equal arms.
 
     Raises:
-        InputError: a joint that is neither planned, held nor mimics one that is.
+        InputError: a joint that is neither planned, locked nor mimics one that is.
     """
     key = tuple(
         (name, arm.robot.content_hash, arm.base.tobytes(), None if name in arms else arm.q.tobytes())
@@ -212,16 +212,16 @@ def _drive(robot: Robot, joint: Joint, first: int | None, rest: Array) -> tuple[
     """Affine map of a joint: (column, gain, offset). `first` is the arm's first column, None for a fixed arm."""
     gain, offset, seen = 1.0, 0.0, {joint.name}
     leader = joint
-    while leader.name not in robot.joint_names and leader.name not in robot.held:
+    while leader.name not in robot.joint_names and leader.name not in robot.locked_joints:
         if leader.mimic is None or leader.mimic.joint in seen:
             raise InputError(
-                f"joint {joint.name!r} of robot {robot.name!r} is neither planned nor held and mimics no joint that is"
+                f"joint {joint.name!r} of robot {robot.name!r} is neither planned nor locked, and mimics no such joint"
             )
         gain, offset = gain * leader.mimic.multiplier, gain * leader.mimic.offset + offset
         leader = robot.joint(leader.mimic.joint)
         seen.add(leader.name)
     if leader.name not in robot.joint_names:
-        return -1, 0.0, gain * robot.held[leader.name] + offset
+        return -1, 0.0, gain * robot.locked_joints[leader.name] + offset
     column = robot.joint_names.index(leader.name)
     if first is None:
         return -1, 0.0, gain * float(rest[column]) + offset

@@ -7,11 +7,13 @@ trajectories of several arms can be merged exactly.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     Array,
@@ -52,6 +54,10 @@ class Trajectory(Value):
     breaks: Array
     coefficients: Array
 
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, joint_names: Sequence[str], breaks: ArrayLike, coefficients: ArrayLike) -> None: ...
+
     def __post_init__(self) -> None:
         names = check_joint_names(self.joint_names)
         breaks = finite_array("breaks", self.breaks, (None,))
@@ -89,8 +95,8 @@ class Trajectory(Value):
         return made
 
     @staticmethod
-    def rest(joint_names: tuple[str, ...], q: Any, start: float = 0.0, duration: float = 0.0) -> Trajectory:
-        """A constant trajectory at q (nq,) for `duration` [s].
+    def rest(joint_names: tuple[str, ...], q: ArrayLike, *, start: float = 0.0, duration: float = 0.0) -> Trajectory:
+        """Standing still at q (nq,) for `duration` [s].
 
         Raises:
             InputError: inconsistent shapes, not finite, a duration below zero.
@@ -102,18 +108,24 @@ class Trajectory(Value):
         return Trajectory(names, np.array(breaks), q[None, None, :])
 
     @staticmethod
-    def from_samples(times: Any, q: Any, qd: Any = None, qdd: Any = None, *, joint_names: Any) -> Trajectory:
-        """A trajectory through samples, interpolated like in a ROS joint trajectory controller.
+    def from_samples(
+        joint_names: Sequence[str],
+        times: ArrayLike,
+        q: ArrayLike,
+        qd: ArrayLike | None = None,
+        qdd: ArrayLike | None = None,
+    ) -> Trajectory:
+        """A motion through samples, as a ROS joint trajectory controller interpolates them.
 
         Positions alone are joined by straight lines (velocity jumps at each sample, which the referee reports),
         positions and velocities by cubics, positions, velocities and accelerations by quintics; see `degree`.
 
         Args:
+            joint_names: Name of each column, "arm/joint", length nq.
             times: Strictly increasing [s], shape (n,), n >= 1.
             q: Positions [rad or m], shape (n, nq).
             qd: Velocities [rad/s or m/s], shape (n, nq), or None.
             qdd: Accelerations [rad/s² or m/s²], shape (n, nq), or None.
-            joint_names: Name of each column, "arm/joint", length nq.
 
         Raises:
             InputError: inconsistent shapes, numbers that are not finite, times that do not increase, samples so
@@ -208,7 +220,7 @@ class Trajectory(Value):
         """Time from start to end [s]."""
         return self.end_time - self.start_time
 
-    def __call__(self, t: Any, derivative: int = 0) -> Array:
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
         """Position (or a derivative of it) at time t.
 
         Args:

@@ -11,6 +11,7 @@ import enum
 import inspect
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ import pytest
 import trimesh
 
 import rr1plan as rp
-from rr1plan import multi, playback, retiming, transforms
+from rr1plan import planners, transforms
 
 Call = tuple[Callable[..., Any], dict[str, Any]]
 
@@ -99,7 +100,7 @@ def calls(folder: Path) -> dict[str, Call]:
     q, T, names, budget = np.zeros(2), transforms.identity(), scene.joint_names(), rp.Budget(0.2)
     cover = next(iter(rp.cover_with_spheres(robot).values()))
     base, link = (f"arm/{robot.links[k].name}" for k in (0, 1))
-    rp.save_motion(folder / "m.json", scene, path, trajectory)
+    rp.save_motion(folder / "m.json", scene, path=path, trajectory=trajectory)
     rp.save_csv(folder / "t.csv", trajectory)
     rp.save_scene(folder / "s.toml", scene)
     (folder / "j.yaml").write_text(
@@ -109,12 +110,28 @@ def calls(folder: Path) -> dict[str, Call]:
     np.save(folder / "p.npy", np.eye(3))
     trimesh.creation.box((1, 1, 1)).export(folder / "a.stl")
     mesh = rp.load_mesh(folder / "a.stl")
-    page = {"title": None, "spheres": False, "panels": (), "view": None}
-    shown = {"trajectory": None, "path": None, "problem": None, "report": None, "replay": None} | page
+    shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
+    live = {"port": None, "open_browser": False, "quiet": True}
+    picture = rp.cspace(scene, problem, resolution=8)
     pose_goal = rp.PoseGoal("tool", [0.3, 0.2, 0.0])
 
     def shown_page(**options: Any) -> None:
         rp.show(**options).close()
+
+    def shown_picture(**options: Any) -> None:
+        picture.show(**options).close()
+
+    def in_viewer(verb: str, **options: Any) -> None:
+        with rp.show(scene, open_browser=False, quiet=True) as viewer:
+            getattr(viewer, verb)(**options)
+
+    def registered(**options: Any) -> None:
+        before = dict(planners._registered)
+        try:
+            rp.register_planner(**options)
+        finally:
+            planners._registered.clear()
+            planners._registered.update(before)
 
     return {
         "plan_many": (
@@ -139,7 +156,7 @@ def calls(folder: Path) -> dict[str, Call]:
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"q0": q, "q1": q + 0.1})
             for verb in ("edge_is_free", "edge_is_free_slowly", "first_contact")
         },
-        "CollisionChecker.is_free_but_for": (checker.is_free_but_for, {"q": q, "arms": frozenset({"arm"})}),
+        "CollisionChecker.is_free_ignoring": (checker.is_free_ignoring, {"q": q, "arms": frozenset({"arm"})}),
         "CollisionChecker.path_is_free": (checker.path_is_free, {"waypoints": [q, q + 0.1]}),
         **{
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
@@ -168,7 +185,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"file": folder / "o.json", "scene": scene, "embed": False}
             | dict.fromkeys(("path", "trajectory", "report", "problem")),
         ),
-        "propose_never_collide": (rp.propose_never_collide, {"robot": robot, "samples": 3, "rng": 0}),
+        "propose_disabled_collisions": (rp.propose_disabled_collisions, {"robot": robot, "samples": 3, "rng": 0}),
         "Kinematics": (rp.Kinematics, {"scene_or_robot": scene, "arms": None}),
         "Kinematics.for_arm": (kinematics.for_arm, {"arm": None}),
         "Kinematics.frame": (kinematics.frame, {"frame": "tool"}),
@@ -185,14 +202,14 @@ def calls(folder: Path) -> dict[str, Call]:
         "copies_within_limits": (rp.copies_within_limits, {"robot": robot, "q": q, "near": q, "reach": 6.3}),
         "solve_ik": (
             rp.solve_ik,
-            {"kinematics": kinematics, "goal": pose_goal, "arm": None, "seeds": None, "rng": 0, "attempts": 5}
-            | dict.fromkeys(("accept", "max_solutions", "patience", "separation")),
+            {"kinematics": kinematics, "goal": pose_goal, "seeds": None, "rng": 0, "attempts": 5}
+            | dict.fromkeys(("accept", "max_solutions", "patience")),
         ),
         "load_problems": (rp.load_problems, {"name_or_file": folder / "s.toml"}),
         "load_robot": (
             rp.load_robot,
             {"name_or_file": "planar2r", "package_dirs": (), "convex": "hull"}
-            | dict.fromkeys(("srdf", "group", "groups", "joints", "limits", "tool", "name", "xacro_arguments")),
+            | dict.fromkeys(("srdf", "groups", "joints", "tool", "xacro_arguments")),
         ),
         "load_scene": (rp.load_scene, {"name_or_file": folder / "s.toml"}),
         "save_scene": (
@@ -204,53 +221,67 @@ def calls(folder: Path) -> dict[str, Call]:
         "Limits.stack": (rp.Limits.stack, {"parts": [robot.limits, robot.limits]}),
         "place_grid": (
             rp.place_grid,
-            {"robot": robot, "rows": 1, "columns": 2, "spacing": 3.0, "center": [0, 0, 0], "yaw": 0.0, "q": "home"}
+            {"robot": robot, "rows": 1, "columns": 2, "spacing": 3.0, "pose": [0, 0, 0], "q": "home"}
             | {"scene": None, "prefix": "arm"},
         ),
         "place_ring": (
             rp.place_ring,
-            {"robot": robot, "count": 2, "radius": 3.0, "facing": "center", "front": [1, 0, 0], "center": [0, 0, 0]}
-            | {"start_angle": 0.0, "q": "home", "scene": None, "prefix": "arm"},
+            {"robot": robot, "count": 2, "radius": 3.0, "facing": "center", "front": [1, 0, 0], "pose": [0, 0, 0]}
+            | {"q": "home", "scene": None, "prefix": "arm"},
         ),
         "Path": (rp.Path, {"joint_names": names, "waypoints": [q, q + 0.1]}),
         "Path.allclose": (path.allclose, {"other": path, "atol": 1e-9}),
         "Path.sample": (path.sample, {"step": 0.1}),
         "MotionPlan.save": (motion.save, {"file": folder / "o.json", "embed": False}),
-        "MotionPlan.save_html": (motion.save_html, {"file": folder / "o.html", "play": True} | page),
-        "MotionPlan.show": (lambda **o: motion.show(**o).close(), {"open_browser": False, "quiet": True}),
+        "MotionPlan.save_html": (motion.save_html, {"file": folder / "o.html", "replay": None, "options": None}),
+        "MotionPlan.show": (lambda **o: motion.show(**o).close(), live | {"replay": None, "options": None}),
         "plan_motion": (
             rp.plan_motion,
             {"problem": problem, "planner": "rrt_connect", "retiming": "blend", "shorten": True, "margin": 0.002}
             | {"torque_limits": False, "budget": budget, "rng": 0, "progress": None},
         ),
-        "set_up": (rp.set_up, {"problem": problem, "progress": None}),
+        "warm_up": (rp.warm_up, {"problem": problem, "progress": None}),
         "Roadmap": (rp.Roadmap, {"scene": scene, "arms": None, "samples": 5}),
         "Roadmap.grow": (rp.Roadmap(scene, samples=5).grow, {"samples": 1}),
         "Roadmap.plan": (
             rp.Roadmap(scene, samples=5).plan,
             {"problem": problem, "budget": budget, "rng": 0, "progress": None},
         ),
-        "make_planner": (rp.make_planner, {"name": "rrt_connect", "range": 0.1, "tree": False}),
-        "make_planner of a roadmap": (rp.make_planner, {"name": "roadmap", "samples": 10}),
-        "make_planner of OMPL": (rp.make_planner, {"name": "rrt", "tree": False, "range": 0.1}),
+        "RrtConnect": (rp.RrtConnect, {"range": 0.1, "tree": False}),
+        "AnytimePlanner": (rp.AnytimePlanner, {"range": 0.1}),
+        "RoadmapPlanner": (rp.RoadmapPlanner, {"samples": 10}),
+        "CartesianPlanner": (rp.CartesianPlanner, {"tolerance": 1e-3, "orientation_tolerance": 1e-2}),
+        "OmplPlanner": (rp.OmplPlanner, {"name": "rrt", "tree": False, "settings": {"range": 0.1}}),
+        **{
+            f"{kind.__name__}.plan": (kind().plan, {"problem": problem, "budget": budget, "rng": 0, "progress": None})
+            for kind in (rp.RrtConnect, rp.AnytimePlanner, rp.RoadmapPlanner, rp.OmplPlanner)
+        },
+        "CartesianPlanner.plan": (
+            rp.CartesianPlanner().plan,
+            {"problem": rp.Problem(scene, "home", pose_goal), "budget": budget, "rng": 0, "progress": None},
+        ),
+        "register_planner": (
+            registered,
+            {"name": "own", "factory": rp.RrtConnect, "description": "", "optimizing": False},
+        ),
         "plan": (
             rp.plan,
             {"problem": problem, "planner": "rrt_connect", "budget": budget, "rng": 0, "progress": None},
         ),
         "shorten": (
             rp.shorten,
-            {"path": path, "checker": checker, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
+            {"path": path, "scene": scene, "checker": checker, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
         ),
         "Budget": (rp.Budget, {"seconds": 1.0, "iterations": None}),
         "cspace": (
             rp.cspace,
             {"scene": scene, "resolution": 8} | dict.fromkeys(("problem", "result", "arm", "joints", "at", "progress")),
         ),
-        "save_html": (rp.save_html, {"file": folder / "o.html", "scene": scene, "play": True} | shown),
-        "show": (shown_page, {"scene": scene, "port": None, "open_browser": False, "quiet": True} | shown),
+        "save_html": (rp.save_html, {"file": folder / "o.html", "scene": scene} | shown),
+        "show": (shown_page, live | {"scene": scene} | shown),
         "screenshot": (
             rp.screenshot,
-            {"source": folder / "none.html", "file": folder / "o.png", "size": (9, 9), "time": None, "bare": False},
+            {"file": folder / "o.png", "page": folder / "none.html", "size": (9, 9), "time": None, "bare": False},
         ),
         "simulate": (
             rp.simulate,
@@ -286,7 +317,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Robot.joint_values": (robot.joint_values, {"q": q}),
         "Robot.link": (robot.link, {"name": robot.links[0].name}),
         "Robot.link_poses": (robot.link_poses, {"q": q}),
-        "Robot.with_held": (robot.with_held, {"values": {}}),
+        "Robot.with_locked_joints": (robot.with_locked_joints, {"values": {}}),
         "Robot.with_limits": (robot.with_limits, {"limits": robot.limits}),
         "Arm": (rp.Arm, {"robot": robot, "base": T, "q": "home"}),
         "Scene": (
@@ -302,7 +333,7 @@ def calls(folder: Path) -> dict[str, Call]:
         },
         "Scene.attach": (scene.attach, {"obstacle": "box", "arm": None, "link": None, "touch": (), "pose": None}),
         "Scene.detach": (scene.attach("box").detach, {"name": "box"}),
-        "Scene.link_poses": (scene.link_poses, {"postures": {"arm": q}}),
+        "Scene.link_poses": (scene.link_poses, {"configurations": {"arm": q}}),
         "Scene.may_touch": (scene.may_touch, {"a": "box", "b": link}),
         "Scene.only_arm": (scene.only_arm, {"name": None}),
         "Scene.owner": (scene.owner, {"element": "box"}),
@@ -315,7 +346,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"name": "o", "shape": rp.Sphere(0.1), "pose": None, "color": None},
         ),
         "Scene.with_padding": (scene.with_padding, {"distance": 0.01, "a": None, "b": None}),
-        "Scene.with_posture": (scene.with_posture, {"name": "arm", "q": q}),
+        "Scene.with_configuration": (scene.with_configuration, {"name": "arm", "q": q}),
         "Scene.with_robot": (scene.with_robot, {"name": "arm", "robot": robot}),
         "Scene.without_arm": (scene.without_arm, {"name": "arm"}),
         "Scene.without_obstacle": (scene.without_obstacle, {"name": "box"}),
@@ -353,16 +384,42 @@ def calls(folder: Path) -> dict[str, Call]:
             {"trajectory": trajectory, "scene": scene, "problem": None, "torque_limits": False}
             | {"jerk_limits": False, "clearance": True, "clearance_tolerance": 2e-4, "progress": None},
         ),
-        "playback.save_mjcf": (playback.save_mjcf, {"file": folder / "o.xml", "scene": scene}),
-        "playback.save_rosbag": (
-            playback.save_rosbag,
+        "ViewOptions": (
+            rp.ViewOptions,
+            {"title": "x", "view": None, "spheres": False, "panels": (), "play": True},
+        ),
+        "Viewer.load": (partial(in_viewer, "load"), {"scene": scene} | shown),
+        "Viewer.update": (partial(in_viewer, "update"), {"q": q}),
+        "Viewer.seek": (partial(in_viewer, "seek"), {"t": 0.0}),
+        "Viewer.set_speed": (partial(in_viewer, "set_speed"), {"speed": 1.0}),
+        **{
+            f"CSpaceGrid.{verb}": (getattr(picture.grid, verb), {"q": q})
+            for verb in ("cell", "component_of", "holds", "why_not_free", "wrapped")
+        },
+        **{
+            f"CSpaceGrid.{verb}": (getattr(picture.grid, verb), {"a": q, "b": q})
+            for verb in ("connected", "shortest_path")
+        },
+        "CSpace.figure": (picture.figure, {"width": 13.0}),
+        **{
+            f"CSpace.save_{kind}": (getattr(picture, f"save_{kind}"), {"file": folder / f"o.{kind}"})
+            for kind in ("svg", "pdf")
+        },
+        "CSpace.save": (picture.save, {"file": folder / "o.svg"}),
+        "CSpace.save_png": (picture.save_png, {"file": folder / "o.png", "dpi": 20}),
+        "CSpace.save_html": (picture.save_html, {"file": folder / "o.html", "trajectory": None, "options": None}),
+        "CSpace.show": (shown_picture, live | {"trajectory": None, "options": None}),
+        "CSpace.with_result": (picture.with_result, {"result": motion.result}),
+        "save_mjcf": (rp.save_mjcf, {"file": folder / "o.xml", "scene": scene}),
+        "save_rosbag": (
+            rp.save_rosbag,
             {"folder": folder / "bag", "trajectory": trajectory, "dt": 0.1, "lead": 0.0, "rename": None},
         ),
-        "playback.Panel": (
-            playback.Panel,
+        "Panel": (
+            rp.Panel,
             {"name": "x", "title": "x", "html": "", "css": "", "script": "", "width": 420},
         ),
-        "playback.pack": (playback.pack, {"array": [1.0], "dtype": "f4"}),
+        "pack_array": (rp.pack_array, {"array": [1.0], "dtype": "f4"}),
         "transforms.as_pose": (transforms.as_pose, {"value": T, "name": "x"}),
         "transforms.inverse": (transforms.inverse, {"T": T}),
         "transforms.pose": (transforms.pose, {"xyz": [0, 0, 0], "rpy": None, "quaternion": None}),
@@ -376,12 +433,15 @@ def calls(folder: Path) -> dict[str, Call]:
 
 
 # Arguments that take anything: what does not fit is JSON's to refuse, when the page is made.
-_ANYTHING = {"playback.Panel": {"data"}}
+_ANYTHING = {"Panel": {"data"}}
 # Answers, which nobody makes by hand; ways past the checks, which say so; what takes no argument.
 _NOT_CALLED = {
     *("PlanFailure", "Contact", "ElementCover", "FirstContact", "Nearest", "IkResult", "MotionPlan", "PlanResult"),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
-    *("playback.CSpace", "playback.Replay", "playback.Viewer"),
+    *("CSpace", "CSpaceGrid", "Decomposition", "DrawnTree", "Replay", "ReplayContact", "ContactBand", "PairProposal"),
+    *("CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
+    *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
+    *("PairProposal.get", "Geometry", "Inertial", "Joint", "Joint.motion", "Link", "Mimic", "Attachment", "Obstacle"),
 }
 
 
@@ -398,7 +458,7 @@ def public_functions() -> Iterator[tuple[str, Any]]:
                     inspect.isfunction(raw) or isinstance(raw, staticmethod | classmethod)
                 ):
                     yield f"{name}.{verb}", getattr(value, verb)
-    for module in (multi, playback, retiming, transforms):
+    for module in (transforms,):
         own = module.__name__.removeprefix("rr1plan.")
         for name in getattr(module, "__all__", vars(module)):
             value = getattr(module, name)
@@ -417,8 +477,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
 
 
 NAMES = sorted(
-    {name for name, function in public_functions() if takes_arguments(function)} - _NOT_CALLED
-    | {"Trajectory.__call__", "make_planner of a roadmap", "make_planner of OMPL"}
+    {name for name, function in public_functions() if takes_arguments(function)} - _NOT_CALLED | {"Trajectory.__call__"}
 )
 
 
@@ -453,7 +512,7 @@ def test_every_argument_is_checked(name: str, table: dict[str, Call]) -> None:
 
 
 # A class is a function too, and what a function of the caller's raises is raised.
-_CALLBACKS = ("progress", "accept")
+_CALLBACKS = ("progress", "accept", "factory")
 
 
 def refusal_of(function: Callable[..., Any], arguments: dict[str, Any]) -> str | None:

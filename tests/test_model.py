@@ -44,8 +44,8 @@ def odd_robot():
         joint_names=("slide", "turn", "lean"),
         limits=Limits(np.array([-0.2, -np.inf, -2.0]), np.array([0.4, np.inf, 2.0]), n, n, n, n),
         configurations={"home": [0.0, 0.0, 0.0]},
-        held={"grip": 0.4},
-        never_collide=frozenset(),
+        locked_joints={"grip": 0.4},
+        disabled_collisions=frozenset(),
         tool="d",
     )
 
@@ -55,7 +55,7 @@ def odd_scene():
     scene = Scene(
         {
             "left": Arm(robot, pose([1.0, 0.0, 0.0], rpy=[0.1, 0.2, 0.3]), [0.1, 4.0, -0.5]),
-            "right": Arm(robot.with_held({"grip": 0.9}), pose([-1.0, 0.5, 0.0]), [0.3, -0.2, 1.0]),
+            "right": Arm(robot.with_locked_joints({"grip": 0.9}), pose([-1.0, 0.5, 0.0]), [0.3, -0.2, 1.0]),
         }
     )
     scene = scene.with_obstacle("floor", HalfSpace()).with_obstacle("ball", Sphere(0.1), [0.0, 0.0, 2.0])
@@ -154,6 +154,6 @@ def test_unknown_names_get_the_near_ones():
 
 def test_a_joint_nobody_drives_is_refused():
     robot = odd_robot()
-    loose = Robot(**{n: getattr(robot, n) for n in robot.__dataclass_fields__} | {"held": {}})
-    with pytest.raises(InputError, match=r"'grip'.*neither planned nor held"):
+    loose = Robot(**{n: getattr(robot, n) for n in robot.__dataclass_fields__} | {"locked_joints": {}})
+    with pytest.raises(InputError, match=r"'grip'.*neither planned nor locked"):
         SceneModel(Scene({"a": Arm(loose)}))

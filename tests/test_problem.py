@@ -24,7 +24,7 @@ def one(rr1: Robot) -> Scene:
 
 @pytest.fixture
 def two(rr1: Robot) -> Scene:
-    return Scene().with_arm("left", rr1, (0, 0.4, 0)).with_arm("right", rr1, (0, -0.4, 0), Q)
+    return Scene().with_arm("left", rr1, (0, 0.4, 0)).with_arm("right", rr1, (0, -0.4, 0), q=Q)
 
 
 @pytest.mark.parametrize("start", [None, "home", Q, np.array(Q), tuple(Q), {"arm": Q}, {"arm": "home"}, {}])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -34,9 +36,8 @@ class CStruct:
         fields: Values of its fields, see `set`. Omitted fields are zero.
 
     Attributes:
-        value: The ctypes struct.
-        address: Its address.
-        targets: Targets of its pointers, by field.
+        value: The struct itself.
+        address: Where it is.
 
     Raises:
         TypeError: an array of another type than declared.
@@ -46,7 +47,8 @@ class CStruct:
         self.sources, self.name = sources, name
         self.value = sources.classes[name]()
         self.address = ctypes.addressof(self.value)
-        self.targets: dict[str, Any] = {}
+        self._targets: dict[str, Any] = {}
+        self._rooms: list[tuple[dict[str, _Part], NDArray[Any]]] = []
         self.set(**fields)
 
     def set(self, **fields: Any) -> None:
@@ -59,9 +61,47 @@ class CStruct:
         for key, given in fields.items():
             if key in pointers:
                 setattr(self.value, key, address_of(self.sources, given, pointers[key]))
-                self.targets[key] = given
+                self._targets[key] = given
             else:
                 setattr(self.value, key, given)
+
+    def give_room(self, *, unset: bool = False, **counts: int) -> None:
+        """Let pointers lead to new memory, aligned for vectors, in which what is used together shares pages and lines.
+
+        Args:
+            unset: Whether it may hold anything; otherwise it is zeroed.
+            **counts: Of each field how many items it leads to.
+        """
+        layout, size = _layout(self.sources, self.name, tuple(counts.items()))
+        room = np.empty(size, np.uint8) if unset else np.zeros(size, np.uint8)
+        begin = ctypes.addressof(_start_of(room))
+        first = -begin % _LINE
+        for key, part in layout.items():
+            setattr(self.value, key, begin + first + part.offset)
+        self._rooms.append((layout, room[first:]))
+
+    def copied(self, **fields: Any) -> CStruct:
+        """A copy of the struct, with new values for some fields."""
+        other: CStruct = object.__new__(type(self))
+        other.sources, other.name = self.sources, self.name
+        other.value = type(self.value).from_buffer_copy(self.value)
+        other.address = ctypes.addressof(other.value)
+        other._targets, other._rooms = dict(self._targets), list(self._rooms)
+        other.set(**fields)
+        return other
+
+    def part(self, field: str) -> Any:
+        """What a pointer leads to: an array, or another struct."""
+        if field not in self._targets:
+            layout, room = next((layout, room) for layout, room in self._rooms if field in layout)
+            self._targets[field] = layout[field].of(room)
+        return self._targets[field]
+
+    @property
+    def targets(self) -> dict[str, Any]:
+        """What its pointers lead to, by field."""
+        keys = [*self._targets, *(key for layout, _ in self._rooms for key in layout)]
+        return {key: self.part(key) for key in dict.fromkeys(keys)}
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
@@ -127,24 +167,42 @@ def argument_type(sources: KernelSources, kind: str) -> Any:
     return Pointer
 
 
-def zeroed(sources: KernelSources, kind: str, count: int) -> NDArray[Any]:
-    """Zeroed memory for structs (rows of bytes) or numbers, aligned for vectors."""
-    return slab(sources, only=(kind, count))["only"]
-
-
-def slab(sources: KernelSources, **parts: tuple[str, int]) -> dict[str, NDArray[Any]]:
-    """Contiguous zeroed memory for several types and counts, for locality of pages and cache lines.
+@dataclass(frozen=True)
+class _Part:
+    """Part of a block of memory.
 
     Args:
-        sources: Sources that declare the types.
-        **parts: Type and count of each part, by name.
+        offset, size: Where it begins, and its bytes.
+        item: Bytes of an item.
+        dtype: Of numbers; None of structs, of which each is a row of bytes.
     """
-    sizes = {name: count * sources.item_size(kind) for name, (kind, count) in parts.items()}
-    room = np.zeros(sum(-(-size // _LINE) * _LINE for size in sizes.values()) + _LINE, np.uint8)
-    first = -room.__array_interface__["data"][0] % _LINE
-    made: dict[str, NDArray[Any]] = {}
-    for name, (kind, count) in parts.items():
-        part = room[first : first + sizes[name]]
-        made[name] = part.view(_DTYPES[kind]) if kind in _DTYPES else part.reshape(count, sources.item_size(kind))
-        first += -(-sizes[name] // _LINE) * _LINE
-    return made
+
+    offset: int
+    size: int
+    item: int
+    dtype: np.dtype[Any] | None
+
+    def of(self, room: NDArray[Any]) -> NDArray[Any]:
+        """Its array."""
+        own = room[self.offset : self.offset + self.size]
+        return own.reshape(-1, self.item) if self.dtype is None else own.view(self.dtype)
+
+
+@lru_cache(maxsize=256)
+def _layout(sources: KernelSources, name: str, counts: tuple[tuple[str, int], ...]) -> tuple[dict[str, _Part], int]:
+    """Parts for items of some pointers of a struct, one behind the other, and bytes enough for any alignment."""
+    parts, end = {}, 0
+    for field, count in counts:
+        kind = sources.pointers(name)[field]
+        item = sources.item_size(kind)
+        parts[field] = _Part(end, count * item, item, _DTYPES.get(kind))
+        end += -(-count * item // _LINE) * _LINE
+    return parts, end + _LINE
+
+
+def zeroed(sources: KernelSources, kind: str, count: int) -> NDArray[Any]:
+    """Zeroed memory for structs or numbers of a kind, aligned for vectors: a row of bytes or a number for each."""
+    item = sources.item_size(kind)
+    room = np.zeros(count * item + _LINE, np.uint8)
+    part = _Part(-room.__array_interface__["data"][0] % _LINE, count * item, item, _DTYPES.get(kind))
+    return part.of(room)

@@ -47,6 +47,7 @@ class KernelSources:
     def __init__(self, unit: Path) -> None:
         self.unit = unit
         self._pointers: dict[str, dict[str, str]] = {}
+        self._sizes: dict[tuple[str, bool], int] = {}
 
     @cached_property
     def files(self) -> tuple[Path, ...]:
@@ -101,8 +102,10 @@ class KernelSources:
             kind: A struct or a type of number.
             wasm: Whether to use the layout of WebAssembly.
         """
-        classes = self.wasm_classes if wasm else self.classes
-        return ctypes.sizeof(classes[kind] if kind in classes else _NUMBERS[kind])
+        if (kind, wasm) not in self._sizes:
+            classes = self.wasm_classes if wasm else self.classes
+            self._sizes[kind, wasm] = ctypes.sizeof(classes[kind] if kind in classes else _NUMBERS[kind])
+        return self._sizes[kind, wasm]
 
     def layout(self) -> list[int]:
         """Size of each struct, then the offset and size of each of its fields, by ctypes."""

@@ -69,7 +69,7 @@ def _robot_values(robot: Robot) -> dict[str, Any]:
         "links": len(robot.links),
         "tool": robot.tool,
         "mass": float(sum(link.inertial.mass for link in robot.links if link.inertial is not None)),
-        "held": dict(robot.held),
+        "locked_joints": dict(robot.locked_joints),
         "configurations": {name: q.tolist() for name, q in robot.configurations.items()},
         "presets": list(robot.presets),
         "source": robot.source,
@@ -94,8 +94,10 @@ def _say_robot(robot: Robot, console: Console) -> None:
     ]
     console.table(("joint", "kind", *columns), rows)
     console.say(f"configurations: {', '.join(robot.configurations)}")
-    if robot.held:
-        console.say("held: " + ", ".join(f"{name} at {value:g}" for name, value in robot.held.items()))
+    if robot.locked_joints:
+        console.say(
+            "locked joints: " + ", ".join(f"{name} at {value:g}" for name, value in robot.locked_joints.items())
+        )
     if robot.presets:
         console.say(f"limit presets: {', '.join(robot.presets)}")
 

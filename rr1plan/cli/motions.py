@@ -33,7 +33,9 @@ def play(options: Namespace, console: Console) -> int:
         raise InputError(f"{error}; only a motion with times can be replayed") from error
     say_changes(motion, console)
     with console.progress("replaying") as advance:
-        replay = rp.simulate(trajectory, motion.scene, options.mode, timestep=options.timestep, progress=advance)
+        replay = rp.simulate(
+            trajectory, motion.scene, mode=options.mode, timestep=options.timestep, progress=told_to(advance)
+        )
     console.say(str(replay))
     console.say(f"  it took {milliseconds(replay.wall_seconds)}")
     console.result({**replay.to_dict(), **about(motion)})

@@ -190,7 +190,7 @@ def _cspace(parser: Parser) -> None:
 
 def _robots(parser: Parser) -> None:
     parser.add_argument(
-        "robot", metavar="ROBOT", nargs="?", help="a shipped or installed robot, or a URDF or xacro file"
+        "robot", metavar="ROBOT", nargs="?", help="a shipped or installed robot, or a URDF, xacro or MJCF file"
     )
 
 
@@ -257,7 +257,13 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     "robots": (
         "looking.robots",
         "list the robots, or describe one",
-        ("rr1plan robots", "rr1plan robots --quiet", "rr1plan robots rr1", "rr1plan robots arm.urdf"),
+        (
+            "rr1plan robots",
+            "rr1plan robots --quiet",
+            "rr1plan robots rr1",
+            "rr1plan robots arm.urdf",
+            "rr1plan robots arm.xml",
+        ),
         _robots,
     ),
     "scenes": (

@@ -25,7 +25,7 @@ _BAD_QUESTION = (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
 
 def plan(options: Namespace, console: Console) -> int:
     """Plan a motion, prove it, and save what was asked for."""
-    view = first_view(options.view)
+    look = page_options(options)
     if options.no_shorten and options.planner == "cartesian":
         raise InputError("--no-shorten has no effect with --planner cartesian, whose paths are never shortened")
     _check_outputs(options)
@@ -45,20 +45,20 @@ def plan(options: Namespace, console: Console) -> int:
             rng=options.seed,
             progress=told_to(advance),
         )
-    if not motion.result.solved:
+    if not motion.result.found:
         return _no_plan(motion, console)
     if "-" in (options.output, options.csv):
         console.leave_stdout()
     files: Mapping[str, str] = {}
     if not options.given.isdisjoint(("--output", "--csv", "--html")):
         with console.watch.stage("write the files"):
-            files = _save(motion, options, view, console)
+            files = _save(motion, options, look, console)
     motion = with_stages(motion, console.watch.seconds)
     console.say(str(motion))
     for kind, file in files.items():
         console.say(f"{kind}: {file}")
     console.result({**summary(motion), "files": files})
-    return 0 if motion.solved else 4
+    return 0 if motion.valid else 4
 
 
 def with_stages(motion: MotionPlan, stages: Mapping[str, float]) -> MotionPlan:
@@ -107,16 +107,18 @@ def _chosen(scene: str, queries: Mapping[str, Problem], name: str | None) -> Pro
     return queries[name]
 
 
-def first_view(values: list[str] | None) -> Any:
-    """The view of a page as `save_html` takes it; None where none is given.
+def page_options(options: Namespace) -> rp.ViewOptions | None:
+    """How a page looks, as the command line says it; None where it says nothing, which loads no viewer.
 
     Raises:
         UnknownNameError: no such view.
         InputError: numbers that are no angles or no direction.
     """
-    from rr1plan.playback.viewer.camera import check_view
-
-    return None if values is None else check_view(words(values, "a view's name"))
+    spheres = getattr(options, "spheres", False)
+    if options.view is None and not spheres:
+        return None
+    view = None if options.view is None else words(options.view, "a view's name")
+    return rp.ViewOptions(view=view, spheres=spheres)
 
 
 def words(values: list[str], name: str = "a configuration's name") -> Any:
@@ -138,7 +140,7 @@ def with_limits(problem: Problem, preset: str) -> Problem:
     scene = problem.scene
     for name, arm in scene.arms.items():
         scene = scene.with_robot(name, arm.robot.with_limits(preset))
-    return rp.Problem(scene, problem.start, dict(problem.goal), problem.arms)
+    return rp.Problem(scene, problem.start, dict(problem.goal), arms=problem.arms)
 
 
 _STAGES = {"set up": "preparing the scene", "shorten": "shortening", "retime": "retiming", "validate": "proving"}
@@ -187,7 +189,7 @@ def _check_outputs(options: Namespace) -> None:
             check_writable(file)
 
 
-def _save(motion: MotionPlan, options: Namespace, view: Any, console: Console) -> Mapping[str, str]:
+def _save(motion: MotionPlan, options: Namespace, look: rp.ViewOptions | None, console: Console) -> Mapping[str, str]:
     files = {}
     if options.output == "-":
         console.write(motion.to_json())
@@ -198,5 +200,5 @@ def _save(motion: MotionPlan, options: Namespace, view: Any, console: Console) -
     elif options.csv is not None:
         files["csv"] = str(save_csv(options.csv, motion.trajectory))
     if options.html is not None:
-        files["page"] = str(motion.save_html(options.html, spheres=options.spheres, view=view))
+        files["page"] = str(motion.save_html(options.html, options=look))
     return files

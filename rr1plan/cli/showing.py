@@ -10,7 +10,7 @@ import rr1plan as rp
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.motions import saved_motion, say_changes
-from rr1plan.cli.planning import first_view, named_query, summary, told_to, words
+from rr1plan.cli.planning import named_query, page_options, summary, told_to, words
 from rr1plan.errors import InputError
 from rr1plan.formats.csv_files import save_csv
 from rr1plan.formats.files import check_writable
@@ -18,14 +18,15 @@ from rr1plan.formats.motion_files import is_motion_file
 from rr1plan.formats.plan_files import save_trajectory
 from rr1plan.library import load_problems, load_scene, scene_names
 from rr1plan.pipeline import MotionPlan, plan_motion
+from rr1plan.planners import chosen_planner
 
 # Short edges [rad] make a tree that shows how it grew.
-_TREE: dict[str, Any] = {"tree": True, "range": 0.15}
+_TREE_RANGE = 0.15
 
 
 def demo(options: Namespace, console: Console) -> int:
     """From a question to a certified, replayed, visible motion, saying what was done and how long it took."""
-    view, watch = first_view(options.view), console.watch
+    look, watch = page_options(options), console.watch
     with watch.stage("load the scene"), console.progress("loading the scene"):
         problem = named_query(options.scene, options.query)
     folder = _made(Path(options.output))
@@ -34,15 +35,15 @@ def demo(options: Namespace, console: Console) -> int:
     console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {counted(len(scene.obstacles), 'obstacle')}")
     with watch.stage("plan, shorten, retime, validate"), console.progress("planning") as advance:
         motion = plan_motion(problem, rng=options.seed, progress=told_to(advance))
-    if not motion.result.solved:
+    if not motion.result.found:
         console.error(str(motion), 3)
         return 3
     console.say(f"  {str(motion).replace(chr(10), chr(10) + '  ')}")
     with watch.stage("replay in MuJoCo"), console.progress("replaying") as advance:
-        replay = rp.simulate(motion.trajectory, scene, progress=advance)
+        replay = rp.simulate(motion.trajectory, scene, progress=told_to(advance))
     console.say(f"  {str(replay).replace(chr(10), chr(10) + '  ')}")
     with watch.stage("write the files"):
-        files = _write_demo(folder, motion, view)
+        files = _write_demo(folder, motion, look)
     console.say("how long each step took")
     steps = {**watch.seconds}
     inner = "".join(f"\n      {name}: {milliseconds(seconds)}" for name, seconds in motion.seconds.items())
@@ -54,7 +55,7 @@ def demo(options: Namespace, console: Console) -> int:
     console.result(
         {**summary(motion), "replay": replay.to_dict(), "steps": steps, "files": {k: str(v) for k, v in files.items()}}
     )
-    return 0 if motion.solved and replay else 4
+    return 0 if motion.valid and replay else 4
 
 
 def _made(folder: Path) -> Path:
@@ -67,9 +68,9 @@ def _made(folder: Path) -> Path:
     return folder
 
 
-def _write_demo(folder: Path, motion: MotionPlan, view: Any) -> dict[str, Path]:
+def _write_demo(folder: Path, motion: MotionPlan, look: rp.ViewOptions | None) -> dict[str, Path]:
     return {
-        "the page that plays it, offline": motion.save_html(folder / "motion.html", view=view),
+        "the page that plays it, offline": motion.save_html(folder / "motion.html", options=look),
         "the motion": motion.save(folder / "motion.json"),
         "the trajectory": save_trajectory(folder / "trajectory.json", motion.trajectory, motion.scene),
         "the trajectory as a table": save_csv(folder / "trajectory.csv", motion.trajectory),
@@ -78,17 +79,21 @@ def _write_demo(folder: Path, motion: MotionPlan, view: Any) -> dict[str, Path]:
 
 def view(options: Namespace, console: Console) -> int:
     """A scene or a saved motion in the browser, or as one offline page."""
-    looks: dict[str, Any] = {"spheres": options.spheres, "view": first_view(options.view)}
+    look = page_options(options)
     if options.html is not None:
         check_writable(options.html)
     scene, motion = _what(options, console)
     if options.html is not None:
-        page = rp.save_html(options.html, scene, **looks) if motion is None else motion.save_html(options.html, **looks)
+        page = (
+            rp.save_html(options.html, scene, options=look)
+            if motion is None
+            else motion.save_html(options.html, options=look)
+        )
         console.say(f"page: {page}")
         console.result({"page": str(page)})
         return 0
-    looks |= {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
-    with rp.show(scene, **looks) if motion is None else motion.show(**looks) as viewer:
+    live: dict[str, Any] = {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
+    with rp.show(scene, options=look, **live) if motion is None else motion.show(options=look, **live) as viewer:
         console.say(f"page: {viewer.url}  (close it or press Ctrl-C to end)")
         console.result({"url": viewer.url})
         viewer.wait()
@@ -112,8 +117,10 @@ def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | 
 
 def _with_tree(name: str) -> rp.Planner:
     """A planner that keeps what it explored, where it can."""
-    planner = rp.make_planner(name)
-    return rp.make_planner(name, **{key: value for key, value in _TREE.items() if hasattr(planner, key)})
+    if name == rp.RrtConnect.name:
+        return rp.RrtConnect(range=_TREE_RANGE, tree=True)
+    planner = chosen_planner(name)
+    return rp.OmplPlanner(name, tree=True) if isinstance(planner, rp.OmplPlanner) else planner
 
 
 # Where no path exists the planner stops after this many iterations: enough for a tree to look at.
@@ -122,7 +129,7 @@ _HOPELESS_ITERATIONS = 1500
 
 def cspace(options: Namespace, console: Console) -> int:
     """Draw the configuration space of two joints, with a query of a two-joint arm and its answer."""
-    view = first_view(options.view)
+    look = page_options(options)
     scene, problem = load_scene(options.scene), _flat_query(options)
     pictures = _pictures(options, scene)
     if problem is None:
@@ -137,7 +144,7 @@ def cspace(options: Namespace, console: Console) -> int:
             joints=None if options.joints is None else (options.joints[0], options.joints[1]),
             at=None if options.at is None else words(options.at),
             resolution=options.resolution,
-            progress=advance,
+            progress=told_to(advance),
         )
     result = None
     if problem is not None:
@@ -145,11 +152,13 @@ def cspace(options: Namespace, console: Console) -> int:
             hopeless = picture.proves_no_path
         budget = rp.Budget(options.seconds, _HOPELESS_ITERATIONS if hopeless else None)
         with console.progress("planning") as advance:
-            result = _with_tree(options.planner).plan(problem, budget, options.seed, told_to(advance))
+            result = _with_tree(options.planner).plan(
+                problem, budget=budget, rng=options.seed, progress=told_to(advance)
+            )
         picture = picture.with_result(result)
     with console.progress("drawing"):
         files = {
-            kind: picture.save_html(file, view=view) if kind == "page" else picture.save(file)
+            kind: picture.save_html(file, options=look) if kind == "page" else picture.save(file)
             for kind, file in pictures.items()
         }
     console.say(str(picture))

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.solids import is_concave, solid_pieces
+from rr1plan.collision.solids import is_surfaceless, solid_pieces
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Attachment, Scene
-from rr1plan.shapes import HalfSpace, PointCloud, Shape
+from rr1plan.shapes import Shape
 from rr1plan.skeleton import Body, ElementGeometry, Skeleton, hang, skeleton_of
 
 _INTS = NDArray[np.int64]
@@ -114,7 +114,7 @@ def _arm_geometry(content: _Content) -> ArmGeometry:
     sets = [frozenset(chain) for chain in number]
     # Two chains run together from the root until they part.
     shared = np.array([[len(a & b) for b in sets] for a in sets], dtype=np.int64)
-    kinds = surfaceless(solids)
+    kinds = tuple(is_surfaceless(solid.shape) for solid in solids)
     return ArmGeometry(skeleton, solids, len(links), tuple(number), read_only(groups), read_only(shared), kinds)
 
 
@@ -134,17 +134,16 @@ def solids_of(geometries: Iterable[ElementGeometry], pieces: Pieces = solid_piec
     Raises:
         InputError: a shape that cannot be made solid.
     """
-    return [Solid(g.element, piece, g.joint, g.placement) for g in geometries for piece in _pieces(g, pieces)]
+    return [
+        Solid(g.element, piece, g.joint, g.placement)
+        for g in geometries
+        for piece in pieces_of(g.element, g.geometry.shape, pieces)
+    ]
 
 
-def _pieces(geometry: ElementGeometry, pieces: Pieces) -> tuple[Shape, ...]:
+def pieces_of(element: str, shape: Shape, pieces: Pieces) -> tuple[Shape, ...]:
     """The solids of a shape; errors name its element."""
     try:
-        return pieces(geometry.geometry.shape)
+        return pieces(shape)
     except InputError as error:
-        raise InputError(f"shape of {geometry.element!r}: {error}") from error
-
-
-def surfaceless(solids: Iterable[Solid]) -> tuple[bool, ...]:
-    """Which solids are half-spaces, point clouds or concave meshes: distances are measured to them, not from them."""
-    return tuple(isinstance(solid.shape, HalfSpace | PointCloud) or is_concave(solid.shape) for solid in solids)
+        raise InputError(f"shape of {element!r}: {error}") from error

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.enclosing_ball import around_points
 from rr1plan.collision.mesh_trees import box_of_mesh
@@ -49,8 +51,8 @@ def flat(T: Array) -> Array:
 
 def body_tables(solids: Sequence[Solid], joint_poses: Array) -> BodyTables:
     """The tables of solids, their chains left empty."""
-    cores = [_core(solid.shape) for solid in solids]
-    around = [_neighbors(solid.shape) for solid in solids]
+    cores = [body_core(solid.shape) for solid in solids]
+    around = [neighbors(solid.shape) for solid in solids]
     joints = np.array([solid.joint for solid in solids], dtype=np.int64)
     T = np.array([solid.placement for solid in solids]).reshape(-1, 4, 4)
     balls = np.array([core.ball for core in cores]).reshape(-1, 3)
@@ -79,9 +81,9 @@ def body_tables(solids: Sequence[Solid], joint_poses: Array) -> BodyTables:
 
 
 @lru_cache(maxsize=256)
-def _neighbors(shape: Shape) -> tuple[_INTS, _INTS]:
+def neighbors(shape: Shape) -> tuple[_INTS, _INTS]:
     """How many edges leave each point of a shape's core, and where they lead, point after point."""
-    count = len(_core(shape).points)
+    count = len(body_core(shape).points)
     if not (isinstance(shape, Mesh) and shape.convex):
         return np.zeros(count, np.int64), np.zeros(0, np.int64)
     edges = np.concatenate([shape.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2])])
@@ -89,81 +91,77 @@ def _neighbors(shape: Shape) -> tuple[_INTS, _INTS]:
     return np.bincount(edges[:, 0], minlength=count), edges[:, 1].copy()
 
 
-@dataclass(frozen=True, eq=False)
-class _Core:
-    """A shape as a core and a radius around it; `points` in the shape's frame.
+class BodyCore(NamedTuple):
+    """A shape as a core and a radius around it.
 
-    `values` are its ball's radius, the radius around the core, its box, its size and its offset, shape (12,).
+    Args:
+        kind: Of the exact kernel.
+        ball: Center of the ball around it, in its frame [m].
+        values: The ball's radius, the radius around the core, center and half sizes of its box, its size and its
+            offset: 12 numbers.
+        points: Of the core, in its frame [m], shape (n, 3).
     """
 
     kind: int
-    ball: Array
-    values: Array
+    ball: tuple[float, ...]
+    values: tuple[float, ...]
     points: Array
 
 
-@lru_cache(maxsize=512)
-def _core(shape: Shape) -> _Core:
-    zero, none = np.zeros(3), np.zeros((0, 3))
+_ZERO, _NONE = (0.0, 0.0, 0.0), read_only(np.zeros((0, 3)))
+
+
+@lru_cache(maxsize=1024)
+def body_core(shape: Shape) -> BodyCore:
+    """What the exact kernel knows of a shape."""
     match shape:
-        case Sphere(radius):
-            return _made(_KIND["BODY_POINT"], zero, radius, (zero, radius), (zero, np.full(3, radius)), none)
-        case Box(size):
-            half = 0.5 * np.array(size)
-            return _made(_KIND["BODY_BOX"], half, 0.0, (zero, float(np.linalg.norm(half))), (zero, half), none)
-        case Cylinder(radius, length):
-            half = np.array([radius, radius, 0.5 * length])
-            return _made(
-                _KIND["BODY_CYLINDER"], half, 0.0, (zero, float(np.hypot(radius, 0.5 * length))), (zero, half), none
-            )
-        case Capsule(radius, length):
-            core, half = np.array([0, 0, 0.5 * length]), np.array([radius, radius, 0.5 * length + radius])
-            return _made(_KIND["BODY_SEGMENT"], core, radius, (zero, 0.5 * length + radius), (zero, half), none)
+        case Sphere(r):
+            return BodyCore(_KIND["BODY_POINT"], _ZERO, (r, r, *_ZERO, r, r, r, *_ZERO, 0.0), _NONE)
+        case Box((x, y, z)):
+            half = 0.5 * x, 0.5 * y, 0.5 * z
+            return BodyCore(_KIND["BODY_BOX"], _ZERO, (math.hypot(*half), 0.0, *_ZERO, *half, *half, 0.0), _NONE)
+        case Cylinder(r, length):
+            half = r, r, 0.5 * length
+            ball = math.hypot(r, half[2])
+            return BodyCore(_KIND["BODY_CYLINDER"], _ZERO, (ball, 0.0, *_ZERO, *half, *half, 0.0), _NONE)
+        case Capsule(r, length):
+            end = 0.5 * length
+            values = (end + r, r, *_ZERO, r, r, end + r, 0.0, 0.0, end, 0.0)
+            return BodyCore(_KIND["BODY_SEGMENT"], _ZERO, values, _NONE)
         case HalfSpace(normal, offset):
-            return _made(
-                _KIND["BODY_HALF_SPACE"], np.array(normal), 0.0, (zero, FAR), (zero, np.full(3, FAR)), none, offset
-            )
+            values = (FAR, 0.0, *_ZERO, FAR, FAR, FAR, *normal, offset)
+            return BodyCore(_KIND["BODY_HALF_SPACE"], _ZERO, values, _NONE)
         case PointCloud():
             return _cells(shape)
         case _:
             return _corners(shape) if shape.convex else _surface(shape)
 
 
-def _made(
-    kind: int,
-    size: Array,
-    radius: float,
-    ball: tuple[Array, float],
-    box: tuple[Array, Array],
-    points: Array,
-    offset: float = 0.0,
-) -> _Core:
-    return _Core(kind, ball[0], np.array([ball[1], radius, *box[0], *box[1], *size, offset]), points)
-
-
-def _cells(cloud: PointCloud) -> _Core:
+def _cells(cloud: PointCloud) -> BodyCore:
     cells, half = occupied_cells(cloud), 0.5 * cloud.resolution
     low, high = cells.min(axis=0) - half, cells.max(axis=0) + half
-    ball = (0.5 * (low + high), float(np.linalg.norm(0.5 * (high - low))))
-    return _made(_KIND["BODY_CELLS"], np.full(3, half), 0.0, ball, (0.5 * (low + high), 0.5 * (high - low)), cells)
+    ball = float(np.linalg.norm(0.5 * (high - low)))
+    return _bounded(_KIND["BODY_CELLS"], 0.5 * (low + high), ball, low, high, (half, half, half), cells)
 
 
-def _surface(mesh: Mesh) -> _Core:
+def _surface(mesh: Mesh) -> BodyCore:
     """The bounds of a mesh that is not convex; its triangles are in its `MeshTree`."""
-    (center, half), none = box_of_mesh(mesh), np.zeros((0, 3))
+    center, half = box_of_mesh(mesh)
     ball = float(np.linalg.norm(mesh.vertices[mesh.faces.ravel()] - center, axis=1).max()) * (1.0 + 1e-12)
-    return _made(_KIND["BODY_MESH"], np.zeros(3), 0.0, (center, ball), (center, half), none)
+    values = (ball, 0.0, *center.tolist(), *half.tolist(), *_ZERO, 0.0)
+    return BodyCore(_KIND["BODY_MESH"], tuple(center.tolist()), values, _NONE)
 
 
-def _corners(mesh: Mesh) -> _Core:
+def _corners(mesh: Mesh) -> BodyCore:
     points = np.array(mesh.vertices)
     ball = around_points(points)
     low, high = points.min(axis=0), points.max(axis=0)
-    return _made(
-        _KIND["BODY_CORNERS"],
-        np.zeros(3),
-        0.0,
-        (ball[:3], float(ball[3])),
-        (0.5 * (low + high), 0.5 * (high - low)),
-        points,
-    )
+    return _bounded(_KIND["BODY_CORNERS"], ball[:3], float(ball[3]), low, high, _ZERO, points)
+
+
+def _bounded(
+    kind: int, center: Array, radius: float, low: Array, high: Array, size: tuple[float, ...], points: Array
+) -> BodyCore:
+    """One without a radius around its core, its box from corner to corner."""
+    box = *(0.5 * (low + high)).tolist(), *(0.5 * (high - low)).tolist()
+    return BodyCore(kind, tuple(center.tolist()), (radius, 0.0, *box, *size, 0.0), points)

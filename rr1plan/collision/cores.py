@@ -98,6 +98,14 @@ def joined_cores(parts: Sequence[CoreTables]) -> tuple[CoreTables, list[int]]:
 
 
 @lru_cache(maxsize=512)
+def shape_core(shape: Shape) -> CoreTables:
+    """The core of a shape in its own frame."""
+    cores = Cores()
+    cores.add(0, shape, np.eye(4))
+    return cores.tables()
+
+
+@lru_cache(maxsize=512)
 def _blocks(shape: Shape) -> tuple[Array, Array, _INTS]:
     points, balls = in_blocks(extremes(shape))
     # Few corners are all looked at.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,8 @@ class EdgeTables(NamedTuple):
         blocks: Ball around each block of corners of a core: center and radius; shape (n, 4).
         lowest: Support tables: which corners can be the lowest along the directions of each cell.
         core_of: Row of `cores` of each obstacle, CORE_CLOSED_FORM or CORE_LEFT_OUT, shape (o,).
-        margins: Rest of a gap that a proof needs, and the greatest padding [m], shape (2,).
+        margins: Rest of a gap that a proof needs, the greatest padding, and the first with all obstacles at the origin
+            [m], shape (3,).
     """
 
     joints: _INTS
@@ -119,3 +120,23 @@ class EdgeTables(NamedTuple):
     lowest: NDArray[np.int64]
     core_of: _INTS
     margins: Array
+
+
+class PaddedPairs(NamedTuple):
+    """What of the pairs depends on padding; columns as in `EdgeTables`.
+
+    Args:
+        pair_of, obstacle_blocks, first_block, body_pairs, group_pairs, maps, map_ranges: As there.
+        greatest: The greatest padding [m].
+        kept: What was made of them.
+    """
+
+    pair_of: _INTS
+    obstacle_blocks: _INTS
+    first_block: _INTS
+    body_pairs: _INTS
+    group_pairs: _INTS
+    maps: NDArray[np.int16]
+    map_ranges: Array
+    greatest: float
+    kept: dict[str, Any]

@@ -1,150 +1,203 @@
-"""The tables of solids that do not move, made once for an obstacle at its place."""
+"""The tables of solids that do not move: what they are as rows, put in place by compiled code (`place_solids.c`)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, read_only
+from rr1plan.checks import Array
 from rr1plan.collision.arm_instances import ArmInstances
-from rr1plan.collision.arm_tables import instance_tables
-from rr1plan.collision.cores import NO_CORES, Cores, CoreTables, joined_cores
+from rr1plan.collision.arm_tables import arm_tables
+from rr1plan.collision.body_tables import BodyTables, body_core, neighbors
+from rr1plan.collision.cores import CoreTables, joined_cores, shape_core
 from rr1plan.collision.link_spheres import matrix
-from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_bodies
+from rr1plan.collision.mesh_trees import MeshTree, joined_trees, mesh_tree
+from rr1plan.collision.obstacle_geometry import ObstacleGeometry
+from rr1plan.collision.solid_rows import solid_rows
 from rr1plan.collision.solids import is_concave
 from rr1plan.kept import kept_in
-from rr1plan.kernels.library import constants
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.kernels.library import CStruct, constants, load_library
+from rr1plan.shapes import Shape
 
 _INTS = NDArray[np.int64]
 LANES = constants()["LANES"]
-_KIND = constants()
-# Meshes of more corners are left to the exact kernel, which walks along edges instead of looking at all.
-_MOST_POINTS = 2000
+_CLOSED_FORM = constants()["CORE_CLOSED_FORM"]
 
 
-@dataclass(frozen=True, eq=False)
-class ObstacleTables:
-    """Rows of solids that do not move; columns as in `EdgeTables`.
+class FixedSolids:
+    """Solids of objects that do not move, as `fixed_solids.h` has them.
 
     Args:
-        kinds, values: `obstacles` and `obstacle_values` there.
-        boxes: Box around each, low and high [m], shape (n, 6).
-        core_of: As there, counted from the first of `cores`.
-        cores: Their cores.
+        things: The objects.
+        first_body: Row of the exact kernel's tables of the first solid that has one.
+        links: How many objects, the first ones, are links of arms that move: their rows and cores are with the arms'.
+
+    Attributes:
+        solids: A `FixedSolid` of each, shape (n, 8).
+        struct: All as C reads it.
     """
 
-    kinds: _INTS
-    values: Array
-    boxes: Array
-    core_of: _INTS
-    cores: CoreTables
+    def __init__(self, things: Sequence[ObstacleGeometry], first_body: int = 0, links: int = 0) -> None:
+        counts = [len(thing.rows.shapes) for thing in things]
+        total, before = sum(counts), sum(counts[:links])
+        kinds = np.frombuffer(b"".join([thing.rows.kinds for thing in things]), np.int64).reshape(-1, 4)
+        self.exact_kinds = kinds[before:, 0]
+        self.solids = np.zeros((total, 8), np.int64)
+        self.solids[:, 0] = np.repeat(np.arange(len(things)), counts)
+        self.solids[:before, 1] = -1
+        self.solids[before:, 1] = np.arange(first_body, first_body + total - before)
+        self.solids[:, 2] = np.arange(total)
+        self.solids[:, 3], self.solids[:, 6:] = kinds[:, 3], kinds[:, 1:3]
+        # Those with tables of their own, numbered among all solids, and their shapes.
+        self.special: list[tuple[int, Shape]] = []
+        first = 0
+        for thing, count in zip(things, counts, strict=True):
+            self.special += [(first + i, thing.rows.shapes[i]) for i in thing.rows.special]
+            first += count
+        self._before = before
+        self.solids[:before, 4] = -1
+        self._cores = [(i, shape_core(shape)) for i, shape in self.special if i >= before and kinds[i, 3] == 0]
+        points, blocks = np.zeros((0, 3)), np.zeros((0, 4))
+        if self._cores:
+            parts = [core for _, core in self._cores]
+            points = np.concatenate([part.points for part in parts])
+            blocks = np.concatenate([part.blocks for part in parts])
+            rows = [i for i, _ in self._cores]
+            for column, sizes in ((4, [len(p.points) for p in parts]), (5, [len(p.blocks) for p in parts])):
+                self.solids[rows, column] = np.cumsum([0, *sizes[:-1]])
+        self.struct = CStruct(
+            "FixedSolids",
+            count=total,
+            solids=self.solids,
+            shapes=np.frombuffer(b"".join([thing.rows.values for thing in things])).reshape(-1, 23),
+            frames=np.frombuffer(b"".join([thing.frames for thing in things])).reshape(-1, 16),
+            objects=np.array([thing.pose for thing in things]).reshape(-1, 16),
+            points=points,
+            blocks=blocks,
+        )
+
+    def add_bodies(self, bodies: BodyTables, links: int) -> tuple[BodyTables, MeshTree]:
+        """Rows for the exact kernel after those of the arms, and the triangles of concave meshes.
+
+        Args:
+            bodies: Those of the arms.
+            links: How many entries their chains have; what does not move has none.
+        """
+        first, total = len(bodies.bodies), len(bodies.bodies) + len(self.exact_kinds)
+        rows, values = np.zeros((total, 6), np.int64), np.empty((total, 27))
+        poses, centers = np.empty((total, 12)), np.empty((total, 3))
+        rows[:first], values[:first], poses[:first], centers[:first] = (
+            bodies.bodies,
+            bodies.values,
+            bodies.poses,
+            bodies.centers,
+        )
+        rows[first:, 0], rows[first:, 4:] = self.exact_kinds, links
+        self.place_bodies(values, poses, centers)
+        corners, degrees, to = [bodies.corners], [bodies.degrees], [bodies.neighbors]
+        meshes: list[MeshTree] = []
+        count = len(bodies.corners)
+        for i, shape in self.special:
+            row = rows[first + i - self._before]
+            if is_concave(shape):
+                row[2] = len(meshes)
+                meshes.append(mesh_tree(shape))
+                continue
+            own, (each, others) = body_core(shape).points, neighbors(shape)
+            row[2:4] = count, count + len(own)
+            corners.append(own)
+            degrees.append(each)
+            to.append(others + count)
+            count += len(own)
+        if len(corners) == 1:
+            joined = bodies.corners, bodies.degrees, bodies.neighbors
+        else:
+            joined = np.concatenate(corners), np.concatenate(degrees), np.concatenate(to)
+        return BodyTables(rows, values, *joined, poses, centers), joined_trees(meshes)
+
+    def place_bodies(self, values: Array, poses: Array, centers: Array) -> None:
+        """Write the rows of `body_values`, `poses` and `centers` of `ExactTables` of all that have some."""
+        load_library().rr1_place_bodies(self.struct, values, poses, centers)
+
+    def placed_shapes(self, places: _INTS, count: int) -> tuple[_INTS, Array, Array]:
+        """The `obstacles`, `obstacle_values` and `boxes` of `EdgeTables`; places that nothing has are nowhere.
+
+        Args:
+            places: Where each solid is there, -1: it is not, shape (n,).
+            count: How many places there are.
+        """
+        self.solids[:, 2] = places
+        there = places >= 0
+        kinds, values, boxes = np.zeros((count, 2), np.int64), np.zeros((count, 17)), np.empty((6, count))
+        kinds[places[there]] = self.solids[there, 6:]
+        boxes[:3], boxes[3:] = np.inf, -np.inf
+        load_library().rr1_place_shapes(self.struct, values, boxes, count)
+        return kinds, values, boxes
+
+    def placed_cores(self, bodies: CoreTables, places: _INTS, count: int) -> tuple[CoreTables, _INTS]:
+        """The cores of moving bodies followed by those of the obstacles, and `core_of` of `EdgeTables`.
+
+        Args:
+            bodies: The cores of moving bodies.
+            places: See `placed_shapes`.
+            count: See `placed_shapes`.
+        """
+        tables = bodies
+        if self._cores:
+            tables, (_, *before) = joined_cores([bodies, *(core for _, core in self._cores)])
+            tables = tables._replace(
+                values=tables.values.copy(), points=tables.points.copy(), blocks=tables.blocks.copy()
+            )
+            self.solids[[i for i, _ in self._cores], 3] = before
+            load_library().rr1_place_cores(self.struct, tables.rows, tables.values, tables.points, tables.blocks)
+        core_of = np.full(count, _CLOSED_FORM, np.int64)
+        there = places >= 0
+        core_of[places[there]] = self.solids[there, 3]
+        return tables, core_of
 
 
-def obstacle_tables(obstacles: Sequence[ObstacleGeometry]) -> list[ObstacleTables]:
-    """The rows of obstacles, each made once; those that are new together, which takes hardly longer than one."""
-    new = [thing for thing in obstacles if "tables" not in thing.kept]
-    if new:
-        rows = obstacle_bodies(new)
-        poses, bodies = (np.concatenate(parts) for parts in zip(*((r.poses, r.values) for r in rows), strict=True))
-        kinds, values, boxes = _measured([solid.shape for thing in new for solid in thing.solids], poses, bodies)
-        end = 0
-        for thing, own in zip(new, rows, strict=True):
-            begin, end = end, end + len(thing.solids)
-            cores = _cores([solid.shape for solid in thing.solids], own.poses)
-            thing.kept["tables"] = ObstacleTables(kinds[begin:end], values[begin:end], boxes[begin:end], *cores)
-    return [thing.kept["tables"] for thing in obstacles]
+def link_cores(instances: ArmInstances, bodies: CoreTables) -> tuple[CoreTables, _INTS]:
+    """Cores of the arms' bodies and of links that no joint moves, and the `core` of each solid of these; cached."""
+    return kept_in(instances.kept, "link cores", lambda: _link_cores(instances, bodies))
 
 
-def fixed_links(instances: ArmInstances) -> ObstacleTables:
-    """Rows of the arms' bodies that no joint moves; cached."""
+def _link_cores(instances: ArmInstances, bodies: CoreTables) -> tuple[CoreTables, _INTS]:
+    links = FixedSolids(fixed_links(instances))
+    count = len(links.solids)
+    tables, _ = links.placed_cores(bodies, np.arange(count), count)
+    return tables, links.solids[:, 3].copy()
+
+
+def boxes_of(things: Sequence[ObstacleGeometry]) -> Array:
+    """Low and high corner of the box around each solid of some objects [m], infinite for a half-space, shape (n, 6)."""
+    fixed = FixedSolids(things)
+    count = len(fixed.solids)
+    return np.ascontiguousarray(fixed.placed_shapes(np.arange(count), count)[2].T)
+
+
+def balls_of(things: Sequence[ObstacleGeometry]) -> Array:
+    """A ball around each solid of some objects: center and radius [m], shape (n, 4)."""
+    fixed = FixedSolids(things)
+    count = len(fixed.solids)
+    values, poses, centers = np.empty((count, 27)), np.empty((count, 12)), np.empty((count, 3))
+    fixed.place_bodies(values, poses, centers)
+    return np.column_stack([centers, values[:, 15]])
+
+
+def fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
+    """The solids of the arms that no joint moves, an object for each arm; cached."""
     return kept_in(instances.kept, "fixed links", lambda: _fixed_links(instances))
 
 
-def _fixed_links(instances: ArmInstances) -> ObstacleTables:
-    bodies, fixed = instance_tables(instances).bodies, np.flatnonzero(instances.groups == 0)
-    shapes = [solid.shape for geometry in instances.geometries for solid in geometry.solids]
-    own, poses = [shapes[i] for i in fixed], bodies.poses[fixed]
-    return ObstacleTables(*_measured(own, poses, bodies.values[fixed]), *_cores(own, poses))
-
-
-def _measured(shapes: list[Shape], poses: Array, bodies: Array) -> tuple[_INTS, Array, Array]:
-    """Kinds, values and boxes of solids, by their world poses and their rows of the exact kernel's `body_values`."""
-    measures = np.array([_measures(shape) for shape in shapes]).reshape(-1, 6)
-    R, half = poses[:, :9].reshape(-1, 3, 3), bodies[:, 20:23]
-    centers = np.einsum("nij,nj->ni", R, bodies[:, 17:20]) + poses[:, 9:]
-    extents = np.einsum("nij,nj->ni", np.abs(R), half)
-    values = np.concatenate([poses[:, :9], centers, measures[:, 2:], -measures[:, 4:5]], axis=1)
-    around = measures[:, 1] == 0
-    values[around, 12:15], values[around, 16] = half[around], -half[around, 2]
-    boxes = np.concatenate([centers - extents, centers + extents], axis=1)
-    for i, shape in enumerate(shapes):
-        if isinstance(shape, HalfSpace):
-            normal = R[i] @ np.array(shape.normal)
-            values[i] = 0.0
-            values[i, [2, 5, 8]], values[i, 16] = normal, -np.inf
-            values[i, 9:12] = (shape.offset + float(normal @ poses[i, 9:])) * normal
-            boxes[i] = [-np.inf] * 3 + [np.inf] * 3
-    return read_only(measures[:, :2].astype(np.int64)), read_only(values), read_only(boxes)
-
-
-def _cores(shapes: list[Shape], poses: Array) -> tuple[_INTS, CoreTables]:
-    """`core_of` of solids, counted from their first core, and their cores."""
-    core_of, cores = np.full(len(shapes), _KIND["CORE_CLOSED_FORM"], np.int64), Cores()
-    for i, shape in enumerate(shapes):
-        if is_concave(shape):
-            core_of[i] = _KIND["CORE_MESH"]
-        elif isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
-            core_of[i] = cores.add(0, shape, matrix(poses[i]))
-        elif isinstance(shape, Mesh | PointCloud):
-            core_of[i] = _KIND["CORE_LEFT_OUT"]
-    return core_of, cores.tables() if core_of.max(initial=_KIND["CORE_LEFT_OUT"]) >= 0 else NO_CORES
-
-
-def _measures(shape: Shape) -> tuple[float, ...]:
-    """Kind, whether that is the shape itself or a box around it, half sizes (of a shape itself) and radius."""
-    match shape:
-        case Sphere(radius):
-            return _KIND["OBSTACLE_ROUNDED_BOX"], 1, 0.0, 0.0, 0.0, radius
-        case Capsule(radius, length):
-            return _KIND["OBSTACLE_ROUNDED_BOX"], 1, 0.0, 0.0, 0.5 * length, radius
-        case Cylinder(radius, length):
-            return _KIND["OBSTACLE_CYLINDER"], 1, radius, radius, 0.5 * length, 0.0
-        case Box((x, y, z)):
-            return _KIND["OBSTACLE_ROUNDED_BOX"], 1, 0.5 * x, 0.5 * y, 0.5 * z, 0.0
-        case HalfSpace():
-            return _KIND["OBSTACLE_HALF_SPACE"], 1, 0.0, 0.0, 0.0, 0.0
-        case _:
-            return _KIND["OBSTACLE_ROUNDED_BOX"], 0, 0.0, 0.0, 0.0, 0.0
-
-
-# ---- several as one --------------------------------------------------------------------------------
-
-# What is not there is nowhere near.
-_NOWHERE = ObstacleTables(
-    np.zeros((LANES, 2), np.int64),
-    np.zeros((LANES, 17)),
-    np.array([[np.inf] * 3 + [-np.inf] * 3] * LANES),
-    np.full(LANES, _KIND["CORE_CLOSED_FORM"], np.int64),
-    NO_CORES,
-)
-
-
-def joined_obstacles(bodies: CoreTables, parts: Sequence[ObstacleTables], chosen: _INTS) -> ObstacleTables:
-    """Rows as one, their cores after those of what moves.
-
-    Args:
-        bodies: Cores of what moves.
-        parts: The rows.
-        chosen: Which of them to take [index]; after the last come a few that are nowhere near anything.
-    """
-    parts = [*parts, _NOWHERE]
-    kinds, values, boxes = (
-        np.concatenate([getattr(p, n) for p in parts])[chosen] for n in ("kinds", "values", "boxes")
-    )
-    cores, (_, *before) = joined_cores([bodies, *(part.cores for part in parts)])
-    core_of = [np.where(p.core_of < 0, p.core_of, p.core_of + n) for p, n in zip(parts, before, strict=True)]
-    return ObstacleTables(kinds, values, boxes, np.concatenate(core_of)[chosen], cores)
+def _fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
+    found = []
+    for geometry, base in zip(instances.geometries, instances.bases, strict=True):
+        fixed = np.flatnonzero(geometry.groups == 0).tolist()
+        # A joint that nothing drives may carry them.
+        frames = b"".join([matrix(pose).tobytes() for pose in arm_tables(geometry).bodies.poses[fixed]])
+        solids = [geometry.solids[i] for i in fixed]
+        rows = solid_rows(tuple(solid.shape for solid in solids))
+        found.append(ObstacleGeometry([solid.element for solid in solids], rows, frames, base))
+    return tuple(found)

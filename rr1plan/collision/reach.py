@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,12 +13,12 @@ from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_tables import arm_tables
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry, arm_posture
-from rr1plan.collision.obstacle_tables import obstacle_tables
+from rr1plan.collision.obstacle_tables import boxes_of
 from rr1plan.kept import kept_in
 from rr1plan.scene import Scene
 
-# So many obstacles are never left out: scenes that differ in where these are share their pairs.
-_FEW_OBSTACLES = 64
+FEW_OBSTACLES = 64
+"""So many obstacles are never left out: scenes that differ in where these are share their pairs."""
 # Far above the rounding of the sums here, relative and absolute [m].
 _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 
@@ -56,7 +57,7 @@ def find_near(
         arms: The arms that move.
         distance: The distance [m].
     """
-    if len(scene.arms) == 1 and len(obstacles) <= _FEW_OBSTACLES:
+    if len(scene.arms) == 1 and len(obstacles) <= FEW_OBSTACLES:
         return Near((), tuple(scene.obstacles), None, np.inf)
     others = [name for name in scene.arms if name not in set(arms)]
     balls = placed_balls(np.array([reach_ball(geometries[a]) for a in arms]).reshape(-1, 4), bases_of(scene, arms))
@@ -66,7 +67,7 @@ def find_near(
     boxes = obstacle_boxes(obstacles)
     gaps = np.concatenate([ball_gaps(balls, balls), ball_gaps(balls, still), box_gaps(balls, boxes)], axis=1)
     np.fill_diagonal(gaps, -np.inf)
-    if len(names) <= _FEW_OBSTACLES:
+    if len(names) <= FEW_OBSTACLES:
         gaps[:, len(everyone) - len(names) :] = -np.inf
     is_near = np.array(gaps <= distance, dtype=np.bool_)
     kept: NDArray[np.bool_] = np.any(is_near, axis=0)
@@ -104,49 +105,46 @@ def reach_ball(geometry: ArmGeometry) -> Array:
 
 def _reach_ball(geometry: ArmGeometry) -> Array:
     tables = arm_tables(geometry)
-    bodies, poses = tables.bodies, tables.joint_poses
-    center, anchor = poses[0, 9:], 0
-    driven = [joint for joint in range(1, len(tables.joints)) if tables.joints[joint, 2] >= 0]
-    if any(tables.joints[joint, 1] for joint in driven):
-        return np.array([*center, np.inf])
+    bodies, joints, poses = tables.bodies, tables.joints.tolist(), tables.joint_poses
+    origins = poses[:, 9:].tolist()
+    driven = [joint for joint, (_, _, column, _) in enumerate(joints) if joint and column >= 0]
+    if any(joints[joint][1] for joint in driven):
+        return np.array([*origins[0], np.inf])
+    above = {0: 0} | {joint: _carrier(joints, joints[joint][0]) for joint in driven}
     # The origin of a joint stays where it is while it lies on the axes of all joints before it.
+    axes = np.einsum("nij,nj->ni", poses[:, :9].reshape(-1, 3, 3), tables.joint_values[:, 12:15]).tolist()
+    anchor = 0
     for joint in driven:
-        chain = _driven_above(tables.joints, joint)
-        if all(_is_on_axis(poses[joint, 9:], poses[j], tables.joint_values[j, 12:15]) for j in chain):
-            center, anchor = poses[joint, 9:], joint
+        before = above[joint]
+        while before and _is_on_axis(origins[joint], origins[before], axes[before]):
+            before = above[before]
+        anchor = joint if not before else anchor
+    center = origins[anchor]
+    # How far the origin of each joint gets from the center: two points that one joint carries stay as far apart as
+    # they are.
+    origins[0], beyond = center, {0: 0.0, anchor: 0.0}
+    for joint in driven:
+        before = above[joint]
+        beyond.setdefault(joint, beyond[before] + math.dist(origins[joint], origins[before]))
     radius = 0.0
-    for body, at, ball in zip(bodies.bodies.tolist(), bodies.centers, bodies.values[:, 15], strict=True):
-        points = [at]
-        joint = body[1]
-        # Down to the anchor: two points that one joint carries stay as far apart as they are.
-        for j in reversed(_driven_above(tables.joints, joint, inclusive=True)):
-            if j == anchor:
-                break
-            points.append(poses[j, 9:])
-        points.append(center)
-        radius = max(radius, _length(points) + float(ball))
+    rows = zip(bodies.bodies.tolist(), bodies.centers.tolist(), bodies.values[:, 15].tolist(), strict=True)
+    for (_, carrier, *_), at, ball in rows:
+        joint = _carrier(joints, carrier)
+        radius = max(radius, math.dist(at, origins[joint]) + beyond[joint] + ball)
     return np.array([*center, radius * _RELATIVE + _ROUNDING])
 
 
-def _length(points: list[Array]) -> float:
-    return float(np.linalg.norm(np.diff(np.array(points), axis=0), axis=1).sum())
+def _carrier(joints: list[list[int]], joint: int) -> int:
+    """The driven joint that carries what hangs on a joint, 0 for the world."""
+    while joint and joints[joint][2] < 0:
+        joint = joints[joint][0]
+    return joint
 
 
-def _driven_above(joints: NDArray[np.int64], joint: int, *, inclusive: bool = False) -> list[int]:
-    """The driven joints between the world and a joint, root first."""
-    chain = []
-    at = joint if inclusive else int(joints[joint, 0])
-    while at:
-        if joints[at, 2] >= 0:
-            chain.append(at)
-        at = int(joints[at, 0])
-    return chain[::-1]
-
-
-def _is_on_axis(point: Array, pose: Array, axis: Array) -> bool:
-    """Whether a point is on the axis of a joint, at q = 0, to a picometer."""
-    arm = point - pose[9:]
-    return float(np.linalg.norm(np.cross(pose[:9].reshape(3, 3) @ axis, arm))) < 1e-12
+def _is_on_axis(point: list[float], origin: list[float], axis: list[float]) -> bool:
+    """Whether a point is on the axis through an origin, to a picometer."""
+    (x, y, z), (a, b, c) = (p - o for p, o in zip(point, origin, strict=True)), axis
+    return math.hypot(b * z - c * y, c * x - a * z, a * y - b * x) < 1e-12
 
 
 def placed_balls(balls: Array, bases: Array) -> Array:
@@ -160,8 +158,8 @@ def obstacle_boxes(obstacles: Sequence[ObstacleGeometry]) -> Array:
     """Low and high corner of a box around each obstacle [m], infinite for a half-space, shape (n, 6)."""
     if not obstacles:
         return np.zeros((0, 6))
-    boxes = np.concatenate([own.boxes for own in obstacle_tables(obstacles)])
-    counts = np.array([len(obstacle.solids) for obstacle in obstacles])
+    boxes = boxes_of(obstacles)
+    counts = np.array([len(obstacle.elements) for obstacle in obstacles])
     first = np.cumsum(counts) - counts
     low, high = np.minimum.reduceat(boxes[:, :3], first), np.maximum.reduceat(boxes[:, 3:], first)
     return np.concatenate([low, high], axis=1)

@@ -6,7 +6,6 @@ Every one of them is solid but for the meshes of obstacles that are not convex: 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, TypeGuard
@@ -19,6 +18,7 @@ from rr1plan.collision.coal_meshes import surface_of
 from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_hull, is_own_hull
 from rr1plan.formats.convex_pieces import convex_pieces
+from rr1plan.progress import ProgressCallback
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
@@ -58,12 +58,18 @@ def is_concave(shape: Shape) -> TypeGuard[Mesh]:
     return isinstance(shape, Mesh) and not shape.convex
 
 
-def cut_meshes(scene: Scene, progress: Callable[[float], bool | None]) -> None:
+def is_surfaceless(shape: Shape) -> bool:
+    """Whether it is a half-space, a point cloud or a concave mesh: distances are measured to it, not from it."""
+    return isinstance(shape, HalfSpace | PointCloud) or is_concave(shape)
+
+
+def cut_meshes(scene: Scene, progress: ProgressCallback) -> None:
     """Make the convex pieces of all concave meshes that move, which may take long, ahead of their use.
 
     Args:
         scene: The scene.
-        progress: Called about ten times a second with the share of the time allowed that is spent; False cancels.
+        progress: Called about ten times a second, its fraction the share of the time allowed that is spent; False
+            cancels.
 
     Raises:
         InputError: a mesh without volume, or one whose decomposition takes too long (both with its element's name).
@@ -96,7 +102,7 @@ class _Whole:
     """A mesh to be cut into pieces, and who is told how far that is."""
 
     mesh: Mesh
-    progress: Callable[[float], bool | None] | None = field(default=None, compare=False)
+    progress: ProgressCallback | None = field(default=None, compare=False)
 
 
 @lru_cache(maxsize=256)

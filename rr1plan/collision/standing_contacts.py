@@ -13,13 +13,15 @@ from rr1plan.collision.answers import Contact
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.coal_pairs import CoalPairs
 from rr1plan.collision.collision_geometry import geometries_of
+from rr1plan.collision.edge_kernel import ExactKernel
+from rr1plan.collision.exact_tables import build_fixed_tables
 from rr1plan.collision.obstacle_geometry import (
     ObstacleGeometry,
     arm_posture,
-    obstacle_bodies,
     obstacle_geometry,
     standing_geometry,
 )
+from rr1plan.collision.obstacle_tables import balls_of
 from rr1plan.collision.reach import (
     ball_gaps,
     bases_of,
@@ -74,6 +76,8 @@ def _contacts(scene: Scene) -> Iterator[Contact]:
             yield from _contacts_between(scene, (names[i], obstacles[j]), geometries)
 
 
+# Rounding of a gap that the kernel computed is far below this [m].
+ROUNDING = 1e-9
 # Configurations of which an arm's contacts with itself are kept.
 _MOST_KEPT = 1024
 # Pairs of parts that are measured at once.
@@ -157,8 +161,7 @@ def _contacts_between(
     obstacles = {name: scene.obstacles[name] for name in owners if name in scene.obstacles}
     standing = [standing_geometry(n, geometries[n], arm.base, arm.q) for n, arm in arms.items()]
     things = [*standing, *(obstacle_geometry(name, obstacle) for name, obstacle in obstacles.items())]
-    solids = [solid for thing in things for solid in thing.solids]
-    elements = [solid.element for solid in solids]
+    elements = [element for thing in things for element in thing.elements]
     near = _near_solids(things, max((scene.padding, *scene.pair_padding.values())))
     named = [(elements[i], elements[j]) for i, j in near]
     checked = {(a, b): scene.padding_of(a, b) for a, b in dict.fromkeys(named) if a != b and not scene.may_touch(a, b)}
@@ -166,8 +169,13 @@ def _contacts_between(
     if not chosen:
         return
     padding = np.array([checked[named[k]] for k in chosen])
-    coal = CoalPairs(None, tuple(solids), near[chosen], padding)
-    coal.place(np.zeros(0))
+    tables = build_fixed_tables(things, near[chosen], padding)
+    nothing = np.zeros(0)
+    if tables is not None and ExactKernel(tables, 0).least_clearance(nothing, ROUNDING) >= ROUNDING:
+        return  # mostly, and Coal's objects would take milliseconds
+    solids = tuple(solid for thing in things for solid in thing.solids)
+    coal = CoalPairs(None, solids, near[chosen], padding)
+    coal.place(nothing)
     deepest: dict[tuple[str, str], Contact] = {}
     for k in coal.touching():
         distance, a, b = coal.distance(k)
@@ -179,8 +187,8 @@ def _contacts_between(
 
 def _near_solids(things: Sequence[ObstacleGeometry], distance: float) -> NDArray[np.int64]:
     """Pairs of solids of two things, or of one with itself, whose balls are within a distance, shape (m, 2)."""
-    balls = [np.column_stack([bodies.centers, bodies.values[:, 15]]) for bodies in obstacle_bodies(things)]
-    one, two = balls[0], balls[-1]
+    balls, first = balls_of(things), len(things[0].elements)
+    one, two = balls[:first], balls[first:] if len(things) > 1 else balls
     near = ball_gaps(one, two) <= distance
     if len(things) == 1:
         return np.argwhere(np.triu(near, 1))

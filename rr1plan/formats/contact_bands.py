@@ -51,7 +51,7 @@ def contact_bands(
     """Bands of contact that split the range of a joint between two links with three joints at most between them.
 
     Args:
-        robot: The robot; held joints stay at their values.
+        robot: The robot; locked joints stay at their values.
         pairs: Pairs of links.
         generator: Generator of the values of the other joints.
         bodies: The robot's links, if already built.

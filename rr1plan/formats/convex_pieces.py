@@ -13,7 +13,7 @@ from __future__ import annotations
 import importlib.metadata
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -27,6 +27,7 @@ from rr1plan.formats.arrays import Arrays
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.formats.coacd_process import DecompositionTimeout, decompose
 from rr1plan.formats.convex import convex_hull, distance_outside, is_convex
+from rr1plan.progress import Progress, ProgressCallback
 from rr1plan.progress_bar import Advance, library_bar, no_progress
 from rr1plan.shapes import Mesh
 
@@ -34,7 +35,6 @@ log = logging.getLogger(__name__)
 
 Convexity = Literal["hull", "pieces"]
 CONVEXITIES: tuple[Convexity, ...] = ("hull", "pieces")
-Progress = Callable[[float], bool | None]
 
 SECONDS = 120.0
 CONCAVITY = 0.05
@@ -91,7 +91,7 @@ def convex_shapes(meshes: Sequence[Mesh], convex: Convexity = "hull") -> list[Me
     return [piece for mesh in meshes for piece in convex_pieces(mesh)]
 
 
-def convex_pieces(mesh: Mesh, *, seconds: float = SECONDS, progress: Progress | None = None) -> list[Mesh]:
+def convex_pieces(mesh: Mesh, *, seconds: float = SECONDS, progress: ProgressCallback | None = None) -> list[Mesh]:
     """Convex meshes whose union contains the surface of a mesh; its hull alone if it is convex.
 
     Decompositions are cached on disk.
@@ -99,8 +99,8 @@ def convex_pieces(mesh: Mesh, *, seconds: float = SECONDS, progress: Progress | 
     Args:
         mesh: The mesh.
         seconds: The longest that its decomposition may take [s].
-        progress: Called about ten times a second with the share of `seconds` that is spent; False cancels. Without it
-            a bar is drawn on stderr after a second, where that is a terminal.
+        progress: Called about ten times a second, its fraction the share of `seconds` that is spent; False cancels.
+            Without it a bar is drawn on stderr after a second, where that is a terminal.
 
     Raises:
         InputError: a mesh without volume, of too many triangles, or one that takes longer.
@@ -127,7 +127,7 @@ def convex_pieces(mesh: Mesh, *, seconds: float = SECONDS, progress: Progress | 
 class _Clock:
     """The time that a mesh's decompositions may still take; announces a long one, with a bar until `stack` closes."""
 
-    def __init__(self, mesh: Mesh, seconds: float, progress: Progress | None, stack: ExitStack) -> None:
+    def __init__(self, mesh: Mesh, seconds: float, progress: ProgressCallback | None, stack: ExitStack) -> None:
         self._mesh = mesh
         self._seconds = seconds
         self._progress = progress
@@ -155,7 +155,7 @@ class _Clock:
                 self._bar = self._stack.enter_context(library_bar("cutting a mesh into convex pieces"))
         share = min(1.0, spent / self._seconds)
         self._bar(share)
-        if self._progress is not None and self._progress(share) is False:
+        if self._progress is not None and self._progress(Progress("convex pieces", spent, share)) is False:
             raise CancelledError(f"cancelled while a mesh of {len(self._mesh.faces)} triangles was cut into pieces")
 
     def too_slow(self) -> InputError:

@@ -16,7 +16,7 @@ _TIMES = ("t", "time")
 _HEADER = "t,q:<joint>...,v:<joint>...,a:<joint>..."
 
 
-def save_csv(file: _File, trajectory: Trajectory, dt: float = 0.01) -> pathlib.Path:
+def save_csv(file: _File, trajectory: Trajectory, *, dt: float = 0.01) -> pathlib.Path:
     """Write samples of a trajectory as CSV and return the file's path; see `csv_text`.
 
     Args:
@@ -71,9 +71,10 @@ def load_csv(file: _File) -> Trajectory:
     rows = np.array([_row(line, len(header), file, number) for number, line in enumerate(lines[1:], 2) if line.strip()])
     if not len(rows):
         raise FormatError("has no rows", file)
-    q, qd, qdd = (rows[:, [where[name] for name in names]] if where else None for where in columns)
+    q = rows[:, [columns[0][name] for name in names]]
+    qd, qdd = (rows[:, [where[name] for name in names]] if where else None for where in columns[1:])
     try:
-        return Trajectory.from_samples(rows[:, time], q, qd, qdd, joint_names=names)
+        return Trajectory.from_samples(names, rows[:, time], q, qd, qdd)
     except InputError as error:
         raise FormatError(str(error), file) from error
 

@@ -9,7 +9,7 @@ these folders are rejected, also through symbolic links.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -47,15 +47,22 @@ class MeshLookup:
             FormatError: not a file name, an unknown suffix or scheme, a way out of the folders, or no such file;
                 the message lists every place that was tried.
         """
-        try:
-            suffix = file_path(name).suffix.lower()
-        except InputError as error:
-            raise FormatError(f"a mesh's {error}") from error
-        if suffix not in SUFFIXES:
-            raise FormatError(f"mesh {name!r} has an unknown suffix, expected one of {', '.join(SUFFIXES)}")
+        check_suffix(name, SUFFIXES)
+        return self.first(f"mesh {name!r}", self._places(name))
+
+    def first(self, what: str, places: Iterable[Path]) -> Path:
+        """The first of some places that is a regular file inside the robot's folders.
+
+        Args:
+            what: What is looked for, for messages.
+            places: Paths in the order in which they are tried.
+
+        Raises:
+            FormatError: none of them is; the message lists all.
+        """
         tried: list[Path] = []
         why = "is not there"
-        for place in self._places(name):
+        for place in places:
             tried.append(place)
             if not is_regular(place):
                 why = "is no regular file" if os.path.lexists(place) else why
@@ -65,9 +72,13 @@ class MeshLookup:
             why = "is outside the robot's folders"
         listed = ", ".join(str(place) for place in tried) or "nowhere"
         raise FormatError(
-            f"mesh {name!r} {why}; tried {listed}; "
-            "name the folder it is in with option package_dirs, or in ROS_PACKAGE_PATH"
+            f"{what} {why}; tried {listed}; name the folder it is in with option package_dirs, or in ROS_PACKAGE_PATH"
         )
+
+    @property
+    def packages(self) -> tuple[Path, ...]:
+        """The folders given by the user, then those of ROS_PACKAGE_PATH."""
+        return tuple(self._packages)
 
     def _is_allowed(self, place: Path) -> bool:
         resolved = resolved_path(place)
@@ -96,6 +107,20 @@ class MeshLookup:
             yield folder / package / inside
             if folder.name == package:
                 yield folder / inside
+
+
+def check_suffix(name: str, suffixes: Sequence[str]) -> None:
+    """Refuse the name of a mesh that no file can have, or with a suffix that is not read.
+
+    Raises:
+        FormatError: such a name.
+    """
+    try:
+        suffix = file_path(name).suffix.lower()
+    except InputError as error:
+        raise FormatError(f"a mesh's {error}") from error
+    if suffix not in suffixes:
+        raise FormatError(f"mesh {name!r} has an unknown suffix, expected one of {', '.join(suffixes)}")
 
 
 def _folders_above(folder: Path) -> list[Path]:

@@ -86,10 +86,10 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
     return tuple(MeshPart(_join(file, meshes, factors), color) for color, meshes in groups.items())
 
 
-def load_mesh(file: str | Path, scale: float | tuple[float, float, float] = 1.0, *, hull: bool = False) -> Mesh:
+def load_mesh(file: str | Path, *, scale: float | tuple[float, float, float] = 1.0, hull: bool = False) -> Mesh:
     """Read a mesh file as one shape for an obstacle.
 
-        scene = scene.with_obstacle("mug", load_mesh("mug.stl", 0.001), [0.4, 0.1, 0.0])
+        scene = scene.with_obstacle("mug", load_mesh("mug.stl", scale=0.001), [0.4, 0.1, 0.0])
 
     Args:
         file: A mesh file, as `read_mesh` takes it.

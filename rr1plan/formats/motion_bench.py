@@ -151,7 +151,7 @@ def problem_set_joints(file: str | Path) -> tuple[str, ...]:
 
 
 def hold(robot: Robot, values: Mapping[str, float]) -> Robot:
-    """The robot with the held joints of `values` at their values; fixed and foreign joints are passed over.
+    """The robot with the locked joints of `values` at their values; fixed and foreign joints are passed over.
 
     A value beyond a joint's limits is taken to the limit, with a warning in the log: the benchmark's
     gripper opens a little farther than some descriptions of it allow.
@@ -161,13 +161,13 @@ def hold(robot: Robot, values: Mapping[str, float]) -> Robot:
     """
     inside: dict[str, float] = {}
     for name, value in values.items():
-        if name not in robot.held:
+        if name not in robot.locked_joints:
             continue
         joint = robot.joint(name)
         inside[name] = min(max(value, joint.lower), joint.upper)
         if inside[name] != value:
             _log.warning("joint %r is %g, outside [%g, %g]; held at the limit", name, value, joint.lower, joint.upper)
-    return robot.with_held(inside) if inside else robot
+    return robot.with_locked_joints(inside) if inside else robot
 
 
 # ---- YAML ------------------------------------------------------------------------------------

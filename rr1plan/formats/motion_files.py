@@ -49,7 +49,7 @@ def read_motion(file: _File, scene: Scene | None = None, topic: str | None = Non
         refuse_topic(path, topic)
         return read_plan_file(path, scene) if path.suffix == ".json" else SavedMotion(trajectory=load_csv(path))
     if path.suffix in (*YAML_SUFFIXES, *BAG_SUFFIXES) or path.is_dir():
-        return SavedMotion(trajectory=load_joint_trajectory(path, topic))
+        return SavedMotion(trajectory=load_joint_trajectory(path, topic=topic))
     refuse_topic(path, topic)
     raise FormatError(
         f"has the suffix {path.suffix!r}, expected a motion: {', '.join(SUFFIXES)}, or a bag's folder", file

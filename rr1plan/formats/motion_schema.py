@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, field
 
 VERSION = 2
 
@@ -140,17 +140,19 @@ class Limits(Entry):
 
 
 class Robot(Entry):
+    """A robot; some keys of the format are older than the names of the values."""
+
     name: Name
     links: Annotated[list[Link], Meta(min_length=1)]
     joints: list[Joint]
     joint_names: Annotated[list[Name], Meta(min_length=1)]
     limits: Limits
     configurations: dict[Name, list[float]]
-    held: dict[Name, float]
-    never_collide: list[Pair]
+    locked_joints: dict[Name, float] = field(name="held")
+    disabled_collisions: list[Pair] = field(name="never_collide")
     tool: Name
     presets: dict[Name, Limits]
-    named_held: dict[Name, dict[Name, float]]
+    locked_joint_states: dict[Name, dict[Name, float]] = field(name="named_held")
     source: Text
 
 

@@ -74,7 +74,8 @@ def _plain_fields(value: Any, stored: Shapes | None) -> dict[str, Any]:
         raise InputError(f"a {type(value).__name__} has no form in a motion file")
     entry = _ENTRIES[type(value)]
     tag = entry.__struct_config__.tag
-    fields = {name: plain(getattr(value, name), stored) for name in entry.__struct_fields__}
+    names = zip(entry.__struct_encode_fields__, entry.__struct_fields__, strict=True)
+    fields = {key: plain(getattr(value, name), stored) for key, name in names}
     return fields if tag is None else {"type": tag, **fields}
 
 
@@ -176,7 +177,7 @@ def build_problem(entry: schema.Problem, scene: Scene) -> Problem:
         InputError: entries that make no problem in this scene.
     """
     goals = {arm: [_goal(goal) for goal in alternatives] for arm, alternatives in entry.goal.items()}
-    return Problem(scene, np.array(entry.start), goals, entry.arms)
+    return Problem(scene, np.array(entry.start), goals, arms=entry.arms)
 
 
 def build_path(entry: schema.Path) -> Path:
@@ -228,11 +229,11 @@ def _robot(entry: schema.Robot, read_shape: ReadShape) -> Robot:
             joint_names=tuple(entry.joint_names),
             limits=_limits(entry.limits),
             configurations={name: np.array(q) for name, q in entry.configurations.items()},
-            held=entry.held,
-            never_collide=frozenset(pair(a, b) for a, b in entry.never_collide),
+            locked_joints=entry.locked_joints,
+            disabled_collisions=frozenset(pair(a, b) for a, b in entry.disabled_collisions),
             tool=entry.tool,
             presets={name: _limits(limits) for name, limits in entry.presets.items()},
-            named_held=entry.named_held,
+            locked_joint_states=entry.locked_joint_states,
             source=entry.source,
         )
     )

@@ -101,11 +101,11 @@ def save_trajectory(file: _File, trajectory: Trajectory, scene: Scene, *, embed:
 def save_motion(
     file: _File,
     scene: Scene,
+    *,
     path: Path | None = None,
     trajectory: Trajectory | None = None,
     report: Report | None = None,
     problem: Problem | None = None,
-    *,
     embed: bool = False,
 ) -> pathlib.Path:
     """Write a scene and a motion in it to a JSON file and return the file's path.
@@ -130,6 +130,7 @@ def save_motion(
 
 def motion_text(
     scene: Scene,
+    *,
     path: Path | None = None,
     trajectory: Trajectory | None = None,
     report: Report | None = None,

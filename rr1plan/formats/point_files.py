@@ -41,7 +41,7 @@ _PLY_TYPES = {
 }
 
 
-def load_point_cloud(file: str | Path, resolution: float = 0.02) -> PointCloud:
+def load_point_cloud(file: str | Path, *, resolution: float = 0.02) -> PointCloud:
     """Read a scan as a shape for an obstacle.
 
         scene = scene.with_obstacle("scan", load_point_cloud("scan.pcd"))

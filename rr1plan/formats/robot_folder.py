@@ -5,7 +5,7 @@ Keys, all but the first optional:
 - `urdf`, `srdf`: files in the folder.
 - `tool`, `group`: as in `load_robot`.
 - `limits`: the preset a robot starts with.
-- `held`: values of joints that are not planned for [rad or m].
+- `locked_joints` (earlier: `held`): values of joints that are not planned for [rad or m].
 - `presets.<preset>.<joint>`: lower, upper, velocity, acceleration, jerk and effort of a planning
   joint; what is missing is the URDF's.
 - `about`: title, licence, provenance and notes, free text.
@@ -41,20 +41,20 @@ class RobotFolder:
     tool: str | None = None
     group: str | None = None
     limits: str | None = None
-    held: Mapping[str, float] = field(default_factory=dict)
+    locked_joints: Mapping[str, float] = field(default_factory=dict)
     presets: Mapping[str, Rows] = field(default_factory=dict)
     about: Mapping[str, str] = field(default_factory=dict)
 
     def apply(self, robot: Robot) -> Robot:
-        """The robot with this folder's held values, presets and first limits.
+        """The robot with this folder's locked joints, presets and first limits.
 
         Raises:
             FormatError: a joint the robot does not have, or limits that cannot be.
         """
-        held = {name: value for name, value in self.held.items() if name not in robot.joint_names}
+        locked = {name: value for name, value in self.locked_joints.items() if name not in robot.joint_names}
         try:
             presets = {name: _limits(robot, rows) for name, rows in self.presets.items()}
-            robot = replace(robot.with_held(held), presets=presets)
+            robot = replace(robot.with_locked_joints(locked), presets=presets)
             return robot if self.limits is None else robot.with_limits(self.limits)
         except InputError as error:
             raise FormatError(str(error), self.file) from error
@@ -68,7 +68,8 @@ def read_robot_folder(folder: Path) -> RobotFolder:
     """
     file = folder / "robot.toml"
     table = read_toml(file)
-    held, presets, about = (table.table(name) for name in ("held", "presets", "about"))
+    locked = table.table(table.spelled("locked_joints", "held"))
+    presets, about = table.table("presets"), table.table("about")
     found = RobotFolder(
         file=file,
         urdf=folder / table.string("urdf"),
@@ -76,7 +77,7 @@ def read_robot_folder(folder: Path) -> RobotFolder:
         tool=table.string("tool") if "tool" in table else None,
         group=table.string("group") if "group" in table else None,
         limits=table.string("limits") if "limits" in table else None,
-        held={name: held.number(name) for name in held.names()},
+        locked_joints={name: locked.number(name) for name in locked.names()},
         presets={name: _rows(presets.table(name)) for name in presets.names()},
         about={name: about.string(name) for name in about.names()},
     )

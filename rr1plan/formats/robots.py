@@ -32,16 +32,14 @@ class Choice:
     """Options of a robot; None selects the default from the files.
 
     Args:
-        groups: Planning groups to combine: names of SRDF groups, or chains as (base link, tip link).
-        joints: The planning joints, in order.
-        tool: The frame of pose goals for "tool".
-        name: The robot's name.
+        groups: What to plan for, as one: names of SRDF groups, or chains as (base link, tip link).
+        joints: The joints to plan for, in this order.
+        tool: The link whose frame goals mean.
     """
 
     groups: Sequence[str | Sequence[str]] | None = None
     joints: Sequence[str] | None = None
     tool: str | None = None
-    name: str | None = None
 
 
 def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
@@ -57,31 +55,36 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         InputError: no joint to plan for, or one that cannot be.
     """
     known, chosen = _chosen_groups(tree, semantics or Semantics(), choice.groups)
+    if known.is_partial and len(known.groups) > 1 and choice.groups is None and choice.joints is None:
+        first, *others = known.groups
+        log.warning(
+            "%s: group %r is planned for, not %s; option groups takes several", tree.name, first, ", ".join(others)
+        )
     joints = {joint.name: joint for joint in tree.joints}
     groups, names = _planning_joints(tree, known, chosen, choice.joints)
     limits = urdf_limits([joints[n] for n in names])
-    held = {
-        j.name: float(np.clip(0.0, j.lower, j.upper))
+    locked = {
+        j.name: float(np.clip(known.default_positions.get(j.name, 0.0), j.lower, j.upper))
         for j in tree.joints
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
     states = _states(known, groups, names)
     configurations = _configurations(states, limits)
     robot = Robot(
-        name=choice.name or tree.name,
+        name=tree.name,
         links=tree.links,
         joints=tree.joints,
         joint_names=names,
         limits=limits,
         configurations={"home": _middle(limits)} | configurations,
-        held=held,
-        never_collide=known.disabled | rigid_pairs(tree.joints),
+        locked_joints=locked,
+        disabled_collisions=known.disabled | rigid_pairs(tree.joints),
         tool=_tool(tree, known, groups, names, choice.tool),
-        named_held=_held_states(known, held),
+        locked_joint_states=_locked_states(known, locked),
         source=tree.source,
     )
     robot = with_assumed_masses(robot)
-    robot = _with_self_contacts(robot, bool(known.disabled), "home" in states)
+    robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, "home" in states)
     if not any(link.collisions for link in robot.links):
         log.warning("%s: no link has a <collision>, so no collision will be found", robot.name)
     elif robot.unchecked_links:
@@ -93,19 +96,22 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
 def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robot:
     """The robot with its unchecked pairs of links, and a home configuration without self-collision."""
     found = self_contacts(robot, has_rules, keeps_home)
-    always, at_home = _listed(found.always - adjacent_pairs(robot.joints) - robot.never_collide), _listed(found.at_home)
+    always, at_home = (
+        _listed(found.always - adjacent_pairs(robot.joints) - robot.disabled_collisions),
+        _listed(found.at_home),
+    )
     if always and has_rules:
         log.warning("%s: touching wherever it is, not checked though the SRDF asks for it: %s", robot.name, always)
     elif always:
         log.info("%s: always touching, not checked: %s", robot.name, always)
-    never = robot.never_collide | found.always
-    if at_home and has_rules:
+    never = robot.disabled_collisions | found.always
+    if at_home and (has_rules or keeps_home):
         log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, at_home)
     elif at_home:
         # As MoveIt's setup assistant has it; without this no configuration of the robot would be free.
         log.warning("%s: touching at home and nearly everywhere, not checked: %s", robot.name, at_home)
         never |= found.at_home
-    return replace(robot, never_collide=never, configurations={**robot.configurations, "home": found.home})
+    return replace(robot, disabled_collisions=never, configurations={**robot.configurations, "home": found.home})
 
 
 def _listed(pairs: Iterable[frozenset[str]]) -> str:
@@ -246,11 +252,11 @@ def _middle(limits: Limits) -> Array:
     return np.where(inside, 0.0, middle)
 
 
-def _held_states(known: Semantics, held: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """The named states of joints other than planning joints, e.g. of a gripper."""
+def _locked_states(known: Semantics, locked: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """The named states of joints that are not planned for, e.g. of a gripper."""
     found: dict[str, dict[str, float]] = {}
     for (_, state), values in known.states.items():
-        mine = {name: value for name, value in values.items() if name in held}
+        mine = {name: value for name, value in values.items() if name in locked}
         if mine:
             found.setdefault(state, {}).update(mine)
     return found
@@ -268,6 +274,9 @@ def _tool(tree: Tree, known: Semantics, groups: tuple[str, ...], names: tuple[st
             if group in (effector.parent_group, effector.group):
                 return effector.parent_link
         names = tuple(n for n in names if n in known.groups[group]) or names
+    for group, members in known.groups.items() if known.is_partial else ():
+        if members[-1:] == names[-1:]:
+            return known.chains[group][1]
     link = next(j.child for j in tree.joints if j.name == names[-1])
     while True:
         below = [j.child for j in tree.joints if j.parent == link and j.kind == "fixed"]

@@ -56,7 +56,7 @@ class _JointTrajectory(msgspec.Struct, forbid_unknown_fields=True):
     header: Any = None
 
 
-def load_joint_trajectory(file: _File, topic: str | None = None) -> Trajectory:
+def load_joint_trajectory(file: _File, *, topic: str | None = None) -> Trajectory:
     """Read the one JointTrajectory of a YAML file or a bag.
 
     Args:
@@ -209,4 +209,7 @@ def _trajectory(message: _JointTrajectory) -> Trajectory:
         if bad is not None:
             raise InputError(f"point {bad} has {len(values[bad])} {name}, expected {len(message.joint_names)}")
         rows.append(values if any(values) else None)
-    return Trajectory.from_samples(times, rows[0], rows[1], rows[2], joint_names=message.joint_names)
+    q, qd, qdd = rows
+    if q is None:
+        raise InputError("the points have no positions")
+    return Trajectory.from_samples(message.joint_names, times, q, qd, qdd)

@@ -37,7 +37,7 @@ def read_query(entry: Table, scene: Scene) -> Problem:
     arms = entry.strings("arms") or None
     entry.finish()
     with entry.blame():
-        return Problem(scene, start, goal, arms)
+        return Problem(scene, start, goal, arms=arms)
 
 
 def problem_entries(problem: Problem) -> dict[str, Any]:
@@ -79,9 +79,21 @@ def _one_goal(entry: Table, place: str, value: Any) -> Any:
     with table.blame():
         if table.one_of({"position": None, "lower": None}) == "position":
             position = table.numbers("position", (3,))
-            goal = PoseGoal(frame, position, quaternion, table.number("position_tolerance", 1e-4), tolerance)
+            goal = PoseGoal(
+                frame,
+                position,
+                quaternion,
+                position_tolerance=table.number("position_tolerance", 1e-4),
+                orientation_tolerance=tolerance,
+            )
         else:
-            goal = RegionGoal(frame, table.numbers("lower", (3,)), table.numbers("upper", (3,)), quaternion, tolerance)
+            goal = RegionGoal(
+                frame,
+                table.numbers("lower", (3,)),
+                table.numbers("upper", (3,)),
+                quaternion,
+                orientation_tolerance=tolerance,
+            )
     table.finish()
     return goal
 

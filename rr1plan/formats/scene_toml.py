@@ -48,7 +48,6 @@ class RobotLoader(Protocol):
         name_or_file: str,
         *,
         srdf: str | None = None,
-        group: str | None = None,
         groups: Sequence[str | Sequence[str]] | None = None,
         joints: Sequence[str] | None = None,
         tool: str | None = None,
@@ -171,7 +170,7 @@ def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, 
         if key not in loaded:
             with entry.blame("robot"):
                 loaded[key] = load_robot(**key._asdict())
-        own = (key, repr(entry.raw("limits")), repr(entry.raw("held")))
+        own = (key, repr(entry.raw("limits")), repr(entry.raw(_locked_key(entry))))
         if own not in finished:
             finished[own] = _with_settings(loaded[key], entry)
         arms_by_name[name] = _read_arm(entry, finished[own])
@@ -181,7 +180,7 @@ def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, 
 def _with_settings(robot: Robot, entry: Table) -> Robot:
     if "limits" in entry:
         robot = _with_limits(robot, entry)
-    return _with_held(robot, entry) if "held" in entry else robot
+    return _with_locked_joints(robot, entry) if _locked_key(entry) in entry else robot
 
 
 def _read_arm(entry: Table, robot: Robot) -> Arm:
@@ -200,7 +199,6 @@ class _Reference(NamedTuple):
 
     name_or_file: str
     srdf: str | None
-    group: str | None
     groups: tuple[str | tuple[str, ...], ...] | None
     joints: tuple[str, ...] | None
     tool: str | None
@@ -214,11 +212,14 @@ def _robot_reference(entry: Table, folder: Path) -> _Reference:
             name = str(resolved_path(folder / name))
     with entry.blame("srdf"):
         srdf = str(resolved_path(folder / srdf)) if srdf else ""
+    groups = tuple(g if isinstance(g, str) else _chain(entry, g) for g in entry.rows("groups"))
+    group = entry.string("group", "")
+    if group and groups:
+        raise entry.error("expected one of group and groups, got both", "group")
     return _Reference(
         name,
         srdf or None,
-        entry.string("group", "") or None,
-        tuple(g if isinstance(g, str) else _chain(entry, g) for g in entry.rows("groups")) or None,
+        (group,) if group else groups or None,
         entry.strings("joints") or None,
         entry.string("tool", "") or None,
     )
@@ -250,12 +251,18 @@ def _with_limits(robot: Robot, entry: Table) -> Robot:
         return robot.with_limits(Limits(**values))
 
 
-def _with_held(robot: Robot, entry: Table) -> Robot:
-    with entry.blame("held"):
-        if isinstance(entry.raw("held"), str):
-            return robot.with_held(entry.string("held"))
-        table = entry.table("held")
-        return robot.with_held({joint: table.number(joint) for joint in table.names()})
+def _locked_key(entry: Table) -> str:
+    """Files that were written before version 0.1 say `held`."""
+    return entry.spelled("locked_joints", "held")
+
+
+def _with_locked_joints(robot: Robot, entry: Table) -> Robot:
+    key = _locked_key(entry)
+    with entry.blame(key):
+        if isinstance(entry.raw(key), str):
+            return robot.with_locked_joints(entry.string(key))
+        table = entry.table(key)
+        return robot.with_locked_joints({joint: table.number(joint) for joint in table.names()})
 
 
 def _with_objects(scene: Scene, top: Table, folder: Path) -> Scene:
@@ -314,8 +321,8 @@ def _arm_entries(arm: Arm, robot: str) -> dict[str, Any]:
     named = [name for name, q in arm.robot.configurations.items() if np.array_equal(q, arm.q) and not _is_file(robot)]
     entries["q"] = named[0] if named else arm.q.tolist()
     entries["limits"] = _limits_entry(arm.robot)
-    if arm.robot.held:
-        entries["held"] = dict(arm.robot.held)
+    if arm.robot.locked_joints:
+        entries["locked_joints"] = dict(arm.robot.locked_joints)
     return entries
 
 

@@ -18,14 +18,14 @@ from rr1plan.checks import Array, as_generator
 from rr1plan.formats.arrays import Arrays
 from rr1plan.formats.cache import cache_key, load_cached, store_cached
 from rr1plan.formats.link_contacts import Pair
-from rr1plan.formats.srdf_proposal import free_configuration, jammed_pairs, sampled_reasons, touching_links
+from rr1plan.formats.srdf_proposal import free_configuration, jammed_pairs, sampled_reasons, stuck_pairs, touching_links
 from rr1plan.robot import Robot
 
 log = logging.getLogger(__name__)
 
 SAMPLES = 200
-_VERSION = "self-contacts-1"
-# Faster results are not cached [s].
+_VERSION = "self-contacts-2"
+# What takes less is sampled again [s].
 _WORTH_KEEPING = 0.3
 
 
@@ -34,9 +34,10 @@ class SelfContacts:
     """Result of sampling.
 
     Args:
-        always: Pairs that need no check: those in contact in all samples, and without an SRDF adjacent links.
-        home: A configuration free of other contacts, at or near the given home, shape (nq,).
-        at_home: Pairs in contact even there.
+        always: Pairs that need no check: those that touch wherever the robot is, and without rules links that a joint
+            joins, and those of a gripper that touch as it is held.
+        home: A configuration free of other contacts, at or near the one that was asked for, shape (nq,).
+        at_home: Pairs that touch even there.
     """
 
     always: frozenset[Pair]
@@ -49,8 +50,8 @@ def self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContac
 
     Args:
         robot: The robot.
-        has_rules: Whether its `never_collide` comes from an SRDF.
-        keeps_home: Whether its home is given and must not be moved.
+        has_rules: Its `disabled_collisions` comes from an SRDF.
+        keeps_home: Its home is given, not to be moved.
     """
     rules = f"{_VERSION} {version('coal')} {SAMPLES} {has_rules} {keeps_home}"
     key = cache_key(rules, robot.content_hash, np.array(robot.home))
@@ -71,7 +72,11 @@ def _sampled(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
     else:
         reasons, _ = sampled_reasons(robot, SAMPLES, as_generator(0))
         always = frozenset(pair for pair, reason in reasons.items() if reason != "Never")
-    robot = replace(robot, never_collide=robot.never_collide | always)
+    robot = replace(robot, disabled_collisions=robot.disabled_collisions | always)
+    if keeps_home and not has_rules:
+        stuck = stuck_pairs(robot, touching_links(robot, robot.home), SAMPLES, rng=0)
+        always |= stuck
+        robot = replace(robot, disabled_collisions=robot.disabled_collisions | stuck)
     home = robot.home if keeps_home else free_configuration(robot, robot.home, rng=0)
     return SelfContacts(always, home, frozenset(touching_links(robot, home)))
 

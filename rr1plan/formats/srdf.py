@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -40,8 +40,10 @@ class Semantics:
         chains: (base link, tip link) of each group that is one chain.
         states: Joint values of each named state, by group ("" where the file names none) and state.
         end_effectors: The grippers.
-        passive: Passive joints.
-        disabled: Pairs of links with disabled collision checks.
+        passive: Joints that nobody drives.
+        disabled: Pairs of links that need no check.
+        default_positions: Values of joints that are not planned for (default: zero, or the limit nearest to it).
+        is_partial: Neighbors and links that always touch need no check either, though `disabled` does not name them.
     """
 
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -50,6 +52,8 @@ class Semantics:
     end_effectors: tuple[EndEffector, ...] = ()
     passive: frozenset[str] = frozenset()
     disabled: frozenset[frozenset[str]] = frozenset()
+    default_positions: Mapping[str, float] = field(default_factory=dict)
+    is_partial: bool = False
 
 
 def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None = None) -> Semantics:
@@ -70,6 +74,19 @@ def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None
     if root.text("name") != tree.name:
         log.warning("%s is for the robot %r, the URDF's is %r", root.file or "SRDF", root.text("name"), tree.name)
     return _Reader(root, tree).read()
+
+
+def joined_semantics(srdf: Semantics, mjcf: Semantics) -> Semantics:
+    """What an SRDF says of a robot, with the configurations and excluded pairs of its MJCF file."""
+    return replace(
+        srdf,
+        groups=srdf.groups or mjcf.groups,
+        chains=srdf.chains if srdf.groups else mjcf.chains,
+        states={**mjcf.states, **srdf.states},
+        disabled=srdf.disabled | mjcf.disabled,
+        default_positions=mjcf.default_positions,
+        is_partial=not srdf.disabled,
+    )
 
 
 def chain_joints(joints: Sequence[Joint], base: str, tip: str) -> tuple[str, ...]:

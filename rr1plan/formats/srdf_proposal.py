@@ -8,7 +8,7 @@ judge. Shapes are compared by Coal directly.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import combinations
 from types import MappingProxyType
@@ -85,12 +85,12 @@ class PairProposal(Mapping[Pair, Reason]):
         return "\n".join([*lines, *(f"Check: {band}" for band in self.bands)])
 
 
-def propose_never_collide(robot: Robot, samples: int = 1000, rng: Seed = None) -> PairProposal:
+def propose_disabled_collisions(robot: Robot, *, samples: int = 1000, rng: Seed = None) -> PairProposal:
     """Pairs of links that need no check, each with the reason.
 
     Args:
-        robot: The robot; its `never_collide` is ignored.
-        samples: Number of random configurations, including random values of held joints.
+        robot: The robot; its `disabled_collisions` is not looked at.
+        samples: How many random configurations decide, grippers opened and closed at random too.
         rng: Generator or seed.
 
     Returns:
@@ -146,6 +146,18 @@ def jammed_pairs(robot: Robot, samples: int, rng: Seed = None) -> frozenset[Pair
     return frozenset(jammed)
 
 
+def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int, rng: Seed = None) -> frozenset[Pair]:
+    """Those of some pairs of links that touch in each of some random configurations, grippers as they are held."""
+    generator = as_generator(rng)
+    bodies = LinkBodies(robot)
+    stuck = set(pairs)
+    for _ in range(samples):
+        if not stuck:
+            break
+        stuck &= bodies.touching(robot.joint_values(_random(robot, generator)), list(stuck))
+    return frozenset(stuck)
+
+
 def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed = None) -> Array:
     """A configuration without self-collision near `wish`, or `wish` itself if it is free.
 
@@ -160,7 +172,7 @@ def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed 
     """
     generator = as_generator(rng)
     bodies = LinkBodies(robot)
-    pairs = [pair for pair in bodies.pairs if pair not in robot.never_collide]
+    pairs = [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
     values = robot.joint_values(wish)
     if not bodies.touching(values, pairs):
         return wish
@@ -173,13 +185,17 @@ def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed 
 def touching_links(robot: Robot, q: Array, bodies: LinkBodies | None = None) -> set[Pair]:
     """Pairs of links in contact at q (nq,), except for allowed ones; `bodies` if already built."""
     bodies = bodies or LinkBodies(robot)
-    return bodies.touching(robot.joint_values(q), [pair for pair in bodies.pairs if pair not in robot.never_collide])
+    return bodies.touching(
+        robot.joint_values(q), [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
+    )
 
 
 def _sample(robot: Robot, generator: np.random.Generator) -> dict[str, float]:
     """Random values of all joints, held ones included."""
-    held = {name: _between(robot.joint(name).lower, robot.joint(name).upper, generator) for name in robot.held}
-    return replace(robot, held=held).joint_values(_random(robot, generator))
+    locked = {
+        name: _between(robot.joint(name).lower, robot.joint(name).upper, generator) for name in robot.locked_joints
+    }
+    return replace(robot, locked_joints=locked).joint_values(_random(robot, generator))
 
 
 def _random(robot: Robot, generator: np.random.Generator) -> Array:

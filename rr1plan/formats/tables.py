@@ -64,6 +64,10 @@ class Table:
         """The value as parsed."""
         return self._data[key] if key in self else default
 
+    def spelled(self, key: str, earlier: str) -> str:
+        """The key, or its earlier name where the file has that one instead."""
+        return earlier if earlier in self._data and key not in self._data else key
+
     def required(self, key: str) -> Any:
         """The value as parsed.
 

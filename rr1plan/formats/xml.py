@@ -156,12 +156,12 @@ class _Builder:
         )
 
 
-def parse_xml(data: bytes, root: str, file: str | Path | None = None) -> Element:
+def parse_xml(data: bytes, root: str | None, file: str | Path | None = None) -> Element:
     """Parse a document.
 
     Args:
         data: The document's bytes.
-        root: The tag its outermost element must have.
+        root: The tag its outermost element must have; None for any.
         file: Where it came from, for messages.
 
     Raises:
@@ -176,7 +176,7 @@ def parse_xml(data: bytes, root: str, file: str | Path | None = None) -> Element
     parser.EndElementHandler = builder.end
     _run(parser, builder, data)
     assert builder.root is not None  # expat refuses a document without elements
-    if builder.root.tag != root:
+    if root is not None and builder.root.tag != root:
         raise builder.root.error(f"the outermost element is <{builder.root.tag}>, expected <{root}>")
     return builder.root
 
@@ -194,6 +194,28 @@ def _run(parser: expat.XMLParserType, builder: _Builder, data: bytes) -> None:
         raise
     except (LookupError, ValueError) as error:
         raise FormatError(f"has an encoding that cannot be read: {error}", builder.file) from error
+
+
+def root_tag(data: bytes, file: str | Path | None = None) -> str:
+    """The tag of the outermost element; "" where the document breaks off before one.
+
+    Raises:
+        FormatError: not well-formed up to there, or a DOCTYPE.
+    """
+    found: list[str] = []
+    parser = expat.ParserCreate()
+
+    def look(name: str, _attributes: dict[str, str]) -> None:
+        found.append(name)
+        parser.StartElementHandler = None
+
+    parser.StartElementHandler = look
+    try:
+        _run(parser, _Builder(parser, None if file is None else str(file)), data)
+    except FormatError:
+        if not found:
+            raise
+    return found[0] if found else ""
 
 
 def first_attributes(data: bytes, tag: str, file: str | Path | None = None) -> dict[str, str]:

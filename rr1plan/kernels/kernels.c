@@ -16,6 +16,7 @@
 #include "distance.c"
 #include "certify_curve.c"
 #include "clearance.c"
+#include "place_solids.c"
 #include "map_distances.c"
 // Eight at once: spheres, clearance maps, separating directions.
 #include "fk_simd.c"

@@ -50,11 +50,6 @@ def address_of(given: memory.CStruct | NDArray[Any], kind: str) -> int:
     return memory.address_of(SOURCES, given, kind)
 
 
-def slab(**parts: tuple[str, int]) -> dict[str, NDArray[Any]]:
-    """Zeroed memory for several kinds and counts, one behind the other; see `rr1plan.binding.memory.slab`."""
-    return memory.slab(SOURCES, **parts)
-
-
 def zeroed(kind: str, count: int) -> NDArray[Any]:
     """Zeroed memory for structs or numbers of a kind, aligned for vectors; see `rr1plan.binding.memory.zeroed`."""
     return memory.zeroed(SOURCES, kind, count)

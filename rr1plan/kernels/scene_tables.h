@@ -4,6 +4,7 @@
 
 #include "arm_geometry.h"
 #include "exact_tables.h"
+#include "fixed_solids.h"
 #include "obstacle_tables.h"
 #include "pair_tables.h"
 #include "simd.h"
@@ -13,8 +14,10 @@ typedef struct {
     const ObstacleTables *obstacles;
     const PairTables *pairs;
     const ExactTables *exact;
+    const FixedSolids *fixed;  // of obstacles; null where none can be moved
     int64_t column_count;  // of q
     double margin;         // what must be left of a gap beyond everything else for a proof [m]
+    double bare_margin;    // the same where all obstacles are at the origin [m]
     double max_padding;    // [m]
     double tolerance;      // motions that pass at less than this beyond the padding are refused [m]
 } SceneTables;

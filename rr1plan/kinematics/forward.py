@@ -1,7 +1,7 @@
 """Forward kinematics, Jacobians and inverse dynamics as functions of the planning q.
 
-The affine map `SceneModel.full` takes q to Pinocchio's configuration, and its transpose takes Jacobians and
-torques back, so they include mimic joints, and held joints and arms that do not move are constant.
+Pinocchio computes, our affine map (`SceneModel.full`) takes q to its configuration and the results
+back, so mimic joints count in every Jacobian and torque and locked joints and resting arms are still.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, finite_array, items_of, shape_of, shown, whole_number
 from rr1plan.errors import InputError
@@ -80,7 +81,11 @@ class Kinematics:
         """
         if not isinstance(frame, str):
             raise InputError(f"frame is {shown(frame)}, expected a name")
-        arm, _, link = frame.rpartition("/")
+        arm, slash, link = frame.partition("/")
+        # Links may have a "/" in their names, arms have none.
+        is_link = arm not in self.scene.arms and any(frame in self.scene.arms[a].robot.link_names for a in self.arms)
+        if not slash or is_link:
+            arm, link = "", frame
         if not arm and len(self.arms) != 1:
             raise InputError(
                 f"frame {frame!r} could be of {', '.join(self.arms)}; say which, e.g. '{self.arms[0]}/{frame}'"
@@ -106,7 +111,7 @@ class Kinematics:
 
     # ---- poses -----------------------------------------------------------------------------
 
-    def pose(self, q: Any, frame: str = "tool") -> Array:
+    def pose(self, q: ArrayLike, frame: str = "tool") -> Array:
         """T_world_frame at q (nq,) [rad or m], shape (4, 4).
 
         Raises:
@@ -117,7 +122,7 @@ class Kinematics:
         pin.forwardKinematics(self._model, self._data, self._full(q))
         return self._placement(index)
 
-    def poses(self, q: Any, frames: Iterable[str]) -> dict[str, Array]:
+    def poses(self, q: ArrayLike, frames: Iterable[str]) -> dict[str, Array]:
         """T_world_frame of several frames at q (nq,), each (4, 4), by the names given.
 
         Raises:
@@ -128,7 +133,7 @@ class Kinematics:
         pin.forwardKinematics(self._model, self._data, self._full(q))
         return {frame: self._placement(index) for frame, index in indices.items()}
 
-    def poses_batch(self, qs: Any, frame: str = "tool") -> Array:
+    def poses_batch(self, qs: ArrayLike, frame: str = "tool") -> Array:
         """T_world_frame at each of qs (n, nq), shape (n, 4, 4).
 
         Raises:
@@ -145,8 +150,8 @@ class Kinematics:
 
     # ---- velocities ------------------------------------------------------------------------
 
-    def jacobian(self, q: Any, frame: str = "tool") -> Array:
-        """Jacobian from qd to the frame's twist (linear; angular) in world axes, shape (6, nq).
+    def jacobian(self, q: ArrayLike, frame: str = "tool") -> Array:
+        """Takes qd to the frame's twist (linear; angular) in world axes, shape (6, nq).
 
         Raises:
             UnknownNameError: no such frame.
@@ -155,7 +160,7 @@ class Kinematics:
         index = self._index(frame)
         return self.pose_and_jacobian(q, index)[2]
 
-    def pose_and_jacobian(self, q: Array, index: int) -> tuple[Array, Array, Array]:
+    def pose_and_jacobian(self, q: ArrayLike, index: int) -> tuple[Array, Array, Array]:
         """Position (3,), rotation (3, 3) and Jacobian (6, nq) of a frame by Pinocchio's index.
 
         Raises:
@@ -169,8 +174,8 @@ class Kinematics:
         J = pin.getFrameJacobian(self._model, self._data, index, _WORLD_AXES).reshape(6, -1)
         return T.translation.copy(), T.rotation.copy(), np.asarray(J @ self.scene_model.selection)
 
-    def manipulability(self, q: Any, frame: str = "tool") -> float:
-        """Yoshikawa's manipulability: the product of the Jacobian's singular values; 0 at singularities.
+    def manipulability(self, q: ArrayLike, frame: str = "tool") -> float:
+        """Yoshikawa's measure: the product of the Jacobian's singular values; 0 where the arm is singular.
 
         For fewer than six joints it is sqrt(det(J^T J)).
         Source: Yoshikawa, Manipulability of robotic mechanisms, IJRR 1985.
@@ -183,8 +188,8 @@ class Kinematics:
 
     # ---- forces ----------------------------------------------------------------------------
 
-    def inverse_dynamics(self, q: Any, qd: Any, qdd: Any) -> Array:
-        """Joint torques [Nm or N] of the motion (q, qd, qdd) under gravity, without friction.
+    def inverse_dynamics(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
+        """Torques [Nm or N] that make the motion (q, qd, qdd) under gravity, without friction.
 
         Args:
             q: Configurations [rad or m], shape (nq,) or (n, nq).
@@ -208,8 +213,8 @@ class Kinematics:
         taus = [pin.rnea(self._model, self._data, *row) @ model.selection for row in rows]
         return np.array(taus).reshape(q.shape)
 
-    def gravity(self, q: Any) -> Array:
-        """Gravity torques [Nm or N] at q, shape (nq,) or (n, nq).
+    def gravity(self, q: ArrayLike) -> Array:
+        """Torques [Nm or N] that hold the arms still at q, shape (nq,) or (n, nq).
 
         Raises:
             InputError: wrong shape or not finite.
@@ -218,8 +223,8 @@ class Kinematics:
         zero = np.zeros_like(q)
         return self.inverse_dynamics(q, zero, zero)
 
-    def mass_matrix(self, q: Any) -> Array:
-        """Joint-space inertia matrix at q (nq,), shape (nq, nq).
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Joint-space inertia at q (nq,), shape (nq, nq).
 
         Raises:
             InputError: wrong shape or not finite.
@@ -233,7 +238,7 @@ class Kinematics:
     def _index(self, frame: str) -> int:
         return self.scene_model.frame_id(self.frame(frame))
 
-    def _full(self, q: Any) -> Array:
+    def _full(self, q: ArrayLike) -> Array:
         return self.scene_model.full(finite_array("q", q, (self.nq,)))
 
     def _placement(self, index: int) -> Array:

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     DEGREES,
@@ -68,55 +68,51 @@ class IkResult(Value):
     orientation_error: float
 
     @property
-    def solved(self) -> bool:
-        """Whether there is a solution."""
+    def found(self) -> bool:
+        """There is a solution."""
         return len(self.solutions) > 0
 
     def __bool__(self) -> bool:
-        """The same as `solved`."""
-        return self.solved
+        """The same as `found`."""
+        return self.found
 
 
 def solve_ik(
     kinematics: Kinematics,
     goal: PoseGoal | RegionGoal,
-    arm: str | None = None,
     *,
-    seeds: Any = None,
-    rng: Seed = None,
-    attempts: int = 200,
+    seeds: ArrayLike | None = None,
     accept: Callable[[Array], bool] | None = None,
+    attempts: int = 200,
     max_solutions: int | None = None,
     patience: int | None = None,
-    separation: float | None = None,
+    rng: Seed = None,
 ) -> IkResult:
-    """Find distinct configurations of one arm that satisfy a pose or region goal.
+    """Every distinct configuration found that brings a frame of an arm to its goal.
 
-    Solutions use at most nine tenths of the goal's tolerance. If there is none but a descent came close, a second
-    search uses the whole tolerance.
+    Solutions count as distinct from a difference of 0.001 rad (or m) in some joint on, of 0.2 where the arm has more
+    joints than the goal needs and solutions form a continuum. They use at most nine tenths of the goal's tolerance.
+    Where there is none, but a descent came near, a second attempt uses all of it.
 
     Args:
-        kinematics: Kinematics of the scene or robot.
-        goal: A position, a pose, or a box for the frame's origin. The target of a random start is a
-            random point of the box, that of a seed the nearest point.
-        arm: The arm (default: the only one that moves).
-        seeds: First starts [rad or m], shape (nq,) or (k, nq), clipped to the limits
-            (default: the arm's posture in the scene).
-        rng: Generator or seed of the random starts; the same seed gives the same result.
-        attempts: Number of starts including seeds; the second search has as many again.
-        accept: Called with each distinct solution (nq,), e.g. a collision check; False rejects it.
-        max_solutions: Most accepted solutions (default: no limit).
-        patience: Consecutive starts without another accepted solution after which to stop, once there is one
-            (default: never).
-        separation: Smallest difference in some joint between distinct solutions [rad or m]. Default: 0.001, or
-            0.2 if the arm is redundant for the goal and solutions form a continuum.
+        kinematics: Of one moving arm: of its scene, of the robot alone, or `kinematics.for_arm(name)` of several.
+        goal: A position, a full pose, or a box for the frame's origin. A random start aims at a
+            random point of the box, a seed at the nearest.
+        seeds: Where to start first [rad or m], shape (nq,) or (k, nq), clipped to the limits
+            (default: the arm's configuration in the scene).
+        accept: Called with each distinct solution (nq,); False rejects it, e.g. one that is in collision.
+        attempts: Starts in all, seeds included; of a second attempt as many again.
+        max_solutions: Stop after so many accepted ones (default: all that are found).
+        patience: Stop after so many starts in a row that led to no other accepted one, once there is one (default:
+            never).
+        rng: Generator or seed of the random starts; the same seed gives the same answer.
 
     Raises:
-        UnknownNameError: no such arm or frame.
-        InputError: a goal of another kind, or numbers out of range.
+        UnknownNameError: no such frame.
+        InputError: several arms, a goal of another kind, or numbers that make no sense.
     """
     of_kind("kinematics", kinematics, Kinematics)
-    own = kinematics.for_arm(arm)
+    own = kinematics.for_arm()
     if not isinstance(goal, PoseGoal | RegionGoal):
         raise InputError(f"goal is a {type(goal).__name__}, expected a PoseGoal or a RegionGoal")
     link = own.frame(goal.frame)
@@ -127,7 +123,7 @@ def solve_ik(
     robot = own.scene.arms[own.arms[0]].robot
     starts = _seeds(own, robot, seeds)
     chain = chain_of(own.scene_model.skeleton, link)
-    search = IkSearch(chain, robot, goal, starts, random_state(as_seed(rng)), separation)
+    search = IkSearch(chain, robot, goal, starts, random_state(as_seed(rng)))
     solutions = np.array(search.collect(attempts, accept, max_solutions, patience)).reshape(-1, robot.nq)
     order = np.argsort(np.linalg.norm(solutions - starts[0], axis=1), kind="stable")
     reason = "" if len(solutions) else why_none(search, link)
@@ -212,7 +208,7 @@ def describe_excess(robot: Robot, q: Array) -> str:
     return "; ".join(parts) + (f" {DEGREES}" if degrees else "")
 
 
-def _seeds(kinematics: Kinematics, robot: Robot, seeds: Any) -> Array:
+def _seeds(kinematics: Kinematics, robot: Robot, seeds: ArrayLike | None) -> Array:
     """Starts (k, nq) within the limits, k >= 1."""
     shape = shape_of(seeds)
     if seeds is None or (len(shape) > 0 and shape[0] == 0):

@@ -43,13 +43,14 @@ class IkSearch:
     """Descents from seeds, then from random starts.
 
     Args:
-        chain: Kinematic chain of the frame.
-        robot: The robot of the chain.
-        goal: Goal of the frame.
-        seeds: First starts, within the limits, shape (k, nq), k >= 1. Of copies of a solution modulo
-            whole turns, the nearest to the first seed is returned.
-        state: State of the random numbers; it advances.
-        separation: See `solve_ik`.
+        chain: Moves the frame.
+        robot: Whose joints these are.
+        goal: Where the frame has to get.
+        seeds: Where to start first, within the limits, shape (k, nq), k >= 1. Of all copies of a solution that are
+            whole turns apart the nearest to the first seed counts.
+        state: Of the random numbers; it advances.
+        separation: Solutions count as distinct from this difference in some joint on [rad or m]; None: 0.001, and 0.2
+            where the arm has more joints than the goal needs.
 
     Attributes:
         target: Target of the frame.

@@ -54,8 +54,8 @@ def nearest_copy(robot: Robot, q: Array, near: Array) -> Array:
     return np.where(turns == 0.0, q, np.clip(q + turns * TURN, lower, upper))
 
 
-def copies_within_limits(robot: Robot, q: Array, near: Array, reach: float = TURN) -> Array:
-    """All copies of q modulo whole turns within the limits, nearest to `near` first, shape (k, nq).
+def copies_within_limits(robot: Robot, q: Array, near: Array, *, reach: float = TURN) -> Array:
+    """All configurations of the same place within the limits, nearest to `near` first, shape (k, nq).
 
     Args:
         robot: The robot.

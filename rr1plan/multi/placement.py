@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from rr1plan import transforms
 from rr1plan.checks import (
+    Array,
     check_text,
     finite_array,
     known_name,
     near_array,
     of_kind,
     positive_number,
-    turn_angles,
     whole_number,
 )
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Scene
-from rr1plan.transforms import pose
+from rr1plan.transforms import as_pose
 
 Facing = Literal["center", "outward", "along"]
 _MOST_ARMS = 10_000
@@ -32,11 +34,10 @@ def place_grid(
     robot: Robot,
     rows: int,
     columns: int,
-    spacing: float | tuple[float, float] = 1.0,
     *,
-    center: Any = (0.0, 0.0, 0.0),
-    yaw: float = 0.0,
-    q: Any = "home",
+    spacing: float | tuple[float, float] = 1.0,
+    pose: ArrayLike | None = None,
+    q: str | ArrayLike = "home",
     scene: Scene | None = None,
     prefix: str = "arm",
 ) -> Scene:
@@ -46,9 +47,9 @@ def place_grid(
         robot: The robot all of them are.
         rows: How many along x.
         columns: How many along y.
-        spacing: Distance between neighbors [m], one number or (along x, along y).
-        center: Middle of the grid in the world [m], shape (3,).
-        yaw: How every base is turned about z [rad].
+        spacing: Distance between neighbors [m], the same both ways or (along x, along y).
+        pose: Middle of the grid in the world and how it is turned: (4, 4), or a position (3,) [m] (default: the
+            origin).
         q: Posture of every arm: a configuration's name or numbers (nq,).
         scene: The scene they are added to (default: an empty one).
         prefix: Their names are this and a number from 1 on, e.g. "arm01".
@@ -61,11 +62,10 @@ def place_grid(
     of_two = isinstance(spacing, list | tuple | np.ndarray)
     both = np.broadcast_to(near_array("spacing", spacing, (2,) if of_two else ()), (2,))
     along_x, along_y = (positive_number("spacing", s) for s in both)
-    middle = finite_array("center", center, (3,))
-    turn = float(turn_angles("yaw", yaw, ()))
+    T = as_pose(pose, "pose")
     xs = along_x * (np.arange(rows) - (rows - 1) / 2)
     ys = along_y * (np.arange(columns) - (columns - 1) / 2)
-    bases = [pose(middle + np.array([x, y, 0.0]), rpy=(0.0, 0.0, turn)) for x in xs for y in ys]
+    bases = [T @ as_pose((x, y, 0.0), "base") for x in xs for y in ys]
     return _place(robot, bases, q, scene, prefix)
 
 
@@ -73,12 +73,11 @@ def place_ring(
     robot: Robot,
     count: int,
     radius: float,
-    facing: Facing = "center",
     *,
-    front: Any = (1.0, 0.0, 0.0),
-    center: Any = (0.0, 0.0, 0.0),
-    start_angle: float = 0.0,
-    q: Any = "home",
+    facing: Facing = "center",
+    front: ArrayLike = (1.0, 0.0, 0.0),
+    pose: ArrayLike | None = None,
+    q: str | ArrayLike = "home",
     scene: Scene | None = None,
     prefix: str = "arm",
 ) -> Scene:
@@ -90,8 +89,8 @@ def place_ring(
         radius: Radius of the circle of their bases [m].
         facing: Where their fronts point: to the "center", "outward", or "along" the circle (counter-clockwise).
         front: Which way the robot's front points in its base frame, shape (3,); (-1, 0, 0) for RR1.
-        center: Middle of the circle in the world [m], shape (3,).
-        start_angle: Where on the circle the first one stands [rad].
+        pose: Middle of the circle in the world and how it is turned: (4, 4), or a position (3,) [m] (default: the
+            origin). The first arm stands on its x axis.
         q: Posture of every arm: a configuration's name or numbers (nq,).
         scene: The scene they are added to (default: an empty one).
         prefix: Their names are this and a number from 1 on, e.g. "arm01".
@@ -105,15 +104,14 @@ def place_ring(
     _check_counts(count=count)
     distance = positive_number("radius", radius)
     known_name("facing", facing, _FACING)
-    middle, ahead = finite_array("center", center, (3,)), finite_array("front", front, (3,))
+    T, ahead = as_pose(pose, "pose"), finite_array("front", front, (3,))
     if np.hypot(ahead[0], ahead[1]) < 1e-9:
         raise InputError(f"front is {ahead.tolist()}, expected a direction that is not vertical")
-    first = float(turn_angles("start_angle", start_angle, ()))
     turn = {"center": np.pi, "outward": 0.0, "along": np.pi / 2}[facing] - np.arctan2(ahead[1], ahead[0])
     bases = []
-    for angle in first + 2.0 * np.pi * np.arange(count) / count:
-        place = middle + distance * np.array([np.cos(angle), np.sin(angle), 0.0])
-        bases.append(pose(place, rpy=(0.0, 0.0, np.remainder(angle + turn, 2.0 * np.pi))))
+    for angle in 2.0 * np.pi * np.arange(count) / count:
+        place = (distance * np.cos(angle), distance * np.sin(angle), 0.0)
+        bases.append(T @ transforms.pose(place, rpy=(0.0, 0.0, np.remainder(angle + turn, 2.0 * np.pi))))
     return _place(robot, bases, q, scene, prefix)
 
 
@@ -124,7 +122,7 @@ def _check_counts(**counts: int) -> None:
         raise InputError(f"{' x '.join(map(str, counts.values()))} arms are too many, expected at most {_MOST_ARMS}")
 
 
-def _place(robot: Robot, bases: list[Any], q: Any, scene: Scene | None, prefix: str) -> Scene:
+def _place(robot: Robot, bases: list[Array], q: str | ArrayLike, scene: Scene | None, prefix: str) -> Scene:
     of_kind("scene", scene, Scene, optional=True)
     check_text("prefix", prefix)
     scene = Scene() if scene is None else scene

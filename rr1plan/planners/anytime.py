@@ -23,7 +23,7 @@ from rr1plan.path import Path
 from rr1plan.planners.query import NO_LIMIT, Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planners.tree_search import TreeSearch
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
 
 _ROUND = 256  # samples of the shortest round
@@ -33,8 +33,8 @@ _STRAIGHT = 1.0 + 1e-9  # a path shorter than this multiple of the straight line
 _LEAST_SHARE, _MOST_SHARE = 0.75, 2.5
 
 
-class AnytimePlanner:
-    """Anytime RRT-Connect: restarts under decreasing cost bounds, with shortcuts, compiled.
+class AnytimePlanner(Planner):
+    """The shortest path a budget allows: RRT-Connect under falling bounds, with shortcuts, compiled.
 
     It is asymptotically optimal and uses the whole budget, unless the straight line is free. Under a budget of
     iterations alone the same seed gives the same path. An iteration is a sample.
@@ -60,6 +60,7 @@ class AnytimePlanner:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
@@ -97,7 +98,7 @@ class _Rounds:
                 self.improve(self.search.trees.path())
         if self.best is None or query.cancelled:
             return query.unsolved(self.search.describe())
-        return query.result(PlanStatus.SOLVED, self.best)
+        return query.result(PlanStatus.FOUND, self.best)
 
     def plan_round(self, number: int) -> tuple[float, int]:
         """Cost bound and sample limit of a round; unlimited until the first path is found."""
@@ -112,7 +113,14 @@ class _Rounds:
         checked = motion.edges_checked
         path = Path.trusted(motion.joint_names, waypoints)
         seed = int(draw_uniform(self.search.state) * 2**53)
-        path = shorten(path, motion, rng=seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
+        path = shorten(
+            path,
+            query.problem.scene,
+            checker=motion,
+            iterations=_SHORTCUTS,
+            seconds=max(query.seconds_left, 1e-6),
+            rng=seed,
+        )
         query.edges += motion.edges_checked - checked
         if path.length < self.length:
             self.best, self.length = path.waypoints, path.length

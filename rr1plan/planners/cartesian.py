@@ -22,7 +22,7 @@ from rr1plan.kinematics.lines import EdgeBound, Line
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goals import GoalSearch, check_start
 from rr1plan.planners.query import Query
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Goal, JointGoal, PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
 
@@ -47,8 +47,8 @@ class _Stop:
     reason: str
 
 
-class CartesianPlanner:
-    """Moves a frame of one arm along a straight line to a `PoseGoal`.
+class CartesianPlanner(Planner):
+    """Moves one arm's frame along a straight line to a `PoseGoal`.
 
     With a full pose the orientation is interpolated (slerp); with a position only, the
     orientation is free. Alternative goals are tried in order.
@@ -62,14 +62,16 @@ class CartesianPlanner:
     """
 
     name = "cartesian"
+    keeps_shape = True
 
-    def __init__(self, tolerance: float = 1e-3, orientation_tolerance: float = 1e-2) -> None:
+    def __init__(self, *, tolerance: float = 1e-3, orientation_tolerance: float = 1e-2) -> None:
         self.tolerance = positive_number("tolerance", tolerance)
         self.orientation_tolerance = positive_number("orientation_tolerance", orientation_tolerance)
 
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
@@ -120,7 +122,7 @@ class _LineSearch:
         for goal in goals:
             ended = self.along(goal)
             if not isinstance(ended, _Stop):
-                return query.result(PlanStatus.SOLVED, ended)
+                return query.result(PlanStatus.FOUND, ended)
             stops.append(ended)
             if ended.status is not PlanStatus.INFEASIBLE:
                 break
@@ -214,10 +216,12 @@ class _LineSearch:
         if excess and cost < _REACHED and float(np.abs(unlimited - q).sum()) < _LARGEST_EDGE:
             return f"joint limit: {excess}"
         quaternion = None if target.rotation is None else quaternion_from_rotation(target.rotation)
-        goal = PoseGoal(self.frame_name(line), target.lower, quaternion, _EXACT, _EXACT)
+        goal = PoseGoal(
+            self.frame_name(line), target.lower, quaternion, position_tolerance=_EXACT, orientation_tolerance=_EXACT
+        )
         found = solve_ik(self.kinematics, goal, seeds=q, rng=0, max_solutions=1)
-        if found.solved:
-            return f"it continues only from another configuration; {self.singularity(line, q)}"
+        if found.found:
+            return f"it goes on only from another configuration; {self.singularity(line, q)}"
         return found.reason
 
     def singularity(self, line: Line, q: Array) -> str:

@@ -233,8 +233,8 @@ class _Finder:
             self._refuse(PlanStatus.INVALID_GOAL, f"the goal of {self.arm!r} is in collision: {self._describe(q)}")
 
     def _is_free(self, q: Array) -> bool:
-        """Whether q is free when other moving arms are ignored."""
-        return self.motion.is_free_but_for(self._composite(q), self.others)
+        """Nothing touches at q that no other moving arm has a part in."""
+        return self.motion.is_free_ignoring(self._composite(q), self.others)
 
     def _describe(self, q: Array) -> str:
         """Message about the contacts at q that do not involve other moving arms."""

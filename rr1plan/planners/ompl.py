@@ -8,11 +8,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, true_or_false
+from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, of_kind, true_or_false
 from rr1plan.planners._ompl_question import Answer, Question, Watch
 from rr1plan.planners.query import STRAIGHT_LINES, Query
 from rr1plan.planners.space import Space, with_copies
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
 
 
@@ -49,33 +49,37 @@ KINDS: Mapping[str, OmplKind] = MappingProxyType(
 _RANGE = 0.06  # longest edge of a tree, as a part of the space's diagonal
 
 
-class OmplPlanner:
+class OmplPlanner(Planner):
     """One of OMPL's planners.
 
     Args:
         name: A name of `planner_names()`, e.g. "ompl_rrt_connect".
-        tree: Whether the result contains the explored graph.
-        **settings: The planner's settings by OMPL's names, e.g. range=0.5 [rad], goal_bias=0.1.
+        tree: Whether the result keeps what was explored.
+        settings: The planner's own settings by OMPL's names, e.g. {"range": 0.5, "goal_bias": 0.1}; lengths in [rad].
 
     Raises:
         UnknownNameError: no such planner or setting; the message lists them.
         InputError: a setting that is not a finite number.
     """
 
-    def __init__(self, name: str = "ompl_rrt_connect", *, tree: bool = False, **settings: float) -> None:
+    def __init__(
+        self, name: str = "ompl_rrt_connect", *, tree: bool = False, settings: Mapping[str, float] | None = None
+    ) -> None:
         self.name = known_name("planner", name, KINDS)
         self.tree = true_or_false("tree", tree)
+        of_kind("settings", settings, Mapping, optional=True)
+        settings = dict(settings or {})
         if settings:
             from rr1plan.planners._ompl import setting_names
 
-            known = ("tree", *setting_names(KINDS[name].ompl))
+            known = setting_names(KINDS[name].ompl)
             for setting, value in settings.items():
                 known_name(f"setting of planner {name!r}", setting, known)
                 finite_number(setting, value)
-        self.settings: Mapping[str, float] = MappingProxyType(dict(settings))
+        self.settings: Mapping[str, float] = MappingProxyType(settings)
 
     def __repr__(self) -> str:
-        settings = "".join(f", {name}={value!r}" for name, value in self.settings.items())
+        settings = f", settings={dict(self.settings)!r}" if self.settings else ""
         return f"OmplPlanner({self.name!r}{settings})"
 
     @property
@@ -86,6 +90,7 @@ class OmplPlanner:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
@@ -126,7 +131,7 @@ class _Search:
             reason = "a path was found, but the certificate of an edge failed when it was repeated"
             return query.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
         self.watch.note(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
-        return query.result(PlanStatus.SOLVED, found, tree=tree)
+        return query.result(PlanStatus.FOUND, found, tree=tree)
 
     def run_ompl(self) -> Answer:
         """OMPL's result, with all columns of q."""

@@ -104,7 +104,7 @@ class Query:
     def __enter__(self) -> Query:
         self._joint_goals = joint_goals(self.problem)
         self.motion = acquire_checker(self._scene, self.problem.arms, self.problem.margin)
-        self.motion.set_up()
+        self.motion.warm_up()
         self.began = time.perf_counter()
         return self
 
@@ -122,8 +122,8 @@ class Query:
             if found.status is not None:
                 return self.result(found.status, reason=found.reason)
             self.goals = found.configurations
-        if self._visible in (None, 0) and (self.goals[0] == self.problem.start).all():
-            return self.result(PlanStatus.SOLVED, self.goals[:1].copy())
+        if self._in_sight in (None, 0) and (self.goals[0] == self.problem.start).all():
+            return self.result(PlanStatus.FOUND, self.goals[:1].copy())
         if not self.space.can_move:
             return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
         return None
@@ -171,7 +171,7 @@ class Query:
             if self._is_visible(k):
                 waypoints = np.array([self.problem.start, self.goals[k]])
                 explored = SearchTree(waypoints, np.array([[0, 1]])) if tree else None
-                return self.result(PlanStatus.SOLVED, waypoints, tree=explored)
+                return self.result(PlanStatus.FOUND, waypoints, tree=explored)
         return None
 
     def _is_visible(self, k: int) -> bool:

@@ -17,7 +17,7 @@ from rr1plan.planners import tree_search
 from rr1plan.planners.graph import Graph
 from rr1plan.planners.query import Query
 from rr1plan.planners.shortcut import shorten
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
 from rr1plan.problem import Problem
 from rr1plan.scene import Scene
 
@@ -27,8 +27,8 @@ _SHORTCUTS = 100  # tried on a path that is learned
 _NAME = "roadmap"
 
 
-class Roadmap:
-    """A roadmap of a scene and its moving arms, built once for many queries.
+class Roadmap(Planner):
+    """A roadmap of a scene and the arms that move in it, built once for many questions.
 
     The result is the shortest path along the roadmap's free edges. If it does not connect start and goal,
     RRT-Connect does, and its path is added to the roadmap. Results therefore depend on earlier queries; the
@@ -85,6 +85,7 @@ class Roadmap:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
@@ -126,8 +127,8 @@ class Roadmap:
             )
 
 
-class RoadmapPlanner:
-    """Lazy PRM* with a roadmap that is cached with the scene.
+class RoadmapPlanner(Planner):
+    """A roadmap that is kept with the scene, behind the verb of all planners.
 
     It pays off from the second query in a cluttered scene: among 120 boxes the median query took a third of the
     time of RRT-Connect, for a path that was a fifth shorter before shortcuts. RRT-Connect and `shorten` are better
@@ -156,6 +157,7 @@ class RoadmapPlanner:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
@@ -190,25 +192,32 @@ def checked_samples(samples: int) -> int:
 def _answer(query: Query, graph: Graph, *, learn: bool) -> PlanResult:
     """The shortest path along the roadmap, or that of RRT-Connect if there is none."""
     problem, motion = query.problem, query.motion
-    before = graph.checks
-    waypoints = graph.find_path(problem.start, query.goals, motion, query.in_time)
-    query.edges += graph.checks - before
-    if waypoints is not None:
-        return query.result(PlanStatus.SOLVED, waypoints)
+    before = graph.asked
+    way = graph.find_way(problem.start, query.goals, motion, query.in_time)
+    query.edges += graph.asked - before
+    if way is not None:
+        return query.result(PlanStatus.FOUND, way)
     search = tree_search.TreeSearch(query)
     if not search.connect():
         return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
     path = Path.trusted(motion.joint_names, search.trees.path())
     checked = motion.edges_checked
-    path = shorten(path, motion, rng=query.seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
+    path = shorten(
+        path,
+        query.problem.scene,
+        checker=motion,
+        iterations=_SHORTCUTS,
+        seconds=max(query.seconds_left, 1e-6),
+        rng=query.seed,
+    )
     query.edges += motion.edges_checked - checked
     if learn:
         graph.learn(path.waypoints)
-    return query.result(PlanStatus.SOLVED, path.waypoints)
+    return query.result(PlanStatus.FOUND, path.waypoints)
 
 
 def _fixed_content_hash(scene: Scene, arms: Sequence[str]) -> str:
     """Hash of a scene's content, ignoring the configurations of its moving arms."""
     for name in arms:
-        scene = scene.with_posture(name, scene.arm(name).robot.home)
+        scene = scene.with_configuration(name, scene.arm(name).robot.home)
     return scene.content_hash

@@ -10,12 +10,12 @@ from rr1plan.checks import Seed, finite_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.planners.query import STRAIGHT_LINES, Query
 from rr1plan.planners.tree_search import TreeSearch
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.problem import Problem
 
 
-class RrtConnect:
-    """Two trees that grow toward each other (Kuffner, LaValle 2000), compiled.
+class RrtConnect(Planner):
+    """Two trees that grow towards each other (Kuffner, LaValle 2000), compiled.
 
     Under a budget of iterations alone the same seed gives the same path. An iteration is a sample.
 
@@ -42,6 +42,7 @@ class RrtConnect:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
@@ -56,8 +57,8 @@ class RrtConnect:
     def _search(self, query: Query) -> PlanResult:
         """The result of growing both trees."""
         search = TreeSearch(query, self.range)
-        connected = search.connect()
-        tree = search.trees.explored(joined=connected) if self.tree else None
-        if connected:
-            return query.result(PlanStatus.SOLVED, search.trees.path(), tree=tree)
+        met = search.meets()
+        tree = search.trees.explored(joined=met) if self.tree else None
+        if met:
+            return query.result(PlanStatus.FOUND, search.trees.path(), tree=tree)
         return query.unsolved(search.describe(), tree=tree)

@@ -22,6 +22,7 @@ from rr1plan.errors import InputError
 from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.path import Path
+from rr1plan.scene import Scene
 
 _MOST_ITERATIONS = 1_000_000
 _MOST_SMOOTH = 10
@@ -35,12 +36,13 @@ _CLOSER = 4
 
 def shorten(
     path: Path,
-    checker: CollisionChecker,
+    scene: Scene,
     *,
-    rng: Seed = None,
+    checker: CollisionChecker | None = None,
     iterations: int = 16,
     seconds: float = math.inf,
     smooth: int = 0,
+    rng: Seed = None,
 ) -> Path:
     """Shorten a path between the same start and end; the result is never longer.
 
@@ -48,18 +50,24 @@ def shorten(
 
     Args:
         path: Any number of waypoints; repeated ones are dropped.
-        checker: Collision checker of the same joints as the path.
+        scene: What may be hit.
+        checker: Certifies edges; of the same joints as the path (default: a `CollisionChecker` of the scene for the
+            arms of the path).
+        iterations: Random shortcuts to try at most, >= 0; four times as many take three times as long, and make
+            paths around many obstacles shorter by a twentieth or more.
+        seconds: Wall time to stop after [s].
+        smooth: How often to cut the corners (each time nearly doubles the waypoints), 0 to 10.
         rng: Generator or seed; with a seed and no time limit the result is reproducible.
-        iterations: Most random shortcuts to try, >= 0; four times as many take three times as long, and shorten
-            paths in cluttered scenes by another 5 % or more.
-        seconds: Wall time limit [s].
-        smooth: Rounds of corner cutting (each nearly doubles the waypoints), 0 to 10.
 
     Raises:
-        InputError: other joints, a count that is negative or too large, or no time at all.
+        UnknownNameError: a joint's arm is not in the scene.
+        InputError: another set of joints, a count that is negative or too large, or no time at all.
     """
     of_kind("path", path, Path)
-    of_kind("checker", checker, CollisionChecker)
+    of_kind("scene", scene, Scene)
+    of_kind("checker", checker, CollisionChecker, optional=True)
+    if checker is None:
+        checker = CollisionChecker(scene, tuple(dict.fromkeys(name.split("/", 1)[0] for name in path.joint_names)))
     if path.joint_names != checker.joint_names:
         raise InputError(
             f"the path has joints {', '.join(path.joint_names)}, "

@@ -170,12 +170,12 @@ class _HintSearch:
             replace(self._problem.scene, allowed=self._problem.scene.allowed | allowed),
             self._problem.start,
             self._problem.goal,
-            self._problem.arms,
+            arms=self._problem.arms,
         ).with_margin(self._problem.margin)
         budget = Budget(max(1e-3, self._seconds_left / shares), max(1, self._iterations_left // shares))
-        result = RrtConnect().plan(relaxed, budget, self._seed, self._report)
+        result = RrtConnect().plan(relaxed, budget=budget, rng=self._seed, progress=self._report)
         self._iterations_left -= result.iterations
-        return result.solved
+        return result.found
 
     def _describe(self, pairs: Sequence[_LinksOfArm]) -> str:
         arms = ", ".join(dict.fromkeys(repr(arm) for arm, _ in pairs))

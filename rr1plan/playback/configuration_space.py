@@ -6,15 +6,27 @@ each obstacle's image in the torus of joint angles on the right, and the same pa
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, Value, check_callback, counted, file_path, items_of, of_kind, read_only, shown
+from rr1plan.checks import (
+    Array,
+    Value,
+    check_callback,
+    counted,
+    file_path,
+    items_of,
+    of_kind,
+    positive_number,
+    read_only,
+    shown,
+    whole_number,
+)
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.contact_cells import JointPlane
 from rr1plan.errors import InputError
@@ -26,10 +38,19 @@ from rr1plan.playback.cspace_images import layer_of
 from rr1plan.playback.cspace_targets import CellTargets, off_by
 from rr1plan.playback.search_trees import DrawnTree, drawn_tree
 from rr1plan.problem import Goal, JointGoal, Problem
+from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from rr1plan.playback.viewer.live import Viewer
+    from rr1plan.playback.viewer.options import ViewOptions
 
 _MOST_SOLUTIONS = 16  # drawn of each goal
 _SAME = 1e-3  # of several goals a path reaches those that it ends this near to [rad or m]
+_WIDEST = 100.0  # [inch]
 _EXACT = 1e-6  # a path that begins and ends this near to its query answers it [rad or m]
 
 
@@ -122,8 +143,8 @@ class CSpace(Value):
         return "" if checker.path_is_free(path) else "it is not free"
 
     @property
-    def answered(self) -> bool:
-        """There is a path, and it is certified to lead from the start to a goal."""
+    def found(self) -> bool:
+        """There is a path from the start to a goal, certified free."""
         return self.path is not None and self.start is not None and not self.path_fault
 
     @property
@@ -134,7 +155,7 @@ class CSpace(Value):
         return tuple(self._ends_at(goal) or self.grid.connected(self.start, goal) for goal in self.goals)
 
     def _ends_at(self, goal: Array) -> bool:
-        if self.path is None or not self.answered:
+        if self.path is None or not self.found:
             return False
         off = np.where(self.grid.turns, _wrapped(self.path[-1] - goal), self.path[-1] - goal)
         return bool(np.abs(off).max() < _SAME)
@@ -148,7 +169,7 @@ class CSpace(Value):
         """
         grid = self.grid
         whole = grid.scene.arms[grid.arm].robot.joint_names == grid.joint_names
-        if not whole or self.answered or self.start is None or not self.targets or self.start_blocked_by:
+        if not whole or self.found or self.start is None or not self.targets or self.start_blocked_by:
             return None
         return decompose(grid.scene, grid.arm, self.start, self.targets, self.goals)
 
@@ -159,7 +180,7 @@ class CSpace(Value):
         Either cells that are blocked as a whole separate them, or no configuration reaches the goal, or the goals are
         configurations that are not free. False where the path answers the query, and where the question is open.
         """
-        if self.start is None or self.answered or not self.targets:
+        if self.start is None or self.found or not self.targets:
             return False
         if self.start_blocked_by:
             return True
@@ -193,11 +214,20 @@ class CSpace(Value):
 
     # ---- pictures ------------------------------------------------------------------------
 
-    def figure(self, width: float = 13.0) -> Any:
-        """A matplotlib figure: workspace left, configuration space right."""
+    def figure(self, *, width: float = 13.0) -> Figure:
+        """A matplotlib figure: workspace left, configuration space right.
+
+        Args:
+            width: Its width [inch], at most 100.
+
+        Raises:
+            InputError: another width.
+        """
         from rr1plan.playback.cspace_figure import draw
 
-        return draw(self, width)
+        if positive_number("width", width) > _WIDEST:
+            raise InputError(f"width is {width:g} inches, expected at most {_WIDEST:g}")
+        return draw(self, float(width))
 
     def save(self, file: str | FilePath) -> FilePath:
         """Write it in the format that the name ends in: .png, .svg, .pdf (pictures) or .html (the page), atomically.
@@ -212,13 +242,17 @@ class CSpace(Value):
             raise InputError(f"cannot save {str(file)!r}, expected a name that ends in {', '.join(formats)}")
         return write(target)
 
-    def save_png(self, file: str | FilePath, dpi: int = 150) -> FilePath:
+    def save_png(self, file: str | FilePath, *, dpi: int = 150) -> FilePath:
         """Write the picture as PNG, atomically.
+
+        Args:
+            file: The file, 13 inches wide.
+            dpi: Dots per inch, 10 to 1200.
 
         Raises:
             InputError: a name that does not end in .png, or a file that cannot be written.
         """
-        return self._save_figure(file, "png", dpi)
+        return self._save_figure(file, "png", whole_number("dpi", dpi, 10, 1200))
 
     def save_svg(self, file: str | FilePath) -> FilePath:
         """Write the picture as SVG, for slides, atomically.
@@ -244,17 +278,53 @@ class CSpace(Value):
             raise InputError(f"cannot save {str(file)!r} as {kind.upper()}, expected a name that ends in .{kind}")
         return save(self, target, kind, dpi)
 
-    def save_html(self, file: str | FilePath, **options: Any) -> FilePath:
-        """Write one offline page: the arm in 3-D and the configuration space, linked by sliders and clicks."""
+    def save_html(
+        self, file: str | FilePath, *, trajectory: Trajectory | None = None, options: ViewOptions | None = None
+    ) -> FilePath:
+        """Write one offline page: the arm in 3-D and the configuration space, linked by sliders and clicks.
+
+        Args:
+            file: The file, replaced in one step.
+            trajectory: The timed motion to play; None plays the path at a steady speed.
+            options: Title, first view, spheres, more panels (default: `ViewOptions()`). Without a view a planar arm of
+                two joints is looked at from above.
+
+        Raises:
+            InputError: the trajectory moves other joints than the two shown, or a file that cannot be written.
+            MissingPackageError: Meshcat is not installed.
+        """
         from rr1plan.playback.cspace_page import save_page
 
-        return save_page(self, file, **options)
+        return save_page(self, file, trajectory=trajectory, options=options)
 
-    def show(self, **options: Any) -> Any:
-        """Open the same page live and print its address; end a script with `show().wait()`."""
+    def show(
+        self,
+        *,
+        trajectory: Trajectory | None = None,
+        options: ViewOptions | None = None,
+        port: int | None = None,
+        open_browser: bool = True,
+        quiet: bool = False,
+    ) -> Viewer:
+        """Open the same page live and print its address; end a script with `show().wait()`.
+
+        Args:
+            trajectory: The timed motion to play; None plays the path at a steady speed.
+            options: As in `save_html`.
+            port: First port to try, the next free one is taken; None: 7000.
+            open_browser: Open the page in a browser, where there is a screen.
+            quiet: Do not print the address, which is `Viewer.url`.
+
+        Raises:
+            InputError: the trajectory moves other joints than the two shown, or no port.
+            BackendError: no free port.
+            MissingPackageError: Meshcat is not installed.
+        """
         from rr1plan.playback.cspace_viewer import show_page
 
-        return show_page(self, **options)
+        return show_page(
+            self, trajectory=trajectory, options=options, port=port, open_browser=open_browser, quiet=quiet
+        )
 
     def __str__(self) -> str:
         from rr1plan.playback.cspace_verdict import describe
@@ -273,13 +343,13 @@ def _wrapped(angles: Array) -> Array:
 def cspace(
     scene: Scene,
     problem: Problem | None = None,
-    result: PlanResult | None = None,
     *,
+    result: PlanResult | None = None,
     arm: str | None = None,
     joints: tuple[str, str] | None = None,
-    at: Any = None,
+    at: str | ArrayLike | None = None,
     resolution: int = 360,
-    progress: Callable[[float], None] | None = None,
+    progress: ProgressCallback | None = None,
 ) -> CSpace:
     """The configuration space of an arm with two joints (or of two joints of a bigger one).
 
@@ -293,7 +363,7 @@ def cspace(
         at: Where the arm's other joints are: a configuration's name or its numbers [rad or m], shape (nq,); those of
             the two joints are ignored (default: where the arm stands in the scene).
         resolution: Cells along each axis, 8 to 2000; every cell is checked with Coal.
-        progress: Called with the fraction done, 0 to 1.
+        progress: Called now and then; False cancels.
 
     Returns:
         A value that draws itself: `save_png`, `save_svg`, `save_html`, `show`.
@@ -302,6 +372,7 @@ def cspace(
         UnknownNameError: no such arm, joint or configuration.
         InputError: not two joints, a resolution outside 8 to 2000, a problem with other columns, or `at` of another
             length, beyond a limit, or for an arm without other joints.
+        CancelledError: `progress` returned False.
     """
     of_kind("scene", scene, Scene)
     of_kind("problem", problem, Problem, optional=True)
@@ -313,7 +384,7 @@ def cspace(
     if at is not None:
         arm = scene.only_arm(arm)
         scene = _slice_scene(scene, arm, two_joints(scene, arm, joints), at)
-    grid = compute_grid(scene, arm, joints, resolution, progress)
+    grid = compute_grid(scene, arm, joints, resolution, fraction_callback("cspace", progress))
     if problem is None:
         return CSpace(grid)
     goals, unreached = goal_configurations(problem)
@@ -328,7 +399,7 @@ def cspace(
     return picture if result is None else picture.with_result(result)
 
 
-def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: Any) -> Scene:
+def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: str | ArrayLike) -> Scene:
     """The scene with all joints of an arm at `at` except the two that the picture shows."""
     robot, q = scene.arms[arm].robot, np.array(scene.arms[arm].q)
     others = [i for i, name in enumerate(robot.joint_names) if name not in joints]
@@ -341,7 +412,7 @@ def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: Any) -> Sc
             raise InputError(
                 f"option at has joint {robot.joint_names[i]!r} at {q[i]:.6g}, expected {lower:.6g} to {upper:.6g}"
             )
-    return scene.with_posture(arm, q)
+    return scene.with_configuration(arm, q)
 
 
 def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | None) -> None:
@@ -372,8 +443,8 @@ def goal_configurations(problem: Problem) -> tuple[dict[str, Array], tuple[str, 
         if isinstance(target, JointGoal):
             found[name] = read_only(np.array(target.q))
             continue
-        answer = solve_ik(kinematics, target, arm, rng=0, max_solutions=_MOST_SOLUTIONS)
+        answer = solve_ik(kinematics, target, rng=0, max_solutions=_MOST_SOLUTIONS)
         names = _numbered(f"{name}, IK", len(answer.solutions)) if len(answer.solutions) > 1 else (name,)
         found |= zip(names, answer.solutions, strict=False)
-        unreached += [] if answer.solved else [f"{name}: {answer.reason}"]
+        unreached += [] if answer.found else [f"{name}: {answer.reason}"]
     return found, tuple(unreached)

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, Value, finite_array, items_of, known_name, read_only, whole_number
 from rr1plan.collision import CollisionChecker
@@ -70,7 +69,7 @@ class CSpaceGrid(Value):
         """Number of components of free space on the grid."""
         return int(self.labels.max(initial=0))
 
-    def cell(self, q: Any) -> tuple[int, int]:
+    def cell(self, q: ArrayLike) -> tuple[int, int]:
         """The cell that holds a configuration (2,) [rad]; periodic joints are wrapped.
 
         Raises:
@@ -92,7 +91,7 @@ class CSpaceGrid(Value):
             raise InputError(f"{self.joint_names[axis]} = {value} is outside the picture")
         return index
 
-    def wrapped(self, q: Any) -> Array:
+    def wrapped(self, q: ArrayLike) -> Array:
         """A configuration (2,) [rad or m] inside the picture: periodic joints without whole turns.
 
         Raises:
@@ -106,7 +105,7 @@ class CSpaceGrid(Value):
                 pair[axis] = low + (pair[axis] - low) % (2.0 * np.pi)
         return pair
 
-    def holds(self, q: Any) -> bool:
+    def holds(self, q: ArrayLike) -> bool:
         """Whether a configuration (2,) is inside the picture."""
         try:
             self.cell(q)
@@ -114,16 +113,16 @@ class CSpaceGrid(Value):
             return False
         return True
 
-    def component_of(self, q: Any) -> int:
+    def component_of(self, q: ArrayLike) -> int:
         """Number of the component of free space that holds a configuration (2,), 0 if it is not free or not inside."""
         return int(self.labels[self.cell(q)]) if self.holds(q) else 0
 
-    def connected(self, a: Any, b: Any) -> bool:
+    def connected(self, a: ArrayLike, b: ArrayLike) -> bool:
         """Whether two configurations (2,) are free and in the same component of free space on the grid."""
         first, second = self.component_of(a), self.component_of(b)
         return first > 0 and first == second
 
-    def why_not_free(self, q: Any) -> tuple[str, ...]:
+    def why_not_free(self, q: ArrayLike) -> tuple[str, ...]:
         """Names of the layers that forbid the cell of a configuration (2,)."""
         cell = self.cell(q)
         return tuple(name for name, mask in self.layers.items() if mask[cell])
@@ -138,7 +137,7 @@ class CSpaceGrid(Value):
             name: (float(self.axes[0][i]), float(self.axes[1][j])) for name, (i, j, far) in found.items() if far > room
         }
 
-    def shortest_path(self, a: Any, b: Any) -> Array | None:
+    def shortest_path(self, a: ArrayLike, b: ArrayLike) -> Array | None:
         """A shortest path over free cells (8 neighbors), unwrapped across the seams.
 
         Args:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, of_kind
 from rr1plan.errors import InputError
 from rr1plan.formats.files import write_text
 from rr1plan.path import Path
@@ -24,9 +25,12 @@ from rr1plan.playback.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace_images import SELF
 from rr1plan.playback.cspace_verdict import tone, verdict
 from rr1plan.playback.outlines import silhouette
+from rr1plan.playback.replay import Replay
 from rr1plan.playback.search_trees import DrawnTree
-from rr1plan.playback.viewer.document import Document, first_camera, pack, view_document
-from rr1plan.playback.viewer.page import Panel, page_html
+from rr1plan.playback.viewer.document import Document, first_camera, pack_array, view_document
+from rr1plan.playback.viewer.options import Panel, ViewOptions, checked_options
+from rr1plan.playback.viewer.page import page_html
+from rr1plan.report import Report
 from rr1plan.shapes import HalfSpace
 from rr1plan.trajectory import Trajectory
 
@@ -41,9 +45,7 @@ def save_page(
     file: str | os.PathLike[str],
     *,
     trajectory: Trajectory | None = None,
-    title: str | None = None,
-    view: Any = None,
-    play: bool = True,
+    options: ViewOptions | None = None,
 ) -> FilePath:
     """Write the lesson as one self-contained page.
 
@@ -51,36 +53,48 @@ def save_page(
         cspace: The configuration space, with a question and its answer if it has one.
         file: Where to write it; written whole or not at all.
         trajectory: The timed motion to play; None plays the path at a steady speed.
-        title: Headline of the page (default: the scene's name).
-        view: Where it is looked at from first: a name ("front", "back", "left", "right", "top", "corner"), azimuth and
-            elevation [rad], or a direction of the world, shape (3,). None looks at a planar arm of two joints from
-            above, and chooses a view that shows the motion for others.
-        play: The motion runs from the start.
+        options: Title, first view, spheres, more panels (default: `ViewOptions()`). Without a view a planar arm of two
+            joints is looked at from above.
 
     Returns:
         The file.
 
     Raises:
-        UnknownNameError: no view of that name.
-        InputError: the trajectory moves other joints than the two shown, a view that is none, or a file that cannot be
+        InputError: the trajectory moves other joints than the two shown, or a file that cannot be
             written.
         MissingPackageError: Meshcat is not installed.
     """
-    document, panel = page_parts(cspace, trajectory, title=title)
-    return write_text(file, page_html(document, [panel], view=view, play=play))
+    document, panel = page_parts(cspace, trajectory=trajectory, options=options)
+    return write_text(file, page_html(document, with_panel(options, panel)))
 
 
-def page_parts(cspace: CSpace, trajectory: Trajectory | None, **shown: Any) -> tuple[Document, Panel]:
+def with_panel(options: ViewOptions | None, panel: Panel) -> ViewOptions:
+    """The options of a page with one more panel, the first."""
+    options = checked_options(options)
+    return replace(options, panels=(panel, *options.panels))
+
+
+def page_parts(
+    cspace: CSpace,
+    *,
+    trajectory: Trajectory | None = None,
+    report: Report | None = None,
+    replay: Replay | None = None,
+    options: ViewOptions | None = None,
+) -> tuple[Document, Panel]:
     """The document of the page, and its panel.
 
     Args:
         cspace: The configuration space.
         trajectory: The timed motion to play, or None.
-        shown: What else the page shows: title, report, replay and spheres of `view_document`.
+        report: The referee's verdict on the trajectory, or None.
+        replay: What a simulation made of the trajectory, or None.
+        options: Title and spheres.
 
     Raises:
         InputError: the trajectory moves other joints than the two shown.
     """
+    of_kind("trajectory", trajectory, Trajectory, optional=True)
     grid = cspace.grid
     names = (f"{grid.arm}/{grid.joint_names[0]}", f"{grid.arm}/{grid.joint_names[1]}")
     if trajectory is not None and set(trajectory.joint_names) != set(names):
@@ -89,8 +103,8 @@ def page_parts(cspace: CSpace, trajectory: Trajectory | None, **shown: Any) -> t
         )
     path = None if cspace.path is None else Path(names, cspace.path)
     start = None if cspace.start is None else _posture(grid, cspace.start)
-    scene = grid.scene if start is None else grid.scene.with_posture(grid.arm, start)
-    document = view_document(scene, trajectory, path=path, **shown)
+    scene = grid.scene if start is None else grid.scene.with_configuration(grid.arm, start)
+    document = view_document(scene, trajectory=trajectory, path=path, report=report, replay=replay, options=options)
     document["ghosts"] = _ghosts(cspace)
     if document["track"] is None:
         document["camera"] = first_camera(scene, None, document["ghosts"])
@@ -142,7 +156,7 @@ def _data(cspace: CSpace, names: tuple[str, str]) -> dict[str, Any]:
         "start": None if cspace.start is None else cspace.start.tolist(),
         "goals": [goal.tolist() for goal in cspace.goals],
         "goalNames": list(cspace.goal_names),
-        "waypoints": None if cspace.path is None else pack(cspace.path, "f8"),
+        "waypoints": None if cspace.path is None else pack_array(cspace.path, "f8"),
         "tree": None if cspace.drawn_tree is None else _tree(cspace.drawn_tree),
         "verdict": verdict(cspace),
         "tone": tone(cspace),
@@ -153,7 +167,7 @@ def _data(cspace: CSpace, names: tuple[str, str]) -> dict[str, Any]:
 def _bytes(values: NDArray[np.uint8]) -> dict[str, Any]:
     """Bytes as the words the page unpacks, zeros at the end."""
     flat = np.ascontiguousarray(values, dtype=np.uint8).ravel()
-    return pack(np.frombuffer(flat.tobytes() + bytes(-len(flat) % 4), dtype="<u4"), "u4")
+    return pack_array(np.frombuffer(flat.tobytes() + bytes(-len(flat) % 4), dtype="<u4"), "u4")
 
 
 def _layers(grid: CSpaceGrid) -> list[dict[str, Any]]:
@@ -185,9 +199,9 @@ def _ranked_components(cspace: CSpace) -> tuple[NDArray[np.uint8], list[float]]:
 def _tree(tree: DrawnTree) -> dict[str, Any]:
     """The edges that are drawn, those nearer to their root first, and the tree each belongs to."""
     return {
-        "vertices": pack(tree.vertices),
-        "edges": pack(tree.edges, "u4"),
-        "sides": pack(tree.sides, "u4"),
+        "vertices": pack_array(tree.vertices),
+        "edges": pack_array(tree.edges, "u4"),
+        "sides": pack_array(tree.sides, "u4"),
         "explored": tree.explored,
     }
 

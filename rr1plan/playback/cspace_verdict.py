@@ -46,7 +46,7 @@ def _others(cspace: CSpace) -> list[str]:
 
 def headline(cspace: CSpace) -> str:
     """The same in a few words, for a title."""
-    if cspace.answered:
+    if cspace.found:
         return "the same path in the workspace and in the configuration space"
     if cspace.start_blocked_by:
         return "the start is not free"
@@ -78,7 +78,7 @@ def _answer(cspace: CSpace) -> str:
         return f"{grid.free.mean():.0%} of all configurations are free, in {_parts(cspace)}."
     if cspace.start_blocked_by:
         return f"The start is not free: {' and '.join(cspace.start_blocked_by)}."
-    if cspace.answered:
+    if cspace.found:
         return f"Start and goal lie in the same component of free space{_about_path(cspace)}."
     if cspace.proves_no_path:
         return f"No path exists: {_why_none(cspace)}{_by_which_cells(cspace)}."

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 from rr1plan.checks import true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.playback.configuration_space import CSpace, cspace
-from rr1plan.playback.cspace_page import page_parts
+from rr1plan.playback.cspace_page import page_parts, with_panel
 from rr1plan.playback.replay import Replay
 from rr1plan.playback.viewer.live import Viewer, open_viewer
+from rr1plan.playback.viewer.options import ViewOptions
 from rr1plan.problem import Problem
 from rr1plan.report import Report
 from rr1plan.scene import Scene
@@ -22,8 +22,7 @@ def show_page(
     picture: CSpace,
     *,
     trajectory: Trajectory | None = None,
-    title: str | None = None,
-    view: Any = None,
+    options: ViewOptions | None = None,
     port: int | None = None,
     open_browser: bool = True,
     quiet: bool = False,
@@ -33,22 +32,19 @@ def show_page(
     Args:
         picture: The configuration space, with a question and its answer if it has one.
         trajectory: The timed motion to play; None plays the path at a steady speed.
-        title: Headline of the page (default: the scene's name).
-        view: Where it is looked at from first: a name ("front", "back", "left", "right", "top", "corner"), azimuth and
-            elevation [rad], or a direction of the world, shape (3,). None looks at a planar arm of two joints from
-            above, and chooses a view that shows the motion for others.
+        options: Title, first view, spheres, more panels (default: `ViewOptions()`). Without a view a planar arm of two
+            joints is looked at from above.
         port: First port to try, the next free one is taken; None: 7000.
         open_browser: Open the page in a browser, where there is a screen.
         quiet: Do not print the address, which is `Viewer.url`.
 
     Raises:
-        UnknownNameError: no view of that name.
-        InputError: the trajectory moves other joints than the two shown, a view that is none, or no port.
+        InputError: the trajectory moves other joints than the two shown, or no port.
         BackendError: no free port.
         MissingPackageError: Meshcat is not installed.
     """
     open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
-    return open_viewer(CSpaceViewer(picture, trajectory, title, view, port), open_browser, quiet)
+    return open_viewer(CSpaceViewer(picture, trajectory=trajectory, options=options, port=port), open_browser, quiet)
 
 
 class CSpaceViewer(Viewer):
@@ -57,29 +53,32 @@ class CSpaceViewer(Viewer):
     Args:
         picture: The configuration space.
         trajectory: The timed motion to play, or None.
-        title: Headline of the page, or None for the scene's name.
-        view: Where it is looked at from first, as in `show_page`.
+        options: As in `show_page`.
         port: First port to try, or None.
     """
 
     def __init__(
-        self, picture: CSpace, trajectory: Trajectory | None, title: str | None, view: Any, port: int | None
+        self,
+        picture: CSpace,
+        *,
+        trajectory: Trajectory | None = None,
+        options: ViewOptions | None = None,
+        port: int | None = None,
     ) -> None:
-        document, panel = page_parts(picture, trajectory, title=title)
-        super().__init__(picture.grid.scene, document, [panel], view, port)
+        document, panel = page_parts(picture, trajectory=trajectory, options=options)
+        self._open(picture.grid.scene, document, with_panel(options, panel), port)
         self._picture = picture
 
     def load(
         self,
         scene: Scene | CSpace,
-        trajectory: Trajectory | None = None,
         *,
+        trajectory: Trajectory | None = None,
         path: Path | None = None,
         problem: Problem | None = None,
         report: Report | None = None,
         replay: Replay | None = None,
-        title: str | None = None,
-        spheres: bool = False,
+        options: ViewOptions | None = None,
     ) -> None:
         """Show something else on the same page, in the workspace and in the configuration space.
 
@@ -91,15 +90,14 @@ class CSpaceViewer(Viewer):
             problem: The query: its start and goals are drawn in both spaces, and the verdict is about it.
             report: The referee's verdict on the trajectory, shown as a badge.
             replay: What a simulation made of the trajectory.
-            title: Headline of the page (default: the scene's name).
-            spheres: Show the spheres that contain each link and held object.
+            options: Of these the title and the spheres count.
 
         Raises:
             UnknownNameError: a column that is no joint of the scene.
             InputError: an arm without two joints, a problem, path or trajectory of other joints, or a closed viewer.
         """
         picture = scene if isinstance(scene, CSpace) else self._picture_of(scene, problem, path)
-        document, panel = page_parts(picture, trajectory, title=title, report=report, replay=replay, spheres=spheres)
+        document, panel = page_parts(picture, trajectory=trajectory, report=report, replay=replay, options=options)
         self._exchange(picture.grid.scene, document, (panel,))
         self._picture = picture
 

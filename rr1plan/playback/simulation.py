@@ -8,8 +8,7 @@ Kinematic: the arms are put where the trajectory says, and MuJoCo says what touc
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -18,8 +17,10 @@ import numpy as np
 
 from rr1plan.checks import Array, check_callback, finite_number, known_name, of_kind, positive_number
 from rr1plan.errors import BackendError, InputError, UnknownNameError
+from rr1plan.formats.mujoco_warnings import mujoco_warnings
 from rr1plan.playback.mujoco_model import MujocoScene, build_mujoco
 from rr1plan.playback.replay import Replay, ReplayContact
+from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot import Joint
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
@@ -31,19 +32,18 @@ _MOST_STEPS = 5_000_000
 _LONG_STRIDE = 0.05
 _MOST_STIFFNESS = 1e6  # [rad/s]
 Mode = Literal["dynamic", "kinematic"]
-Progress = Callable[[float], None]
 
 
 def simulate(
     trajectory: Trajectory,
     scene: Scene,
-    mode: Mode = "dynamic",
     *,
+    mode: Mode = "dynamic",
     timestep: float = 0.002,
     record_dt: float = 0.01,
     stiffness: float = 80.0,
     hold: float = 0.0,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Replay:
     """Replay a trajectory in MuJoCo, the whole scene at once.
 
@@ -58,7 +58,7 @@ def simulate(
         record_dt: Time between recorded positions [s].
         stiffness: Natural frequency of the joint servos [rad/s].
         hold: How long to go on after the end, the set-points resting there [s].
-        progress: Called about ten times a second with the fraction done, 0 to 1.
+        progress: Called about ten times a second; False cancels.
 
     Returns:
         Tracking error, contacts, effort and speed; true where the arms followed the motion without contact.
@@ -66,6 +66,7 @@ def simulate(
     Raises:
         InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know.
         BackendError: MuJoCo does not take the scene, or its simulation became unstable.
+        CancelledError: `progress` returned False.
     """
     known_name("replay mode", mode, ("dynamic", "kinematic"))
     check_callback("progress", progress)
@@ -80,30 +81,13 @@ def simulate(
     if trajectory.duration + hold > _MOST_STEPS * timestep:
         raise InputError(f"{trajectory.duration + hold:g} s in steps of {timestep:g} s are too many; take longer steps")
     steps = max(1, int(np.ceil((trajectory.duration + hold) / timestep - 1e-9)))
-    with _mujoco_warnings() as warnings:
+    with mujoco_warnings() as warnings:
         world = build_mujoco(scene, timestep=timestep, stiffness=_bounded_stiffness(stiffness))
-        run = _Run(world, targets, _clock(trajectory.start_time, timestep, steps), progress, warnings)
+        times = _clock(trajectory.start_time, timestep, steps)
+        run = _Run(world, targets, times, fraction_callback("simulate", progress), warnings)
         started = time.perf_counter()
         (run.dynamic if mode == "dynamic" else run.kinematic)()
     return _report(mode, run, record_dt, time.perf_counter() - started, stiffness)
-
-
-@contextmanager
-def _mujoco_warnings() -> Iterator[list[str]]:
-    """Collect MuJoCo's warnings, which it otherwise writes to MUJOCO_LOG.TXT in the working directory.
-
-    A handler that the caller has installed stays, and gets them instead.
-    """
-    found: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    if before is not None:
-        yield found
-        return
-    mujoco.set_mju_user_warning(found.append)
-    try:
-        yield found
-    finally:
-        mujoco.set_mju_user_warning(None)
 
 
 def _clock(start: float, timestep: float, steps: int) -> Array:
@@ -111,7 +95,7 @@ def _clock(start: float, timestep: float, steps: int) -> Array:
 
 
 class JointTargets:
-    """Where every movable joint of a scene has to be: planned, held, mimicking and resting ones.
+    """Where every movable joint of a scene has to be: planned, locked, mimicking and resting ones.
 
     Args:
         trajectory: The motion of some arms.
@@ -143,7 +127,7 @@ class JointTargets:
         """One row of the affine map from columns to joints, following a chain of mimics."""
         robot = self.scene.arms[arm].robot
         factor, offset = 1.0, 0.0
-        while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.held:
+        while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.locked_joints:
             offset += factor * joint.mimic.offset
             factor *= joint.mimic.multiplier
             joint = robot.joint(joint.mimic.joint)
@@ -167,7 +151,7 @@ class _Run:
     world: MujocoScene
     targets: JointTargets
     times: Array
-    progress: Progress | None
+    progress: Callable[[float], None] | None
     warnings: list[str]
     actual: Array = field(init=False)
     effort: Array = field(init=False)

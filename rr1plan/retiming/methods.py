@@ -43,8 +43,8 @@ class Work(NamedTuple):
 def retime(
     path: Path,
     scene: Scene,
-    method: str = "blend",
     *,
+    method: str = "blend",
     checker: CurveChecker | None = None,
     torque_limits: bool = False,
     velocity_scale: float = 1.0,
@@ -83,12 +83,15 @@ def retime(
     if checker is not None and not callable(getattr(checker, "polynomial_is_free", None)):
         raise InputError(f"checker is of type {type(checker).__name__}, expected a CollisionChecker")
     arms = _arms(path, scene)
-    scales = [_share("velocity_scale", velocity_scale), _share("acceleration_scale", acceleration_scale)]
+    velocity, acceleration = (
+        _share("velocity_scale", velocity_scale),
+        _share("acceleration_scale", acceleration_scale),
+    )
     torque_limits = true_or_false("torque_limits", torque_limits)
     max_blend = finite_number("max_blend", max_blend)
     if max_blend < 0.0:
         raise InputError(f"max_blend is {max_blend}, expected a size >= 0")
-    limits = scene.limits(arms).scaled(*scales)
+    limits = scene.limits(arms).scaled(velocity=velocity, acceleration=acceleration)
     points = clean(path.waypoints)
     if len(points) == 1:
         return Trajectory.rest(path.joint_names, points[0])

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import ruckig
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, finite_array, of_kind
 from rr1plan.errors import InputError, RetimingError
@@ -62,7 +63,7 @@ def time_state_to_state(start: Array, end: Array, limits: Limits, place: str = "
     return Pieces(durations, coefficients)
 
 
-def point_to_point(joint_names: tuple[str, ...], start: Any, end: Any, limits: Limits) -> Trajectory:
+def point_to_point(joint_names: tuple[str, ...], start: ArrayLike, end: ArrayLike, limits: Limits) -> Trajectory:
     """The fastest jerk-limited motion between two configurations, all joints arriving together.
 
     The motion leaves the straight line (each joint moves monotonically, so it stays in the bounding box

@@ -33,19 +33,21 @@ def check_robot(robot: Robot) -> Robot:
         if link.inertial is not None:
             _check_inertial(link.name, link.inertial)
     _check_driven_joints(robot)
-    for name in (name for both in robot.never_collide for name in both):
+    for name in (name for both in robot.disabled_collisions for name in both):
         known_name("link", name, robot.link_names)
     _check_named_values(robot)
     return robot
 
 
 def _check_named_values(robot: Robot) -> None:
-    """Require presets, held values and configurations for the robot's joints."""
+    """Presets, locked joints and configurations are of the robot's joints."""
     for name, limits in robot.presets.items():
         if len(limits) != robot.nq:
             raise InputError(f"preset {name!r} has limits for {len(limits)} of {robot.nq} joints")
-    for name, value in (item for values in (robot.held, *robot.named_held.values()) for item in values.items()):
-        near_array(f"held joint {known_name('held joint', name, robot.held)!r}", value, ())
+    for name, value in (
+        item for values in (robot.locked_joints, *robot.locked_joint_states.values()) for item in values.items()
+    ):
+        near_array(f"locked joint {known_name('locked joint', name, robot.locked_joints)!r}", value, ())
     for name, q in robot.configurations.items():
         near_array(f"configuration {name!r}", q, (robot.nq,))
 
@@ -110,13 +112,13 @@ def _check_inertial(link: str, inertial: Inertial) -> None:
 
 
 def _check_driven_joints(robot: Robot) -> None:
-    """Require that every independent joint is either a planning joint or held, and no other is."""
+    """Every joint that moves by itself is planned for or locked, and no other is."""
     driven = [joint.name for joint in robot.joints if joint.kind != "fixed" and joint.mimic is None]
     _distinct("planning joint", robot.joint_names)
-    for name in (*robot.joint_names, *robot.held):
-        known_name("independent joint", name, driven)
-    both = set(robot.joint_names) & set(robot.held)
-    neither = set(driven) - set(robot.joint_names) - set(robot.held)
-    for names, fault in ((both, "both planned for and held"), (neither, "neither planned for nor held")):
+    for name in (*robot.joint_names, *robot.locked_joints):
+        known_name("joint that moves by itself", name, driven)
+    both = set(robot.joint_names) & set(robot.locked_joints)
+    neither = set(driven) - set(robot.joint_names) - set(robot.locked_joints)
+    for names, what in ((both, "both planned for and locked"), (neither, "neither planned for nor locked")):
         if names:
             raise InputError(f"joint {sorted(names)[0]!r} is {fault}")

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     FARTHEST,
@@ -41,13 +42,13 @@ class Robot(Value):
         joints: All joints, each after the joint that moves its parent link.
         joint_names: The planning joints: the columns of q, in order.
         limits: Limits of the planning joints, in that order.
-        configurations: Named configurations of the planning joints, each (nq,), including "home".
-        held: Values of the actuated joints that are not planning joints (a gripper), by name.
-        never_collide: Pairs of links that are not checked for collision (SRDF `disable_collisions`).
-        tool: The frame of pose goals for "tool".
+        configurations: Named configurations of the planning joints, each (nq,); has "home".
+        locked_joints: Values of the actuated joints that are not planned for (a gripper), by name.
+        disabled_collisions: Pairs of links that may touch or never can (SRDF `disable_collisions`).
+        tool: The link whose frame pose goals mean when they name none.
         presets: Other limits by name, e.g. "sim" and "hardware".
-        named_held: Named values of held joints, e.g. {"open": {"finger_joint": 0.0}}.
-        source: Origin of the description, for messages.
+        locked_joint_states: Named values of locked joints, e.g. {"open": {"finger_joint": 0.0}}.
+        source: Where the description came from, for messages.
     """
 
     name: str
@@ -56,15 +57,15 @@ class Robot(Value):
     joint_names: tuple[str, ...]
     limits: Limits
     configurations: Mapping[str, Array]
-    held: Mapping[str, float]
-    never_collide: frozenset[frozenset[str]]
+    locked_joints: Mapping[str, float]
+    disabled_collisions: frozenset[frozenset[str]]
     tool: str
     presets: Mapping[str, Limits] = field(default_factory=dict)
-    named_held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    locked_joint_states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     source: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("configurations", "held", "presets", "named_held"):
+        for name in ("configurations", "locked_joints", "presets", "locked_joint_states"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         configurations = {
             name: read_only(finite_array(f"configuration {name!r}", q, (self.nq,)))
@@ -150,7 +151,7 @@ class Robot(Value):
         """
         return self._links[known_name("link", name, self._links)]
 
-    def configuration(self, value: Any, name: str = "configuration") -> Array:
+    def configuration(self, value: str | ArrayLike, name: str = "configuration") -> Array:
         """A configuration from its name or its numbers, shape (nq,), read-only.
 
         Raises:
@@ -164,7 +165,8 @@ class Robot(Value):
             got = f"shape {shape}" if len(shape) != 1 else counted(shape[0], "number")
             joints = ", ".join(self.joint_names)
             raise InputError(f"{name} has {got}, expected {self.nq}: one for each of {joints}")
-        joints = ", ".join(n for n, v in zip(self.joint_names, value, strict=True) if not _is_joint_value(v))
+        entries: Any = value  # of that shape
+        joints = ", ".join(n for n, v in zip(self.joint_names, entries, strict=True) if not _is_joint_value(v))
         if joints:
             raise InputError(f"{name} is {shown(value)}, expected finite numbers within ±{FARTHEST:g} (joint {joints})")
         return read_only(finite_array(name, value, (self.nq,)))
@@ -174,7 +176,13 @@ class Robot(Value):
         """SHA-256 of everything that affects plans: joints, limits, shapes, masses (hex)."""
         digest = hashlib.sha256()
         feed_digest(
-            digest, (self.name, self.joint_names, dict(self.held), sorted(sorted(p) for p in self.never_collide))
+            digest,
+            (
+                self.name,
+                self.joint_names,
+                dict(self.locked_joints),
+                sorted(sorted(p) for p in self.disabled_collisions),
+            ),
         )
         feed_digest(digest, [[getattr(self.limits, n) for n in self.limits.__dataclass_fields__]])
         for joint in self.joints:
@@ -203,30 +211,32 @@ class Robot(Value):
             limits = self.presets[known_name("limit preset", limits, self.presets)]
         return replace(self, limits=limits)
 
-    def with_held(self, values: Mapping[str, float] | str) -> Robot:
-        """The same robot with other values of held joints, by joint or by the name of a state, e.g. "open".
+    def with_locked_joints(self, values: Mapping[str, float] | str) -> Robot:
+        """The same robot with its gripper elsewhere: joint values, or the name of a state, e.g. "open".
 
         Raises:
-            UnknownNameError: no such state or no such held joint.
+            UnknownNameError: no such state or no such locked joint.
             InputError: a value that is not finite or out of the joint's limits.
         """
         if isinstance(values, str):
-            values = self.named_held[known_name("gripper state", values, self.named_held)]
+            values = self.locked_joint_states[known_name("gripper state", values, self.locked_joint_states)]
         of_kind("values", values, Mapping)
-        held = dict(self.held)
+        locked = dict(self.locked_joints)
         for name, value in values.items():
-            joint = self.joint(known_name("held joint", name, self.held))
+            joint = self.joint(known_name("locked joint", name, self.locked_joints))
             number = finite_number(f"joint {name!r}", value)
             if not joint.lower - 1e-9 <= number <= joint.upper + 1e-9:
                 raise InputError(f"joint {name!r} is {number}, outside [{joint.lower}, {joint.upper}]")
-            held[name] = number
-        return replace(self, held=held)
+            locked[name] = number
+        return replace(self, locked_joints=locked)
 
     # ---- plain kinematics ---------------------------------------------------------------
 
     def joint_values(self, q: Array) -> dict[str, float]:
-        """The values of all movable joints [rad or m]: planning, held and mimic joints."""
-        values = dict(zip(self.joint_names, finite_array("q", q, (self.nq,)).tolist(), strict=True)) | dict(self.held)
+        """The value of every movable joint [rad or m]: planned, locked and mimicking."""
+        values = dict(zip(self.joint_names, finite_array("q", q, (self.nq,)).tolist(), strict=True)) | dict(
+            self.locked_joints
+        )
         for joint in self.joints:
             if joint.kind != "fixed" and joint.name not in values:
                 values[joint.name] = self._resolve(joint, values)
@@ -243,8 +253,8 @@ class Robot(Value):
         leader = self._resolve(self.joint(joint.mimic.joint), values, depth + 1)
         return joint.mimic.multiplier * leader + joint.mimic.offset
 
-    def link_poses(self, q: Any) -> dict[str, Array]:
-        """T_base_link of every link at q (nq,), computed in NumPy.
+    def link_poses(self, q: str | ArrayLike) -> dict[str, Array]:
+        """T_base_link of every link, by plain numpy, at q: a configuration's name or numbers (nq,).
 
         Raises:
             InputError: wrong shape or not finite.
@@ -264,7 +274,7 @@ class Robot(Value):
         return {link.name: link for link in self.links}
 
 
-def _is_joint_value(value: Any) -> bool:
+def _is_joint_value(value: object) -> bool:
     try:
         return isinstance(value, numbers.Real) and abs(float(value)) <= FARTHEST
     except OverflowError:

@@ -169,12 +169,12 @@ class SceneContent(Value):
             start += nq
         return postures
 
-    def link_poses(self, postures: Mapping[str, Array] | None = None) -> dict[str, Array]:
-        """T_world_link of every link by "arm/link", in NumPy; `postures` by arm (default: the scene's)."""
-        of_kind("postures", postures, Mapping, optional=True)
+    def link_poses(self, configurations: Mapping[str, Array] | None = None) -> dict[str, Array]:
+        """T_world_link of every link as "arm/link", by plain numpy; `configurations` by arm (default: the scene's)."""
+        of_kind("configurations", configurations, Mapping, optional=True)
         poses = {}
         for name, arm in self.arms.items():
-            q = arm.q if postures is None else postures.get(name, arm.q)
+            q = arm.q if configurations is None else configurations.get(name, arm.q)
             for link, T in arm.robot.link_poses(q).items():
                 poses[f"{name}/{link}"] = arm.base @ T
         return poses
@@ -200,7 +200,7 @@ class SceneContent(Value):
         if held_a is not None and held_b is not None:
             return held_a.link == held_b.link
         if held_a is None and held_b is None:
-            return frozenset((a.split("/", 1)[1], b.split("/", 1)[1])) in self.arms[arm].robot.never_collide
+            return frozenset((a.split("/", 1)[1], b.split("/", 1)[1])) in self.arms[arm].robot.disabled_collisions
         held, link = (held_a, b) if held_a is not None else (held_b, a)
         assert held is not None
         return link.split("/", 1)[1] in held.touch | {held.link}
@@ -241,10 +241,11 @@ class SceneContent(Value):
     def contact_rules(self) -> ContactRules:
         """The pairs of elements that must not touch, shared by scenes with equal rules."""
         names, held = self.element_names, self.attachments.items()
+        links = [name for name, arm in self.arms.items() for link in arm.robot.links if link.collisions]
         content = RuleContent(
             names,
-            tuple(self.owner(name) for name in names),
-            tuple((name, arm.robot.base, frozenset(arm.robot.never_collide)) for name, arm in self.arms.items()),
+            (*links, *[None] * len(self.obstacles), *(thing.arm for thing in self.attachments.values())),
+            tuple((name, arm.robot.base, frozenset(arm.robot.disabled_collisions)) for name, arm in self.arms.items()),
             tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
             self.allowed,
         )

@@ -141,12 +141,12 @@ def _robot(before: Robot, after: Robot) -> Iterator[str]:
         yield f"plans for the joints {', '.join(after.joint_names)}, not {', '.join(before.joint_names)}"
     else:
         yield from _limits(before.joint_names, before.limits, after.limits)
-    for name in sorted({*before.held, *after.held}):
-        if before.held.get(name) != after.held.get(name):
-            yield f"holds {name!r} at {after.held.get(name)}, not {before.held.get(name)}"
+    for name in sorted({*before.locked_joints, *after.locked_joints}):
+        if before.locked_joints.get(name) != after.locked_joints.get(name):
+            yield f"holds {name!r} at {after.locked_joints.get(name)}, not {before.locked_joints.get(name)}"
     yield from _parts("link", {x.name: x for x in before.links}, {x.name: x for x in after.links})
     yield from _parts("joint", {x.name: x for x in before.joints}, {x.name: x for x in after.joints})
-    yield from _pairs("never checks", before.never_collide, after.never_collide)
+    yield from _pairs("never checks", before.disabled_collisions, after.disabled_collisions)
 
 
 def _limits(names: tuple[str, ...], before: Limits, after: Limits) -> Iterator[str]:

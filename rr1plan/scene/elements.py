@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, Value, shown
 from rr1plan.errors import InputError
@@ -25,7 +27,11 @@ class Arm(Value):
 
     robot: Robot
     base: Array = field(default_factory=identity)
-    q: Any = "home"
+    q: Array = "home"  # type: ignore[assignment]  # set below
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, robot: Robot, base: ArrayLike | None = None, q: str | ArrayLike = "home") -> None: ...
 
     def __post_init__(self) -> None:
         if not isinstance(self.robot, Robot):

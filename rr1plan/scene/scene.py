@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from rr1plan.checks import check_text, finite_number, items_of, known_name
 from rr1plan.errors import InputError
 from rr1plan.robot import Color, Geometry, Robot
@@ -30,7 +32,7 @@ class Scene(SceneContent):
         description: Description in a sentence.
     """
 
-    def with_arm(self, name: str, robot: Robot, base: Any = None, q: Any = "home") -> Scene:
+    def with_arm(self, name: str, robot: Robot, base: ArrayLike | None = None, *, q: str | ArrayLike = "home") -> Scene:
         """A scene with one more arm (or another one of that name)."""
         check_text("name", name)
         return replace(self, arms={**self.arms, name: Arm(robot, as_pose(base, "base"), q)})
@@ -44,16 +46,17 @@ class Scene(SceneContent):
             attachments={n: h for n, h in self.attachments.items() if n not in gone},
         )
 
-    def with_posture(self, name: str, q: Any) -> Scene:
-        """A scene with that arm at q: a configuration's name or numbers (nq,)."""
-        return replace(self, arms={**self.arms, name: replace(self.arm(name), q=q)})
+    def with_configuration(self, name: str, q: str | ArrayLike) -> Scene:
+        """A scene in which that arm stands at q: a name or numbers (nq,)."""
+        arm = self.arm(name)
+        return replace(self, arms={**self.arms, name: Arm(arm.robot, arm.base, q)})
 
     def with_robot(self, name: str, robot: Robot) -> Scene:
         """A scene with another robot for that arm (e.g. other limits or gripper)."""
         return replace(self, arms={**self.arms, name: replace(self.arm(name), robot=robot)})
 
     def with_obstacle(
-        self, name: str, shape: Shape | Iterable[Geometry], pose: Any = None, color: Color | None = None
+        self, name: str, shape: Shape | Iterable[Geometry], pose: ArrayLike | None = None, *, color: Color | None = None
     ) -> Scene:
         """A scene with one more obstacle (or another one of that name).
 
@@ -67,6 +70,23 @@ class Scene(SceneContent):
         if isinstance(shape, Shape):
             shape = (Geometry(name, shape, identity(), color),)
         return replace(self, obstacles={**self.obstacles, name: Obstacle(posed_shapes(shape), as_pose(pose))})
+
+    def with_obstacle_at(self, name: str, pose: Any) -> Scene:
+        """A scene in which that obstacle is at another place.
+
+        Args:
+            name: The obstacle.
+            pose: T_world_object: (4, 4), or a position (3,) [m].
+
+        Raises:
+            UnknownNameError: no such obstacle.
+            InputError: no pose.
+        """
+        thing = self.obstacles[known_name("obstacle", name, self.obstacles)]
+        other = replace(self, obstacles={**self.obstacles, name: Obstacle(thing.geometries, as_pose(pose))})
+        for kept in ("element_names", "contact_rules"):
+            other.__dict__[kept] = getattr(self, kept)
+        return other
 
     def without_obstacle(self, name: str) -> Scene:
         """A scene without that obstacle."""
@@ -108,8 +128,9 @@ class Scene(SceneContent):
         obstacle: str,
         arm: str | None = None,
         link: str | None = None,
+        *,
         touch: Iterable[str] = (),
-        pose: Any = None,
+        pose: ArrayLike | None = None,
     ) -> Scene:
         """A scene in which an obstacle is attached to a link.
 

@@ -8,20 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.robot import Geometry, Joint, Robot
 from rr1plan.scene import Attachment, Obstacle
-from rr1plan.validation.bodies import ElementBodies, element_bodies
+from rr1plan.shapes import Shape
 from rr1plan.validation.motion import Drive, drives
 from rr1plan.validation.native import (
     AXIS,
+    CENTER,
+    COUNT,
+    DEPTH,
+    FIRST_CORNER,
+    FIRST_JOINT,
+    FIRST_NODE,
     GAIN,
+    LINK,
+    LOCAL,
     OFFSET,
     PLANE,
     SHAPE,
@@ -32,6 +41,7 @@ from rr1plan.validation.native import (
     TURNS,
     RefereeStruct,
 )
+from rr1plan.validation.solids import Solid, core_row, solid
 
 Table = NDArray[np.int64]
 
@@ -58,6 +68,43 @@ class HeldThing(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class BodyRows:
+    """Bodies on links as the compiled search reads them, row by row.
+
+    Args:
+        shapes: Their shapes.
+        cores: Kind, number of corners to look at one by one and of columns of their cores, shape (b, 3).
+        sizes: Sizes and places as `BodySizes` has them, shape (b, 23).
+    """
+
+    shapes: tuple[Shape, ...]
+    cores: Table
+    sizes: Array
+
+    @staticmethod
+    def of(shapes: Iterable[Shape], poses: Array) -> BodyRows:
+        """The bodies of shapes at poses (b, 4, 4) in the frames of their links."""
+        shapes = tuple(shapes)
+        rows = [core_row(shape) for shape in shapes]
+        sizes = np.empty((len(rows), LOCAL + 12))
+        sizes[:, :LOCAL] = np.array(
+            [(*row.half, row.rounding, row.radius, *row.box, *row.center) for row in rows], dtype=np.float64
+        ).reshape(-1, LOCAL)
+        sizes[:, LOCAL : LOCAL + 9] = poses[:, :3, :3].reshape(-1, 9)
+        sizes[:, LOCAL + 9 :] = poses[:, :3, 3]
+        centers = sizes[:, CENTER:LOCAL]
+        if centers.any():
+            centers[:] = (poses[:, :3, :3] @ centers[:, :, None])[:, :, 0]
+        centers += poses[:, :3, 3]
+        return BodyRows(shapes, np.array([row[:3] for row in rows], dtype=np.int64).reshape(-1, 3), sizes)
+
+    @cached_property
+    def solids(self) -> tuple[Solid, ...]:
+        """The same as solids."""
+        return tuple(map(solid, self.shapes))
+
+
+@dataclass(frozen=True, eq=False)
 class ArmTables:
     """A model as the kernels read it.
 
@@ -66,47 +113,41 @@ class ArmTables:
         rows: Its bodies, on the links that carry them.
         bodies: The same as the kernels read them.
         struct: The model.
-        counts: Numbers of its columns, links, joints, bodies and elements, shape (5,).
+        element_count: Number of its elements.
         depth: Joints of its longest chain.
-        element_bodies: First body of each element, shape (elements + 1,).
-        has_plane: Elements with a half-space for a shape, shape (elements,) of booleans.
-        carried: Elements that a joint carries, shape (elements,) of booleans.
-        has_concave: Elements with a shape that the compiled search passes over, shape (elements,) of booleans.
-        own_checked: Which pairs of its elements must not touch, shape (elements, elements) of 0 and 1; symmetric.
+        planes: Elements with a half-space for a shape.
+        moving_planes: Those that a joint carries.
+        concave: Elements with a shape that the compiled search passes over.
+        own_checked: Which pairs of its elements must not touch, shape (elements, elements) of 0 and 1; symmetric. None
+            where no pair of them is checked.
     """
 
     links: tuple[str, ...]
-    rows: ElementBodies
+    rows: BodyRows
     bodies: RefereeStruct
     struct: RefereeStruct
-    counts: Table
+    element_count: int
     depth: int
-    element_bodies: Table
-    has_plane: NDArray[np.bool_]
-    carried: NDArray[np.bool_]
-    has_concave: NDArray[np.bool_]
-    own_checked: NDArray[np.uint8]
+    planes: tuple[int, ...]
+    moving_planes: tuple[int, ...]
+    concave: tuple[int, ...]
+    own_checked: NDArray[np.uint8] | None
 
 
 def arm_tables(robot: Robot, held: tuple[HeldThing, ...]) -> ArmTables:
-    """The model of a robot with what it holds; the same robot with other limits has the same.
+    """The model of a robot with what it holds, made once for its content.
 
     Raises:
         InputError: a joint that follows none that has a value.
     """
-    values = tuple(robot.held.items())
-    return _build(_Content(robot.links, robot.joints, robot.joint_names, values, robot.never_collide, held, robot))
+    return _build(_Content(robot.content_hash, held, robot))
 
 
 @dataclass(frozen=True)
 class _Content:
-    """All of a robot that its model depends on."""
+    """A robot by its content, and what it holds."""
 
-    links: tuple[Link, ...]
-    joints: tuple[Joint, ...]
-    joint_names: tuple[str, ...]
-    values: tuple[tuple[str, float], ...]
-    never_collide: frozenset[frozenset[str]]
+    key: str
     held: tuple[HeldThing, ...]
     robot: Robot = field(compare=False)
 
@@ -133,11 +174,53 @@ def _build(content: _Content) -> ArmTables:
     links = tuple(link.name for link in robot.links if link.collisions)
     elements = [(link.name, link.collisions, np.eye(4)) for link in robot.links if link.collisions]
     elements += [(held.link, held.geometries, np.frombuffer(held.pose).reshape(4, 4)) for held in content.held]
-    parts = [element_bodies(geometries, carriers[link][1] @ T) for link, geometries, T in elements]
-    base = links.index(robot.base) if robot.base in links else -1
-    rows, counts = ElementBodies.joined(parts), [len(part.solids) for part in parts]
-    on = [carriers[link][0] for link, _, _ in elements]
-    return _tables(links, joints, frames, chains, rows, counts, on, base, _own_checked(links, content), len(columns))
+    poses = [carriers[link][1] @ T @ geometry.pose for link, geometries, T in elements for geometry in geometries]
+    rows = BodyRows.of((g.shape for _, geometries, _ in elements for g in geometries), _stacked(poses))
+    counts = [len(geometries) for _, geometries, _ in elements]
+    on = np.repeat(np.array([carriers[link][0] for link, _, _ in elements], dtype=np.int64), counts)
+    depth = np.array([len(chain) for chain in chains], dtype=np.int64)[on]
+    own_checked = _own_checked(links, content)
+    # Only surfaces that do not move are searched triangle by triangle.
+    rows.cores[rows.cores[:, 0] == SHAPE_SURFACE, 0] = SHAPE_CONCAVE
+    bodies = _bodies(rows, on, depth)
+    first = _starts(counts)
+    struct = RefereeStruct(
+        "RefereeModel",
+        joints=np.array(joints, dtype=np.int64).reshape(-1, 3),
+        frames=np.array(frames, dtype=np.float64).reshape(-1, 17),
+        joint_count=len(joints),
+        column_count=len(columns),
+        bodies=bodies,
+        chains=np.array([joint for i in on.tolist() for joint in chains[i]], dtype=np.int64),
+        element_bodies=first,
+        element_count=len(counts),
+        base_element=links.index(robot.base) if robot.base in links else -1,
+        own_checked=own_checked,
+    )
+    planes = _elements_with(rows, PLANE, first)
+    moving = tuple(i for i in planes if depth[first[i]] > 0)
+    concave = _elements_with(rows, SHAPE_CONCAVE, first)
+    return ArmTables(
+        links, rows, bodies, struct, len(counts), int(depth.max(initial=0)), planes, moving, concave, own_checked
+    )
+
+
+def _stacked(poses: list[Array]) -> Array:
+    """Poses as one array, shape (n, 4, 4)."""
+    return np.concatenate(poses).reshape(-1, 4, 4) if poses else np.zeros((0, 4, 4))
+
+
+def _starts(counts: list[int]) -> Table:
+    """Where each of several runs begins and the last one ends, shape (n + 1,)."""
+    return np.array([0, *accumulate(counts)], dtype=np.int64)
+
+
+def _elements_with(rows: BodyRows, kind: int, first: Table) -> tuple[int, ...]:
+    """The elements with a body of a kind, of each of which the first body is given."""
+    bodies = np.flatnonzero(rows.cores[:, 0] == kind)
+    if not len(bodies):
+        return ()
+    return tuple(np.unique(np.searchsorted(first, bodies, side="right") - 1).tolist())
 
 
 def _origin_at(joint: Joint, value: float) -> Array:
@@ -167,7 +250,7 @@ def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]
     index, count = {name: i for i, name in enumerate(links)}, len(links) + len(content.held)
     checked = np.ones((count, count), dtype=np.uint8)
     np.fill_diagonal(checked, 0)
-    for both in content.never_collide:
+    for both in content.robot.disabled_collisions:
         # Links without a shape are no elements.
         pair = [index[name] for name in both if name in index]
         if len(pair) == 2:
@@ -182,94 +265,42 @@ def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]
 def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
     """The model of all obstacles of a scene: elements of a single link at the world's origin."""
     obstacles = tuple(obstacles)
-    counts = [len(obstacle.geometries) for obstacle in obstacles]
-    poses = np.array([obstacle.pose for obstacle in obstacles]).reshape(-1, 4, 4)
     geometries = [geometry for obstacle in obstacles for geometry in obstacle.geometries]
-    local = np.array([geometry.pose for geometry in geometries]).reshape(-1, 4, 4)
-    rows = ElementBodies.of([geometry.shape for geometry in geometries], poses.repeat(counts, axis=0) @ local)
-    checked = np.zeros((len(counts), len(counts)), dtype=np.uint8)
-    return _tables((), [], [], [()], rows, counts, [0] * len(counts), -1, checked, 0, stands=True)
-
-
-def _tables(
-    links: tuple[str, ...],
-    joints: list[tuple[int, int, int]],
-    frames: list[Array],
-    chains: list[tuple[int, ...]],
-    rows: ElementBodies,
-    counts: list[int],
-    carriers: list[int],
-    base: int,
-    own_checked: NDArray[np.uint8],
-    columns: int,
-    *,
-    stands: bool = False,
-) -> ArmTables:
-    """A model of elements, of each of which the number of bodies and the link that carries them are given.
-
-    Only of one that stands are surfaces searched triangle by triangle.
-    """
-    first = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts, dtype=np.int64)])
-    link = np.repeat(np.array(carriers, dtype=np.int64), counts)
-    kind, corner_count, corner_columns = rows.cores.T
-    if not stands:
-        kind = np.where(kind == SHAPE_SURFACE, SHAPE_CONCAVE, kind)
-    surfaces = [s.surface for s, k in zip(rows.solids, kind.tolist(), strict=True) if k == SHAPE_SURFACE and s.surface]
-    node_counts = np.zeros(len(kind), dtype=np.int64)
-    node_counts[kind == SHAPE_SURFACE] = [len(surface.nodes) for surface in surfaces]
-    depth = np.array([len(chain) for chain in chains], dtype=np.int64)[link]
-    kinds = np.stack(
-        [
-            kind,
-            np.cumsum(corner_columns) - corner_columns,
-            corner_count,
-            link,
-            np.cumsum(depth) - depth,
-            depth,
-            np.cumsum(node_counts) - node_counts,
-        ],
-        axis=1,
-    ).astype(np.int64)
-    hulls = [body.core.corners for body, n in zip(rows.solids, corner_columns.tolist(), strict=True) if n]
-    corners = np.concatenate([np.zeros((4, 0)), *hulls], axis=1)
-    bodies = RefereeStruct(
-        "RefereeBodies",
-        bodies=kinds,
-        sizes=rows.sizes,
-        corners=corners,
-        boxes=np.concatenate([np.zeros((0, 6)), *(surface.boxes for surface in surfaces)]),
-        nodes=np.concatenate([np.zeros((0, 3), np.int64), *(surface.nodes for surface in surfaces)]),
-        body_count=len(kinds),
-        corner_count=corners.shape[1],
-    )
+    counts = [len(obstacle.geometries) for obstacle in obstacles]
+    poses = _stacked([obstacle.pose for obstacle in obstacles for _ in obstacle.geometries])
+    rows = BodyRows.of((g.shape for g in geometries), poses @ _stacked([g.pose for g in geometries]))
+    bodies, first = _bodies(rows, None, None), _starts(counts)
     struct = RefereeStruct(
-        "RefereeModel",
-        joints=np.array(joints, dtype=np.int64).reshape(-1, 3),
-        frames=np.array(frames, dtype=np.float64).reshape(-1, 17),
-        joint_count=len(joints),
-        bodies=bodies,
-        chains=np.array([joint for i in link.tolist() for joint in chains[i]], dtype=np.int64),
-        element_bodies=first,
-        element_count=len(counts),
-        base_element=base,
-        own_checked=own_checked,
+        "RefereeModel", bodies=bodies, element_bodies=first, element_count=len(counts), base_element=-1
     )
-    of_element = np.repeat(np.arange(len(counts)), counts)
-    shapes = kinds[:, SHAPE]
-    has_plane, has_concave, carried = (
-        np.bincount(of_element[mask], minlength=len(counts)) > 0
-        for mask in (shapes == PLANE, shapes == SHAPE_CONCAVE, depth > 0)
-    )
-    return ArmTables(
-        links,
-        rows,
-        bodies,
-        struct,
-        np.array([columns, len(chains), len(joints), len(kinds), len(counts)], dtype=np.int64),
-        int(depth.max(initial=0)),
-        first,
-        has_plane,
-        carried,
-        has_concave,
-        own_checked,
+    planes, concave = _elements_with(rows, PLANE, first), _elements_with(rows, SHAPE_CONCAVE, first)
+    return ArmTables((), rows, bodies, struct, len(counts), 0, planes, (), concave, None)
+
+
+def _bodies(rows: BodyRows, links: Table | None, depth: Table | None) -> RefereeStruct:
+    """Bodies as the kernels read them, with their corners and triangles.
+
+    Args:
+        rows: The bodies.
+        links: Number of the link of each body, shape (b,); None if all are on link 0, which no joint carries.
+        depth: Number of joints that carry each body, shape (b,); None with `links`.
+    """
+    table = np.zeros((len(rows.shapes), 7), dtype=np.int64)
+    kind, table[:, COUNT], columns = rows.cores.T
+    table[:, SHAPE] = kind
+    if links is not None and depth is not None:
+        table[:, LINK], table[:, DEPTH], table[:, FIRST_JOINT] = links, depth, np.cumsum(depth) - depth
+    arrays = {"bodies": table, "sizes": rows.sizes}
+    if columns.any():
+        table[:, FIRST_CORNER] = np.cumsum(columns) - columns
+        solids = [solid(rows.shapes[i]) for i in np.flatnonzero(columns).tolist()]
+        arrays["corners"] = np.concatenate([body.core.corners for body in solids], axis=1)
+    searched = np.flatnonzero(kind == SHAPE_SURFACE)
+    if len(searched):
+        surfaces = [surface for i in searched.tolist() if (surface := solid(rows.shapes[i]).surface) is not None]
+        table[searched, FIRST_NODE] = _starts([len(surface.nodes) for surface in surfaces])[:-1]
+        arrays["boxes"] = np.concatenate([surface.boxes for surface in surfaces])
+        arrays["nodes"] = np.concatenate([surface.nodes for surface in surfaces])
+    return RefereeStruct(
+        "RefereeBodies", body_count=len(table), corner_count=int(columns.sum()) if "corners" in arrays else 0, **arrays
     )

@@ -16,12 +16,10 @@ from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
 from rr1plan.validation.meter import DistanceMeter
 from rr1plan.validation.motion import Frames, SceneMotion
-from rr1plan.validation.native import CENTER, SHAPE_SURFACE
+from rr1plan.validation.native import SHAPE_SURFACE
 from rr1plan.validation.polynomials import Index, Mask
 from rr1plan.validation.solids import CONCAVE, CONVEX, HALF_SPACE, Solid, solid, support
 
-# Numbers in `Solid.row`.
-_ROW = 11 + CENTER
 _IDENTITY = np.eye(4)
 # Rounding of the distances between axes and bodies computed here [m].
 _REACH_ROUNDING = 1e-7
@@ -38,8 +36,7 @@ class ElementBodies:
         half: Half the edges of their bounding boxes [m], shape (b, 3).
         rotation, origin: Poses of their frames in the link's, shapes (b, 3, 3) and (b, 3).
         center: Centers of their bounding balls in the link's frame [m], shape (b, 3).
-        cores: Kind, number of corners and of columns of their cores, shape (b, 3).
-        sizes: Sizes and places as `BodySizes` has them, shape (b, 23).
+        surface: Those that the compiled search takes as surfaces where they do not move, shape (b,) of booleans.
     """
 
     solids: tuple[Solid, ...]
@@ -49,27 +46,23 @@ class ElementBodies:
     rotation: Array
     origin: Array
     center: Array
-    cores: Index
-    sizes: Array
+    surface: Mask
 
     @staticmethod
     def of(shapes: Sequence[Shape], poses: Array) -> ElementBodies:
         """The bodies of shapes at poses (b, 4, 4)."""
         solids = tuple(solid(shape) for shape in shapes)
-        rows = np.array([s.row for s in solids]).reshape(-1, _ROW)
-        form, radius, half, centers, cores, sizes = np.split(rows, (1, 2, 5, 8, 11), axis=1)
         rotation, origin = poses[:, :3, :3], poses[:, :3, 3]
-        center = np.einsum("bij,bj->bi", rotation, centers) + origin
+        centers = np.array([s.center for s in solids]).reshape(-1, 3)
         return ElementBodies(
             solids,
-            form[:, 0].astype(np.intp),
-            radius[:, 0],
-            half,
+            np.array([s.form for s in solids], dtype=np.intp),
+            np.array([s.radius for s in solids], dtype=np.float64),
+            np.array([s.half for s in solids]).reshape(-1, 3),
             rotation,
             origin,
-            center,
-            cores.astype(np.intp),
-            np.concatenate([sizes, center, rotation.reshape(-1, 9), origin], axis=1),
+            np.einsum("bij,bj->bi", rotation, centers) + origin,
+            np.array([s.core.kind == SHAPE_SURFACE for s in solids], dtype=np.bool_),
         )
 
     @staticmethod
@@ -176,7 +169,7 @@ class Bodies:
         rows = ElementBodies.joined([found for _, found in elements])
         self.solids, self.forms = rows.solids, rows.forms
         self.link = np.repeat(np.array([number for number, _ in elements], dtype=np.intp), counts)
-        self._surface = (rows.cores[:, 0] == SHAPE_SURFACE) & (self.link == self.motion.links[""])
+        self._surface = rows.surface & (self.link == self.motion.links[""])
         self.radius, self.half = rows.radius, rows.half
         self.local_rotation, self.local_origin, self.local_center = rows.rotation, rows.origin, rows.center
         self.moved = self.motion.movers[self.link].reshape(len(self.link), len(self.motion.column))

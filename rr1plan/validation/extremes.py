@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,26 +13,49 @@ ORDERS = 4
 """Position, velocity, acceleration, jerk."""
 
 
-class Extremes(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Extremes:
     """What the columns of a motion reach; the first axis is position, velocity, acceleration, jerk.
 
     Args:
-        high: Highest value of each column, shape (4, nq).
-        high_time: When [s].
-        low: Lowest value, shape (4, nq).
-        low_time: When [s].
-        jump: Largest jump at a break, of position, velocity and acceleration, shape (3, nq).
-        jump_time: When [s]; 0 where nothing jumps.
+        peaks: Highest value of each column, when [s], lowest value, when; shape (4, nq, 4).
+        jumps: Largest jump at a break, of position, velocity and acceleration, and when [s]; shape (3, nq, 2).
         end: Value at the last instant, shape (4, nq).
     """
 
-    high: Array
-    high_time: Array
-    low: Array
-    low_time: Array
-    jump: Array
-    jump_time: Array
+    peaks: Array
+    jumps: Array
     end: Array
+
+    @property
+    def high(self) -> Array:
+        """Highest value of each column, shape (4, nq)."""
+        return self.peaks[:, :, 0]
+
+    @property
+    def high_time(self) -> Array:
+        """When [s], shape (4, nq)."""
+        return self.peaks[:, :, 1]
+
+    @property
+    def low(self) -> Array:
+        """Lowest value of each column, shape (4, nq)."""
+        return self.peaks[:, :, 2]
+
+    @property
+    def low_time(self) -> Array:
+        """When [s], shape (4, nq)."""
+        return self.peaks[:, :, 3]
+
+    @property
+    def jump(self) -> Array:
+        """Largest jump at a break, of position, velocity and acceleration, shape (3, nq)."""
+        return self.jumps[:, :, 0]
+
+    @property
+    def jump_time(self) -> Array:
+        """When [s]; 0 where nothing jumps; shape (3, nq)."""
+        return self.jumps[:, :, 1]
 
 
 def extremes(breaks: Array, coefficients: Array) -> Extremes:
@@ -47,9 +70,9 @@ def extremes(breaks: Array, coefficients: Array) -> Extremes:
     """
     breaks, coefficients = np.ascontiguousarray(breaks), np.ascontiguousarray(coefficients)
     terms, nq = coefficients.shape[1:]
-    peaks, jumps, end = np.zeros((ORDERS * nq, 4)), np.zeros(((ORDERS - 1) * nq, 2)), np.zeros((ORDERS, nq))
-    scratch = np.empty(terms * (SOURCES.constants["EXTREMES_DEPTH"] + 2))
-    load_library().rr1_find_extremes(breaks, len(breaks), coefficients, *coefficients.shape, peaks, jumps, end, scratch)
-    high, high_time, low, low_time = peaks.T.reshape(4, ORDERS, nq)
-    jump, jump_time = jumps.T.reshape(2, ORDERS - 1, nq)
-    return Extremes(high, high_time, low, low_time, jump, jump_time, end)
+    peaks, jumps, end = np.empty((ORDERS, nq, 4)), np.empty((ORDERS - 1, nq, 2)), np.empty((ORDERS, nq))
+    scratch = np.empty(terms * (SOURCES.constants["EXTREMES_DEPTH"] + 2 + ORDERS * terms))
+    # As rows of structs.
+    rows = peaks.reshape(-1, 4), jumps.reshape(-1, 2)
+    load_library().rr1_find_extremes(breaks, len(breaks), coefficients, *coefficients.shape, *rows, end, scratch)
+    return Extremes(peaks, jumps, end)

@@ -42,7 +42,10 @@ class TimedColumns:
     def endpoints(self) -> Array:
         """Columns at the first and at the last instant, shape (2, nq)."""
         width = self.breaks[-1] - self.breaks[-2] if len(self.breaks) > 1 else 0.0
-        return evaluate(self.coefficients[[0, -1]], np.array([0.0, width]))
+        last = self.coefficients[-1, -1]
+        for terms in self.coefficients[-1, -2::-1]:
+            last = last * width + terms
+        return np.stack([self.coefficients[0, 0], last])
 
 
 class Frames(NamedTuple):
@@ -100,7 +103,7 @@ def drives(robot: Robot, columns: dict[str, int], posture: dict[str, float]) -> 
         InputError: a joint that nothing drives.
     """
     found: dict[str, Drive] = {name: Drive(column, 1.0, 0.0) for name, column in columns.items()}
-    found |= {name: Drive(-1, 0.0, value) for name, value in (*posture.items(), *robot.held.items())}
+    found |= {name: Drive(-1, 0.0, value) for name, value in (*posture.items(), *robot.locked_joints.items())}
     waiting = [joint for joint in robot.joints if joint.kind != "fixed" and joint.name not in found]
     while waiting:
         ready = [joint for joint in waiting if joint.mimic is not None and joint.mimic.joint in found]

@@ -56,7 +56,9 @@ TURNS, SLIDES = _C["MOVE_TURNS"], _C["MOVE_SLIDES"]
 LEFT, UNDECIDED = _C["PAIR_LEFT"], _C["PAIR_UNDECIDED"]
 GROUPS, OTHERS, OWN = _C["PAIR_GROUPS"], _C["GROUP_OTHERS"], _C["GROUP_OWN"]
 # Columns of the tables of bodies (b, 7), of their sizes (b, 23), of placed bodies (b, 15), of joints' frames (j, 17).
-SHAPE, COUNT = _columns("RefereeBody", "shape", "corner_count")
+SHAPE, FIRST_CORNER, COUNT, LINK, FIRST_JOINT, DEPTH, FIRST_NODE = _columns(
+    "RefereeBody", "shape", "first_corner", "corner_count", "link", "first_joint", "depth", "first_node"
+)
 HALF, ROUND, RADIUS, BOUND, CENTER, LOCAL = _columns(
     "BodySizes", "half", "rounding", "radius", "box", "center", "rotation"
 )

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rr1plan.checks import check_callback, of_kind, positive_number, true_or_false
+from rr1plan.checks import Array, check_callback, of_kind, positive_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import Progress, ProgressCallback
@@ -24,9 +24,10 @@ from rr1plan.validation.certificate import TOUCH
 from rr1plan.validation.compiled_search import ProofOptions
 from rr1plan.validation.extremes import Extremes, extremes
 from rr1plan.validation.goals import check_endpoints
-from rr1plan.validation.limits import Columns, Ledger, check_continuity, check_positions, check_rates, check_rest
+from rr1plan.validation.limits import Columns, Judgment, Ledger
 from rr1plan.validation.motion import TimedColumns
 from rr1plan.validation.moving_scene import MovingScene, moving_scene
+from rr1plan.validation.native import load_library
 from rr1plan.validation.proof import CollisionProof, Contact, prove
 from rr1plan.validation.torque import check_torques
 
@@ -92,10 +93,11 @@ def validate(
     options = ProofOptions(clearance_tolerance, _most_distances(columns, found), clearance)
     _check_collisions(ledger, moving, motion, options, progress)
     _name_unchecked_links(ledger, scene)
-    check_positions(ledger, columns, found)
-    check_continuity(ledger, columns, found, motion.coefficients)
-    check_rest(ledger, columns, found, motion.breaks, motion.coefficients)
-    check_rates(ledger, columns, found, jerk_limits)
+    judgment = Judgment(columns, found, motion.breaks, motion.coefficients)
+    judgment.check_positions(ledger)
+    judgment.check_continuity(ledger)
+    judgment.check_rest(ledger)
+    judgment.check_rates(ledger, jerk_limits)
     if torque_limits:
         check_torques(ledger, trajectory, scene)
     else:
@@ -142,7 +144,8 @@ def certify_path(
     options = ProofOptions(clearance_tolerance, _MOST_DISTANCES, clearance)
     _check_collisions(ledger, moving, motion, options, progress)
     _name_unchecked_links(ledger, scene)
-    check_positions(ledger, moving.columns, extremes(motion.breaks, motion.coefficients))
+    found = extremes(motion.breaks, motion.coefficients)
+    Judgment(moving.columns, found, motion.breaks, motion.coefficients).check_positions(ledger)
     for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
         ledger.not_checked[rule] = "a path has no times"
     return _report(ledger, trajectory.duration)
@@ -169,9 +172,13 @@ def _motion_of(trajectory: Trajectory) -> TimedColumns:
 
 def _check_columns(trajectory: Trajectory, scene: Scene) -> None:
     """The columns are joints of the scene's arms, and of each arm all of them."""
-    for arm in trajectory.arms:
+    arms = trajectory.arms
+    for arm in arms:
         scene.arm(arm)
-    wanted = scene.joint_names(trajectory.arms) if trajectory.arms else ()
+    wanted = tuple(f"{arm}/{joint}" for arm in arms for joint in scene.arms[arm].robot.joint_names)
+    if trajectory.joint_names == wanted:
+        return
+    wanted = scene.joint_names(arms) if arms else ()
     given, known = set(trajectory.joint_names), set(wanted)
     missing = [name for name in wanted if name not in given]
     extra = [name for name in trajectory.joint_names if name not in known]
@@ -191,6 +198,8 @@ def _check_values(ledger: Ledger, trajectory: Trajectory) -> bool:
         message = f"breaks of shape {np.shape(breaks)} do not fit coefficients of shape {np.shape(coefficients)}"
         ledger.violations.append(Violation("clock", (), None, float(np.size(breaks)), float(shape[0] + 1), message))
         return False
+    if _makes_motion(np.ascontiguousarray(breaks), np.ascontiguousarray(coefficients)):
+        return True
     bad = np.flatnonzero(~np.isfinite(coefficients).all(axis=(0, 1))).tolist()
     for name in (trajectory.joint_names[j] for j in bad):
         message = f"{name} has a coefficient that is not a finite number"
@@ -207,6 +216,14 @@ def _check_values(ledger: Ledger, trajectory: Trajectory) -> bool:
         ledger.violations.append(Violation("clock", (), float(breaks[i]), float(steps[i]), 0.0, message))
         return False
     return not bad and _check_reach(ledger, trajectory)
+
+
+def _makes_motion(breaks: Array, coefficients: Array) -> bool:
+    """Whether the numbers make a motion; what is wrong if they do not is not said."""
+    if breaks.dtype != np.float64 or coefficients.dtype != np.float64:
+        return False
+    native = load_library()
+    return bool(native.rr1_makes_motion(breaks, len(breaks), coefficients, *coefficients.shape, _FARTHEST))
 
 
 def _no_motion(ledger: Ledger) -> Report:
@@ -234,9 +251,10 @@ def _check_reach(ledger: Ledger, trajectory: Trajectory) -> bool:
 
 def _most_distances(columns: Columns, found: Extremes) -> int:
     """Distances that a proof may take: few for a motion that is far too fast, which is refused whatever it hits."""
-    speed = np.maximum(found.high[1], -found.low[1])
-    limits = columns.limits.velocity
-    absurd = speed > _ABSURD * np.where(np.isfinite(limits), limits, _FAST)
+    fastest = columns.limits.velocity
+    if np.isinf(fastest).any():
+        fastest = np.where(np.isfinite(fastest), fastest, _FAST)
+    absurd = np.maximum(found.high[1], -found.low[1]) > _ABSURD * fastest
     return _MOST_DISTANCES // 50 if absurd.any() else _MOST_DISTANCES
 
 

@@ -6,9 +6,10 @@ its grid (an octree's leaves).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,11 +18,12 @@ from rr1plan.errors import BackendError, InputError
 from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.validation.clouds import CellBlocks
-from rr1plan.validation.native import BOX, CENTER, CYLINDER, PLANE, SHAPE_CONCAVE, SHAPE_SURFACE
+from rr1plan.validation.native import BOX, CYLINDER, PLANE, SHAPE_CONCAVE, SHAPE_SURFACE
 from rr1plan.validation.support_tables import Core, hull_core
 from rr1plan.validation.surfaces import Surface
 
 CONVEX, CONCAVE, HALF_SPACE = 1, 2, 3
+Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,45 +53,23 @@ class Solid:
     @cached_property
     def core(self) -> Core:
         """What the compiled search knows of it, without its rounding."""
-        shape = self.shape
-        if isinstance(shape, Box | Sphere | Capsule):
-            return Core(BOX)
-        if isinstance(shape, Cylinder):
-            return Core(CYLINDER)
-        if isinstance(shape, HalfSpace):
-            return Core(PLANE)
         if self.surface is not None and self.surface.can_be_searched:
             columns = self.surface.columns
             return Core(SHAPE_SURFACE, columns.shape[1], columns)
-        return hull_core(self.points) if self.convex else Core(SHAPE_CONCAVE)
+        if len(self.points):
+            return hull_core(self.points) if self.convex else Core(SHAPE_CONCAVE)
+        return Core(core_row(self.shape).kind)
 
     @property
     def sizes(self) -> Array:
         """What the compiled search reads of its size, in columns `HALF` to `BOUND`, shape (8,)."""
-        return self.row[-CENTER:]
+        row = core_row(self.shape)
+        return np.array([*row.half, row.rounding, row.radius, *row.box])
 
     @property
     def form(self) -> int:
         """`CONVEX`, `CONCAVE` (a cloud too) or `HALF_SPACE`."""
         return CONVEX if self.convex else CONCAVE if np.isfinite(self.radius) else HALF_SPACE
-
-    @cached_property
-    def row(self) -> Array:
-        """Its form, radius, half edges, center, `core.row` and `sizes`, one after the other, shape (19,)."""
-        shape, half, rounding = self.shape, (0.0, 0.0, 0.0), 0.0
-        bound = self.half.tolist()
-        if isinstance(shape, Box):
-            half = bound
-        elif isinstance(shape, Cylinder):
-            half = shape.radius, shape.radius, 0.5 * shape.length
-        elif isinstance(shape, Sphere):
-            rounding = shape.radius
-        elif isinstance(shape, Capsule):
-            half, rounding = (0.0, 0.0, 0.5 * shape.length), shape.radius
-        elif isinstance(shape, HalfSpace):
-            half, rounding = shape.normal, shape.offset
-        numbers = (self.form, self.radius, *bound, *self.center.tolist(), *self.core.row)
-        return np.array([*numbers, *half, rounding, self.radius, *bound])
 
     @cached_property
     def geometry(self) -> Any:
@@ -99,6 +79,52 @@ class Solid:
             BackendError: Coal cannot build it.
         """
         return _coal_geometry(self)
+
+
+class CoreRow(NamedTuple):
+    """What the compiled search reads of a shape in its frame; see `BodySizes` in `referee_tables.h`.
+
+    Args:
+        kind: What it is to the kernels.
+        single: Number of corners to look at one by one.
+        columns: Its columns of `corners`.
+        half: Half edges, or what stands for them.
+        rounding: Radius around that [m].
+        radius: Of the ball around all [m].
+        box: Half edges of its bounding box [m].
+        center: Middle of that box [m].
+    """
+
+    kind: int
+    single: int
+    columns: int
+    half: Triple
+    rounding: float
+    radius: float
+    box: Triple
+    center: Triple = (0.0, 0.0, 0.0)
+
+
+def core_row(shape: Shape) -> CoreRow:
+    """What the compiled search reads of a shape."""
+    if isinstance(shape, Box):
+        x, y, z = shape.size
+        half = 0.5 * x, 0.5 * y, 0.5 * z
+        return CoreRow(BOX, 0, 0, half, 0.0, math.hypot(*half), half)
+    if isinstance(shape, Cylinder):
+        r, h = shape.radius, 0.5 * shape.length
+        return CoreRow(CYLINDER, 0, 0, (r, r, h), 0.0, math.hypot(r, h), (r, r, h))
+    if isinstance(shape, Sphere):
+        r = shape.radius
+        return CoreRow(BOX, 0, 0, (0.0, 0.0, 0.0), r, r, (r, r, r))
+    if isinstance(shape, Capsule):
+        r, h = shape.radius, 0.5 * shape.length
+        return CoreRow(BOX, 0, 0, (0.0, 0.0, h), r, h + r, (r, r, h + r))
+    if isinstance(shape, HalfSpace):
+        return CoreRow(PLANE, 0, 0, shape.normal, shape.offset, math.inf, (math.inf, math.inf, math.inf))
+    body = solid(shape)
+    (x, y, z), (a, b, c) = body.half.tolist(), body.center.tolist()
+    return CoreRow(*body.core.row, (0.0, 0.0, 0.0), 0.0, body.radius, (x, y, z), (a, b, c))
 
 
 def solid(shape: Shape) -> Solid:

@@ -9,10 +9,12 @@ from rr1plan.kinematics.forward import Kinematics
 from rr1plan.report import Margin, Violation
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
-from rr1plan.validation.limits import TOLERANCE, Ledger
+from rr1plan.validation.limits import Ledger
 
 _STEP = 1e-3
 _MOST_SAMPLES = 20_000
+# Rounding that a limit forgives, relative to it.
+_ROUNDING = 1e-9
 
 
 def check_torques(ledger: Ledger, trajectory: Trajectory, scene: Scene) -> None:
@@ -44,6 +46,6 @@ def _judge(ledger: Ledger, names: tuple[str, ...], torques: Array, limits: Array
             continue
         if "torque" not in ledger.margins or value / bound > ledger.margins["torque"].value:
             ledger.margins["torque"] = Margin(value / bound, "", (name,), time)
-        if value > bound * (1.0 + TOLERANCE):
+        if value > bound * (1.0 + _ROUNDING):
             message = f"{name} needs {value:.6g} Nm (or N) at {time:.6f} s, limit {bound:.6g}"
             ledger.violations.append(Violation("torque", (name,), time, value, bound, message))

@@ -35,7 +35,7 @@ def test_plan_writes_what_was_asked_for_and_says_so(capsys: pytest.CaptureFixtur
 def test_plan_as_json_is_one_value(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["plan", "rr1_table", "--json", "--planner", "bkpiece1", "--limits", "hardware"]) == OK
     value = answer(capsys)
-    assert value["status"] == "solved"
+    assert value["status"] == "found"
     assert value["planner"] == "bkpiece1"
     assert value["report"]["certified"]
     assert list(value["seconds"]) == ["imports", "load the scene", "set up", "plan", "shorten", "retime", "validate"]
@@ -217,7 +217,14 @@ def test_a_motion_that_is_too_fast_is_invalid_and_exits_with_4(
     motion: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     saved = rp.load_motion(motion)
-    rp.save_motion("fast.json", saved.scene, saved.path, saved.trajectory.stretched(0.3), None, saved.problem)
+    rp.save_motion(
+        "fast.json",
+        saved.scene,
+        path=saved.path,
+        trajectory=saved.trajectory.stretched(0.3),
+        report=None,
+        problem=saved.problem,
+    )
     assert run(["validate", "fast.json", "--json"]) == INVALID_PLAN
     kinds = {violation["kind"] for violation in answer(capsys)["violations"]}
     assert "acceleration" in kinds

@@ -44,7 +44,7 @@ def _planar():
 
 
 def _odd():
-    """Revolute, prismatic, continuous, mimic and held joints, and every shape a link may have."""
+    """Revolute, prismatic, continuous, mimic and locked joints, and every shape a link may have."""
     links = (
         Link("base", collisions=(Geometry("b", Box((0.2, 0.2, 0.1)), pose([0, 0, 0.05])),)),
         Link("slide", collisions=(Geometry("s", Cylinder(0.06, 0.3), pose([0, 0, 0.25])),)),

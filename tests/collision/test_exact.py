@@ -254,7 +254,7 @@ def test_an_arm_that_stands_still_is_where_the_scene_has_it(planar):
     checker = CollisionChecker(scene, ["l"])
     assert checker.joint_names == ("l/shoulder", "l/elbow")
     assert checker.is_free_slowly([0.0, 0.0])
-    turned = CollisionChecker(scene.with_posture("r", [np.pi, 0.0]), ["l"])
+    turned = CollisionChecker(scene.with_configuration("r", [np.pi, 0.0]), ["l"])
     assert not turned.is_free_slowly([0.0, 0.0])
 
 

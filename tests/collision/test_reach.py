@@ -78,7 +78,7 @@ def with_stroke_held(scara):
     names = ("first", "second", "roll")
     limits = Limits(np.full(3, -2.5), np.full(3, 2.5), *(np.ones(3) for _ in range(4)))
     return replace(
-        scara, joint_names=names, limits=limits, held={"stroke": -0.15}, configurations={"home": np.zeros(3)}
+        scara, joint_names=names, limits=limits, locked_joints={"stroke": -0.15}, configurations={"home": np.zeros(3)}
     )
 
 

@@ -22,6 +22,8 @@ URDF = '<robot name="r"><link name="base"/></robot>'
 
 READERS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "urdf": (rp.load_robot, "a.urdf"),
+    "mjcf": (rp.load_robot, "a.mjcf"),
+    "mjcf scene": (rp.load_scene, "a.xml"),
     "xacro": (expand_xacro, "a.xacro"),
     "srdf": (lambda file: read_srdf(file, read_urdf(URDF)), "a.srdf"),
     "scene": (rp.load_scene, "a.toml"),
@@ -58,7 +60,7 @@ WRITERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
     "scene": lambda file, scene: rp.save_scene(file.with_suffix(".toml"), scene),
     "page": lambda file, scene: rp.save_html(file.with_suffix(".html"), scene),
     "picture": lambda file, scene: rp.cspace(scene, resolution=8).save(file.with_suffix(".png")),
-    "model": lambda file, scene: rp.playback.save_mjcf(file.with_suffix(".xml"), scene),
+    "model": lambda file, scene: rp.save_mjcf(file.with_suffix(".xml"), scene),
     "moveit": lambda file, scene: write_moveit_scene(file.with_suffix(".scene"), scene),
 }
 

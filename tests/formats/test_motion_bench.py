@@ -242,12 +242,12 @@ def test_held_joints_beyond_their_limits_are_held_at_them_and_logged(
 ) -> None:
     upper = rr1.joint("finger_joint").upper
     with caplog.at_level(logging.WARNING):
-        assert hold(rr1, {"finger_joint": 2.0, "no such joint": 1.0, "shoulder_joint": 0.5}).held == {
+        assert hold(rr1, {"finger_joint": 2.0, "no such joint": 1.0, "shoulder_joint": 0.5}).locked_joints == {
             "finger_joint": upper
         }
     assert "held at the limit" in caplog.text
     caplog.clear()
-    assert hold(rr1, {"finger_joint": 0.25}).held == {"finger_joint": 0.25}
+    assert hold(rr1, {"finger_joint": 0.25}).locked_joints == {"finger_joint": 0.25}
     assert caplog.text == ""
 
 

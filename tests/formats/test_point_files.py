@@ -108,7 +108,7 @@ FILES = {
 @pytest.mark.parametrize("name", FILES)
 def test_every_coding_gives_the_same_points(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(FILES[name])
-    cloud = rp.load_point_cloud(tmp_path / name, 0.05)
+    cloud = rp.load_point_cloud(tmp_path / name, resolution=0.05)
     np.testing.assert_array_equal(cloud.points, POINTS)
     assert cloud.resolution == 0.05
 

@@ -25,8 +25,8 @@ def build_arm(name, joints, planned, held=None):
         joint_names=tuple(planned),
         limits=Limits(lower, upper, rates, rates, rates, rates),
         configurations={"home": np.zeros(len(planned))},
-        held=held or {},
-        never_collide=frozenset(),
+        locked_joints=held or {},
+        disabled_collisions=frozenset(),
         tool=names[-1],
     )
 

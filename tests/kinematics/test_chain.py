@@ -46,7 +46,7 @@ def test_every_link_is_where_pinocchio_has_it(name, request):
 
 def test_a_chain_holds_only_what_is_driven(odd_arm, rr1):
     skeleton = Kinematics(odd_arm).scene_model.skeleton
-    # Six planning joints and the one that mimics; the held joint is part of a fixed transform.
+    # Six planning joints and the one that mimics; the locked joint is part of a fixed transform.
     np.testing.assert_array_equal(chain_of(skeleton, "arm/h").joints[:, 1], [0, 1, 1, 2, 3, 4, 5])
     assert len(chain_of(skeleton, "arm/base").joints) == 0
     two = Kinematics(Scene({"left": Arm(rr1), "right": Arm(rr1, [0.0, 0.9, 0.0])})).scene_model.skeleton

@@ -126,7 +126,7 @@ def test_rr1_agrees_with_stored_poses_jacobians_and_gravity_torques(rr1, index):
     known = VECTORS[index]
     q = np.array(known["q"][:6])
 
-    robot = rr1.with_held({"finger_joint": known["q"][6]})
+    robot = rr1.with_locked_joints({"finger_joint": known["q"][6]})
     kinematics = Kinematics(robot)
     T = kinematics.pose(q)
     np.testing.assert_allclose(T[:3, 3], known["tool_position"], atol=2e-8)

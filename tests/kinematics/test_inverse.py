@@ -43,14 +43,14 @@ def test_both_elbow_solutions_of_the_planar_arm_are_found_exactly(planar2r, angl
 
 def test_reachable_poses_of_rr1_are_reached(rr1):
     kinematics, rng = Kinematics(rr1), np.random.default_rng(11)
-    solved = 0
+    found = 0
     for i in range(1000):
         T = kinematics.pose(rng.uniform(rr1.limits.lower, rr1.limits.upper))
         result = solve_ik(kinematics, PoseGoal("tool", T), rng=i, max_solutions=1)
-        solved += result.solved
+        found += result.found
         for q in result.solutions:
             assert_solves(rr1, q, T)
-    assert solved >= 998
+    assert found >= 998
 
 
 def test_the_configuration_a_pose_came_from_is_among_the_solutions(rr1):
@@ -78,7 +78,7 @@ def test_mimic_sliding_continuous_and_redundant_arms_are_solved(name, request):
         result = solve_ik(
             kinematics, PoseGoal("tool", T[:3, 3], quaternion_from_rotation(T[:3, :3])), rng=i, attempts=40
         )
-        assert result.solved
+        assert result.found
         for q in result.solutions:
             assert_solves(robot, q, T, base)
 
@@ -130,7 +130,7 @@ def test_an_arm_among_others_is_solved_in_its_place(rr1):
     scene = Scene({"left": Arm(rr1), "right": Arm(rr1, base)})
     q = np.array([0.3, 0.1, 0.4, -0.5, 1.0, 0.2])
     T = base @ rr1.link_poses(q)["tool"]
-    result = solve_ik(Kinematics(scene), PoseGoal("tool", T), "right", rng=0)
+    result = solve_ik(Kinematics(scene).for_arm("right"), PoseGoal("tool", T), rng=0)
     assert np.abs(result.solutions - q).max(axis=1).min() < 1e-6
     with pytest.raises(InputError, match="say which"):
         solve_ik(Kinematics(scene), PoseGoal("tool", T))
@@ -149,7 +149,7 @@ def test_a_region_narrower_than_any_margin_is_not_left(rr1):
     p = rr1.link_poses([0.3, 0.1, 0.4, -0.5, 1.0, 0.2])["tool"][:3, 3]
     region = RegionGoal("tool", p - 1e-7, p + 1e-7)
     result = solve_ik(Kinematics(rr1), region, rng=0, attempts=10)
-    assert result.solved
+    assert result.found
     for q in result.solutions:
         assert (np.abs(rr1.link_poses(q)["tool"][:3, 3] - p) <= 1e-7).all()
 
@@ -160,7 +160,7 @@ def test_a_flat_region_and_an_oriented_one_are_reached(rr1):
     flat = [0.05, 0.05, 0.0]
     region = RegionGoal("tool", T[:3, 3] - flat, T[:3, 3] + flat, quaternion_from_rotation(T[:3, :3]))
     result = solve_ik(kinematics, region, rng=0, max_solutions=3)
-    assert result.solved
+    assert result.found
     for q in result.solutions:
         reached = rr1.link_poses(q)["tool"]
         assert abs(reached[2, 3] - T[2, 3]) <= 1e-9
@@ -171,7 +171,7 @@ def test_a_flat_region_and_an_oriented_one_are_reached(rr1):
 @pytest.mark.parametrize(("r", "miss"), [(2.5, 0.8), (0.1, 0.2)])
 def test_an_unreachable_point_is_told_with_the_distance_missing(planar2r, r, miss):
     result = solve_ik(Kinematics(planar2r), PoseGoal("tool", [0.0, r, 0.0]), rng=0)
-    assert not result.solved
+    assert not result.found
     assert result.position_error == pytest.approx(miss, abs=1e-4)
     assert f"{miss} m away" in result.reason
     assert "out of reach of arm/tool" in result.reason
@@ -190,7 +190,7 @@ def test_a_pose_beyond_the_limits_names_the_joint_and_the_excess():
     robot = rp.load_robot("planar2r_limited")
     q = np.array([0.0, 2.8])
     result = solve_ik(Kinematics(robot), PoseGoal("tool", robot.link_poses(q)["tool"]), rng=0)
-    assert not result.solved
+    assert not result.found
     assert "only outside the joint limits" in result.reason
     assert "joint 'joint2' at 2.8 rad, outside [-2.6, 2.6] by 0.2 rad" in result.reason
 
@@ -199,7 +199,7 @@ def test_rejected_solutions_are_counted_and_others_are_kept(planar2r):
     kinematics, goal = Kinematics(planar2r), PoseGoal("tool", [1.0, 0.5, 0.0])
     none = solve_ik(kinematics, goal, rng=0, accept=lambda q: False)
     assert none.rejected == 2
-    assert not none.solved
+    assert not none.found
     assert "2 configurations, none of them accepted" in none.reason
     up = solve_ik(kinematics, goal, rng=0, accept=lambda q: bool(q[1] > 0))
     assert (len(up.solutions), up.rejected) == (1, 1)
@@ -220,13 +220,13 @@ def test_a_seed_that_solves_is_returned_first_and_seeds_out_of_limits_are_clippe
     result = solve_ik(kinematics, PoseGoal("tool", kinematics.pose(q)), seeds=q, attempts=1)
     np.testing.assert_array_equal(result.solutions, [q])
     far = solve_ik(kinematics, PoseGoal("tool", kinematics.pose(q)), seeds=[np.full(6, 9.0), q], rng=0)
-    assert far.solved
+    assert far.found
 
 
 def test_the_fixed_base_reaches_only_where_it_is(rr1):
     base = solve_ik(Kinematics(rr1), PoseGoal("base_link", [1.0, 0.0, 0.0]), rng=0, attempts=3)
     assert base.position_error == pytest.approx(1.0)
-    assert not base.solved
+    assert not base.found
 
 
 def test_wrong_calls_are_told(rr1):
@@ -244,10 +244,6 @@ def test_wrong_calls_are_told(rr1):
         solve_ik(kinematics, goal, max_solutions=0)
     with pytest.raises(InputError, match="patience is 0"):
         solve_ik(kinematics, goal, patience=0)
-    with pytest.raises(InputError, match="separation"):
-        solve_ik(kinematics, goal, separation=0.0)
-    with pytest.raises(UnknownNameError, match="unknown arm"):
-        solve_ik(kinematics, goal, "left")
 
 
 @pytest.mark.parametrize("share", [0.92, 0.96, 0.999])
@@ -257,7 +253,7 @@ def test_a_pose_that_is_reached_only_at_the_edge_of_its_tolerance_is_solved(plan
     tolerance, stretched = 1e-4, np.array([1.7 * np.cos(0.4), 1.7 * np.sin(0.4), 0.0])
     goal = PoseGoal("tool", stretched * (1.0 + share * tolerance / 1.7))
     result = solve_ik(Kinematics(arm), goal, rng=0)
-    assert result.solved
+    assert result.found
     for q in result.solutions:
         off = np.linalg.norm(planar2r.link_poses(q)[planar2r.tool][:3, 3] - goal.position)
         assert 0.9 * tolerance < off <= tolerance
@@ -269,7 +265,7 @@ def test_a_pose_that_is_reached_only_at_the_edge_of_its_tolerance_is_solved(plan
     direction = far - T[:3, 3]
     T[:3, 3] += share * tolerance * direction / np.linalg.norm(direction)
     result = solve_ik(kinematics, PoseGoal("tool", T), rng=0)
-    assert result.solved
+    assert result.found
     for q in result.solutions:
         assert_solves(rr1, q, T)
 
@@ -278,7 +274,7 @@ def test_a_pose_that_is_reached_only_at_the_edge_of_its_tolerance_is_solved(plan
 def test_a_pose_beyond_its_tolerance_stays_out_of_reach(planar2r, share):
     goal = PoseGoal("tool", [1.7 + share * 1e-4, 0.0, 0.0])
     result = solve_ik(Kinematics(planar2r), goal, rng=0)
-    assert not result.solved
+    assert not result.found
     assert "out of reach" in result.reason
     problem = rp.Problem(rp.Scene().with_arm("arm", planar2r), [0.0, 0.5], goal)
     assert rp.plan(problem, rng=0).status is rp.PlanStatus.INFEASIBLE

@@ -17,7 +17,7 @@ from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 import rr1plan as rp
-from rr1plan.playback import Viewer, show
+from rr1plan import Viewer, show
 from rr1plan.playback.viewer import live
 
 

@@ -211,7 +211,7 @@ def test_without_a_checker_the_scene_itself_certifies(rr1):
     home = rr1.home
     points = np.array([home, home + 0.1, home + 0.1 * np.array([1, -1, 1, -1, 1, -1])])
     trajectory = retime(rp.Path(scene.joint_names(), points), scene)
-    assert trajectory.duration < retime(rp.Path(scene.joint_names(), points), scene, "stop").duration
+    assert trajectory.duration < retime(rp.Path(scene.joint_names(), points), scene, method="stop").duration
 
 
 @pytest.mark.parametrize("wrong", [None, 3, "path", [[0.0, 0.0], [1.0, 0.0]], {}])
@@ -223,7 +223,7 @@ def test_what_is_no_path_no_scene_or_no_checker_is_named(tools, wrong):
     with pytest.raises(rp.InputError, match="scene is of type"):
         retime(path, wrong)
     with pytest.raises(rp.UnknownNameError, match="retiming method"):
-        retime(path, scene, wrong)
+        retime(path, scene, method=wrong)
     if wrong is not None:
         with pytest.raises(rp.InputError, match="checker is of type"):
             retime(path, scene, checker=wrong)

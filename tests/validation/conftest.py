@@ -39,8 +39,8 @@ def make_slider(shape: Shape, **changes: float) -> rp.Robot:
         joint_names=("slide",),
         limits=limits_of(1, **changes),
         configurations={"home": np.zeros(1)},
-        held={},
-        never_collide=frozenset(),
+        locked_joints={},
+        disabled_collisions=frozenset(),
         tool="carriage",
     )
 
@@ -60,8 +60,8 @@ def make_gripper(shape: Shape) -> rp.Robot:
         joint_names=("turn",),
         limits=limits_of(1, lower=-np.inf, upper=np.inf),
         configurations={"home": np.zeros(1)},
-        held={"left_slide": 0.05},
-        never_collide=frozenset({frozenset({"left", "right"})}),
+        locked_joints={"left_slide": 0.05},
+        disabled_collisions=frozenset({frozenset({"left", "right"})}),
         tool="arm",
     )
 
@@ -86,8 +86,8 @@ def make_chain(rng: np.random.Generator, n: int = 3) -> rp.Robot:
         joint_names=tuple(f"joint{i}" for i in range(n)),
         limits=limits_of(n),
         configurations={"home": np.zeros(n)},
-        held={},
-        never_collide=neighbors,
+        locked_joints={},
+        disabled_collisions=neighbors,
         tool=f"link{n}",
     )
 

@@ -51,7 +51,7 @@ def searches():
         columns, q = scene.joint_names(names), scene.configuration(names)
         for reach in (0.0, 0.1, 0.6):
             rows = q + np.concatenate([np.zeros((1, len(q))), reach * rng.uniform(-1.0, 1.0, (3, len(q)))])
-            move = rp.Trajectory.from_samples([0.0, 0.3, 0.9, 1.0], rows, np.zeros_like(rows), joint_names=columns)
+            move = rp.Trajectory.from_samples(columns, [0.0, 0.3, 0.9, 1.0], rows, np.zeros_like(rows))
             motion = TimedColumns(columns, move.breaks, move.coefficients)
             extremes(move.breaks, move.coefficients)
             for clearance in (True, False):

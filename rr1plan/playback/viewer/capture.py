@@ -74,18 +74,18 @@ def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
 
 
 def screenshot(
-    source: str | os.PathLike[str] | Viewer,
     file: str | os.PathLike[str],
-    size: tuple[int, int] = (1280, 800),
+    page: str | os.PathLike[str] | Viewer,
     *,
+    size: tuple[int, int] = (1280, 800),
     time: float | None = None,
     bare: bool = False,
 ) -> FilePath:
     """A PNG of a page, for slides and galleries.
 
     Args:
-        source: A page that `save_html` wrote, or a live viewer.
         file: The picture to write.
+        page: A page that `save_html` wrote, or a live viewer.
         size: Width and height [px].
         time: The moment of the motion [s]; None takes it as it opens, at the start.
         bare: Without the cards around the picture, which then shows all that stands in the scene.
@@ -105,12 +105,12 @@ def screenshot(
     check_writable(file)
     if time is not None:
         time = finite_number("time", time)
-    url = source.url if isinstance(source, Viewer) else _file_url(source)
+    url = page.url if isinstance(page, Viewer) else _file_url(page)
     with open_browser(check_size(size)) as context:
-        page = context.pages[0]
-        open_page(page, url + ("#bare" if bare else ""))
-        settle_page(page, time, whole=bare)
-        return write_bytes(file, page.screenshot(type="png"))
+        tab = context.pages[0]
+        open_page(tab, url + ("#bare" if bare else ""))
+        settle_page(tab, time, whole=bare)
+        return write_bytes(file, tab.screenshot(type="png"))
 
 
 def open_page(page: Any, url: str) -> None:

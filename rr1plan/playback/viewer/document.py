@@ -14,12 +14,13 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, check_text, known_name, number_array, of_kind
+from rr1plan.checks import Array, known_name, number_array, of_kind
 from rr1plan.path import Path
 from rr1plan.playback.replay import Replay
 from rr1plan.playback.viewer.camera import choose_camera
+from rr1plan.playback.viewer.options import ViewOptions, checked_options
 from rr1plan.playback.viewer.solids import ShapeTable
 from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal, frame_link
 from rr1plan.report import Report
@@ -35,7 +36,7 @@ _PATH_SPEED = 1.0  # [rad/s] at which a path without times is shown
 _MOST_GHOSTS = 4
 
 
-def pack(array: Any, dtype: str = "f4") -> dict[str, Any]:
+def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
     """An array as JSON can hold it: dtype ("f4", "f8", "u4"), shape and base64 data."""
     known_name("dtype", dtype, ("f4", "f8", "u4"))
     with np.errstate(over="ignore", invalid="ignore"):  # beyond its range a number is infinite
@@ -46,14 +47,13 @@ def pack(array: Any, dtype: str = "f4") -> dict[str, Any]:
 
 def view_document(
     scene: Scene,
-    trajectory: Trajectory | None = None,
     *,
+    trajectory: Trajectory | None = None,
     path: Path | None = None,
     problem: Problem | None = None,
     report: Report | None = None,
     replay: Replay | None = None,
-    title: str | None = None,
-    spheres: bool = False,
+    options: ViewOptions | None = None,
 ) -> Document:
     """Everything the page shows, as plain values.
 
@@ -64,8 +64,7 @@ def view_document(
         problem: The question: its start and goal are drawn as ghosts.
         report: The referee's verdict on the trajectory, shown as a badge.
         replay: What a simulation made of the trajectory, drawn as a shadow beside it.
-        title: Headline of the page (default: the scene's name).
-        spheres: Also the spheres that contain each link and held object.
+        options: The title, and whether spheres are shown; the rest of them is for `page_html`.
 
     Raises:
         UnknownNameError: a column that is no joint of the scene.
@@ -77,17 +76,16 @@ def view_document(
     of_kind("problem", problem, Problem, optional=True)
     of_kind("report", report, Report, optional=True)
     of_kind("replay", replay, Replay, optional=True)
-    of_kind("spheres", spheres, bool)
-    if title is not None:
-        check_text("title", title)
-    shapes = ShapeTable(pack)
+    options = checked_options(options)
+    spheres = options.spheres
+    shapes = ShapeTable(pack_array)
     robots: dict[int, int] = {}
     rows = [_arm_row(name, scene, robots) for name in scene.arms]
     unique = {index: scene.arms[row["name"]].robot for row in rows for index in [row["robot"]]}
     motion = trajectory if trajectory is not None or path is None else _steady(path)
     ghosts = [] if problem is None else _ghosts(problem)
     return {
-        "title": scene.name if title is None else title,
+        "title": scene.name if options.title is None else options.title,
         "description": scene.description,
         "robots": [_robot(unique[i], shapes, spheres) for i in sorted(unique)],
         "arms": rows,
@@ -166,13 +164,13 @@ def _joint(robot: Robot, joint: Joint, index: Mapping[str, int]) -> dict[str, An
 def affine_value(robot: Robot, joint: Joint) -> tuple[int, float, float]:
     """A movable joint's value as factor * q[column] + offset; column -1 means the offset alone."""
     factor, offset = 1.0, 0.0
-    while joint.name not in robot.joint_names and joint.name not in robot.held and joint.mimic is not None:
+    while joint.name not in robot.joint_names and joint.name not in robot.locked_joints and joint.mimic is not None:
         offset += factor * joint.mimic.offset
         factor *= joint.mimic.multiplier
         joint = robot.joint(joint.mimic.joint)
     if joint.name in robot.joint_names:
         return robot.joint_names.index(joint.name), factor, offset
-    return -1, 0.0, offset + factor * robot.held[joint.name]
+    return -1, 0.0, offset + factor * robot.locked_joints[joint.name]
 
 
 def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind: str) -> list[dict[str, Any]]:
@@ -192,9 +190,9 @@ def _spheres(links: Mapping[str, Iterable[Geometry]]) -> dict[str, Any]:
     covers = [cover_geometries(name, geometries) for name, geometries in links.items()]
     rows = [np.column_stack([c.centers, c.radii]) for c in covers]
     return {
-        "links": pack(np.repeat(np.arange(len(covers)), [len(c.radii) for c in covers]), "u4"),
-        "levels": pack(np.concatenate([c.levels for c in covers]), "u4"),
-        "spheres": pack(np.concatenate(rows), "f8"),
+        "links": pack_array(np.repeat(np.arange(len(covers)), [len(c.radii) for c in covers]), "u4"),
+        "levels": pack_array(np.concatenate([c.levels for c in covers]), "u4"),
+        "spheres": pack_array(np.concatenate(rows), "f8"),
     }
 
 
@@ -231,8 +229,8 @@ def _track(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
     sent = trajectory if exact else _sampled(trajectory)
     return {
         "columns": columns,
-        "breaks": pack(sent.breaks, "f8"),
-        "coefficients": pack(sent.coefficients),
+        "breaks": pack_array(sent.breaks, "f8"),
+        "coefficients": pack_array(sent.coefficients),
         "exact": exact,
     }
 
@@ -275,7 +273,7 @@ def _summary(replay: Replay) -> dict[str, Any]:
 
 
 def _waypoints(path: Path, scene: Scene) -> dict[str, Any]:
-    return {"columns": _columns(path.joint_names, scene), "waypoints": pack(path.waypoints)}
+    return {"columns": _columns(path.joint_names, scene), "waypoints": pack_array(path.waypoints)}
 
 
 # ---- the question ------------------------------------------------------------------------

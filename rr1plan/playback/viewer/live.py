@@ -6,19 +6,22 @@ import os
 import sys
 import threading
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from time import monotonic
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from rr1plan.checks import finite_array, finite_number, items_of, positive_number, true_or_false
+from rr1plan.checks import finite_array, finite_number, positive_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.playback.replay import Replay
 from rr1plan.playback.viewer.document import Document, view_document
-from rr1plan.playback.viewer.page import Panel, embed_html, page_html
+from rr1plan.playback.viewer.options import Panel, ViewOptions, checked_options
+from rr1plan.playback.viewer.page import embed_html, page_html
 from rr1plan.playback.viewer.server import PageServer
 from rr1plan.problem import Problem
 from rr1plan.report import Report
@@ -34,30 +37,38 @@ class Viewer:
 
     Args:
         scene: The arms and obstacles.
-        document: What `view_document` made of the scene and the rest.
-        panels: Panels beside the 3-D view.
-        view: Where it is looked at from first, as in `show`.
-        port: First port to try.
+        trajectory, path, problem, report, replay, options, port: As in `show`.
 
     Raises:
-        InputError: a port that is no port, panels that do not fit, a view that is none.
+        UnknownNameError: a column that is no joint of the scene.
+        InputError: a port that is no port, data JSON cannot hold.
         BackendError: no free port.
     """
 
     def __init__(
         self,
         scene: Scene,
-        document: Document,
-        panels: Sequence[Panel] = (),
-        view: Any = None,
+        *,
+        trajectory: Trajectory | None = None,
+        path: Path | None = None,
+        problem: Problem | None = None,
+        report: Report | None = None,
+        replay: Replay | None = None,
+        options: ViewOptions | None = None,
         port: int | None = None,
     ) -> None:
+        document = view_document(
+            scene, trajectory=trajectory, path=path, problem=problem, report=report, replay=replay, options=options
+        )
+        self._open(scene, document, checked_options(options), port)
+
+    def _open(self, scene: Scene, document: Document, options: ViewOptions, port: int | None) -> None:
+        """Serve a document."""
         self._scene = scene
         self._document = document
-        self._panels = items_of("panels", panels, "Panel")
-        self._view = view
+        self._options = options
         self._ended = threading.Event()
-        page_html(document, self._panels, view=view)
+        page_html(document, options)
         self._server = PageServer(self._html, port)
         self._server.set_document(document)
 
@@ -79,34 +90,36 @@ class Viewer:
     def load(
         self,
         scene: Scene,
-        trajectory: Trajectory | None = None,
         *,
+        trajectory: Trajectory | None = None,
         path: Path | None = None,
         problem: Problem | None = None,
         report: Report | None = None,
         replay: Replay | None = None,
-        title: str | None = None,
-        spheres: bool = False,
+        options: ViewOptions | None = None,
     ) -> None:
         """Show something else on the same page; the arguments are those of `show`.
+
+        Of the options the title and the spheres count; view and panels are those that the page was opened with.
 
         Raises:
             UnknownNameError: a column that is no joint of the scene.
             InputError: the viewer is closed.
         """
         document = view_document(
-            scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
+            scene, trajectory=trajectory, path=path, problem=problem, report=report, replay=replay, options=options
         )
         self._exchange(scene, document)
 
     def _exchange(self, scene: Scene, document: Document, panels: tuple[Panel, ...] = ()) -> None:
         """Send another document to the pages, and the data of these panels to the panels of the same names."""
-        known = {panel.name: panel for panel in (*self._panels, *panels)}
+        known = {panel.name: panel for panel in (*self._options.panels, *panels)}
         data = {panel.name: panel.data for panel in panels}
         self._server.set_document({**document, "panels": data} if data else document)
-        self._scene, self._document, self._panels = scene, document, tuple(known.values())
+        self._scene, self._document = scene, document
+        self._options = replace(self._options, panels=tuple(known.values()))
 
-    def update(self, q: Any) -> None:
+    def update(self, q: ArrayLike | Mapping[str, str | ArrayLike]) -> None:
         """Put the arms somewhere, at once and as often as you like; pages show the newest.
 
         Args:
@@ -197,10 +210,10 @@ class Viewer:
 
     def _repr_html_(self) -> str:
         """In a notebook: the page itself, without a server, so that it works far from this machine too."""
-        return embed_html(page_html(self._document, self._panels, view=self._view))
+        return embed_html(page_html(self._document, self._options))
 
     def _html(self, version: int) -> str:
-        return page_html(self._document, self._panels, live=True, version=version, view=self._view)
+        return page_html(self._document, self._options, live=True, version=version)
 
 
 _SomeViewer = TypeVar("_SomeViewer", bound=Viewer)
@@ -208,16 +221,13 @@ _SomeViewer = TypeVar("_SomeViewer", bound=Viewer)
 
 def show(
     scene: Scene,
-    trajectory: Trajectory | None = None,
     *,
+    trajectory: Trajectory | None = None,
     path: Path | None = None,
     problem: Problem | None = None,
     report: Report | None = None,
     replay: Replay | None = None,
-    title: str | None = None,
-    spheres: bool = False,
-    panels: Sequence[Panel] = (),
-    view: Any = None,
+    options: ViewOptions | None = None,
     port: int | None = None,
     open_browser: bool = True,
     quiet: bool = False,
@@ -233,26 +243,29 @@ def show(
         problem: The question: its start and goal are drawn as ghosts.
         report: The referee's verdict on the trajectory, shown as a badge.
         replay: What a simulation made of the trajectory.
-        title: Headline of the page (default: the scene's name).
-        spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
-        panels: Panels beside the 3-D view.
-        view: Where it is looked at from first: a name ("front", "back", "left", "right", "top", "corner"), azimuth and
-            elevation [rad], or a direction of the world, shape (3,). None chooses a view that shows the motion.
+        options: Title, first view, spheres, panels (default: `ViewOptions()`).
         port: First port to try, the next free one is taken; None: 7000.
         open_browser: Open the page in a browser, where there is a screen.
         quiet: Do not print the address, which is `Viewer.url`.
 
     Raises:
-        UnknownNameError: a column that is no joint of the scene, or no view of that name.
+        UnknownNameError: a column that is no joint of the scene.
         InputError: a port that is no port, data JSON cannot hold.
         BackendError: no free port.
         MissingPackageError: Meshcat is not installed.
     """
     open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
-    document = view_document(
-        scene, trajectory, path=path, problem=problem, report=report, replay=replay, title=title, spheres=spheres
+    viewer = Viewer(
+        scene,
+        trajectory=trajectory,
+        path=path,
+        problem=problem,
+        report=report,
+        replay=replay,
+        options=options,
+        port=port,
     )
-    return open_viewer(Viewer(scene, document, panels, view, port), open_browser, quiet)
+    return open_viewer(viewer, open_browser, quiet)
 
 
 def open_viewer(viewer: _SomeViewer, open_browser: bool, quiet: bool) -> _SomeViewer:

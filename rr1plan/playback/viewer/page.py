@@ -13,17 +13,16 @@ import html
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any
 
-from rr1plan.checks import check_text, finite_array, items_of, of_kind, shown, true_or_false, whole_number
+from rr1plan.checks import finite_array
 from rr1plan.errors import BackendError, InputError, MissingPackageError
-from rr1plan.playback.viewer.camera import check_view
 from rr1plan.playback.viewer.document import Document
+from rr1plan.playback.viewer.options import Panel, ViewOptions, checked_options
 
 _SCRIPTS = (
     "math.js", "shapes.js", "ways.js", "spheres.js", "world.js", "stage.js", "player.js", "controls.js", "live.js",
@@ -31,76 +30,28 @@ _SCRIPTS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Panel:
-    """Something of your own beside the 3-D view, e.g. a picture of the configuration space.
-
-    Args:
-        name: A name unique on the page; letters, digits and "-".
-        title: Headline of the panel.
-        html: What stands in the panel.
-        css: Style rules.
-        script: JavaScript statements, run once with three names in reach: `viewer` (see
-            `page/main.js` for what it offers), `root` (the panel's element), `data`.
-        data: Anything JSON can hold; `pack` puts arrays in.
-        width: Width of the column of panels [px].
-
-    Raises:
-        InputError: a name with other characters.
-    """
-
-    name: str
-    title: str
-    html: str = ""
-    css: str = ""
-    script: str = ""
-    data: Any = None
-    width: int = 420
-
-    def __post_init__(self) -> None:
-        for name in ("name", "title", "html", "css", "script"):
-            check_text(f"panel {name}", getattr(self, name))
-        whole_number("panel width", self.width, 1, 10_000)
-        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9-]*", self.name):
-            raise InputError(f"panel name is {shown(self.name)}, expected letters, digits and '-'")
-
-
-def page_html(
-    document: Document,
-    panels: Sequence[Panel] = (),
-    *,
-    live: bool = False,
-    version: int = 0,
-    view: Any = None,
-    play: bool = True,
-) -> str:
+def page_html(document: Document, options: ViewOptions | None = None, *, live: bool = False, version: int = 0) -> str:
     """The page as text.
 
     Args:
         document: What `view_document` made.
-        panels: Panels beside the 3-D view.
+        options: The panels, the first view, and whether the motion runs; title and spheres are in the document.
         live: The page asks the server it came from for updates.
         version: Of the document, so that the server knows whether the page has the newest.
-        view: Where it is looked at from first, see `check_view`; None takes the document's choice.
-        play: The motion runs from the start.
 
     Raises:
-        InputError: two panels of one name, data JSON cannot hold, or a view that is none.
+        InputError: data JSON cannot hold.
         MissingPackageError: Meshcat is not installed.
         BackendError: Meshcat is there without its viewer.
     """
-    panels = items_of("panels", panels, "Panel")
-    for panel in panels:
-        of_kind("one of the panels", panel, Panel)
-    names = [panel.name for panel in panels]
-    if len(set(names)) != len(names):
-        raise InputError(f"panels are named {names}, expected names unique on the page")
+    options = checked_options(options)
+    panels = options.panels
     scripts = [_meshcat(), _script(panels)]
     settings = {
         "live": live,
         "version": version,
-        "view": check_view(view),
-        "play": true_or_false("play", play),
+        "view": options.view,
+        "play": options.play,
         "panels": [{"name": p.name, "data": p.data} for p in panels],
     }
     slots = {

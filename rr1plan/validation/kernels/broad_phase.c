@@ -46,7 +46,7 @@ static IntervalMiddle middle_of(const RefereeSearch *s, const TimeInterval *inte
 // Where the links of an arm are in the middle of an interval, and what its joints do within it.
 static void pose_links(RefereeSearch *s, int64_t arm, const TimeInterval *interval, IntervalMiddle middle) {
     expand_arm(s, arm, middle.at.piece, middle.at.local, middle.single ? middle.half : 0.0);
-    if (!middle.single) widen_arm(s, arm, interval->first, interval->stop);
+    if (!middle.single) span_pieces(s, arm, interval->first, interval->stop, middle.time);
     move_links(s, arm);
 }
 
@@ -92,7 +92,7 @@ static void box_arm(RefereeSearch *s, int64_t arm, int swept, BoundingBox *eleme
         BoundingBox *box = &elements[first + e];
         *box = NO_BOX;
         for (int64_t b = model->element_bodies[e]; b < model->element_bodies[e + 1]; b++) {
-            double carried = swept ? s->sweeps[(s->arms[arm].first_body + b) * s->sweep_stride].carried : 0.0;
+            double carried = swept ? carried_by(s, arm, b, 0) : 0.0;
             BoundingBox one = body_box(view_of(s, arm, b), carried);
             join_boxes(box, &one);
         }
@@ -119,6 +119,59 @@ static inline double box_separation(const BoundingBox *a, const BoundingBox *b) 
         square += gap * gap;
     }
     return sqrt(square);
+}
+
+// ---- owners that stand still -------------------------------------------------------------------
+
+static int compare_lows(const void *a, const void *b) {
+    const SortedOwner *one = a, *two = b;
+    if (one->low != two->low) return one->low < two->low ? -1 : 1;
+    return one->owner < two->owner ? -1 : 1;
+}
+
+static int compare_indices(const void *a, const void *b) {
+    int64_t one = *(const int64_t *)a, two = *(const int64_t *)b;
+    return (one > two) - (one < two);
+}
+
+// Sort the owners that stand still along x; half-spaces have no end and come after the others.
+static void sort_owners(RefereeSearch *s) {
+    int64_t last = s->owner_count - s->moving_count;
+    s->sorted_count = 0;
+    s->widest = 0.0;
+    for (int64_t o = s->moving_count; o < s->owner_count; o++) {
+        const BoundingBox *box = &s->owner_boxes[o];
+        double width = box->high[0] - box->low[0];
+        // Nor has an owner without a body, which is near nothing, a begin.
+        int bounded = width < INFINITY;
+        s->sorted[bounded ? s->sorted_count++ : --last] = (SortedOwner){box->low[0], o};
+        if (bounded) s->widest = greater(s->widest, width);
+    }
+    qsort(s->sorted, (size_t)s->sorted_count, sizeof(SortedOwner), compare_lows);
+}
+
+// Find the owners from `first` on, after a standing one, that are within a distance of it along each axis [m]; their
+// number. They are written to `near_owners` in order.
+static int64_t find_near_owners(RefereeSearch *s, int64_t owner, int64_t first, double distance) {
+    const BoundingBox *box = &s->owner_boxes[owner];
+    int64_t low = 0, high = s->sorted_count, count = 0, all = s->owner_count - s->moving_count;
+    double begin = box->low[0] - s->widest - distance;
+    while (low < high) {
+        int64_t middle = (low + high) / 2;
+        if (s->sorted[middle].low < begin) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    for (int64_t i = low; i < all; i++) {
+        if (i < s->sorted_count && s->sorted[i].low > box->high[0] + distance) i = s->sorted_count;
+        if (i == all) break;
+        int64_t other = s->sorted[i].owner;
+        if (other >= first && !(axis_separation(box, &s->owner_boxes[other]) > distance)) s->near_owners[count++] = other;
+    }
+    qsort(s->near_owners, (size_t)count, sizeof(int64_t), compare_indices);
+    return count;
 }
 
 // The boxes of an owner or element that moves differ from slice to slice; those of one that stands still are in the first.
@@ -166,7 +219,8 @@ static inline double padding_between(const RefereeSearch *s, Owner one, int64_t 
                                      const double *paddings) {
     if (paddings) return paddings[ea * two.count + eb];
     const RefereeModel *model = model_of(s, one.arm);
-    if (one.arm == two.arm) return model->own_checked[ea * one.count + eb] ? s->padding : -1.0;
+    if (one.arm == two.arm)
+        return model->own_checked && model->own_checked[ea * one.count + eb] ? s->padding : -1.0;
     if (two.arm == arm_count(s) && ea == model->base_element) return -1.0;
     return s->padding;
 }
@@ -175,9 +229,9 @@ static inline double padding_between(const RefereeSearch *s, Owner one, int64_t 
 
 // Make a pair of two bodies in a place for one.
 static void set_pair(RefereeSearch *s, int64_t k, int64_t arm_a, int64_t a, int64_t arm_b, int64_t b, int64_t elements,
-                     double padding) {
+                     int64_t slices, double padding) {
     if (is_plane(view_of(s, arm_a, a))) {
-        set_pair(s, k, arm_b, b, arm_a, a, elements, padding);
+        set_pair(s, k, arm_b, b, arm_a, a, elements, slices, padding);
         return;
     }
     const RefereeModel *one = model_of(s, arm_a), *two = model_of(s, arm_b);
@@ -195,10 +249,11 @@ static void set_pair(RefereeSearch *s, int64_t k, int64_t arm_a, int64_t a, int6
         .body_b = b,
         .elements = elements,
         .shared = shared,
-        .before = shared > 0 ? first_a + chain_a[shared - 1] : -1,
-        .last_a = body_a->depth > 0 ? first_a + chain_a[body_a->depth - 1] : -1,
-        .last_b = body_b->depth > 0 ? first_b + chain_b[body_b->depth - 1] : -1,
+        .before = shared > 0 && arm_a < s->moving_count ? first_a + chain_a[shared - 1] : -1,
+        .last_a = body_a->depth > 0 && arm_a < s->moving_count ? first_a + chain_a[body_a->depth - 1] : -1,
+        .last_b = body_b->depth > 0 && arm_b < s->moving_count ? first_b + chain_b[body_b->depth - 1] : -1,
         .group = arm_a == arm_b ? GROUP_OWN : GROUP_OTHERS,
+        .slices = slices,
         .padding = padding,
     };
     s->gjk[k].count = 0;
@@ -216,8 +271,8 @@ static inline void note_proven(RefereeSearch *s, int64_t group, double bound) {
 
 static int encloses(const RefereeSearch *s, int64_t arm_a, int64_t a, int64_t arm_b, int64_t b);
 
-// Add all pairs of bodies of two elements to the chunk.
-static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64_t eb, double padding) {
+// Add all pairs of bodies of two elements to the chunk, for the slices of a mask.
+static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64_t eb, int64_t slices, double padding) {
     const RefereeModel *model_a = model_of(s, one.arm), *model_b = model_of(s, two.arm);
     int64_t elements = s->element_pair_count, before = s->pair_count, mark = PAIR_FREE;
     const int64_t *in_a = model_a->element_bodies + one.first + ea, *in_b = model_b->element_bodies + two.first + eb;
@@ -225,11 +280,14 @@ static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64
         if (is_concave(model_a, a)) continue;
         for (int64_t b = in_b[0]; b < in_b[1]; b++) {
             if (is_concave(model_b, b)) continue;
-            set_pair(s, s->pair_count++, one.arm, a, two.arm, b, elements, padding);
+            set_pair(s, s->pair_count++, one.arm, a, two.arm, b, elements, slices, padding);
             if (encloses(s, one.arm, a, two.arm, b)) mark = PAIR_LEFT;
         }
     }
     if (s->pair_count == before) return;
+    double duration = s->breaks[s->break_count - 1] - s->breaks[0];
+    s->chunk_slices |= slices;
+    s->chunk_work += (double)((s->pair_count - before) * __builtin_popcountll((uint64_t)slices)) * duration / s->slice_count;
     s->elements[s->element_pair_count++] = (ElementPair){one.index + ea, two.index + eb, mark, INFINITY, 0.0};
 }
 
@@ -268,8 +326,7 @@ static void add_pairs(RefereeSearch *s, int64_t i, int64_t j) {
                                    b_moves, need + padding, mask, &apart);
             note_proven(s, GROUP_OTHERS, apart - padding);
             if (!near) continue;
-            s->chunk_slices |= near;
-            add_bodies(s, one, ea, two, eb, padding);
+            add_bodies(s, one, ea, two, eb, near, padding);
         }
     }
 }
@@ -300,7 +357,7 @@ static void find_nearest_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner t
             }
             if (ball_gap(body_a, body_b, padding).gap >= best->clearance) continue;
             if (box_gap(body_a, body_b, padding) >= best->clearance) continue;
-            set_pair(s, k, one.arm, a, two.arm, b, k, padding);
+            set_pair(s, k, one.arm, a, two.arm, b, k, 0, padding);
             s->elements[k] = (ElementPair){one.index + ea, two.index + eb, PAIR_FREE, INFINITY, 0.0};
             double value = bound_clearance(s, k, best->clearance - tolerance, best->clearance).upper;
             if (note_clearance(s, k, value, time) || !(value < best->clearance)) continue;
@@ -341,8 +398,14 @@ static NearestElements find_nearest_others(RefereeSearch *s, int64_t first, int6
         if (!note_clearance(s, k, value, time) && value < best.clearance)
             best = (NearestElements){value, s->elements[k].a, s->elements[k].b};
     }
-    for (int64_t i = first; i < stop; i++)
-        for (int64_t j = i + 1; j < s->owner_count; j++) find_nearest_elements(s, i, j, time, tolerance, &best);
+    for (int64_t i = first; i < stop; i++) {
+        if (i < s->moving_count) {
+            for (int64_t j = i + 1; j < s->owner_count; j++) find_nearest_elements(s, i, j, time, tolerance, &best);
+            continue;
+        }
+        int64_t count = find_near_owners(s, i, i + 1, best.clearance + s->most_padding);
+        for (int64_t n = 0; n < count; n++) find_nearest_elements(s, i, s->near_owners[n], time, tolerance, &best);
+    }
     return best;
 }
 

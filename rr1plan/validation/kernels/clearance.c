@@ -217,25 +217,22 @@ static IntervalClearance surface_interval(RefereeSearch *s, int64_t k, double ti
                                           double error);
 
 // A lower bound of the clearance of a pair within `half` of the posed time, and whether that settles it.
-//
-// `single`: the interval is on one piece, so the joints have steady speeds.
-static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double time, double half, int single) {
+static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double time, double half) {
     const RefereePair *pair = &s->pairs[k];
     PairView v = view_pair(s, k);
     double need = needed_clearance(s, pair->group);
-    double approach = s->sweeps[pair->a * s->sweep_stride + pair->shared].carried +
-                      s->sweeps[pair->b * s->sweep_stride + pair->shared].carried;
+    double approach = carried_by(s, pair->arm_a, pair->body_a, pair->shared) +
+                      carried_by(s, pair->arm_b, pair->body_b, pair->shared);
     BallGap ball = ball_gap(v.a, v.b, pair->padding);
     double least = ball.gap - approach;
     if (least > need) return (IntervalClearance){least, 1};
     least = greater(least, box_gap(v.a, v.b, pair->padding) - ball.rounding - approach);
     if (least > need) return (IntervalClearance){least, 1};
     // No direction can prove more than the distance of two points of the bodies.
-    double most = ball.gap + radius_of(v.a), error = 1e300;
+    double most = ball.gap + radius_of(v.a);
     if (!is_plane(v.b)) most += radius_of(v.b);
-    if (single)
-        error = unsteadiness(s, pair->arm_a, pair->body_a, pair->shared) + ball.rounding +
-                unsteadiness(s, pair->arm_b, pair->body_b, pair->shared);
+    double error = unsteadiness(s, pair->arm_a, pair->body_a, pair->shared) + ball.rounding +
+                   unsteadiness(s, pair->arm_b, pair->body_b, pair->shared);
     if (is_surface(v.b)) return surface_interval(s, k, time, half, approach, error);
     if (lesser(approach, error) > greater(COARSE, most - need)) return (IntervalClearance){least, 0};
     approach += ball.rounding;
@@ -247,6 +244,9 @@ static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double 
     if (note_clearance(s, k, bounds.upper, time)) return (IntervalClearance){0.0, 1};
     need = needed_clearance(s, pair->group);
     least = greater(least, bounds.lower - approach);
-    if (least <= need) least = greater(least, known_bound(s, k, v, half, approach, error, need));
+    if (least <= need && bounds.lower - error > need) {
+        const KnownDirection *known = &s->directions[k];
+        least = greater(least, steady_gap(s, pair, v, half, (Direction){known->x, known->y, known->z}) - error);
+    }
     return (IntervalClearance){least, least > need};
 }

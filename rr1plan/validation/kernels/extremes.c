@@ -29,20 +29,27 @@ static int64_t derivative_terms(const double *coefficients, int64_t terms, int64
     return terms - 1 - order;
 }
 
+// The binomials i over k, divided by those of a degree: `shares`, shape (degree + 1, degree + 1).
+static void set_shares(int64_t degree, double *shares) {
+    for (int64_t i = 0; i <= degree; i++) {
+        double share = 1.0;
+        for (int64_t k = 0; k <= i; k++) {
+            shares[i * (degree + 1) + k] = share;
+            if (k < i) share *= (double)(i - k) / (double)(degree - k);
+        }
+    }
+}
+
 // Bernstein coefficients on [0, width]; the largest of their sizes. `terms` is overwritten.
-static double to_bernstein(double *terms, int64_t degree, double width, double *control) {
+static double to_bernstein(double *terms, int64_t degree, double width, const double *shares, double *control) {
     double power = 1.0, largest = 0.0;
     for (int64_t k = 0; k <= degree; k++) {
         terms[k] *= power;
         power *= width;
     }
     for (int64_t i = 0; i <= degree; i++) {
-        // The binomials i over k, divided by those of the degree.
-        double share = 1.0, value = 0.0;
-        for (int64_t k = 0; k <= i; k++) {
-            value += share * terms[k];
-            if (k < i) share *= (double)(i - k) / (double)(degree - k);
-        }
+        double value = 0.0;
+        for (int64_t k = 0; k <= i; k++) value += shares[i * (degree + 1) + k] * terms[k];
         control[i] = value;
         largest = greater(largest, fabs(value));
     }
@@ -95,37 +102,56 @@ static void climb(double begin, double width, int64_t degree, double rounding, d
     }
 }
 
+// Raise `high` and lower `low` to what Bernstein coefficients on a piece reach, and note the times.
+static void climb_both(double begin, double width, int64_t degree, double rounding, const double *control, Peaks *peak,
+                       double *stack) {
+    double most = control[0], least = control[0];
+    for (int64_t k = 1; k <= degree; k++) {
+        most = greater(most, control[k]);
+        least = lesser(least, control[k]);
+    }
+    if (most > peak->high) {
+        for (int64_t k = 0; k <= degree; k++) stack[k] = control[k];
+        climb(begin, width, degree, rounding, &peak->high, &peak->high_time, stack);
+    }
+    if (least < peak->low) {
+        double depth = -peak->low;
+        for (int64_t k = 0; k <= degree; k++) stack[k] = -control[k];
+        climb(begin, width, degree, rounding, &depth, &peak->low_time, stack);
+        peak->low = -depth;
+    }
+}
+
 // Highest and lowest values of every column and its rates, jumps between pieces, and values at the end.
 //
 // `breaks`: shape (pieces + 1,), or (1,) for no duration; `coefficients`: shape (pieces, terms, columns), lowest power
-// first. `peaks` has shape (4, columns), `jumps` shape (3, columns), zeros to begin with, `end` shape (4, columns).
-// `scratch` has room for terms * (EXTREMES_DEPTH + 2) numbers.
+// first. `peaks` has shape (4, columns), `jumps` shape (3, columns), `end` shape (4, columns). `scratch` has room for
+// terms * (EXTREMES_DEPTH + 2 + 4 * terms) numbers.
 EXPORT void rr1_find_extremes(const double *breaks, int64_t break_count, const double *coefficients, int64_t pieces,
                               int64_t terms, int64_t columns, Peaks *peaks, Jump *jumps, double *end, double *scratch) {
-    double *derivative = scratch, *control = scratch + terms, *stack = scratch + 2 * terms;
+    double *derivative = scratch, *control = scratch + terms, *shares = scratch + 2 * terms;
+    double *stack = shares + RATE_ORDERS * terms * terms;
     for (int64_t n = 0; n < RATE_ORDERS * columns; n++) peaks[n] = (Peaks){-INFINITY, 0.0, INFINITY, 0.0};
+    for (int64_t n = 0; n < (RATE_ORDERS - 1) * columns; n++) jumps[n] = (Jump){0.0, 0.0};
+    for (int64_t order = 0; order < RATE_ORDERS; order++)
+        set_shares(order < terms ? terms - 1 - order : 0, shares + order * terms * terms);
     // In the order of the coefficients, as there may be many of them.
     for (int64_t i = 0; i < pieces; i++) {
         const double *piece = coefficients + i * terms * columns;
         double width = break_count > 1 ? breaks[i + 1] - breaks[i] : 0.0;
         for (int64_t j = 0; j < columns; j++) {
             for (int64_t order = 0; order < RATE_ORDERS; order++) {
-                Peaks *peak = &peaks[order * columns + j];
                 double *before = &end[order * columns + j];
                 int64_t degree = derivative_terms(piece, terms, columns, j, order, derivative);
-                double rounding = COEFFICIENT_ROUNDING * to_bernstein(derivative, degree, width, control);
+                double largest = to_bernstein(derivative, degree, width, shares + order * terms * terms, control);
                 if (i > 0 && order < RATE_ORDERS - 1) {
                     Jump *jump = &jumps[order * columns + j];
                     double size = fabs(control[0] - *before);
                     if (size > jump->size) *jump = (Jump){size, breaks[i]};
                 }
                 *before = control[degree];
-                for (int64_t k = 0; k <= degree; k++) stack[k] = control[k];
-                climb(breaks[i], width, degree, rounding, &peak->high, &peak->high_time, stack);
-                for (int64_t k = 0; k <= degree; k++) stack[k] = -control[k];
-                double depth = -peak->low;
-                climb(breaks[i], width, degree, rounding, &depth, &peak->low_time, stack);
-                peak->low = -depth;
+                climb_both(breaks[i], width, degree, COEFFICIENT_ROUNDING * largest, control,
+                           &peaks[order * columns + j], stack);
             }
         }
     }

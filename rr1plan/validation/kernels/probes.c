@@ -9,6 +9,16 @@ EXPORT void rr1_probe_interval(RefereeSearch *s, int64_t piece, double at, doubl
     for (int64_t b = 0; b < model_of(s, 0)->bodies->body_count; b++) sweep_body(s, 0, b);
 }
 
+// The same over several pieces.
+EXPORT void rr1_probe_pieces(RefereeSearch *s, int64_t first, int64_t stop) {
+    TimeInterval interval = {.first = first, .stop = stop};
+    set_chords(s);
+    pose_links(s, 0, &interval, middle_of(s, &interval));
+    place_bodies(s, 0);
+    add_velocities(s, 0);
+    for (int64_t b = 0; b < model_of(s, 0)->bodies->body_count; b++) sweep_body(s, 0, b);
+}
+
 // What a body of arm 0 moves beside its steady velocity.
 EXPORT double rr1_probe_unsteadiness(const RefereeSearch *s, int64_t b, int64_t shared) {
     return unsteadiness(s, 0, b, shared);

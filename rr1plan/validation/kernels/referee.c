@@ -1,5 +1,6 @@
 // The referee's own kernels as one translation unit. They share no source with those of the planners.
 #include <stddef.h>
+#include <stdlib.h>
 
 #include "referee_tables.h"
 #include "simd.h"
@@ -14,10 +15,12 @@
 #include "motion_bounds.c"
 #include "clearance.c"
 #include "broad_phase.c"
+#include "memory.c"
 #include "cells.c"
 #include "surfaces.c"
 #include "search.c"
 #include "extremes.c"
+#include "limits.c"
 #include "probes.c"
 #include "../../binding/cpu_level.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.
