@@ -319,7 +319,7 @@ def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
     """Decompose moving meshes into convex pieces, the only part of the warm-up that may take a minute."""
     began = time.perf_counter()
 
-    def told(part: Progress) -> bool | None:
+    def report(part: Progress) -> bool | None:
         return None if progress is None else progress(Progress("set up", time.perf_counter() - began, part.fraction))
 
     cut_meshes(scene, report)

@@ -122,7 +122,7 @@ class Query:
             if found.status is not None:
                 return self.result(found.status, reason=found.reason)
             self.goals = found.configurations
-        if self._in_sight in (None, 0) and (self.goals[0] == self.problem.start).all():
+        if self._visible in (None, 0) and (self.goals[0] == self.problem.start).all():
             return self.result(PlanStatus.FOUND, self.goals[:1].copy())
         if not self.space.can_move:
             return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")

@@ -192,9 +192,9 @@ def checked_samples(samples: int) -> int:
 def _answer(query: Query, graph: Graph, *, learn: bool) -> PlanResult:
     """The shortest path along the roadmap, or that of RRT-Connect if there is none."""
     problem, motion = query.problem, query.motion
-    before = graph.asked
-    way = graph.find_way(problem.start, query.goals, motion, query.in_time)
-    query.edges += graph.asked - before
+    before = graph.checks
+    way = graph.find_path(problem.start, query.goals, motion, query.in_time)
+    query.edges += graph.checks - before
     if way is not None:
         return query.result(PlanStatus.FOUND, way)
     search = tree_search.TreeSearch(query)

@@ -57,7 +57,7 @@ class RrtConnect(Planner):
     def _search(self, query: Query) -> PlanResult:
         """The result of growing both trees."""
         search = TreeSearch(query, self.range)
-        met = search.meets()
+        met = search.connect()
         tree = search.trees.explored(joined=met) if self.tree else None
         if met:
             return query.result(PlanStatus.FOUND, search.trees.path(), tree=tree)

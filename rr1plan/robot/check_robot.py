@@ -119,6 +119,6 @@ def _check_driven_joints(robot: Robot) -> None:
         known_name("joint that moves by itself", name, driven)
     both = set(robot.joint_names) & set(robot.locked_joints)
     neither = set(driven) - set(robot.joint_names) - set(robot.locked_joints)
-    for names, what in ((both, "both planned for and locked"), (neither, "neither planned for nor locked")):
+    for names, fault in ((both, "both planned for and locked"), (neither, "neither planned for nor locked")):
         if names:
             raise InputError(f"joint {sorted(names)[0]!r} is {fault}")
