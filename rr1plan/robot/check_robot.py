@@ -112,11 +112,11 @@ def _check_inertial(link: str, inertial: Inertial) -> None:
 
 
 def _check_driven_joints(robot: Robot) -> None:
-    """Every joint that moves by itself is planned for or locked, and no other is."""
+    """Require that every independent joint is either a planning joint or locked, and no other is."""
     driven = [joint.name for joint in robot.joints if joint.kind != "fixed" and joint.mimic is None]
     _distinct("planning joint", robot.joint_names)
     for name in (*robot.joint_names, *robot.locked_joints):
-        known_name("joint that moves by itself", name, driven)
+        known_name("independent joint", name, driven)
     both = set(robot.joint_names) & set(robot.locked_joints)
     neither = set(driven) - set(robot.joint_names) - set(robot.locked_joints)
     for names, fault in ((both, "both planned for and locked"), (neither, "neither planned for nor locked")):
