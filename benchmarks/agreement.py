@@ -54,7 +54,7 @@ FOREIGN = {"panda": "panda.urdf", "ur5": "ur5_robot.urdf"}
 
 @dataclass
 class Tally:
-    """What came of the questions in one scene."""
+    """Results of the checks in one scene."""
 
     robot: str
     scene: str
@@ -70,7 +70,7 @@ class Tally:
 
 
 class Comparison:
-    """One scene: the kernels, Coal, and what they said so far."""
+    """Comparison of the kernels with Coal in one scene."""
 
     def __init__(self, robot: str, crowd: Crowd) -> None:
         self.tally = Tally(robot, crowd.name)
@@ -90,7 +90,7 @@ class Comparison:
         )
 
     def configurations(self, rng: np.random.Generator, count: int) -> None:
-        """Ask about random configurations."""
+        """Check random configurations."""
         tally, clock = self.tally.configurations, self.tally.clock
         q = np.array([self._sample(rng) for _ in range(count)])
         with clock.stage("configurations, kernel"):
@@ -106,7 +106,7 @@ class Comparison:
                 self._differ(tally, one, one, one, "Coal through numpy and through Pinocchio differ")
 
     def random_edges(self, rng: np.random.Generator, count: int) -> None:
-        """Ask about random edges that begin at free configurations."""
+        """Check random edges from free configurations."""
         begins, ends = self._draw(rng, count)
         tally, clock = self.tally.edges, self.tally.clock
         with clock.stage("edges, kernel"):
@@ -133,7 +133,7 @@ class Comparison:
         return self.plain.is_free(q) if self.is_large else self.checker.is_free_slowly(q)
 
     def _judge(self, q0: Array, q1: Array, status: int, where: float) -> None:
-        """What Coal makes of the kernel's answer about an edge."""
+        """Compare the kernel's result for an edge with Coal's."""
         tally = self.tally.edges
         if status != FREE:
             q = q0 + where * (q1 - q0)
@@ -165,15 +165,15 @@ class Comparison:
     def _differ(self, tally: Counter[str], q0: Array, q1: Array, q: Array, what: str) -> None:
         """Count an answer that differs: as grazing if that is proven, else as a difference."""
         bracket = self.plain.bracket(q)
-        told = {"robot": self.tally.robot, "scene": self.tally.scene, "what": what, "pair": bracket.pair}
-        told |= {"at least": bracket.lower, "at most": bracket.upper, "begin": q0.tolist(), "end": q1.tolist()}
-        told |= {"q": q.tolist()}
+        record = {"robot": self.tally.robot, "scene": self.tally.scene, "what": what, "pair": bracket.pair}
+        record |= {"at least": bracket.lower, "at most": bracket.upper, "begin": q0.tolist(), "end": q1.tolist()}
+        record |= {"q": q.tolist()}
         if bracket.lower >= -BAND and bracket.upper <= BAND:
             tally["grazing"] += 1
-            self.tally.grazing.append(told)
+            self.tally.grazing.append(record)
         else:
             tally["different"] += 1
-            self.tally.differences.append(told)
+            self.tally.differences.append(record)
 
     def _sample(self, rng: np.random.Generator) -> Array:
         """A random configuration; each of several arms is drawn between its posture in the scene and any other.
@@ -287,7 +287,7 @@ def _load(name: str, args: argparse.Namespace) -> rp.Robot | None:
 
 
 def _shipped(name: str) -> Iterator[tuple[str, rp.Scene]]:
-    """Shipped scenes of a robot, but for the one with twelve arms."""
+    """Shipped scenes of a robot, except the one with twelve arms."""
     for scene in rp.scene_names():
         if scene.startswith(f"{name}_") and scene != "rr1_twelve":
             yield scene, rp.load_scene(scene)

@@ -1,4 +1,4 @@
-"""What Coal alone says of configurations and edges, without the package's compiled kernels.
+"""Checks of configurations and edges by Coal alone, without the package's compiled kernels.
 
 `PlainCoal` places every shape by the robot's own numpy kinematics and asks Coal for each pair whose balls meet; where
 an answer depends on the last micrometer, it brackets the distance between points that are in both bodies and a plane
@@ -392,7 +392,7 @@ class CoalProof:
         self.asked = 0
 
     def judge(self, q0: Array, q1: Array) -> tuple[str, float]:
-        """What Coal makes of a straight edge, and where that is.
+        """Coal's verdict on a straight edge, and its position.
 
         Returns:
             "free", "contact", "narrow" (no sample touches, but something passes nearer than `COAL_ERROR`), or

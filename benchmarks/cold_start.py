@@ -1,4 +1,4 @@
-"""How long a new process takes until it is of use: import, first plan, the command line.
+"""Time of a new process for the import, the first plan, and the command line.
 
     python benchmarks/cold_start.py [--count 9]
 

@@ -2,7 +2,7 @@
 
     python benchmarks/cspace_cells.py [--resolution 360]
 
-The picture is computed block-wise; here plain Coal is asked for every cell's center and every pair of shapes.
+The picture is computed block-wise; here Coal alone checks every cell's center and every pair of shapes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How long a certified straight edge takes: by spheres first, and by the exact kernel alone.
+"""Time of a certified straight edge: by spheres first, and by the exact kernel alone.
 
     python benchmarks/edges.py [PROBLEMS.json.gz --robot panda.urdf] [--every 30]
 

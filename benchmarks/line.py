@@ -1,4 +1,4 @@
-"""The whole line on one problem, stage by stage: plan, shorten, retime, validate, replay.
+"""All stages on one problem: plan, shorten, retime, validate, replay.
 
 The order and the margins are those of `rr1plan.plan_motion`; here every stage has a clock of CPU time.
 """
@@ -19,7 +19,7 @@ STAGES = ("set up", "plan", "shorten", "retime", "validate")
 
 @dataclass
 class Outcome:
-    """What came of one problem."""
+    """Result of one problem."""
 
     name: str
     clock: Clock = field(default_factory=Clock)
@@ -75,7 +75,7 @@ def run_line(
     seconds: float = 10.0,
     replay: bool = False,
 ) -> Outcome:
-    """Answer a problem as `plan_motion` does, each stage under a clock."""
+    """Solve a problem like `plan_motion`, with the CPU time of each stage."""
     out = Outcome(name)
     margin = find_margin(out, problem, margin)
     roomy = find_path(out, problem, seed, planner=planner, margin=margin, seconds=seconds)
@@ -134,5 +134,5 @@ def _plan(
 
 
 def warm_up() -> None:
-    """Load what is loaded once."""
+    """Load modules and kernels."""
     run_line("warm up", rp.load_problems("rr1_table")["reach_over_crate"], 0, replay=True)

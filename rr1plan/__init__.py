@@ -1,4 +1,4 @@
-"""rr1plan: certified motion planning for robot arms, from a question to a replayed, visible motion.
+"""rr1plan: certified motion planning for robot arms.
 
     import rr1plan as rp
 
@@ -8,8 +8,8 @@
     print(motion.report)
     motion.show().wait()
 
-Every name below is loaded on first use, so `import rr1plan` stays light: it does not even import `typing`, because the
-command line cannot answer Ctrl-C before it is done.
+All names below are imported lazily. `import rr1plan` does not even import `typing`, because the
+command line cannot handle Ctrl-C before it is done.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# A name here and a line above; a test holds the two together.
+# A test checks that these names and the imports above agree.
 _EXPORTS = {
     "rr1plan.batch": ("Answer", "PlanFailure", "plan_many"),
     "rr1plan.checks": ("Array", "Seed"),

@@ -1,7 +1,7 @@
-"""Rules about pairs of elements as tables, so that a scene of hundreds of pairs costs no time to set up.
+"""Contact rules of a scene as tables, so that scenes with hundreds of pairs are set up quickly.
 
-A name in a rule is an element's, or an arm's, which stands for all that moves with it. What a single pair
-may do is said in words by `Scene.may_touch` and `Scene.padding_of`; the tables here say the same of all pairs.
+A name in a rule is that of an element, or of an arm for all elements that move with it. `Scene.may_touch`
+and `Scene.padding_of` evaluate the rules for a single pair; the tables here contain the same for all pairs.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ _Names = frozenset[str]
 
 @dataclass(frozen=True)
 class RuleContent:
-    """All that decides which pairs of elements need a check, to compare.
+    """Cache key of contact rules: all data that determines which pairs need a check.
 
     Args:
         names: All elements.
-        owners: The arm each moves with, None for an obstacle.
-        arms: Of each arm its name, its base link, and pairs of its links that need no check.
-        held: Of each attached object its name, its arm, its link, and the links it may touch.
+        owners: The arm of each element, None for an obstacle.
+        arms: Name, base link and unchecked pairs of links of each arm.
+        held: Name, arm, link and allowed links of each attached object.
         allowed: Pairs of elements or arms that may touch.
-        near_pairs: Pairs of arms, or of an arm and an obstacle, that need a check at all (default: all pairs).
+        near_pairs: Pairs of arms, or of an arm and an obstacle, that need a check (default: all pairs).
     """
 
     names: tuple[str, ...]
@@ -43,19 +43,19 @@ class RuleContent:
 
 @lru_cache(maxsize=128)
 def rules_of(content: RuleContent) -> ContactRules:
-    """The rules of a scene; scenes whose rules are equal get the same, wherever their obstacles are."""
+    """The rules of a scene, shared by all scenes with equal content."""
     return ContactRules(content)
 
 
 class ContactRules:
-    """Which pairs of elements must not touch, and how far apart they have to be.
+    """Pairs of elements that must not touch, and their paddings.
 
     Args:
-        content: What the rules say.
+        content: Content of the rules.
 
     Attributes:
         names: All elements.
-        obstacles: Which of them are obstacles [index].
+        obstacles: Indices of the obstacles in `names`.
     """
 
     def __init__(self, content: RuleContent) -> None:
@@ -76,8 +76,8 @@ class ContactRules:
         """The pairs that must not touch, by ascending indices, shape (m, 2)."""
         index = self._index
         checked = np.ones((self._count, self._count), dtype=np.bool_)
-        # Names of elements without a shape are passed over.
-        pairs = [(index[a], index[b]) for a, b in self._apart() if a in index and b in index]
+        # Names of elements without a shape are skipped.
+        pairs = [(index[a], index[b]) for a, b in self._unchecked() if a in index and b in index]
         rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         checked[rows, columns] = checked[columns, rows] = False
         still = [f"{arm}/{base}" for arm, base, _ in self._content.arms]
@@ -92,11 +92,11 @@ class ContactRules:
         return read_only(np.argwhere(np.triu(checked, 1)))
 
     def paddings(self, general: float, special: Mapping[_Names, float]) -> Array:
-        """Distance to keep between the elements of each checked pair [m], shape (m,).
+        """Padding of each checked pair [m], shape (m,).
 
         Args:
-            general: What counts where no rule says otherwise [m].
-            special: Distances of pairs of elements or arms [m].
+            general: Default padding [m].
+            special: Paddings of pairs of elements or arms [m].
         """
         if not special:
             return np.full(len(self.checked), general)
@@ -106,7 +106,7 @@ class ContactRules:
         return table[self.checked[:, 0], self.checked[:, 1]]
 
     def _are_near(self, pairs: frozenset[_Names]) -> NDArray[np.bool_]:
-        """Which pairs of elements belong to such pairs of arms or obstacles, shape (n, n)."""
+        """Mask of the pairs of elements of `pairs` of arms or obstacles, shape (n, n)."""
         named = zip(self._content.names, self._content.owners, strict=True)
         owners = [name if arm is None else arm for name, arm in named]
         number = {owner: i for i, owner in enumerate(dict.fromkeys(owners))}
@@ -118,7 +118,7 @@ class ContactRules:
         index = [number[owner] for owner in owners]
         return table[np.ix_(index, index)]
 
-    def _apart(self) -> Iterator[tuple[str, str]]:
+    def _unchecked(self) -> Iterator[tuple[str, str]]:
         """Pairs of one arm's links and held objects that need no check."""
         for arm, _, never in self._content.arms:
             for one, *two in map(tuple, never):
@@ -131,9 +131,9 @@ class ContactRules:
                     yield name, other
 
     def _blocks(self, special: Mapping[_Names, float]) -> Iterator[tuple[int, list[int], list[int], float]]:
-        """Parts of the table of paddings: rank (of two rules the higher counts), rows, columns, distance."""
+        """Blocks of the padding table: priority (the higher rule wins), rows, columns, distance."""
         for both, distance in special.items():
-            # An arm's name alone is about the arm's own pairs.
+            # A rule with one arm name applies to pairs of that arm.
             a, b = (tuple(both) * 2)[:2]
             for x, y in {(a, b), (b, a)}:
                 rank = 3 * (x in self._index) + 2 * (y in self._index)

@@ -1,4 +1,4 @@
-"""The one folder that rr1plan writes to unasked."""
+"""The cache folder."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def cache_folder() -> Path:
-    """Where results are kept: RR1PLAN_CACHE, else the platform's cache folder."""
+    """The folder of cached results: RR1PLAN_CACHE, or the platform's cache folder."""
     given = os.environ.get("RR1PLAN_CACHE")
     if given:
         return Path(given)

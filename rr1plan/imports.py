@@ -1,10 +1,10 @@
-"""How long a process imports what its first question needs: the package's modules and the libraries under them."""
+"""Measurement of the time of lazy imports."""
 
 from __future__ import annotations
 
 
 class ImportClock:
-    """The wall time of imports until it is read.
+    """Accumulates the wall time of imports until it is read.
 
     Attributes:
         seconds: Wall time so far [s].

@@ -1,4 +1,4 @@
-"""What is made from an object and kept with it."""
+"""Caches of values derived from an object."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ _T = TypeVar("_T")
 
 
 def kept_in(store: dict[Any, Any], key: Any, make: Callable[[], _T], most: int | None = None) -> _T:
-    """The value that an object keeps under a key, made when it is first needed.
+    """The cached value of a key, computed on first use.
 
     Args:
-        store: Where the object keeps what is made from it.
+        store: The cache of an object.
         key: The key.
-        make: Makes the value. Threads that need it at once may each make it; one is kept.
-        most: How many values there may be (default: any number). A full store is emptied before it takes another.
+        make: Computes the value. Concurrent threads may each compute it; one value is kept.
+        most: Most values in the cache (default: no limit). A full cache is cleared before the next value is added.
     """
     try:
         found: _T = store[key]

@@ -1,4 +1,4 @@
-"""Models by name: the robots and scenes that ship with rr1plan, and those of the user's files."""
+"""Models by name: robots and scenes that ship with rr1plan, or from files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def models_folder() -> Path:
-    """The folder with the shipped models: inside an installed package, beside it in a source tree."""
+    """The folder of the shipped models: inside an installed package, next to it in a source tree."""
     inside = _PACKAGE / "models"
     return inside if inside.is_dir() else _PACKAGE.parent / "models"
 
@@ -57,7 +57,7 @@ def robot_folder(name: str) -> Path:
         name: One of `robot_names()`.
 
     Raises:
-        UnknownNameError: no robot of that name ships.
+        UnknownNameError: no shipped robot of that name.
     """
     return models_folder() / "robots" / known_name("robot", name, robot_names())
 
@@ -85,8 +85,8 @@ def load_robot(
     reaches that in 0.1 s are taken. A velocity it does not give becomes 1 rad/s or 0.25 m/s.
     Use `robot.with_limits` where you know better.
 
-    "home" is the SRDF's state of that name, else "ready", else its first one; without any, zero or
-    the middle of the range where that is free of self-collision, else a free configuration near it.
+    "home" is the SRDF's state of that name, else "ready", else its first one; without an SRDF, zero or
+    the middle of the range if that is free of self-collision, else a free configuration near it.
 
     Where no SRDF switches pairs of links off, neighbors and links that touch in each of 200 random
     configurations are not checked against each other; see `propose_disabled_collisions`. Where no configuration
@@ -136,7 +136,7 @@ def load_robot(
 
 
 def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | None]:
-    """The shipped robot's folder, if it is one, its URDF or xacro file, and the SRDF that belongs to that."""
+    """Folder of a shipped robot (or None), URDF or xacro file, and SRDF (or None)."""
     file = file_path(name_or_file)
     if isinstance(name_or_file, str) and name_or_file in robot_names():
         folder = read_robot_folder(robot_folder(name_or_file))
@@ -188,7 +188,7 @@ def _semantics(
 
 
 def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:
-    """What an SRDF says that nobody asked for by name; one that does not fit says how to do without."""
+    """Content of an SRDF that was found next to the URDF; errors explain how to load the robot without it."""
     try:
         return None if srdf is None else read_srdf(srdf, tree)
     except FormatError as error:
@@ -198,10 +198,10 @@ def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:
 
 
 def _srdf_beside(file: Path) -> Path | None:
-    """An SRDF of the same name beside a URDF, or in the folder "srdf" beside its folder."""
+    """An SRDF of the same name next to a URDF, or in the folder "srdf" next to its folder."""
     name = f"{file.name.removesuffix('.xacro').removesuffix('.xml').removesuffix('.urdf')}.srdf"
-    places = (file.parent / name, file.parent.parent / "srdf" / name)
-    return next((place for place in places if is_regular(place)), None)
+    candidates = (file.parent / name, file.parent.parent / "srdf" / name)
+    return next((file for file in candidates if is_regular(file)), None)
 
 
 # ---- scenes ------------------------------------------------------------------------------
@@ -222,17 +222,17 @@ def load_scene(name_or_file: str | Path) -> Scene:
             things are obstacles where they stand in its first keyframe.
 
     Raises:
-        UnknownNameError: no scene of that name ships.
+        UnknownNameError: no shipped scene of that name.
         FormatError: the file is not a scene.
     """
     return load_scene_file(name_or_file).scene
 
 
 def load_scene_file(name_or_file: str | Path) -> SceneFile:
-    """A scene as `load_scene` loads it, with its named queries where the file can have some: both in one reading.
+    """Load a scene like `load_scene`, together with the named queries of the file.
 
     Raises:
-        UnknownNameError: no scene of that name ships.
+        UnknownNameError: no shipped scene of that name.
         FormatError: the file is not a scene.
     """
     file = _scene_file(name_or_file)
@@ -271,7 +271,7 @@ def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
     """The named queries of a scene that ships with rr1plan, or of a scene file, as problems; only .toml files have any.
 
     Raises:
-        UnknownNameError: no scene of that name ships.
+        UnknownNameError: no shipped scene of that name.
         FormatError: the file is not a scene.
     """
     return load_scene_file(name_or_file).problems
@@ -284,10 +284,10 @@ def save_scene(
     problems: Mapping[str, Problem] | None = None,
     robots: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a scene file (.toml) from which `load_scene` makes the same scene, to the last bit.
+    """Write a scene file (.toml) from which `load_scene` loads the same scene, to the last bit.
 
     Args:
-        file: The file; it is replaced in one step.
+        file: The file; it is replaced atomically.
         scene: The scene. Meshes and point clouds are written into the file.
         problems: Named queries in that scene, for `load_problems`.
         robots: Name or file of the robot of each arm, files relative to the scene file (default: the robot's name if it
@@ -299,7 +299,7 @@ def save_scene(
     Raises:
         InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that
             was loaded with another SRDF), or a file that cannot be written.
-        UnknownNameError: a name in `robots` that is no arm.
+        UnknownNameError: a name in `robots` is not an arm.
     """
     of_kind("scene", scene, Scene)
     path = file_path(file)
@@ -323,7 +323,7 @@ def save_scene(
 
 
 def _robot_entry(arm: str, robot: Robot) -> str:
-    """How a scene file names a robot: its name where it ships with rr1plan, else its file."""
+    """Entry of a robot in a scene file: its name if it ships with rr1plan, else its file."""
     if robot.name in robot_names():
         return robot.name
     source = Path(robot.source)
@@ -336,7 +336,7 @@ def _robot_entry(arm: str, robot: Robot) -> str:
 
 
 def _scene_file(name_or_file: str | Path) -> Path:
-    """The file that is meant: anything with a suffix is a file, a bare name is a shipped scene."""
+    """The scene file: a name with a suffix is a file, a bare name a shipped scene."""
     file = file_path(name_or_file)
     if file.suffix in _SCENE_SUFFIXES:
         return file

@@ -1,4 +1,4 @@
-"""Joint limits: what the referee holds every motion to."""
+"""Joint limits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _POSITIVE = ("velocity", "acceleration", "jerk", "effort")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Limits(Value):
-    """Limits of n joints; infinity stands for "no limit known".
+    """Limits of n joints; infinite if unknown.
 
     Args:
         lower: Lowest position [rad or m], shape (n,).
@@ -27,7 +27,7 @@ class Limits(Value):
         effort: Highest torque or force [Nm or N], shape (n,).
 
     Raises:
-        InputError: NaN, different lengths, lower above upper, a rate that is not above zero.
+        InputError: NaN, different lengths, lower above upper, another limit not above zero.
     """
 
     lower: Array
@@ -88,10 +88,10 @@ class Limits(Value):
 
     @staticmethod
     def stack(parts: list[Limits]) -> Limits:
-        """The limits of several arms, one after the other.
+        """The concatenated limits of several arms.
 
         Raises:
-            InputError: none, or something else than limits.
+            InputError: an empty list, or something other than limits.
         """
         parts = list(items_of("parts", parts, "Limits"))
         for part in parts:

@@ -1,4 +1,4 @@
-"""Motions from files, judged by the referee: in the scene they were made in, or in another."""
+"""Loading of motions from files, with validation in their scene or another."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ def load_motion(
     jerk_limits: bool = False,
     progress: ProgressCallback | None = None,
 ) -> MotionPlan:
-    """Read a motion from a file and have the referee judge it, in its own scene or in another.
+    """Read a motion from a file and validate it, in its scene or in another.
 
-    What comes back is what `plan_motion` gives: a path, a trajectory, a report, `show` and `save_html`. The report is
-    made now, by `validate` (or `certify_path`, for a path without times): a verdict in the file is not taken over.
+    The result is like that of `plan_motion`: a path, a trajectory, a report, `show` and `save_html`. The report is
+    computed by `validate` (or `certify_path`, for a path without times); a report in the file is ignored.
 
     Args:
         file: A motion, trajectory or path file (.json), samples (.csv), a ROS JointTrajectory (.yaml), or a ROS bag.
-            Joints may be named as the scene has them ("arm/joint"), as ROS programs do ("arm_joint"), or without the
-            arm where only one has such a joint; in any order.
-        scene: Where to judge it (default: the scene that the file holds). `changes` of the result lists what differs
-            from the scene that the motion was made in.
-        topic: The topic of a bag (default: the only one that holds a JointTrajectory).
+            Joints may be named as in the scene ("arm/joint"), as in ROS ("arm_joint"), or without the
+            arm if the name is unique; in any order.
+        scene: The scene for validation (default: the scene in the file). `changes` of the result lists the differences
+            from the scene in which the motion was planned.
+        topic: The topic of a bag (default: the only one with a JointTrajectory).
         torque_limits: Check torques too.
         jerk_limits: Check jerk limits too.
-        progress: Called while the collision certificate is worked out.
+        progress: Called during the collision certificate.
 
     Raises:
-        FormatError: cut off, altered, of another kind, a file without a motion, or a motion that cannot be meant for
-            the scene: joints that the scene does not have or that the file lacks, by name.
-        InputError: no scene, neither in the file nor given; or a topic, and the file is no bag.
+        FormatError: a truncated, modified or unsupported file, a file without a motion, or a motion that does not fit
+            the scene: the message names unknown or missing joints.
+        InputError: no scene, neither in the file nor given; or a topic for a file that is not a bag.
         UnknownNameError: the bag has no such topic.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """
@@ -80,7 +80,7 @@ def load_motion(
 
 
 def _fitted(saved: SavedMotion, scene: Scene) -> tuple[Path | None, Trajectory | None, Problem | None]:
-    """What a file holds, with the columns of a scene."""
+    """Content of a file, with columns in the order of a scene."""
     for part in (saved.trajectory, saved.path):
         if part is not None:
             check_units(saved, part.joint_names, scene)

@@ -1,4 +1,4 @@
-"""A scene as one Pinocchio model: all arms together, every actuated joint one number.
+"""A scene as one Pinocchio model of all arms, with one number for each movable joint.
 
 Built from our own description, never from a file, so every back end sees the same robot. The
 planning configuration q (the moving arms' planning joints, in the order of the scene) maps to the
@@ -6,7 +6,7 @@ configuration of the whole model by an affine map: planning joints take their co
 follow through their chain of multipliers, locked joints and resting arms are constants. Obstacles and
 attached objects weigh nothing here: they are geometry only.
 
-Each instance is cheap to make and holds no scratch memory; it may be shared between threads.
+Instances are cheap, contain no scratch memory, and are thread-safe.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ class SceneModel:
 
     Args:
         scene: The scene.
-        arms: The arms that move (default: all); the others rest in their posture of the scene.
+        arms: The arms that move (default: all); the others hold their posture of the scene.
 
     Attributes:
         scene, arms: As given; arms in the order of the scene.
-        skeleton: What it shares with other scenes that have the same arms.
+        skeleton: The part shared with other scenes with the same arms.
         joint_names: Columns of q, "arm/joint".
         limits: Limits of those columns.
         model: The `pinocchio.Model`. Joints are named "arm/joint", frames "arm/link"; every joint has
             one position and one velocity, continuous joints included.
-        columns: For each entry of the model's configuration the column of q that drives it, or -1.
+        columns: The column of q that drives each entry of the model's configuration, or -1.
         gains, offsets: entry = gain * q[column] + offset [rad or m].
 
     Raises:
@@ -52,7 +52,7 @@ class SceneModel:
         if not isinstance(scene, Scene):
             raise InputError(f"scene is a {type(scene).__name__}, expected a rr1plan Scene")
         self.scene = scene
-        # A second time, as a scene may have no arms at all.
+        # Checked again, because a scene may have no arms.
         self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
         self.skeleton = skeleton_of(scene, self.arms)
         self.joint_names: tuple[str, ...] = self.skeleton.joint_names
@@ -65,7 +65,7 @@ class SceneModel:
         self._taken = np.maximum(self.columns, 0)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles as its scene; the model is built again."""
+        """Pickle the scene; the model is rebuilt on loading."""
         return SceneModel, (self.scene, self.arms)
 
     @property
@@ -82,34 +82,34 @@ class SceneModel:
         return np.asarray(self.offsets + self.gains * q[..., self._taken])
 
     def full_velocity(self, v: Array) -> Array:
-        """The model's velocity (or acceleration) at that of q, shape (nq,) or (n, nq)."""
+        """The model's velocity (or acceleration) for that of q, (nq,) or (n, nq)."""
         if not self.nq:
             return np.zeros((*np.shape(v)[:-1], len(self.offsets)))
         return np.asarray(self.gains * v[..., self._taken])
 
     @cached_property
     def selection(self) -> Array:
-        """Derivative of `full`, shape (model.nv, nq): takes Jacobians (J @ S) and torques (S.T @ tau) to q."""
+        """Derivative S of `full`, shape (model.nv, nq): maps Jacobians (J @ S) and torques (S.T @ tau) to q."""
         S = np.zeros((len(self.columns), self.nq))
         driven = np.flatnonzero(self.columns >= 0)
         S[driven, self.columns[driven]] = self.gains[driven]
         return read_only(S)
 
-    # ---- where things are ----------------------------------------------------------------
+    # ---- frames and bodies ---------------------------------------------------------------
 
     def frame_id(self, frame: str) -> int:
         """Pinocchio's index of the frame "arm/link".
 
         Raises:
-            UnknownNameError: there is no such frame.
+            UnknownNameError: no such frame.
         """
         return self._frames[known_name("frame", frame, self._frames)]
 
     def body(self, name: str) -> Body:
-        """Which joint carries a link "arm/link", an obstacle or an attached object, and where.
+        """Joint and placement of a link "arm/link", an obstacle or an attached object.
 
         Raises:
-            UnknownNameError: there is nothing of that name.
+            UnknownNameError: no such element.
         """
         if name in self._bodies:
             return self._bodies[name]
@@ -121,9 +121,9 @@ class SceneModel:
         return Body(link.joint, read_only(link.placement @ held.pose))
 
     def geometries_of(self, element: str, geometries: Iterable[Geometry]) -> tuple[ElementGeometry, ...]:
-        """Shapes in an element's frame, hung in the model.
+        """Shapes of an element, placed in the frame of its joint.
 
         Raises:
-            UnknownNameError: there is nothing of that name.
+            UnknownNameError: no such element.
         """
         return hang(element, self.body(element), geometries)

@@ -1,7 +1,7 @@
-"""From a question to a proven motion: plan, shorten, retime, validate.
+"""From a problem to a certified trajectory: plan, shorten, retime, validate.
 
-Every stage is a function of its own that can be called alone; this file only says in which order,
-what happens when a stage refuses, and how long each took.
+Each stage is a separate function that can be called alone; this module orders the stages, handles
+their failures and measures their wall times.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class MotionPlan:
-    """The answer to a problem, with all that led to it.
+    """Result of `plan_motion`: the planner's result, path, trajectory and report.
 
     Asking a plan that failed for its path, trajectory or report raises `NoPlanError` with the
     planner's reason; look at `found`, `valid` and `status` first.
 
     Args:
-        problem: The question; None for a motion from a file that does not hold it.
-        result: The planner's answer.
-        seconds: Wall time of each stage [s], in order: "imports" (by the names of `rr1plan`, before the first
-            question of the process), "set up" (of compiled code and of the scene, done once), "plan", "shorten",
-            "retime", "validate".
-        margin: Distance that was kept beyond the scene's padding while planning [m].
-        changes: For a motion from a file: what differs between the scene that it was made in and `scene`.
+        problem: The planning problem; None for a motion from a file without a problem.
+        result: The planner's result.
+        seconds: Wall time of each stage [s], in order: "imports" (lazy imports of `rr1plan` before the first query
+            of the process), "set up" (compiled code and collision tables, once), "plan", "shorten", "retime",
+            "validate".
+        margin: Distance kept beyond the scene's padding while planning [m].
+        changes: For a motion from a file: differences between the scene it was planned in and `scene`.
     """
 
     problem: Problem | None
@@ -86,12 +86,12 @@ class MotionPlan:
         return self._report is not None and self._report.valid
 
     def __bool__(self) -> bool:
-        """The referee proved the motion: its report is certified, and nothing in it is violated."""
+        """Whether the referee's report is valid and certified."""
         return self._report is not None and self._report.certified
 
     @property
     def path(self) -> Path:
-        """The path, shortened."""
+        """The shortened path."""
         return self._path if self._path is not None else _present(self.result.path, self.result)
 
     @property
@@ -190,7 +190,7 @@ class MotionPlan:
         )
 
     def to_json(self) -> str:
-        """The text of a motion file that is whole by itself."""
+        """Text of a self-contained motion file."""
         from rr1plan.formats.plan_files import motion_text
 
         return motion_text(
@@ -210,10 +210,10 @@ class MotionPlan:
 
 
 _T = TypeVar("_T")
-# The time [s] in which nothing is imported but names of loaded modules are looked up.
+# Imports faster than this [s] only look up modules that are already loaded.
 _NO_IMPORTS = 0.01
 _MARGIN = 0.002  # [m]
-# Tried to shorten a path that is going to be driven: seconds of motion are worth milliseconds of thought.
+# Shortcut attempts before retiming: milliseconds of computation save seconds of motion.
 _SHORTCUTS = 48
 _DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 
@@ -222,7 +222,7 @@ def _present(value: _T | None, result: PlanResult) -> _T:
     if value is None:
         if not result.found:
             result.path_or_raise()
-        raise NoPlanError(result.reason or f"{result.planner}: there is a path, but it was not timed")
+        raise NoPlanError(result.reason or f"{result.planner}: found a path that was not timed")
     return value
 
 
@@ -238,10 +238,10 @@ def plan_motion(
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> MotionPlan:
-    """Plan, shorten, retime and validate: the whole line, in that order.
+    """Plan, shorten, retime and validate, in that order.
 
-    When the referee refuses the timed motion (a blend that grazes an obstacle too closely to decide),
-    the path is timed again with a stop at each waypoint, which stays on the certified edges.
+    If the referee rejects the trajectory (a blend that grazes an obstacle too closely to decide), the path
+    is timed again with a stop at each waypoint, which stays on the certified edges.
 
     Args:
         problem: The question.
@@ -257,8 +257,8 @@ def plan_motion(
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
-        progress: Called about ten times a second while a path is searched for and while meshes that move are cut into
-            convex pieces, and once at the begin of each other stage; False cancels.
+        progress: Called about ten times a second during planning and convex decomposition of moving meshes,
+            and once at the beginning of each other stage; False cancels.
 
     Returns:
         A `MotionPlan`; `found` says whether there is a path, `valid` whether its timed motion is proven.
@@ -316,28 +316,28 @@ def plan_motion(
 
 
 def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
-    """Make the convex pieces of meshes that move: the one part of the preparation that may take a minute."""
+    """Decompose moving meshes into convex pieces, the only part of the warm-up that may take a minute."""
     began = time.perf_counter()
 
-    def told(part: Progress) -> bool | None:
+    def report(part: Progress) -> bool | None:
         return None if progress is None else progress(Progress("set up", time.perf_counter() - began, part.fraction))
 
-    cut_meshes(scene, told)
+    cut_meshes(scene, report)
 
 
 def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> None:
     """Warm up: build the collision tables of a problem's scene before its first query.
 
-    Planning does it where it has not been done, in a millisecond or two; do it ahead where the first answer is waited
-    for. What is made is kept with the scene.
+    Planning does this on demand, in a millisecond or two. Call it in advance when the latency of the first query
+    matters. The tables are cached with the scene.
 
     Args:
         problem: Any problem in the scene that moves the same arms.
-        progress: Called about ten times a second while meshes that move are cut into convex pieces, the one part that
+        progress: Called about ten times a second during convex decomposition of moving meshes, the only part that
             may take long; False cancels.
 
     Raises:
-        InputError: no problem, or a scene that cannot be checked.
+        InputError: `problem` is not a `Problem`, or the scene cannot be checked.
         CancelledError: `progress` returned False.
     """
     check_question(problem, None, progress)
@@ -347,7 +347,7 @@ def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> No
 
 
 def affordable_margin(problem: Problem, margin: float) -> float:
-    """The margin [m], halved until start and goal have twice as much beyond their padding, 0 after a few halvings.
+    """The margin [m], halved until the clearance of start and goal is twice as large; 0 after five halvings.
 
     Of several configurations as goals the one with most
     counts; of other goals it is not known ahead. Elements that do not move against each other do not count.
@@ -370,7 +370,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
 
 @contextmanager
 def _timed(seconds: dict[str, float], stage: str, progress: ProgressCallback | None = None) -> Iterator[None]:
-    """Add the wall time of a stage to the table, after its begin was reported.
+    """Report the beginning of a stage and add its wall time to `seconds`.
 
     Raises:
         CancelledError: `progress` returned False.

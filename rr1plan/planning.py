@@ -1,4 +1,4 @@
-"""What every planner takes and gives."""
+"""Interface of all planners: Budget, Progress, PlanResult, Planner."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class PlanStatus(Enum):
 
 @dataclass(frozen=True)
 class Budget:
-    """When a planner has to stop, whichever comes first.
+    """Limits after which a planner stops, whichever is reached first.
 
     Args:
         seconds: Wall time [s], above zero (inf: no limit).
@@ -44,7 +44,7 @@ class Budget:
             alone (seconds=inf) makes a plan reproducible to the byte.
 
     Raises:
-        InputError: a budget of zero or less, NaN, or no limit at all.
+        InputError: a budget of zero or less, NaN, or neither limit.
     """
 
     seconds: float = 10.0
@@ -69,7 +69,7 @@ def _is_above_zero(value: Any, kind: type[Any]) -> bool:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SearchTree(Value):
-    """What a planner explored: configurations (n, nq) and edges between them (m, 2)."""
+    """The graph a planner explored: configurations (n, nq) and edges as vertex indices (m, 2)."""
 
     vertices: Array
     edges: NDArray[np.int64]
@@ -77,19 +77,19 @@ class SearchTree(Value):
 
 @dataclass(frozen=True, eq=False)
 class PlanResult:
-    """The answer of a planner.
+    """Result of a planner.
 
     Args:
         status: How it ended; a path exists exactly for FOUND.
         path: The path, every edge certified free, start exact, end at a goal; or None.
         reason: Why there is none, in words (which links touch what, which joint is out by how much).
         planner: Name of the planner.
-        seed: Seed that gives this answer again under the same budget of iterations.
+        seed: Seed that reproduces this result under the same budget of iterations.
         seconds: Wall time [s].
         iterations: Termination checks made.
         edges_checked: Edges given to the collision checker.
         cost_history: (seconds, path length) whenever the best path improved.
-        tree: What was explored, when asked for.
+        tree: The explored graph, if requested.
     """
 
     status: PlanStatus
@@ -122,7 +122,7 @@ class PlanResult:
         """The path.
 
         Raises:
-            NoPlanError: there is none; the message is the reason.
+            NoPlanError: no path was found; the message is the reason.
         """
         if self.path is None:
             raise NoPlanError(f"{self.planner}: {self.status.value}: {self.reason}")
@@ -131,7 +131,7 @@ class PlanResult:
 
 @dataclass(frozen=True)
 class PlannerInfo:
-    """A row of the table of planners: name, one line about it, whether it improves its path until the budget ends."""
+    """Name and one-line description of a planner, and whether it improves its path until the budget ends."""
 
     name: str
     description: str
@@ -139,7 +139,7 @@ class PlannerInfo:
 
 
 def check_question(problem: Any, budget: Any, progress: Any) -> None:
-    """Refuse what is no question to a planner.
+    """Check the types of a planner's arguments.
 
     Args:
         problem: Expected to be a `Problem`.
@@ -147,7 +147,7 @@ def check_question(problem: Any, budget: Any, progress: Any) -> None:
         progress: A `ProgressCallback` or None.
 
     Raises:
-        InputError: one of them is something else.
+        InputError: an argument of another type.
     """
     if not isinstance(problem, Problem):
         of_kind("problem", problem, Problem)

@@ -1,4 +1,4 @@
-"""A problem: a scene, the arms that move, where each starts and where each has to get to."""
+"""Planning problems: a scene, the moving arms, their start configurations and goals."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from rr1plan.transforms import as_pose, quaternion_from_rotation, rotation_from_
 
 @dataclass(frozen=True, eq=False, repr=False)
 class JointGoal(Value):
-    """Get to a configuration.
+    """Reach a configuration.
 
     Args:
         q: A configuration's name, or its numbers [rad or m], shape (nq,).
@@ -48,14 +48,14 @@ class JointGoal(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PoseGoal(Value):
-    """Bring a frame to a position, or to a full pose, in the world.
+    """Bring a frame to a position or a pose in the world.
 
     Args:
         frame: A link of the arm, or "tool" for the robot's tool.
-        position: Where its origin has to be [m], shape (3,); or a full T_world_frame, shape (4, 4).
-        quaternion: How it has to be turned, wxyz; None leaves the orientation free.
-        position_tolerance: [m].
-        orientation_tolerance: [rad].
+        position: Target of the frame's origin [m], shape (3,); or a pose T_world_frame, shape (4, 4).
+        quaternion: Target orientation of the frame, wxyz; None leaves the orientation free.
+        position_tolerance: Largest distance from the target [m].
+        orientation_tolerance: Largest rotation angle from the target [rad].
 
     After construction `position` is (3,) and `quaternion` a unit quaternion or None.
 
@@ -100,7 +100,7 @@ class PoseGoal(Value):
 
     @property
     def rotation(self) -> Array | None:
-        """Wanted rotation matrix R_world_frame (3, 3), or None when any will do."""
+        """Target rotation matrix R_world_frame (3, 3), or None if the orientation is free."""
         return None if self.quaternion is None else rotation_from_quaternion(self.quaternion)
 
 
@@ -112,8 +112,8 @@ class RegionGoal(Value):
         frame: A link of the arm, or "tool" for the robot's tool.
         lower: Lowest corner [m], shape (3,).
         upper: Highest corner [m], shape (3,).
-        quaternion: How the frame has to be turned, wxyz; None leaves the orientation free.
-        orientation_tolerance: [rad].
+        quaternion: Target orientation of the frame, wxyz; None leaves the orientation free.
+        orientation_tolerance: Largest rotation angle from the target [rad].
 
     Raises:
         InputError: not finite, wrong shape, or lower above upper.
@@ -157,23 +157,23 @@ GoalLike = Goal | ArrayLike | Sequence[Goal | ArrayLike]
 
 @dataclass(frozen=True, eq=False)
 class Problem(Value):
-    """A planning question.
+    """A planning problem.
 
     Args:
-        scene: Where it happens. Arms that do not move hold their posture of the scene.
-        start: Where the moving arms start: for one arm a configuration's name or numbers (nq,); for
-            several a mapping by arm (an arm that is not in it starts in its posture of the scene).
+        scene: The scene. Arms that do not move hold their posture of the scene.
+        start: Start of the moving arms: for one arm a configuration's name or numbers (nq,); for
+            several a mapping by arm (a missing arm starts in its posture of the scene).
             None: the postures of the scene.
-        goal: Where they have to get to: for one arm a goal, a configuration's name or numbers, or a
-            list of those (any one of them); for several a mapping from arm to one of those.
+        goal: For one arm a goal, a configuration's name or numbers, or a list of alternatives;
+            for several a mapping from arm to one of those.
         arms: The arms that move. Default: the arms of a goal mapping, or the only arm.
 
     Attributes:
-        margin: Distance to keep beyond the scene's padding [m]: 0, or what `with_margin` set.
+        margin: Distance to keep beyond the scene's padding [m]: 0, or as set by `with_margin`.
 
     After construction `start` is the composite configuration (nq,), `goal` a mapping from arm to a
-    tuple of alternatives, `arms` the moving arms in the order of the scene. An arm that moves
-    without a goal of its own has to come back to its start.
+    tuple of alternatives, `arms` the moving arms in the order of the scene. The goal of a moving arm
+    without an entry in `goal` is its start.
 
     Raises:
         InputError, UnknownNameError: names, shapes or numbers that do not fit the scene.
@@ -220,7 +220,7 @@ class Problem(Value):
         return len(self.start)
 
     def with_margin(self, distance: float) -> Problem:
-        """The same question, to be answered with `distance` [m] more than the scene's padding between what moves.
+        """The same problem with a margin of `distance` [m] added to the padding of pairs with relative motion.
 
         Raises:
             InputError: below zero or not finite.
@@ -233,11 +233,11 @@ class Problem(Value):
         return other
 
     def in_scene(self, scene: Scene) -> Problem:
-        """The same question in another scene: numbers go with the names of their joints.
+        """The same problem in another scene; joint values are matched by joint name.
 
         Raises:
             UnknownNameError: the scene has no arm or frame of that name.
-            InputError: an arm that has other joints there.
+            InputError: an arm has other joints in `scene`.
         """
         of_kind("scene", scene, Scene)
         start: dict[str, Array] = {}
@@ -315,7 +315,7 @@ def _is_numbers(value: Sequence[Any]) -> bool:
 
 
 def _one_goal(robot: Robot, arm: str, goal: Any) -> Goal:
-    """A checked goal from a goal, a configuration's name or its numbers."""
+    """Validate a goal given as a goal, a configuration's name or its numbers."""
     if isinstance(goal, PoseGoal | RegionGoal):
         robot.link(frame_link(robot, goal.frame))
         return goal
@@ -324,10 +324,10 @@ def _one_goal(robot: Robot, arm: str, goal: Any) -> Goal:
 
 
 def frame_link(robot: Robot, frame: str) -> str:
-    """The link a goal's frame means: "tool" stands for the robot's tool unless a link has that name.
+    """The link of a goal's frame; "tool" is the robot's tool unless a link has that name.
 
     Raises:
-        UnknownNameError: there is no such link.
+        UnknownNameError: no such link.
     """
     if frame == "tool" and frame not in robot.link_names:
         return robot.tool

@@ -1,7 +1,7 @@
-"""The shapes that links and obstacles are made of: small immutable values, SI units.
+"""Shapes of links and obstacles: immutable values, SI units.
 
-Each shape is centerd in its own frame; cylinders and capsules run along z; a half-space is
-the matter below its plane.
+Each shape is centered in its frame; cylinders and capsules are aligned with z; a half-space is
+solid below its plane.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class HalfSpace:
         if not 1e-9 <= length <= 1e9:
             size = "length zero" if length < 1.0 else f"length {length:.3g}"
             raise InputError(f"half-space normal has {size}, expected a direction, about 1 long")
-        if abs(length - 1.0) > 1e-15:  # a unit normal is kept to the last bit, so that files read back equal
+        if abs(length - 1.0) > 1e-15:  # a unit normal is unchanged, so that files read back equal
             n = n / length
         x, y, z = (float(c) for c in n)
         object.__setattr__(self, "normal", (x, y, z))
@@ -128,7 +128,7 @@ class Mesh(Value):
     Args:
         vertices: Points [m], shape (n, 3).
         faces: Indices of each triangle's corners, counter-clockwise from outside, shape (m, 3).
-        convex: The mesh is the boundary of its own convex hull (set by the hull builder only).
+        convex: Whether the mesh is the boundary of its convex hull (set by the hull builder only).
 
     Raises:
         InputError: fewer than 4 vertices, an index out of range, numbers that are not finite.
@@ -159,7 +159,7 @@ class Mesh(Value):
 
 
 def _whole_numbers(faces: Any) -> NDArray[np.int32]:
-    """Face indices as they were meant: numpy would cut 1.5 to 1 and wrap what is too large."""
+    """Face indices as integers; NumPy would truncate 1.5 to 1 and wrap large values."""
     array = number_array("mesh faces", faces)
     if not (np.abs(array) < 2**31).all() or (array != np.round(array)).any():
         raise InputError("mesh faces holds an index that is not a whole number, or too large")
@@ -168,7 +168,7 @@ def _whole_numbers(faces: Any) -> NDArray[np.int32]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PointCloud(Value):
-    """Points with a thickness: each cell that holds a point is solid (an octree's leaf).
+    """An occupancy grid of points: each cell that contains a point is solid (an octree's leaf).
 
     The cells are cubes of side `resolution` on the grid floor(p / resolution) of the cloud's frame.
 

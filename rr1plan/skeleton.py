@@ -1,4 +1,4 @@
-"""The arms of scenes as one Pinocchio model, which scenes with the same arms share."""
+"""The arms of a scene as one Pinocchio model, shared by scenes with the same arms."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _PRISMATIC = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Where something rigid hangs in the model.
+    """Placement of a rigid body in the model.
 
     Args:
-        joint: Index of the Pinocchio joint that carries it; 0 is the world.
+        joint: Index of the parent joint in Pinocchio; 0 is the world.
         placement: T_joint_body, shape (4, 4).
     """
 
@@ -39,12 +39,12 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class ElementGeometry:
-    """One shape of one element of the scene, hung in the model.
+    """A shape of an element of the scene, placed in the model.
 
     Args:
         element: "arm/link", an obstacle or an attached object.
         geometry: The shape.
-        joint: Index of the Pinocchio joint that carries it; 0 is the world.
+        joint: Index of the parent joint in Pinocchio; 0 is the world.
         placement: T_joint_geometry, shape (4, 4).
     """
 
@@ -55,19 +55,19 @@ class ElementGeometry:
 
 
 def hang(element: str, body: Body, geometries: Iterable[Geometry]) -> tuple[ElementGeometry, ...]:
-    """Shapes in the frame of a body, hung in the model."""
+    """Shapes of a body, placed in the frame of its joint."""
     return tuple(ElementGeometry(element, g, body.joint, read_only(body.placement @ g.pose)) for g in geometries)
 
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """What of a `SceneModel` depends on nothing but the arms, which of them move, and the posture of the rest.
+    """The part of a `SceneModel` that depends only on the arms, which of them move, and the posture of the rest.
 
-    Scenes that agree in these share one, so nobody may change its `model`.
+    It is shared by scenes that agree in these, so its `model` must not be modified.
 
     Args:
         joint_names, limits, model, columns, gains, offsets: See `SceneModel`.
-        bodies: Which joint carries each link, and where.
+        bodies: Joint and placement of each link.
         frames: Pinocchio's index of each link's frame.
         link_geometries: Every collision shape of the links.
     """
@@ -85,14 +85,14 @@ class Skeleton:
 
 @dataclass(frozen=True)
 class _Content:
-    """All that a skeleton depends on, to compare; and what to make it from."""
+    """Cache key of a skeleton, and the data to build it."""
 
     key: tuple[tuple[str, str, bytes, bytes | None], ...]
     arms: Mapping[str, Arm] = field(compare=False)
 
 
 def skeleton_of(scene: Scene, arms: tuple[str, ...]) -> Skeleton:
-    """The skeleton of a scene of which those arms move; scenes with equal arms get the same.
+    """The skeleton of a scene with the given moving arms; cached for scenes with equal arms.
 
     Raises:
         InputError: a joint that is neither planned, locked nor mimics one that is.
@@ -134,7 +134,7 @@ def _skeleton(content: _Content) -> Skeleton:
 
 
 class _Builder:
-    """A Pinocchio model to which arms are added."""
+    """Builds a Pinocchio model arm by arm."""
 
     def __init__(self) -> None:
         self.model = pin.Model()
@@ -142,7 +142,7 @@ class _Builder:
         self.frames: dict[str, int] = {}
 
     def add_arm(self, name: str, arm: Arm) -> list[Joint]:
-        """Add one arm; its movable joints in the order of the model."""
+        """Add an arm; return its movable joints in the order of the model."""
         self._add_link(name, arm.robot, arm.robot.base, Body(0, arm.base))
         added = []
         for joint in _depth_first(arm.robot):
@@ -177,7 +177,7 @@ class _Builder:
 
 
 def _depth_first(robot: Robot) -> list[Joint]:
-    """The joints with every subtree in one piece, as Pinocchio's dynamics needs them."""
+    """The joints in depth-first order, as Pinocchio's dynamics requires."""
     children: dict[str, list[Joint]] = {}
     for joint in robot.joints:
         children.setdefault(joint.parent, []).append(joint)
@@ -191,7 +191,7 @@ def _depth_first(robot: Robot) -> list[Joint]:
 
 
 def _joint_model(joint: Joint) -> Any:
-    """A one-number joint; the axis-aligned kinds are faster."""
+    """Pinocchio's joint model with one position; axis-aligned ones are faster."""
     aligned, unaligned = (
         (_PRISMATIC, pin.JointModelPrismaticUnaligned)
         if joint.kind == "prismatic"
@@ -202,14 +202,14 @@ def _joint_model(joint: Joint) -> Any:
 
 
 def joint_twist(joint: Any) -> Array:
-    """The velocity of a joint of one number in its own frame, linear and angular, shape (6,)."""
+    """Unit twist (linear, angular) of a one-degree-of-freedom joint in its frame, shape (6,)."""
     state = joint.createData()
     joint.calc(state, np.zeros(1))
     return np.asarray(state.S).ravel()
 
 
 def _drive(robot: Robot, joint: Joint, first: int | None, rest: Array) -> tuple[int, float, float]:
-    """What drives a joint: (column, gain, offset). `first` is the arm's first column, None for a resting arm."""
+    """Affine map of a joint: (column, gain, offset). `first` is the arm's first column, None for a fixed arm."""
     gain, offset, seen = 1.0, 0.0, {joint.name}
     leader = joint
     while leader.name not in robot.joint_names and leader.name not in robot.locked_joints:

@@ -1,7 +1,7 @@
 """Rigid transforms as read-only 4x4 arrays, quaternions as wxyz.
 
-`T_world_tool` maps tool coordinates to world coordinates. Another quaternion order lives
-inside the one adapter that needs it.
+`T_world_tool` maps tool coordinates to world coordinates. Other quaternion orders are converted
+in the module that needs them.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def unit_quaternion(wxyz: ArrayLike) -> Array:
     """A quaternion wxyz of norm 1, shape (4,); one that has it to rounding is kept to the bit.
 
     Raises:
-        InputError: not four finite numbers, or a norm too near zero to have a direction.
+        InputError: not four finite numbers, or a norm too close to zero.
     """
     q = finite_array("quaternion wxyz", wxyz, (4,))
     norm = float(np.linalg.norm(q))
@@ -64,7 +64,7 @@ def rotation_from_quaternion(wxyz: ArrayLike) -> Array:
     """Rotation matrix of a quaternion wxyz, normalized first, shape (3, 3).
 
     Raises:
-        InputError: not four finite numbers, or a norm too near zero to have a direction.
+        InputError: not four finite numbers, or a norm too close to zero.
     """
     w, x, y, z = unit_quaternion(wxyz)
     return np.array(
@@ -148,7 +148,7 @@ def as_pose(value: ArrayLike | None, name: str = "pose") -> Array:
 
 
 def _is_rotation(R: Array) -> bool:
-    """Orthonormal and no mirror; entries beyond 1 are refused first, as their products may overflow."""
+    """Whether R is orthonormal with determinant 1; entries beyond 1 are tested first, because products may overflow."""
     return bool(np.abs(R).max() < 2.0 and np.abs(R @ R.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(R) > 0.0)
 
 

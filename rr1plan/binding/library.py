@@ -1,4 +1,4 @@
-"""Libraries of compiled kernels: the one made for this processor, loaded when it is first needed."""
+"""Libraries of compiled kernels, selected for the processor and loaded lazily."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ HOW_TO_BUILD = "build them with `pip install -e .` or, in a source checkout, `py
 
 
 class KernelLibrary:
-    """A library in its variants: one for each level of the processor.
+    """A library with one variant for each level of the processor.
 
     Args:
-        sources: What it is made from; the libraries are in the folder `built` beside them.
+        sources: Its sources; the libraries are in the folder `built` beside them.
     """
 
     def __init__(self, sources: KernelSources) -> None:
@@ -32,15 +32,15 @@ class KernelLibrary:
         self.folder = sources.unit.with_name("built")
 
     def variant_file(self, variant: str) -> Path:
-        """Where the library of a variant is: "x86_64_v2", "x86_64_v3", "x86_64_v4" or "aarch64"."""
+        """File of a variant: "x86_64_v2", "x86_64_v3", "x86_64_v4" or "aarch64"."""
         return self.folder / f"{self.sources.unit.stem}-{variant}{_SUFFIXES.get(sys.platform, '.so')}"
 
     @cached_property
     def variants(self) -> tuple[str, ...]:
-        """The variants that are built and that this processor can run, the fastest first.
+        """The built variants that this processor supports, the fastest first.
 
         Raises:
-            InstallationError: the one that every processor can run cannot be loaded.
+            InstallationError: the variant for all processors cannot be loaded.
         """
         machine = platform.machine().lower()
         machine = _MACHINES.get(machine, machine)
@@ -57,7 +57,7 @@ class KernelLibrary:
         return tuple(name for name in names if self.variant_file(name).is_file())
 
     def load(self, file: Path) -> ctypes.CDLL:
-        """A library, its functions declared.
+        """Load a library and declare its functions.
 
         Args:
             file: The library's file.

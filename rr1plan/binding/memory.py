@@ -1,4 +1,4 @@
-"""Memory that C reads and writes: arrays as arguments of functions, and structs with the addresses of arrays."""
+"""Memory shared with C: arrays as arguments of functions, and structs of pointers to arrays."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ _start_of: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
 class CStruct:
-    """A C struct, and all arrays its pointers lead to.
+    """A C struct that keeps the targets of its pointers alive.
 
     Args:
-        sources: Where it is declared.
-        name: Its name.
-        fields: Values of its fields, see `set`. Those left out are zero.
+        sources: Sources that declare it.
+        name: Name of the struct.
+        fields: Values of its fields, see `set`. Omitted fields are zero.
 
     Attributes:
         value: The struct itself.
         address: Where it is.
 
     Raises:
-        TypeError: an array that is not what the headers say.
+        TypeError: an array of another type than declared.
     """
 
     def __init__(self, sources: KernelSources, name: str, **fields: Any) -> None:
@@ -52,10 +52,10 @@ class CStruct:
         self.set(**fields)
 
     def set(self, **fields: Any) -> None:
-        """Give fields new values: numbers; for pointers C arrays or other structs, which are kept alive.
+        """Set fields: numbers, or for pointers C-contiguous arrays or other structs, which are kept alive.
 
         Raises:
-            TypeError: an array that is not what the headers say.
+            TypeError: an array of another type than declared.
         """
         pointers = self.sources.pointers(self.name)
         for key, given in fields.items():
@@ -105,7 +105,7 @@ class CStruct:
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
-        """The arrays that its pointers lead to."""
+        """The arrays that its pointers point to."""
         return [given for given in self.targets.values() if not isinstance(given, CStruct)]
 
 
@@ -113,12 +113,12 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
     """Address of a struct or an array, to be kept alive by the caller.
 
     Args:
-        sources: Where the type is declared.
-        given: It.
-        kind: The C type at that address: a struct, one for each row of the array, or a kind of number.
+        sources: Sources that declare the type.
+        given: The struct or array.
+        kind: The C type at that address: a struct (one per row of the array) or a type of number.
 
     Raises:
-        TypeError: it is not of that kind.
+        TypeError: `given` is of another type.
     """
     if isinstance(given, CStruct):
         if given.name != kind:
@@ -135,7 +135,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
     elif given.dtype is not expected and given.dtype != expected:
         raise TypeError(f"an array of {given.dtype} is no array of {kind}")
     if flags.writeable and given.size:
-        return ctypes.addressof(_start_of(given))  # in a third of the time of what serves all arrays
+        return ctypes.addressof(_start_of(given))  # three times as fast as the general case below
     address: int = given.__array_interface__["data"][0]
     return address
 
@@ -144,8 +144,8 @@ def argument_type(sources: KernelSources, kind: str) -> Any:
     """The type of an argument of an exported function, as `ctypes` takes it.
 
     Args:
-        sources: Where the function is declared.
-        kind: A kind of number; or, with a `*`, what a pointer leads to: an array, a `CStruct` or an address is given.
+        sources: Sources that declare the function.
+        kind: A type of number; or a pointer type with a `*`, which takes an array, a `CStruct` or an address.
     """
     if not kind.endswith("*"):
         return {"int64_t": ctypes.c_int64, "double": ctypes.c_double}[kind]
@@ -153,11 +153,11 @@ def argument_type(sources: KernelSources, kind: str) -> Any:
     expected = _DTYPES.get(target)
 
     class Pointer:
-        """An argument that points to a kind of item."""
+        """A pointer argument."""
 
         @classmethod
         def from_param(cls, given: Any) -> Any:
-            """What is handed to C."""
+            """The value passed to C."""
             if type(given) is np.ndarray and given.dtype is expected:  # most arguments, in half of the time
                 flags = given.flags
                 if flags.c_contiguous and flags.writeable and given.size:

@@ -1,1 +1,1 @@
-"""Files in, values out: robots, meshes, scenes and plans."""
+"""Readers and writers of robots, meshes, scenes and plans."""

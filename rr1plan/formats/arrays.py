@@ -1,6 +1,6 @@
-"""Arrays in numpy's formats, .npy and .npz: whole and of bounded size, or refused with one kind of error.
+"""Arrays in NumPy's formats, .npy and .npz, with bounded size and a uniform error for damaged data.
 
-Damaged data makes numpy and zipfile raise errors of many kinds; they are listed here, once.
+Damaged data makes numpy and zipfile raise many types of errors, which are listed here.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Results of slow conversions, kept on disk by the hash of what they were made from.
+"""Disk cache for results of slow conversions, keyed by the hash of their input.
 
-The folder is RR1PLAN_CACHE, else the user's cache folder. A cache that cannot be read or written,
-or an entry that is damaged, costs time and nothing else. Entries are plain arrays, never pickles,
+The folder is RR1PLAN_CACHE, else the user's cache folder. If the cache is not accessible
+or an entry is damaged, the result is recomputed. Entries are arrays, never pickles,
 written to a temporary file and renamed, so that several processes can share the folder.
 """
 
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 
 def cache_key(*parts: str | NDArray[Any]) -> str:
-    """A name for a result, from all it depends on (hex)."""
+    """Hash of everything that a result depends on (hex)."""
     digest = hashlib.sha256()
     for part in parts:
         data = part.encode() if isinstance(part, str) else np.ascontiguousarray(part).tobytes()
@@ -36,18 +36,18 @@ def cache_key(*parts: str | NDArray[Any]) -> str:
 
 
 def load_cached(key: str) -> Arrays | None:
-    """The arrays kept under a key, or None."""
+    """The cached arrays of a key, or None."""
     try:
         return parse_archive((cache_folder() / f"{key}.npz").read_bytes())
     except FileNotFoundError:
         return None
     except (OSError, RuntimeError, ValueError) as error:
-        log.warning("the cache entry %s cannot be used, it is made anew: %s", key[:12], error)
+        log.warning("the cache entry %s cannot be used and is recomputed: %s", key[:12], error)
         return None
 
 
 def store_cached(key: str, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Keep arrays under a key, if that is possible."""
+    """Cache arrays under a key, if the cache is writable."""
     temporary: str | None = None
     try:
         folder = cache_folder()

@@ -1,4 +1,4 @@
-"""CoACD in a child process: it takes minutes on some meshes, and within this process it could not be stopped.
+"""CoACD in a child process, because it takes minutes on some meshes and cannot be interrupted.
 
 The child reads one mesh from its standard input and writes the pieces to its standard output, both as npz archives.
 """
@@ -25,7 +25,7 @@ from rr1plan.errors import BackendError
 Wait = Callable[[float], None]
 
 _POLL = 0.1
-# The child outlives a parent that was killed by this at most [s].
+# Longest time that the child outlives a killed parent [s].
 _GRACE = 5.0
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]);"
@@ -34,7 +34,7 @@ _CHILD = (
 
 
 class DecompositionTimeout(Exception):
-    """The decomposition did not end in the time it was given."""
+    """The decomposition exceeded its time limit."""
 
 
 def decompose(
@@ -46,15 +46,15 @@ def decompose(
         vertices: Points [m], shape (n, 3).
         faces: Corners of each triangle, shape (m, 3).
         options: Keywords of `coacd.run_coacd`.
-        seconds: The longest it may take [s].
-        wait: Called about ten times a second with the time spent so far [s]; what it raises ends the decomposition.
+        seconds: Time limit [s].
+        wait: Called about ten times a second with the elapsed time [s]; an exception ends the decomposition.
 
     Raises:
         DecompositionTimeout: it takes longer than `seconds`.
         BackendError: CoACD failed, or its process ended without an answer.
     """
     if not _is_python(sys.executable):
-        # Embedded in another program there is no interpreter to start, and no bound on the time.
+        # Embedded in another program there is no interpreter to start, and no time limit.
         return _pieces(vertices, faces, options)
     arguments = [sys.executable, "-W", "ignore", "-c", _CHILD]
     arguments += [json.dumps(sys.path), str(seconds + _GRACE), json.dumps(dict(options))]
@@ -79,13 +79,13 @@ def _is_python(executable: str | None) -> bool:
 
 
 def _answer(child: subprocess.Popen[bytes], message: bytes | None, seconds: float, wait: Wait) -> tuple[bytes, bytes]:
-    """What the child wrote to its standard output and error."""
+    """Standard output and error of the child."""
     began = time.monotonic()
     while True:
         try:
             return child.communicate(message, timeout=_POLL)
         except subprocess.TimeoutExpired:
-            message = None  # what is not yet sent of the message is kept by `communicate`
+            message = None  # `communicate` keeps the unsent part of the message
             spent = time.monotonic() - began
             if spent > seconds:
                 raise DecompositionTimeout from None
@@ -99,7 +99,7 @@ def _packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:
 
 
 def serve(seconds: float, options: Mapping[str, Any]) -> None:
-    """The child's whole work; it ends itself after `seconds`."""
+    """Main function of the child; it exits after `seconds`."""
     if hasattr(signal, "alarm"):
         signal.alarm(int(np.ceil(seconds)))
     answer = os.fdopen(os.dup(1), "wb")

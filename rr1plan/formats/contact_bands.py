@@ -1,7 +1,7 @@
-"""Values of one joint at which two links touch whatever the other joints do, found by sampling.
+"""Contact bands: intervals of one joint in which two links touch for all values of the other joints, by sampling.
 
-Such a band inside the joint's range cuts the free space in two: no motion passes it. In a real arm that is rare; most
-come from shapes that are larger than the links, a convex hull of a bent one for example.
+A band inside the joint's range separates the free space. In a real arm that is rare; most
+bands come from shapes that are larger than the links, for example the convex hull of a bent link.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from rr1plan.checks import Array
 from rr1plan.formats.link_contacts import LinkBodies, Pair
 from rr1plan.robot import Robot
 
-# Values of a joint to look at; bands that are narrower may be missed.
+# Sampled values of a joint; narrower bands may be missed.
 _GRID = 48
 # Random values of the other joints at each of them.
 _OTHERS = 16
 _BISECTIONS = 8
-# With more joints between two links, these hardly touch whatever all but one of them are.
+# Most joints between two links of a band; with more joints bands are unlikely.
 _MOST_JOINTS = 3
 
 
@@ -53,8 +53,8 @@ def contact_bands(
     Args:
         robot: The robot; locked joints stay at their values.
         pairs: Pairs of links.
-        generator: Of the values of the other joints.
-        bodies: The robot's links, where they are at hand.
+        generator: Generator of the values of the other joints.
+        bodies: The robot's links, if already built.
     """
     lower, upper = sampling_bounds(robot)
     search = _Search(robot, bodies or LinkBodies(robot), generator.uniform(lower, upper, (_OTHERS, robot.nq)))
@@ -73,7 +73,7 @@ def sampling_bounds(robot: Robot) -> tuple[Array, Array]:
 
 
 def _joints_between(robot: Robot, pair: Pair) -> list[int]:
-    """Planning joints that move one link of a pair against the other."""
+    """Planning joints between the links of a pair."""
     above = {robot.base: frozenset[str]()}
     for joint in robot.joints:
         moving = {joint.name if joint.mimic is None else joint.mimic.joint} if joint.kind != "fixed" else set()
@@ -83,7 +83,7 @@ def _joints_between(robot: Robot, pair: Pair) -> list[int]:
 
 
 class _Search:
-    """Which pairs touch at a value of one joint, whatever the others are.
+    """Search for pairs in contact at a value of one joint for all values of the others.
 
     Args:
         robot: The robot.
@@ -106,7 +106,7 @@ class _Search:
                     yield ContactBand(a, b, self._robot.joint_names[j], low, high)
 
     def always_touching(self, j: int, value: float, pairs: Collection[Pair]) -> set[Pair]:
-        """Those of the pairs that touch at a value of joint j with all the other values."""
+        """The pairs in contact at a value of joint j for all samples of the others."""
         left = set(pairs)
         for other in self._others:
             if not left:
@@ -117,7 +117,7 @@ class _Search:
         return left
 
     def _border(self, j: int, pair: Pair, free: float, blocked: float) -> float:
-        """The last value at which a pair always touches, between one where it does and one where it does not."""
+        """Boundary of a band, by bisection between a value inside and one outside."""
         for _ in range(_BISECTIONS):
             middle = 0.5 * (free + blocked)
             free, blocked = (free, middle) if self.always_touching(j, middle, [pair]) else (middle, blocked)

@@ -13,18 +13,18 @@ from rr1plan.shapes import Mesh
 
 Faces = NDArray[np.int32]
 
-# Points times planes that are held in memory at once.
+# Most points times planes in memory.
 _MOST_PRODUCTS = 20_000_000
-# Share of a mesh's size by which a vertex may lie outside the plane of a face.
+# Tolerance for vertices outside the plane of a face, as a share of the mesh's size.
 _FLAT_TOLERANCE = 1e-7
-# Share of a hull's volume and area that may be missing of a mesh that is its own hull.
+# Relative tolerance of volume and area for a mesh that is its own hull.
 _WHOLE = 1e-6
-# Coal counts the neighbors of a corner in a byte.
+# Coal stores the number of neighbors of a vertex in a byte.
 _MOST_NEIGHBORS = 255
 
 
 def bounds_its_hull(mesh: Mesh) -> bool:
-    """No vertex lies outside the plane of a face, so that the faces bound the hull of the vertices."""
+    """Whether no vertex lies outside the plane of a face, so that the faces bound the hull of the vertices."""
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -37,13 +37,13 @@ def bounds_its_hull(mesh: Mesh) -> bool:
 
 
 def convex_hull(points: Array) -> Mesh:
-    """The convex hull of points, as a closed mesh that knows it is convex.
+    """The convex hull of points, as a closed mesh marked as convex.
 
     Args:
         points: Points [m], shape (n, 3).
 
     Raises:
-        InputError: the points lie in a plane, or a corner has more neighbors than Coal can count.
+        InputError: the points lie in a plane, or a vertex has more neighbors than Coal supports.
     """
     hull = _qhull(points)
     faces, normals = hull.simplices, hull.equations[:, :3]
@@ -57,19 +57,19 @@ def convex_hull(points: Array) -> Mesh:
 
 
 def _most_neighbors(faces: Faces) -> int:
-    """Of a closed mesh: as many as triangles meet at the corner."""
+    """Largest number of neighbors of a vertex of a closed mesh, equal to its number of triangles."""
     return int(np.bincount(faces.ravel()).max())
 
 
 def _without_fans(points: Array, faces: Faces, normals: Array) -> tuple[Faces, Array]:
-    """The hull's flat faces cut zigzag into triangles, and the normal of each: Qhull cuts a disc into a fan."""
+    """Triangles and normals of the hull with flat faces cut in a zigzag, because Qhull cuts a disc into a fan."""
     planes, group = np.unique(normals, axis=0, return_inverse=True)
     cut = [_zigzag(points, np.unique(faces[group.ravel() == i]), normal) for i, normal in enumerate(planes)]
     return np.concatenate(cut), np.repeat(planes, [len(triangles) for triangles in cut], axis=0)
 
 
 def _zigzag(points: Array, corners: NDArray[np.int32], normal: Array) -> Faces:
-    """A convex polygon as triangles of which at most three meet at a corner."""
+    """A convex polygon as triangles, with at most three at a vertex."""
     around = points[corners] - points[corners].mean(axis=0)
     across = np.cross(normal, around[0])
     corners = corners[np.argsort(np.arctan2(around @ across, around @ np.cross(across, normal)))]
@@ -129,7 +129,7 @@ def _lies_on(hull: Any, mesh: Mesh, tolerance: float) -> bool:
 
 
 def distance_outside(corners: Array, points: Array) -> Array:
-    """How far points (n, 3) are outside the hull of `corners` [m], negative inside, shape (n,)."""
+    """Signed distance of points (n, 3) from the hull of `corners` [m], negative inside, shape (n,)."""
     planes = _qhull(corners).equations
     parts = np.array_split(points, 1 + len(points) * len(planes) // _MOST_PRODUCTS)
     heights = [(part @ planes[:, :3].T + planes[:, 3]).max(axis=1, initial=-np.inf) for part in parts]

@@ -1,11 +1,11 @@
-"""A mesh as convex pieces whose union contains its surface, close to it.
+"""Convex decomposition of a mesh into pieces whose union contains its surface.
 
-A mesh is first taken apart into its connected parts. A part that is its own hull is one piece, a flat part becomes thin
-plates, an open one of few triangles a plate for each of them; only what is left is decomposed (Wei et al., Approximate
+A mesh is first split into its connected parts. A part that is its own hull is one piece, a flat part becomes thin
+plates, an open one of few triangles a plate for each of them; only other parts are decomposed (Wei et al., Approximate
 convex decomposition for 3D meshes with collision-aware concavity and tree search, 2022: the package coacd). CoACD's
-pieces leave parts of the surface outside, so each triangle, cut to small size, is given to the piece it fits best, and
-the piece becomes the hull of both. How far pieces then stick out of the part they stand for is measured and logged.
-Decompositions are kept on disk.
+pieces do not contain the whole surface, so each triangle, cut to small size, is assigned to the best piece, and
+the piece becomes the hull of both. The protrusion of pieces from their part is measured and logged.
+Decompositions are cached on disk.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ CONVEXITIES: tuple[Convexity, ...] = ("hull", "pieces")
 SECONDS = 120.0
 CONCAVITY = 0.05
 CUTS_PER_SIZE = 16
-# More iterations take several times as long and make pieces that stick out as far.
+# More iterations take several times as long without reducing the protrusion of pieces.
 _EFFORT = {"threshold": CONCAVITY, "resolution": 1000, "mcts_nodes": 8, "mcts_iterations": 20}
-# CoACD cuts a closed surface as it is; any other it first replaces by a finer, closed one around it.
+# CoACD replaces a surface that is not closed by a finer, closed one around it.
 _CLOSED = {**_EFFORT, "preprocess_mode": "off"}
 _OPEN = {**_EFFORT, "preprocess_mode": "auto"}
 _VERSION = "pieces-4"
@@ -65,7 +65,7 @@ _ANNOUNCED = 1.0
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """The pieces of one connected part of a mesh, and how far they stick out of it [m]."""
+    """The pieces of one connected part of a mesh, and their protrusion [m]."""
 
     pieces: list[Mesh]
     swelling: float = 0.0
@@ -94,7 +94,7 @@ def convex_shapes(meshes: Sequence[Mesh], convex: Convexity = "hull") -> list[Me
 def convex_pieces(mesh: Mesh, *, seconds: float = SECONDS, progress: ProgressCallback | None = None) -> list[Mesh]:
     """Convex meshes whose union contains the surface of a mesh; its hull alone if it is convex.
 
-    A decomposition is kept on disk, so that scenes with the same mesh need not wait for it again.
+    Decompositions are cached on disk.
 
     Args:
         mesh: The mesh.
@@ -159,7 +159,7 @@ class _Clock:
             raise CancelledError(f"cancelled while a mesh of {len(self._mesh.faces)} triangles was cut into pieces")
 
     def too_slow(self) -> InputError:
-        """What to say and to try when time is up."""
+        """The error for an exceeded time limit."""
         return InputError(
             f"a mesh of {len(self._mesh.faces)} triangles was not cut into convex pieces in {self._seconds:g} s; try a "
             'decimated mesh, boxes and cylinders in its place or its hull (convex = "hull"), or let it take longer, '
@@ -188,7 +188,7 @@ def _log_swelling(mesh: Mesh, parts: list[_Part]) -> None:
 def _parts(mesh: Mesh) -> list[Mesh]:
     """The connected parts of a mesh, closed ones with their outside outside; all in one where one is a cavity.
 
-    Triangles are connected by an edge that no third one has, so that bodies that touch stay apart.
+    Triangles are connected by edges of exactly two triangles, so that bodies in contact remain separate.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -296,7 +296,7 @@ def _fills_its_outline(flat: Mesh) -> bool:
 
 
 def _covering(mesh: Mesh, pieces: list[Mesh]) -> list[Mesh]:
-    """The pieces, each grown to hold the small triangles of the surface that fit it best."""
+    """The pieces, each extended to contain the small triangles of the surface that fit it best."""
     triangles = _cut(mesh.vertices[mesh.faces], _size(mesh.vertices) / CUTS_PER_SIZE)
     outside = np.empty((len(pieces), len(triangles)))
     for row, piece in zip(outside, pieces, strict=True):
@@ -306,7 +306,7 @@ def _covering(mesh: Mesh, pieces: list[Mesh]) -> list[Mesh]:
 
 
 def _grown(piece: Mesh, points: Array) -> Mesh:
-    """The hull of a piece and those of the points that it does not hold."""
+    """The hull of a piece and the points outside it."""
     return convex_hull(np.concatenate([piece.vertices, points[distance_outside(piece.vertices, points) > 0.0]]))
 
 
@@ -340,7 +340,7 @@ def _is_own_hull(mesh: Mesh) -> bool:
 
 
 def _swelling(mesh: Mesh, pieces: list[Mesh], closed: bool) -> float:
-    """The farthest that pieces reach from a mesh's surface [m], outside it where it is closed; at samples."""
+    """Largest sampled protrusion of pieces from a mesh's surface [m], only outside if it is closed."""
     step = _size(mesh.vertices) / _SAMPLES_PER_SIZE
     samples = np.concatenate([_cut(piece.vertices[piece.faces], step).mean(axis=1) for piece in pieces])
     distance = _distances(mesh, samples, step)
@@ -384,7 +384,7 @@ def _pack(part: _Part) -> Arrays:
 
 
 def _unpack(kept: Arrays) -> _Part | None:
-    """The pieces of a cache entry, or None where it does not hold what it should."""
+    """The pieces of a cache entry, or None if it is invalid."""
     try:
         count = len(kept) // 2
         pieces = [Mesh(kept[f"vertices{i}"], kept[f"faces{i}"], convex=True) for i in range(count)]

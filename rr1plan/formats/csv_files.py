@@ -94,10 +94,10 @@ def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[
     names = list(columns[0])
     if len(times) != 1 or not names or "" in names:
         raise FormatError(f"has another header, expected {_HEADER}", file, 1)
-    for what, where in (("velocities", columns[1]), ("accelerations", columns[2])):
+    for quantity, where in (("velocities", columns[1]), ("accelerations", columns[2])):
         if where and set(where) != set(names):
             odd = sorted(set(where) ^ set(names))
-            raise FormatError(f"has {what} for other joints than positions: {', '.join(odd)}", file, 1)
+            raise FormatError(f"has {quantity} for other joints than positions: {', '.join(odd)}", file, 1)
     return times[0], names, columns
 
 

@@ -1,9 +1,9 @@
-"""Reading regular files with a size limit, writing in one step.
+"""Reading of regular files with a size limit, and atomic writing.
 
-Every reader of the package opens files here: a FIFO, a device or a folder is refused before a byte is read.
+All readers of the package open files here; FIFOs, devices and folders are rejected.
 
-A file is written next to its place, flushed to the disk and renamed over it, so a crash leaves
-the old file or the new one, never half of one. A symbolic link stays, and the file it leads to is replaced.
+A file is written to a temporary file in the same folder, flushed to disk and renamed, so a crash leaves
+the old file or the new one, never half of one. A symbolic link is kept, and its target is replaced.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
 
     Args:
         file: The file.
-        max_bytes: Refuse more than this, packed or unpacked.
+        max_bytes: Largest size, packed or unpacked.
 
     Raises:
         InputError: no file name at all.
@@ -63,7 +63,7 @@ def _open(path: Path) -> BinaryIO:
 
 
 def is_regular(path: Path) -> bool:
-    """Whether there is a regular file of this name; False where there cannot be one."""
+    """Whether there is a regular file of this name; False for an invalid name."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -83,12 +83,12 @@ def read_text(file: str | Path, max_bytes: int = MAX_BYTES) -> str:
 
 
 def write_text(file: str | os.PathLike[str], text: str) -> Path:
-    """Write a UTF-8 file in one step and return its path; see `write_bytes`."""
+    """Write a UTF-8 file atomically and return its path; see `write_bytes`."""
     return write_bytes(file, text.encode("utf-8"))
 
 
 def check_writable(file: str | Path) -> None:
-    """Refuse a name under which no file can be written, before the work whose result it is for.
+    """Require a name under which a file can be written, before its content is computed.
 
     Raises:
         InputError: no file name at all, that of a folder or device, or one in a folder that is not there or not
@@ -103,14 +103,14 @@ def check_writable(file: str | Path) -> None:
 
 
 def _refuse_to_replace(path: Path) -> None:
-    """Refuse a folder, a FIFO and a device: the renamed file would take its place."""
+    """Reject a folder, a FIFO or a device, because renaming would replace it."""
     if path.exists() and not path.is_file():
         kind = _KINDS.get(stat.S_IFMT(path.stat().st_mode), "special file")
         raise InputError(f"cannot write {path}: it is a {kind}, expected a regular file or a new name")
 
 
 def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
-    """Write a file in one step and return its path.
+    """Write a file atomically and return its path.
 
     Raises:
         InputError: no file name at all, a folder's or a device's, or the folder is not there or not writeable; an old
@@ -139,7 +139,7 @@ def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
 
 
 def _new_file_mode(path: Path) -> int:
-    """The mode of the file that is replaced, or what the umask grants (a temporary file has 0600)."""
+    """The mode of the replaced file, or the default of the umask (a temporary file has 0600)."""
     if path.exists():
         return path.stat().st_mode & 0o777
     mask = os.umask(0)

@@ -1,6 +1,6 @@
-"""What has to be true of a glTF file before trimesh reads it: what trimesh would get wrong in silence is refused.
+"""Validation of glTF files, to reject those that trimesh would read wrongly without an error.
 
-Node trees without a cycle, triangles without compression, and buffers that are in the file or beside it.
+Requires acyclic node trees, uncompressed triangles, and buffers in the file or in its folder.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from rr1plan.formats.files import read_bytes
 MAX_COUNT = 10_000_000
 # Triangles and strips of them; trimesh drops fans. Points and lines have no surface.
 _FAN = 6
-# Extensions that change how a surface looks, and not where it is.
+# Extensions that change the appearance of a surface, not its geometry.
 _LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "MSFT_texture_")
 # glTF's y axis points up, z in a robot's links.
 Z_UP: Array = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def external_buffers(data: bytes, file: Path) -> dict[str, bytes]:
-    """The buffers of a .gltf or .glb file that are files beside it, by their names in it.
+    """The external buffers of a .gltf or .glb file, by name.
 
     Raises:
-        FormatError: not glTF 2, a part that would be read wrong, or a buffer that is elsewhere.
+        FormatError: not glTF 2, an unsupported feature, or a buffer outside the folder.
     """
     header = _header(data, file)
     try:
@@ -79,7 +79,7 @@ def _check_accessors(header: dict[str, Any], file: Path) -> None:
 
 
 def _check_tree(header: dict[str, Any], file: Path) -> None:
-    """Every node has one parent at most, and those of a scene none, so that none is shown twice or without end."""
+    """Require at most one parent for every node, and none for the nodes of a scene, to exclude cycles."""
     nodes = header.get("nodes", [])
     children = [child for node in nodes for child in node.get("children", [])]
     roots = [root for scene in header.get("scenes", []) for root in set(scene.get("nodes", []))]

@@ -1,4 +1,4 @@
-"""Which links of a robot touch at given joint values, by Coal directly."""
+"""Contacts between links of a robot at given joint values, by Coal."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class LinkBodies:
         }
         self._balls = {name: _ball(shapes) for name, shapes in self._shapes.items()}
         self.pairs = [frozenset(pair) for pair in combinations(self._shapes, 2)]
-        # Every link with all that it hangs from.
+        # Every link with its ancestors.
         self._above = {robot.base: frozenset({robot.base})}
         for joint in robot.joints:
             self._above[joint.child] = self._above[joint.parent] | {joint.child}
 
     def touching(self, values: Mapping[str, float], pairs: Sequence[Pair]) -> set[Pair]:
-        """Those of the pairs that touch at the given joint values."""
+        """The pairs in contact at the given joint values."""
         poses = self._poses(values, frozenset[str]().union(*pairs))
         near = self._near(poses, pairs)
         names = frozenset[str]().union(*near)
@@ -47,7 +47,7 @@ class LinkBodies:
         return {pair for pair in near if _touch(*(placed[name] for name in pair))}
 
     def _near(self, poses: Mapping[str, Array], pairs: Sequence[Pair]) -> list[Pair]:
-        """The pairs whose bounding balls meet: of hundreds, a few."""
+        """The pairs whose bounding spheres intersect."""
         if len(pairs) < 2:
             return list(pairs)
         place = {name: i for i, name in enumerate(name for name in self._balls if name in poses)}
@@ -68,7 +68,7 @@ class LinkBodies:
 
 
 def _ball(shapes: list[tuple[Any, Array]]) -> tuple[Array, float]:
-    """A ball around all shapes of a link: its center in the link's frame (3,) and its radius [m]."""
+    """Bounding sphere of a link's shapes: center in the link's frame (3,) and radius [m]."""
     for shape, _ in shapes:
         shape.computeLocalAABB()
     centers = np.array([pose[:3, :3] @ shape.aabb_center + pose[:3, 3] for shape, pose in shapes])

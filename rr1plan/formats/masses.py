@@ -1,4 +1,4 @@
-"""Masses of links that a robot's file gives none: those of their shapes, solid and of one density."""
+"""Estimated masses of links without `<inertial>`, from their shapes with uniform density."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from rr1plan.shapes import Mesh
 
 log = logging.getLogger(__name__)
 
-# Of water; arms of motors, gears and hollow castings are about as dense [kg/m³].
+# Density of water, similar to that of arms with motors, gears and hollow castings [kg/m³].
 DENSITY = 1000.0
 
 
 def with_assumed_masses(robot: Robot) -> Robot:
-    """The robot with a mass for each body that moves, has a shape and is given no mass; warns of them.
+    """The robot with an estimated mass for each moving body with a shape but without a mass; logs a warning.
 
-    A body is what fixed joints hold together. Its collision shapes count, or its visuals where it has none; a mere
-    frame stays without mass.
+    A body is a group of links connected by fixed joints. The mass is that of its collision shapes, or of its visuals
+    if it has none; a frame without shapes stays massless.
     """
     found = {name: inertial for body in robot.bodies[1:] for name, inertial in _assumed(body)}
     if not found:
@@ -42,7 +42,7 @@ def with_assumed_masses(robot: Robot) -> Robot:
 
 
 def _assumed(body: tuple[Link, ...]) -> Iterator[tuple[str, Inertial]]:
-    """The links of a body that get a mass, and what they get."""
+    """Links of a body without a mass, and their estimated inertials."""
     if any(link.inertial is not None for link in body):
         return
     solid = any(link.collisions for link in body)
@@ -53,7 +53,7 @@ def _assumed(body: tuple[Link, ...]) -> Iterator[tuple[str, Inertial]]:
 
 
 def _inertial_of(geometries: tuple[Geometry, ...]) -> Inertial | None:
-    """Mass, center of mass and inertia of solid shapes, None for what has no volume; meshes count as their hulls."""
+    """Mass, center of mass and inertia of solid shapes, with hulls for meshes; None without a volume."""
     total = pin.Inertia.Zero()
     for geometry in geometries:
         shape = geometry.shape

@@ -1,9 +1,9 @@
-"""Where a URDF's meshes may be: only inside folders that belong to the robot.
+"""Lookup of a URDF's meshes, restricted to folders of the robot.
 
 `package://name/rest` is `rest` in the package's folder: one of the given `package_dirs` or of
 ROS_PACKAGE_PATH (either the package itself or the folder that holds it), or a folder of that name
-beside the URDF or above it. A plain or `file://` name is relative to the URDF. Whatever leads out
-of these folders is refused, symbolic links included.
+next to the URDF or above it. A plain or `file://` name is relative to the URDF. Files outside
+these folders are rejected, also through symbolic links.
 """
 
 from __future__ import annotations

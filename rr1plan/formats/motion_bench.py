@@ -70,8 +70,8 @@ def read_bench_request(file: str | Path, scene: Scene, arm: str | None = None) -
     """Read a MotionBenchMaker request (YAML) as a problem of one arm of a scene.
 
     Args:
-        file: The file, with `start_state.joint_state` and `goal_constraints`; every one of them is
-            a goal of its own, any of which will do.
+        file: The file, with `start_state.joint_state` and `goal_constraints`, which are
+            alternative goals.
         scene: The scene; joints that are not planned for are held as the request says.
         arm: The arm that moves (default: the only one).
 
@@ -263,10 +263,10 @@ def _read_goal(entry: Table) -> dict[str, float]:
     return {c.string("joint_name"): _number(c, c.required("position"), "position") for c in constraints}
 
 
-def _in_order(top: Table, robot: Robot, what: str, values: Mapping[str, float]) -> list[float]:
+def _in_order(top: Table, robot: Robot, role: str, values: Mapping[str, float]) -> list[float]:
     missing = [name for name in robot.joint_names if name not in values]
     if missing:
-        raise top.error(f"the {what} has no value for joint {missing[0]!r} (it has {', '.join(values) or 'none'})")
+        raise top.error(f"the {role} has no value for joint {missing[0]!r} (it has {', '.join(values) or 'none'})")
     return [values[name] for name in robot.joint_names]
 
 

@@ -1,8 +1,8 @@
 """The schema of motion, trajectory and path files: every entry, its type and its bounds.
 
-A document is converted to these structures before anything is built from it, so that a value of another type, an
-unknown key or a number out of its bounds is refused with its place. What only several entries together can break (a
-joint that names a link, a face that names a vertex) is checked by the values themselves.
+A document is converted to these structures first, so that errors about a value of another type, an
+unknown key or a number out of bounds name the entry. Constraints between entries (a
+joint that names a link, a face that names a vertex) are checked by the constructors of the values.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Entry(Struct, forbid_unknown_fields=True):
 
 
 class Tagged(Entry, tag_field="type"):
-    """One of several kinds of entry, told apart by its `type`."""
+    """One of several kinds of entry, distinguished by its `type`."""
 
 
 class Box(Tagged, tag="box"):
@@ -259,7 +259,7 @@ class Trajectory(Entry):
 
 
 class Document(Entry, kw_only=True):
-    """What all documents hold; paths and trajectories of earlier versions name their scene, but do not hold it."""
+    """Common entries of all documents; paths and trajectories of earlier versions do not contain their scene."""
 
     made_for: SceneReference
     robots: list[Robot] = []

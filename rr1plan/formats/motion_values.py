@@ -1,6 +1,6 @@
-"""Our own values (robots, scenes, goals, paths, trajectories) as plain JSON data, and back from checked entries.
+"""Conversion of robots, scenes, goals, paths and trajectories to JSON data and back.
 
-Floats keep their last bit. What is built is built from entries of `motion_schema`, through the values' own checked
+Floats are exact. Values are built from validated entries of `motion_schema` by their validating
 constructors; nothing is unpickled or looked up by a path.
 """
 
@@ -29,7 +29,7 @@ from rr1plan.trajectory import Trajectory
 _SHAPES = (Box, Sphere, Cylinder, Capsule, HalfSpace, Mesh, PointCloud)
 _OTHERS = (Geometry, Inertial, Joint, Link, Mimic, Limits, Robot, JointGoal, PoseGoal, RegionGoal)
 _ENTRIES: dict[type, type[schema.Entry]] = {c: getattr(schema, c.__name__) for c in (*_SHAPES, *_OTHERS)}
-# A mesh with more vertices, or a cloud with more points, can be stored beside the document.
+# Meshes with more vertices, and clouds with more points, can be stored in separate files.
 _FEW = 64
 Shapes = dict[str, Mesh | PointCloud]
 ReadShape = Callable[[str], Mesh | PointCloud]
@@ -39,15 +39,15 @@ ReadShape = Callable[[str], Mesh | PointCloud]
 
 
 def plain(value: Any, stored: Shapes | None = None) -> Any:
-    """Data that JSON has a form for, as the schema wants it.
+    """JSON data of a value, by the schema.
 
     Args:
-        value: A robot, shape, goal, or a nest of mappings, sequences, arrays and numbers.
+        value: A robot, shape, goal, or nested mappings, sequences, arrays and numbers.
         stored: Collects large meshes and point clouds, which the data then refers to by their hash; None: all numbers
             are in the data.
 
     Raises:
-        InputError: a value that has no form.
+        InputError: a value that cannot be converted.
     """
     if value is None or isinstance(value, bool | str | int):
         return value

@@ -216,7 +216,7 @@ _READERS: dict[str, Callable[[_Words], list[Shape]]] = {
 
 
 def _written_shapes(name: str, geometry: Geometry) -> list[tuple[list[str], Array, Any]]:
-    """Type and measures, pose and color of what stands for one shape."""
+    """Type and dimensions, pose and color of the written shapes that represent one shape."""
     shape, color = geometry.shape, geometry.color or (0.0, 0.0, 0.0, 0.0)
     if isinstance(shape, Capsule):
         ends = [geometry.pose @ pose((0.0, 0.0, z)) for z in (-shape.length / 2, shape.length / 2)]

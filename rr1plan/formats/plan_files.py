@@ -1,12 +1,12 @@
-"""Paths, trajectories and whole motions as JSON files that prove they are whole.
+"""Paths, trajectories and motions as JSON files with a checksum.
 
     {"format": "rr1plan", "version": 2, "kind": "trajectory", "sha256": "...", "content": {...}}
 
-`sha256` is that of the content in one canonical form, so a file that was cut off or altered is
-refused. The content is checked against `motion_schema` before anything is built from it. It holds the scene with its
-robots, and their hashes; path and trajectory files of earlier versions hold the hashes alone. Large meshes and point
-clouds lie beside it, in the folder "geometry", unless they are embedded. Floats are written so that they read back to
-the last bit; nothing is unpickled; files are replaced in one step.
+`sha256` is the hash of the content in canonical form, so a truncated or modified file is
+rejected. The content is first validated against `motion_schema`. It contains the scene with its
+robots, and their hashes; path and trajectory files of earlier versions contain the hashes only. Large meshes and point
+clouds are in the folder "geometry" next to the file, unless they are embedded. Floats are exact to
+the last bit; nothing is unpickled; files are replaced atomically.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ _File = str | pathlib.Path
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SavedMotion(Value):
-    """What a file holds of a motion.
+    """Content of a motion file; entries that the file lacks are None.
 
     Args:
-        scene: The scene it was made in, when the file holds it.
-        path: The path, when it was saved.
-        trajectory: The timed motion, when it was saved.
-        report: The referee's verdict at the time, when it was saved.
-        problem: The question, when it was saved.
-        units: The unit of each column of the trajectory or path, when the file has them.
-        made_for: Names and hashes of the scene and its robots, when the file has them.
+        scene: The scene in which the motion was planned.
+        path: The path.
+        trajectory: The trajectory.
+        report: The referee's report at the time of saving.
+        problem: The planning problem.
+        units: The unit of each column of the trajectory or path.
+        made_for: Names and hashes of the scene and its robots.
     """
 
     scene: Scene | None = None
@@ -108,22 +108,22 @@ def save_motion(
     problem: Problem | None = None,
     embed: bool = False,
 ) -> pathlib.Path:
-    """Write a scene and what is known of a motion in it to a JSON file and return the file's path.
+    """Write a scene and a motion in it to a JSON file and return the file's path.
 
     Args:
         file: The file; read it with `load_motion`.
         scene: The scene.
         path: The path.
-        trajectory: The timed motion.
-        report: The referee's verdict.
-        problem: The question.
-        embed: Put large meshes and point clouds into the file, which is then whole by itself. Otherwise they go to the
-            folder "geometry" beside it, named by their hashes and shared by all motions there; copy both.
+        trajectory: The trajectory.
+        report: The referee's report.
+        problem: The planning problem.
+        embed: Embed large meshes and point clouds, which makes the file self-contained. Otherwise they are written to
+            the folder "geometry" next to it, named by their hashes and shared by all motions there; copy both.
 
     Raises:
         UnknownNameError: a joint the scene does not have.
-        InputError: a value that has no form, a trajectory that does not start and end where the path does, or the file
-            cannot be written.
+        InputError: a value that cannot be saved, a trajectory whose start or end differs from that of the path, or the
+            file cannot be written.
     """
     return _save(file, "motion", scene, _motion_entries(scene, path, trajectory, report, problem), embed)
 
@@ -136,7 +136,7 @@ def motion_text(
     report: Report | None = None,
     problem: Problem | None = None,
 ) -> str:
-    """The text of a motion file that is whole by itself; see `save_motion`."""
+    """The text of a self-contained motion file; see `save_motion`."""
     return _text("motion", scene, _motion_entries(scene, path, trajectory, report, problem), None)
 
 
@@ -173,7 +173,7 @@ def _save(file: _File, kind: str, scene: Scene, entries: dict[str, Any], embed: 
 
 
 def _text(kind: str, scene: Scene, entries: dict[str, Any], stored: values.Shapes | None) -> str:
-    """The file's text; what could not be read again is not written. `stored` collects what lies beside it."""
+    """The text of the file, validated for reading. `stored` collects shapes in separate files."""
     content = {"made_for": _reference(scene), **values.plain_scene(scene, stored), **entries}
     try:
         msgspec.convert(content, schema.DOCUMENTS[kind])
@@ -241,10 +241,10 @@ def read_plan_file(file: _File, scene: Scene | None = None) -> SavedMotion:
 
     Args:
         file: The file.
-        scene: A scene whose meshes serve where those that the file refers to are not beside it.
+        scene: A scene with the meshes that are missing next to the file.
 
     Raises:
-        FormatError: cut off, altered, of another version or kind, or a content that makes no sense.
+        FormatError: truncated, modified, of another version or kind, or inconsistent content.
     """
     document = _read(file)
     try:
@@ -256,7 +256,7 @@ def read_plan_file(file: _File, scene: Scene | None = None) -> SavedMotion:
 
 
 def _read(file: _File) -> schema.Document:
-    """The content of a file, proven whole and of the right types."""
+    """The content of a file, with checksum and types validated."""
     top = read_json(file)
     if top.raw("format") != _FORMAT:
         raise top.error("is not a file of rr1plan: it has no entry 'format' that says so")
@@ -279,11 +279,11 @@ def _read(file: _File) -> schema.Document:
 
 
 class _MissingShape(InputError):
-    """A mesh or point cloud is neither beside the file nor in the scene that the caller gave."""
+    """A mesh or point cloud is neither next to the file nor in the given scene."""
 
 
 class _Geometry:
-    """Finds meshes and point clouds by their hashes: beside a file, or in a scene."""
+    """Finds meshes and point clouds by their hashes: next to a file, or in a scene."""
 
     def __init__(self, file: pathlib.Path, scene: Scene | None) -> None:
         self.has_scene = scene is not None
@@ -339,10 +339,10 @@ def _saved(document: schema.Document, geometry: _Geometry) -> SavedMotion:
 
 
 def _check_ends(path: Path | None, trajectory: Trajectory | None) -> None:
-    """A trajectory along a path starts and ends where the path does, in all joints that both move.
+    """Require equal starts and ends of a path and a trajectory, in all joints of both.
 
     Raises:
-        InputError: a path of another motion, or one that runs the other way.
+        InputError: a path of another motion, or a reversed path.
     """
     if path is None or trajectory is None:
         return
@@ -366,9 +366,9 @@ def _problem(motion: schema.MotionDocument | None, scene: Scene | None) -> Probl
 
 
 def _scene(document: schema.Document, geometry: _Geometry) -> Scene | None:
-    """The scene that a document holds; None where it only names it.
+    """The scene in a document; None if it only refers to one.
 
-    A path or trajectory whose meshes are gone can still be judged in a scene that the caller gives.
+    A path or trajectory with missing meshes can still be validated in a given scene.
     """
     if document.scene is None:
         if document.robots:
@@ -386,7 +386,7 @@ def _scene(document: schema.Document, geometry: _Geometry) -> Scene | None:
 
 
 def _check_units(entry: schema.Path | schema.Trajectory, scene: Scene | None) -> None:
-    """Each column has a unit, that of its joint where the scene is known."""
+    """Require a unit for each column, that of its joint if the scene is known."""
     if len(entry.units) != len(entry.joint_names):
         raise InputError(f"has {len(entry.units)} units for {len(entry.joint_names)} joints")
     if scene is not None and entry.units != (wanted := units(tuple(entry.joint_names), scene)):

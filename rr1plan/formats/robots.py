@@ -1,4 +1,4 @@
-"""From a URDF's tree and an SRDF's meaning to a `Robot`: which joints are planned for, and the rest."""
+"""Assembly of a `Robot` from a URDF and an SRDF: planning joints, tool, limits, configurations."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
 
 @dataclass(frozen=True)
 class Choice:
-    """What a caller may choose about a robot; None leaves it to the files.
+    """Options of a robot; None selects the default from the files.
 
     Args:
         groups: What to plan for, as one: names of SRDF groups, or chains as (base link, tip link).
@@ -43,12 +43,12 @@ class Choice:
 
 
 def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
-    """A robot from what its files say.
+    """A robot from its URDF and SRDF.
 
     Args:
         tree: The URDF.
         semantics: The SRDF, or None.
-        choice: What the caller chose.
+        choice: Options.
 
     Raises:
         UnknownNameError: no such group, joint or link.
@@ -86,7 +86,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     robot = with_assumed_masses(robot)
     robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, "home" in states)
     if not any(link.collisions for link in robot.links):
-        log.warning("%s: no link has a <collision>, nothing will ever be in its way", robot.name)
+        log.warning("%s: no link has a <collision>, so no collision will be found", robot.name)
     elif robot.unchecked_links:
         bare = ", ".join(robot.unchecked_links)
         log.warning("%s: links without a <collision>, never checked though they are visible: %s", robot.name, bare)
@@ -94,7 +94,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
 
 
 def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robot:
-    """The robot with the pairs of links that need no check, and a home where it does not touch itself."""
+    """The robot with its unchecked pairs of links, and a home configuration without self-collision."""
     found = self_contacts(robot, has_rules, keeps_home)
     always, at_home = (
         _listed(found.always - adjacent_pairs(robot.joints) - robot.disabled_collisions),
@@ -119,7 +119,7 @@ def _listed(pairs: Iterable[frozenset[str]]) -> str:
 
 
 def urdf_limits(joints: Sequence[Joint]) -> Limits:
-    """The limits that joints come with, and careful ones where URDF knows none.
+    """The limits of joints, with conservative defaults for those that URDF lacks.
 
     A velocity that is missing becomes 1 rad/s (0.25 m/s); the acceleration is what reaches the
     velocity in 0.25 s, the jerk what reaches that acceleration in 0.1 s.
@@ -142,7 +142,7 @@ def urdf_limits(joints: Sequence[Joint]) -> Limits:
 def _chosen_groups(
     tree: Tree, known: Semantics, wanted: Sequence[str | Sequence[str]] | None
 ) -> tuple[Semantics, tuple[str, ...]]:
-    """The names of the groups that a caller chose, and the semantics that have his chains as groups too."""
+    """The semantics with the chosen chains added as groups, and the names of the chosen groups."""
     entries = () if wanted is None else items_of("groups", wanted, "groups")
     chains: dict[str, tuple[str, str]] = {}
     names: list[str] = []
@@ -170,7 +170,7 @@ def _chain_ends(tree: Tree, entry: Any) -> tuple[str, str]:
 def _planning_joints(
     tree: Tree, known: Semantics, groups: tuple[str, ...], chosen: Sequence[str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The groups that were taken, if any, and the joints to plan for."""
+    """The planning groups, if any, and the planning joints."""
     joints = {joint.name: joint for joint in tree.joints}
     if chosen is not None:
         names = items_of("joints", chosen, "names")
@@ -200,7 +200,7 @@ def _check_distinct(what: str, names: Sequence[str]) -> None:
 
 
 def _default_groups(tree: Tree, known: Semantics) -> tuple[str, ...]:
-    """The arm that carries an end effector, else the first group with joints that is no gripper."""
+    """The arm with an end effector, else the first group with joints that is not a gripper."""
     carriers = [e.parent_group for e in known.end_effectors if e.parent_group not in (None, e.group)]
     grippers = {e.group for e in known.end_effectors if _is_below(tree, known.groups[e.group], e.parent_link)}
     others = [name for name in known.groups if name not in grippers]
@@ -208,7 +208,7 @@ def _default_groups(tree: Tree, known: Semantics) -> tuple[str, ...]:
 
 
 def _is_below(tree: Tree, names: Sequence[str], link: str) -> bool:
-    """Whether all these joints hang on a link: then they are its gripper, not the arm."""
+    """Whether all these joints are descendants of a link, like those of a gripper."""
     links = {link}
     for joint in tree.joints:
         if joint.parent in links:
@@ -263,7 +263,7 @@ def _locked_states(known: Semantics, locked: Mapping[str, float]) -> dict[str, d
 
 
 def _tool(tree: Tree, known: Semantics, groups: tuple[str, ...], names: tuple[str, ...], chosen: str | None) -> str:
-    """The chosen link, the tip of the first group's chain, or the end of what hangs on its last joint."""
+    """The chosen link, the tip of the first group's chain, or the last link after its last joint."""
     links = [link.name for link in tree.links]
     if chosen is not None:
         return known_name("link", chosen, links)

@@ -1,4 +1,4 @@
-"""Named queries of a scene file, both ways.
+"""Reading and writing of the named queries of a scene file.
 
     [queries.reach]
     start = "home"                                              # or numbers; default: the scene's posture

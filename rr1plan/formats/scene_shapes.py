@@ -1,4 +1,4 @@
-"""Poses, colors and shapes as tables of a scene file, both ways.
+"""Reading and writing of poses, colors and shapes as tables of a scene file.
 
 box = [0.4, 0.3, 0.02]                       full sides [m]
 sphere = 0.05                                radius [m]

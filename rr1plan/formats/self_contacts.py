@@ -1,6 +1,6 @@
-"""Which links of a robot touch each other always or at home, found by sampling when it is loaded.
+"""Pairs of links in contact always or at home, found by sampling when a robot is loaded.
 
-That takes seconds for a robot of sixty links, so what took long is kept on disk by the robot's content.
+Sampling takes seconds for a robot with sixty links, so slow results are cached on disk by the robot's content.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _WORTH_KEEPING = 0.3
 
 @dataclass(frozen=True, eq=False)
 class SelfContacts:
-    """What sampling finds.
+    """Result of sampling.
 
     Args:
         always: Pairs that need no check: those that touch wherever the robot is, and without rules links that a joint
@@ -46,7 +46,7 @@ class SelfContacts:
 
 
 def self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
-    """Sample a robot's contacts with itself, or load what was found before.
+    """Sample a robot's self-contacts, or load them from the cache.
 
     Args:
         robot: The robot.
@@ -91,7 +91,7 @@ def _packed(robot: Robot, found: SelfContacts) -> Arrays:
 
 
 def _unpacked(robot: Robot, kept: Arrays) -> SelfContacts | None:
-    """What a cache entry holds, or None where it is damaged."""
+    """The content of a cache entry, or None if it is damaged."""
     names = robot.link_names
     try:
         always, at_home = (

@@ -1,7 +1,7 @@
 """SRDF: groups of joints, named states, end effectors and pairs of links that need no check.
 
 A strict reader: a value that is no number or a group that contains itself is an error with file and line. A link or
-joint that the robot does not have and a group that nobody defines are passed over with a warning, and so is a robot
+joint that the robot does not have and an undefined group are ignored with a warning, and so is a robot
 name that differs: many files serve several variants of a robot.
 """
 
@@ -33,7 +33,7 @@ class EndEffector:
 
 @dataclass(frozen=True)
 class Semantics:
-    """What an SRDF says about a robot.
+    """Content of an SRDF.
 
     Args:
         groups: Names of the movable joints of each group, in the robot's order.
@@ -142,7 +142,7 @@ class _Reader:
         return self._has(element, "name", "joint", self.joints)
 
     def _has(self, element: Element, attribute: str, kind: str, known: Container[str]) -> bool:
-        """Whether there is the link, joint or group that an attribute names; what there is not is remembered."""
+        """Whether the link, joint or group in an attribute exists; missing ones are recorded."""
         name = element.text(attribute)
         if name not in known and not (kind == "joint" and name in self.virtual):
             self.strange.setdefault((kind, name), element.line)
@@ -232,7 +232,7 @@ class _Reader:
         return tuple(found)
 
     def _disabled(self) -> frozenset[frozenset[str]]:
-        """Links off by default, then the pairs switched off, then the pairs switched on again."""
+        """Pairs of links disabled by default, plus disabled pairs, minus pairs enabled again."""
         off = {e.text("link") for e in self.root.all("disable_default_collisions") if self._has_link(e, "link")}
         pairs = {frozenset((a, b)) for a in off for b in self.links if a != b}
         return frozenset((pairs | self._pairs("disable_collisions")) - self._pairs("enable_collisions"))

@@ -27,7 +27,7 @@ _MOST_SAMPLES = 1_000_000
 
 
 def rigid_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
-    """Pairs of links whose relative pose never changes: a check could tell nothing new."""
+    """Pairs of links with a constant relative pose, which need no check."""
     body: dict[str, list[str]] = {}
     for joint in joints:
         members = body.setdefault(joint.parent, [joint.parent])
@@ -41,7 +41,7 @@ def rigid_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
 
 
 def adjacent_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
-    """Pairs of links that a movable joint joins, rigid neighbors of both included."""
+    """Pairs of links connected by a movable joint, including links fixed to either."""
     bodies: dict[str, set[str]] = {}
     for joint in joints:
         members = bodies.setdefault(joint.parent, {joint.parent})
@@ -133,7 +133,7 @@ def jammed_pairs(robot: Robot, samples: int, rng: Seed = None) -> frozenset[Pair
 
     Args:
         robot: The robot.
-        samples: How many random configurations decide.
+        samples: Number of random configurations.
         rng: Generator or seed.
     """
     generator = as_generator(rng)
@@ -159,16 +159,16 @@ def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int, rng: Seed = None) 
 
 
 def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed = None) -> Array:
-    """A configuration without self-collision near a wished one; the wish itself where it is free.
+    """A configuration without self-collision near `wish`, or `wish` itself if it is free.
 
     Args:
         robot: The robot.
-        wish: Configuration [rad], shape (nq,).
-        samples: How many random configurations to try.
+        wish: Desired configuration [rad], shape (nq,).
+        samples: Number of random configurations to try.
         rng: Generator or seed.
 
     Returns:
-        The free one nearest to the wish; the wish where none was found.
+        The nearest free configuration found; `wish` if none was found.
     """
     generator = as_generator(rng)
     bodies = LinkBodies(robot)
@@ -183,7 +183,7 @@ def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed 
 
 
 def touching_links(robot: Robot, q: Array, bodies: LinkBodies | None = None) -> set[Pair]:
-    """The pairs of links that touch at q (nq,), those that may left out; `bodies` where they are at hand."""
+    """Pairs of links in contact at q (nq,), except for allowed ones; `bodies` if already built."""
     bodies = bodies or LinkBodies(robot)
     return bodies.touching(
         robot.joint_values(q), [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]

@@ -1,6 +1,6 @@
-"""A strict view of nested tables from TOML, YAML or JSON: every key is asked for, or it is an error.
+"""A strict view of nested tables from TOML, YAML or JSON, in which unread keys are errors.
 
-Every error names the file, the line where it can be found, and the place, e.g.
+Every error names the file, the line if known, and the entry, e.g.
 "scene.toml:12: obstacles.shelf: unknown key 'boxx'. Did you mean 'box'?".
 """
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, finite_array, shown
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 
-# Words for the same thing in formats of robotics: who writes one of them means what is called by another here.
+# Synonyms of keys in robotics formats, for suggestions in error messages.
 _SYNONYMS = (
     ("xyz", "position", "translation", "origin", "pose"),
     ("quaternion", "rpy", "rotation", "orientation", "euler"),
@@ -29,7 +29,7 @@ _SYNONYMS = (
 
 
 class Table:
-    """One table of a file; remembers which keys were asked for.
+    """A table of a file that records which keys were read.
 
     Args:
         data: The parsed mapping.
@@ -53,11 +53,11 @@ class Table:
 
     @property
     def entries(self) -> Mapping[str, Any]:
-        """All that is in it, as parsed."""
+        """All entries, as parsed."""
         return self._data
 
     def names(self) -> tuple[str, ...]:
-        """All keys, without asking for them."""
+        """All keys, without marking them as read."""
         return tuple(self._data)
 
     def raw(self, key: str, default: Any = None) -> Any:
@@ -156,8 +156,8 @@ class Table:
         return present[0]
 
     def _misspelt(self, wanted: Iterable[str]) -> str:
-        """The end of a message that wants a key: the one that is there and nearly that."""
-        # Few files have mistakes.
+        """End of a message about a missing key: a suggestion of a similar key that is present."""
+        # Imported lazily, because it is rarely needed.
         from difflib import get_close_matches
 
         for key in self.unasked():
@@ -168,28 +168,28 @@ class Table:
         return ""
 
     def unasked(self) -> tuple[str, ...]:
-        """The keys that nobody asked for."""
+        """The unread keys."""
         return tuple(key for key in self._data if key not in self._asked)
 
     def finish(self) -> None:
-        """Refuse keys that nobody asked for.
+        """Reject unread keys.
 
         Raises:
-            FormatError: names the first of them and the near ones that are known.
+            FormatError: an unread key; the message suggests similar known keys.
         """
         for key in self.unasked():
             known = sorted(self._asked)
             raise self.error(str(UnknownNameError("key", key, known, near=_synonyms(key, known))), key)
 
     def error(self, message: str, key: str | None = None) -> FormatError:
-        """A FormatError that says where."""
+        """A FormatError that names the entry."""
         place = (*self.path, key) if key is not None else self.path
         where = ".".join(place) + ": " if place else ""
         return FormatError(where + message, self.file, line_of(self.text, place))
 
     @contextmanager
     def blame(self, key: str | None = None) -> Iterator[None]:
-        """Re-raise what the values themselves refuse as an error of this place."""
+        """Re-raise errors of values as errors of this entry."""
         try:
             yield
         except FormatError:
@@ -199,7 +199,7 @@ class Table:
 
 
 def _synonyms(key: str, wanted: Iterable[str]) -> list[str] | None:
-    """The wanted keys that mean the same as another; None for a key without known synonyms."""
+    """The wanted keys that are synonyms of a key; None for a key without known synonyms."""
     for words in _SYNONYMS:
         if key in words:
             return [word for word in words if word in set(wanted)]
@@ -207,12 +207,12 @@ def _synonyms(key: str, wanted: Iterable[str]) -> list[str] | None:
 
 
 def is_number(value: Any) -> bool:
-    """A number that is not a truth value (`yes` is one in YAML)."""
+    """Whether a value is a number and not a bool (`yes` is one in YAML)."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def check_numbers(value: Any, error: Callable[[str], FormatError]) -> None:
-    """Refuse a nest of lists with anything but numbers in it (numpy would take "1" and True)."""
+    """Require nested lists of numbers (NumPy would accept "1" and True)."""
     if isinstance(value, list):
         for item in value:
             check_numbers(item, error)
@@ -221,7 +221,7 @@ def check_numbers(value: Any, error: Callable[[str], FormatError]) -> None:
 
 
 def line_of(text: str, place: tuple[str, ...]) -> int | None:
-    """The line [1-based] of a TOML table or key, as near as a look at the text can tell."""
+    """The approximate line [1-based] of a TOML table or key, by text search."""
     for depth in range(len(place), 0, -1):
         header = r"\s*\.\s*".join(_key_pattern(part) for part in place[:depth])
         found = re.search(rf"^\s*\[\[?\s*{header}\s*\]", text, re.MULTILINE)

@@ -1,13 +1,13 @@
 """URDF: a strict reader of links, joints and shapes.
 
-Whatever a lenient parser drops or repairs in silence (a box of size NaN, a zero axis, inverted
-limits, a mimic of nobody) is an error here that names the file, the line and the thing. What does not
-change where the arm is and what it hits is a warning: a shape or a color that is only looked at, an
-inertia no body can have, a base that rolls. Elements that do not describe the arm (transmission, gazebo,
+Errors that lenient parsers ignore or repair silently (a box of size NaN, a zero axis, inverted
+limits, an unknown mimic joint) raise an error with file, line and name. Defects that do not affect
+kinematics or collision are warnings: a visual shape or color, a physically impossible
+inertia, a mobile base. Elements that do not describe the arm (transmission, gazebo,
 sensor, ...) are skipped.
 
-Beyond URDF 1.0 the reader knows `<capsule radius length>` (the length of the segment, without the
-round ends) and `<origin quat_xyzw>`, as urdfdom does from version 1.1 on.
+Beyond URDF 1.0 the reader supports `<capsule radius length>` (the length of the segment, without the
+round ends) and `<origin quat_xyzw>`, like urdfdom from version 1.1.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ MAX_LINKS = 1000
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """What a URDF says: a tree of links, before anyone decides which joints to plan for.
+    """Content of a URDF: a tree of links, before planning joints are chosen.
 
     Args:
         name: The robot's name.
         links: All links, the root first, depth first, siblings by the name of their joint.
         joints: The joint above each link but the root, in the same order.
-        source: Where it came from, for messages.
+        source: Origin of the document, for messages.
     """
 
     name: str
@@ -61,7 +61,7 @@ def read_urdf(
         file: Where a document given as text came from: meshes are looked up beside it.
 
     Raises:
-        FormatError: anything that is not a sound description of a tree of links.
+        FormatError: not a valid description of a tree of links.
         UnknownNameError: an unknown `convex`.
     """
     known_name("convex", convex, CONVEXITIES)
@@ -138,7 +138,7 @@ def _order(
 
 
 def _check_mimics(elements: dict[str, Element], joints: dict[str, Joint]) -> None:
-    """Every mimic leads to a movable joint that mimics nobody."""
+    """Require that every chain of mimic joints ends at an independent movable joint."""
     for name, joint in joints.items():
         seen = [name]
         while joint.mimic is not None:

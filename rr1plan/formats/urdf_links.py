@@ -18,7 +18,7 @@ from rr1plan.shapes import Box, Capsule, Cylinder, Shape, Sphere
 
 log = logging.getLogger(__name__)
 
-# A moment between minus and plus this part of the largest is zero, written in rounded numbers.
+# Moments within this share of the largest from zero count as rounded zeros.
 _ROUNDING = 1e-9
 _SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
 
@@ -194,7 +194,7 @@ def _inertial(element: Element, link: str) -> Inertial | None:
 
 
 def _clipped(inertia: Array) -> Array:
-    """The inertia with moments that are zero but for rounding raised to just above it."""
+    """The inertia with zero moments (up to rounding) raised to just above zero."""
     moments, axes = np.linalg.eigh(inertia)
     least = _ROUNDING * moments[2]
     if not -least <= moments[0] <= 0.0 < moments[2]:

@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 _SECONDS = 60.0
 _MEMORY = 4 * 1024**3
 _WORKER = "import sys; sys.path[:] = sys.argv[1:]; from rr1plan.formats.xacro_worker import main; main()"
-# How terminals are told to color text.
+# ANSI escape sequences.
 _COLOR = re.compile(r"\x1b\[[\d;]*m")
 
 
@@ -94,7 +94,7 @@ def _texts(arguments: Mapping[str, str] | None) -> dict[str, str]:
 
 
 def _answer(file: Path, request: dict[str, Any], seconds: float) -> dict[str, str]:
-    """What the process that expands the file answers."""
+    """Response of the worker process."""
     if getattr(sys, "frozen", False) or not sys.executable:
         raise BackendError("a frozen program has no Python to expand xacro files with; try the URDF: xacro FILE > URDF")
     try:

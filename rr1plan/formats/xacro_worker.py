@@ -1,6 +1,6 @@
-"""The process that expands a xacro file, within bounds of memory and time: one request in, one answer out.
+"""Worker process that expands a xacro file with limits of memory and time.
 
-Run by `rr1plan.formats.xacro`; imports nothing of the package, so that it starts fast.
+Run by `rr1plan.formats.xacro`; imports nothing from the package, so that it starts fast.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def main() -> None:
     try:
         answer = {"urdf": _expand(request)}
     except Exception as error:  # xacro evaluates Python expressions, which may raise anything
-        answer = _told(error)
+        answer = _error_response(error)
     json.dump(answer, answers)
     answers.flush()
 
@@ -64,8 +64,8 @@ def _refuse_special_files(event: str, arguments: tuple[Any, ...]) -> None:
         raise OSError(errno.EINVAL, "is a FIFO or device, expected a regular file", os.fsdecode(arguments[0]))
 
 
-def _told(error: Exception) -> dict[str, str]:
-    """An error of xacro, which wraps others, in words."""
+def _error_response(error: Exception) -> dict[str, str]:
+    """The response for an error of xacro, which wraps others."""
     from xacrodoc.packages import PackageNotFoundError
 
     cause: BaseException | None = error

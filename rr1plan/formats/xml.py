@@ -219,9 +219,9 @@ def root_tag(data: bytes, file: str | Path | None = None) -> str:
 
 
 def first_attributes(data: bytes, tag: str, file: str | Path | None = None) -> dict[str, str]:
-    """The attributes of the first element with a tag, namespaces apart; empty where there is none.
+    """The attributes of the first element with a tag, ignoring namespaces; empty if there is none.
 
-    For documents that another library reads: this pass refuses what that one would accept.
+    For documents that another library reads less strictly.
 
     Raises:
         FormatError: not well-formed, or a DOCTYPE.

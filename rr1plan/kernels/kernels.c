@@ -1,4 +1,4 @@
-// All kernels as one translation unit, so that what is called in loops is compiled into its callers.
+// All kernels as one translation unit, so that functions called in loops are inlined.
 #include <stddef.h>
 
 #include "scene_tables.h"

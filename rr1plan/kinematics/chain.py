@@ -1,4 +1,4 @@
-"""The joints between the world and a link, as the kernels read them."""
+"""Kinematic chains from the world to a link, in the layout of the kernels."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rr1plan.transforms import inverse, rotation_about
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The joints that move a frame, base first; their own axis is z.
+    """The joints that move a frame, base first; joint axes are z.
 
     Args:
-        joints: Whether it is prismatic, and the column of q that drives it; shape (n, 2).
-        links: Rotation (9) and origin (3) in the joint before at zero, gain and offset of the joint; the last row is
-            that of the frame in the last joint; shape (n + 1, 14).
+        joints: Per joint, whether it is prismatic and the column of q that drives it; shape (n, 2).
+        links: Per joint, rotation (9) and origin (3) relative to the previous joint at zero, gain and offset;
+            the last row is the frame relative to the last joint; shape (n + 1, 14).
     """
 
     joints: NDArray[np.int64]
@@ -29,20 +29,20 @@ class Chain:
 
     @cached_property
     def struct(self) -> CStruct:
-        """The chain as the kernels read it."""
+        """The chain as a struct of the kernels."""
         return CStruct("Chain", joints=self.joints, links=self.links, joint_count=len(self.joints))
 
 
 @lru_cache(maxsize=256)
 def chain_of(skeleton: Skeleton, link: str, first: int = 0) -> Chain:
-    """The chain of joints that moves a link.
+    """The kinematic chain of a link.
 
-    Joints that nothing drives are part of the fixed transforms between the others.
+    Locked joints are merged into the fixed transforms between the others.
 
     Args:
-        skeleton: Of a scene.
+        skeleton: Skeleton of a scene.
         link: "arm/link".
-        first: The column of q that the chain's columns are counted from.
+        first: Column of q that becomes column 0 of the chain.
     """
     model, body = skeleton.model, skeleton.bodies[link]
     joints, values, T = [], [], np.eye(4)
@@ -64,7 +64,7 @@ def chain_of(skeleton: Skeleton, link: str, first: int = 0) -> Chain:
 
 
 def _turned_to(axis: Array) -> Array:
-    """A pose without shift that turns z to an axis."""
+    """A rotation (4, 4) that maps z to an axis."""
     T = np.eye(4)
     if axis[2] != 1.0:
         other = np.zeros(3)
@@ -76,7 +76,7 @@ def _turned_to(axis: Array) -> Array:
 
 
 def _moved(slides: bool, value: float) -> Array:
-    """The motion of a joint along or about z."""
+    """The transform of a joint along or about z."""
     T = np.eye(4)
     if slides:
         T[2, 3] = value

@@ -1,4 +1,4 @@
-"""From a configuration to the nearest one, within limits, where a frame is as near to its target as it gets."""
+"""Local inverse kinematics: minimization of a frame's pose error within joint limits, from a configuration."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from rr1plan.checks import Array
 from rr1plan.kernels.library import CStruct, load_library
 from rr1plan.kinematics.chain import Chain
 
-# A radian counts like this many meters: about the size of an arm.
+# Weight of orientation errors [m/rad], about the size of an arm.
 _METERS_PER_RADIAN = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """Where a frame's origin has to be (a box, or a point if its corners agree) and how it has to be turned.
+    """Target of a frame: a box for its origin (a point if the corners agree) and an orientation.
 
     Args:
         lower, upper: Corners of the box in the world [m], each (3,).
-        rotation: Wanted R_world_frame (3, 3), or None when any will do.
+        rotation: Target R_world_frame (3, 3), or None if the orientation is free.
     """
 
     lower: Array
@@ -30,7 +30,7 @@ class Target:
 
     @cached_property
     def struct(self) -> CStruct:
-        """The target as the kernels read it."""
+        """The target as a struct of the kernels."""
         struct = CStruct("IkTarget")
         struct.value.lower[:], struct.value.upper[:] = self.lower.tolist(), self.upper.tolist()
         if self.rotation is not None:
@@ -39,12 +39,12 @@ class Target:
 
 
 def descend(chain: Chain, target: Target, q: Array, lower: Array, upper: Array, steps: int = 60) -> tuple[Array, float]:
-    """The configuration where the descent from q ends, and its squared error [m²], a radian counted as 0.3 m.
+    """The final configuration of the descent from q, and its squared error [m²], with 0.3 m per radian.
 
     Args:
-        chain: Moves the frame.
-        target: Where it has to get.
-        q: Where to start [rad or m], within the limits, shape (nq,).
+        chain: Kinematic chain of the frame.
+        target: Target of the frame.
+        q: Initial configuration [rad or m], within the limits, shape (nq,).
         lower: Lower limits [rad or m], shape (nq,).
         upper: Upper limits [rad or m], shape (nq,).
         steps: Most evaluations.
@@ -55,7 +55,7 @@ def descend(chain: Chain, target: Target, q: Array, lower: Array, upper: Array, 
 
 
 def errors_at(chain: Chain, target: Target, q: Array) -> tuple[float, float]:
-    """Distance [m] and angle [rad] left to the target at q (nq,)."""
+    """Position error [m] and orientation error [rad] at q (nq,)."""
     errors = np.empty(2)
     load_library().rr1_chain_errors(chain.struct, target.struct, np.ascontiguousarray(q), errors)
     return float(errors[0]), float(errors[1])

@@ -1,4 +1,4 @@
-"""Where the arms are and how they move: poses, Jacobians, torques, all as functions of the planning q.
+"""Forward kinematics, Jacobians and inverse dynamics as functions of the planning q.
 
 Pinocchio computes, our affine map (`SceneModel.full`) takes q to its configuration and the results
 back, so mimic joints count in every Jacobian and torque and locked joints and resting arms are still.
@@ -26,12 +26,12 @@ _WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 class Kinematics:
     """Forward kinematics, Jacobians and inverse dynamics of the moving arms of a scene.
 
-    A frame is "arm/link" or "arm/tool" (the robot's tool); where one arm moves, "link" or "tool" will do.
-    An instance keeps scratch memory: use one per thread.
+    A frame is "arm/link" or "arm/tool" (the robot's tool); if only one arm moves, "link" or "tool" suffices.
+    Instances contain scratch memory and are not thread-safe.
 
     Args:
-        scene_or_robot: A scene; or a robot, which then stands alone in the world as the arm "arm".
-        arms: The arms that move (default: all); the others rest in their posture of the scene.
+        scene_or_robot: A scene; or a robot, as the only arm "arm" of a scene.
+        arms: The arms that move (default: all); the others hold their posture of the scene.
 
     Raises:
         UnknownNameError: no such arm.
@@ -49,7 +49,7 @@ class Kinematics:
         return f"Kinematics({self.scene.name!r}, arms={list(self.arms)})"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles as its scene; the model is built again."""
+        """Pickle the scene; the model is rebuilt on loading."""
         return Kinematics, (self.scene, self.arms)
 
     @property
@@ -94,7 +94,7 @@ class Kinematics:
         return f"{arm}/{frame_link(self.scene.arm(arm).robot, link)}"
 
     def for_arm(self, arm: str | None = None) -> Kinematics:
-        """The kinematics of one moving arm alone (this one if nothing else is in the scene).
+        """The kinematics of one moving arm (this object if the scene contains nothing else).
 
         Raises:
             UnknownNameError: no such arm.
@@ -170,14 +170,14 @@ class Kinematics:
         whole_number("index", index, 0, self._model.nframes - 1)
         pin.computeJointJacobians(self._model, self._data, self.scene_model.full(q))
         T = pin.updateFramePlacement(self._model, self._data, index)
-        # Of a model with one joint Pinocchio gives a vector, not a matrix of one column.
+        # Pinocchio returns a vector for a model with one joint.
         J = pin.getFrameJacobian(self._model, self._data, index, _WORLD_AXES).reshape(6, -1)
         return T.translation.copy(), T.rotation.copy(), np.asarray(J @ self.scene_model.selection)
 
     def manipulability(self, q: ArrayLike, frame: str = "tool") -> float:
         """Yoshikawa's measure: the product of the Jacobian's singular values; 0 where the arm is singular.
 
-        For fewer than six joints it is that of the motions the arm has: sqrt(det(J^T J)).
+        For fewer than six joints it is sqrt(det(J^T J)).
         Source: Yoshikawa, Manipulability of robotic mechanisms, IJRR 1985.
 
         Raises:
@@ -197,7 +197,7 @@ class Kinematics:
             qdd: Accelerations [rad/s² or m/s²], same shape.
 
         Returns:
-            Torques of the planning joints (a mimic joint's load counts at its leader), same shape.
+            Torques of the planning joints (including the loads of their mimic joints), same shape.
 
         Raises:
             InputError: wrong shape or not finite.

@@ -1,11 +1,11 @@
-"""Inverse kinematics by many starts: every distinct configuration that brings a frame to its goal.
+"""Multi-start numerical inverse kinematics: all distinct solutions of a goal.
 
-From each start (the seeds first, then random ones) a descent within the joint limits runs to the
-nearest solution; what it finds is counted once, whole turns taken off. Arms without a closed form,
-mimic joints, redundant arms and position-only goals are all the same to it. Numerical and random:
-a rare solution next to a limit can be missed, more `attempts` miss fewer.
+A descent within the joint limits runs from each start (the seeds first, then random ones); solutions that
+are equal modulo whole turns count once. The method needs no closed form and covers mimic joints,
+redundant arms and position-only goals. It is not complete: solutions close to a limit can be missed; more
+`attempts` miss fewer.
 
-The whole search is compiled (`inverse_kinematics.c`): a start takes some ten microseconds.
+The search is compiled (`inverse_kinematics.c`): a start takes about ten microseconds.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ _MOST_STARTS = 10_000_000
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IkResult(Value):
-    """What inverse kinematics found.
+    """Result of inverse kinematics.
 
     Args:
         solutions: Distinct configurations within the limits, nearest to the first seed first, shape (k, nq).
-            One copy of each: the one nearest to the first seed; `copies_within_limits` gives the others.
-        reason: Why there is none, in words; empty when there is one.
-        attempts: Starts that were tried.
-        rejected: Distinct solutions that `accept` refused.
-        nearest: The configuration within the limits that came nearest to the goal, shape (nq,).
-        position_error: Distance left there [m].
-        orientation_error: Angle left there [rad].
+            Of copies modulo whole turns, the nearest to the first seed; `copies_within_limits` gives the others.
+        reason: Why there is no solution; empty if there is one.
+        attempts: Number of starts.
+        rejected: Number of distinct solutions that `accept` rejected.
+        nearest: The configuration within the limits with the smallest pose error, shape (nq,).
+        position_error: Position error there [m].
+        orientation_error: Orientation error there [rad].
     """
 
     solutions: Array
@@ -139,11 +139,11 @@ def solve_ik(
 
 
 def why_none(search: IkSearch, link: str) -> str:
-    """Why a search has found nothing that was accepted, in words.
+    """Why a search has no accepted solution.
 
     Args:
         search: The search.
-        link: How the words call its frame.
+        link: Name of its frame for the message.
     """
     tried = f"({counted(search.tried, 'start')})"
     if search.rejected:
@@ -163,7 +163,7 @@ def why_none(search: IkSearch, link: str) -> str:
 
 
 def _outside_limits(search: IkSearch, nearest: Array, rng: np.random.Generator) -> str:
-    """Which joints would have to leave their limits by how much; empty if that does not help either."""
+    """Message about the least excess of joint limits that reaches the goal; empty if it cannot be reached."""
     robot, limits = search.robot, search.robot.limits
     lower, upper = sampling_box(robot)
     free = np.full(robot.nq, np.inf)
@@ -193,7 +193,7 @@ def _position_alone(search: IkSearch, nearest: Array, rng: np.random.Generator) 
 
 
 def describe_excess(robot: Robot, q: Array) -> str:
-    """Which joints of q are out of their limits by how much, in words; empty if none is."""
+    """Message about the joints of q that are out of limits; empty if none is."""
     limits = robot.limits
     if (q >= limits.lower).all() and (q <= limits.upper).all():
         return ""

@@ -1,9 +1,9 @@
-"""Straight lines of a frame in the world, and how far a joint-space edge can leave one.
+"""Straight lines of a frame in the world, and bounds of the deviation of a joint-space edge from them.
 
 Along q + t dq, 0 <= t <= 1, the frame's origin has |p''| <= sum_ij |dq_i| |dq_j| r_max(i,j), where r_j
-bounds its distance from joint j's axis: d2p / dq_i dq_j = a_i x (a_j x r_j) for i before j on the chain. So
-it stays within an eighth of that of the chord between its ends, and its rotation within an eighth of
-(sum |dq_i|)^2 of the turn between them (half of that is the second-order term; steps are small).
+bounds its distance from joint j's axis: d2p / dq_i dq_j = a_i x (a_j x r_j) for i before j on the chain. An
+eighth of that bounds its distance from the chord between its ends, and an eighth of (sum |dq_i|)^2 the
+angle to the interpolated rotation (half of that is the second-order term; steps are small).
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from rr1plan.kinematics.forward import Kinematics
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A frame's straight way: its origin moves on a line, it turns about one axis (slerp).
+    """A straight line of a frame: its origin moves on a line, its orientation is interpolated by slerp.
 
     Args:
         index: Pinocchio's index of the frame.
-        p0: Where it starts [m], shape (3,).
-        p1: Where it ends [m], shape (3,).
-        R0: How it is turned at the start, shape (3, 3).
-        turn: Rotation vector from there to the end in the frame's axes [rad], shape (3,), or None for free.
+        p0: Initial position [m], shape (3,).
+        p1: Final position [m], shape (3,).
+        R0: Initial rotation, shape (3, 3).
+        turn: Rotation vector to the final rotation in the frame's axes [rad], shape (3,); None if it is free.
     """
 
     index: int
@@ -38,28 +38,28 @@ class Line:
 
     @staticmethod
     def between(kinematics: Kinematics, q: Array, index: int, position: Array, rotation: Array | None) -> Line:
-        """The line from where the frame is at q (nq,) to a position (3,) and a rotation (3, 3) or None."""
+        """The line from the frame's pose at q (nq,) to a position (3,) and a rotation (3, 3) or None."""
         p, R, _ = kinematics.pose_and_jacobian(q, index)
         return Line(index, p, position, R, None if rotation is None else pin.log3(R.T @ rotation))
 
     @property
     def length(self) -> float:
-        """Length of the way [m] plus the angle of the turn [rad]: zero where there is nothing to do."""
+        """Length of the line [m] plus the angle of the rotation [rad]."""
         turn = 0.0 if self.turn is None else float(np.linalg.norm(self.turn))
         return float(np.linalg.norm(self.p1 - self.p0)) + turn
 
     def at(self, s: float) -> Target:
-        """Where the frame has to be after the part s (0..1) of the way."""
+        """Target of the frame at a fraction s (0..1) of the line."""
         p = self.p0 + s * (self.p1 - self.p0) if s < 1.0 else self.p1
         R = None if self.turn is None else self.R0 @ pin.exp3(s * self.turn)
         return Target(p, p, R)
 
 
 class EdgeBound:
-    """Bounds how far a frame leaves the straight line between the ends of a joint-space edge.
+    """Bounds the deviation of a frame from the straight line between the ends of a joint-space edge.
 
     Args:
-        kinematics: Of the arms that move.
+        kinematics: Kinematics of the moving arms.
         index: Pinocchio's index of the frame.
     """
 
@@ -74,7 +74,7 @@ class EdgeBound:
         self._slides = np.array(["JointModelP" in model.joints[j].shortname() for j in chain], dtype=np.bool_)
 
     def bound(self, a: Array, b: Array) -> tuple[float, float]:
-        """Most that the frame leaves the line [m], and the turn [rad], on the edge from a to b, each (nq,)."""
+        """Bounds of the deviation from the line [m] and from slerp [rad] on the edge from a (nq,) to b (nq,)."""
         if not len(self._chain):
             return 0.0, 0.0
         v = np.abs(self._map.full_velocity(b - a)[self._chain])

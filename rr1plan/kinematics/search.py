@@ -1,4 +1,4 @@
-"""The search for all configurations that bring a frame to its goal; it may stop anywhere and go on later."""
+"""Resumable multi-start search for inverse kinematics solutions."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from rr1plan.problem import PoseGoal, RegionGoal
 from rr1plan.robot import Robot
 from rr1plan.transforms import rotation_from_quaternion
 
-# A solution uses at most this part of the goal's tolerance; where there is none, all of it but rounding.
-# Another kinematics agrees with both.
+# Share of the goal's tolerance that solutions use, and the share of a second search. Both leave room for the
+# rounding errors of other implementations of forward kinematics.
 _SHARE, _WHOLE = 0.9, 1.0 - 1e-6
-# A second attempt is made where a descent ended within this multiple of the tolerance.
+# A second search runs if the error of a descent is below this multiple of the tolerance.
 _NEAR = 2.0
-# A region's faces are kept this far away where it is thick enough, and met this exactly where it is flat [m].
+# Distance from the faces of a region, and position tolerance of a flat region [m].
 _REGION_MARGIN, _REGION_TOLERANCE = 1e-6, 1e-9
 _DISTINCT, _DISTINCT_REDUNDANT = 1e-3, 0.2
-# Starts between two looks at what Python may want, Ctrl-C say.
+# Starts between two returns to Python, e.g. for Ctrl-C.
 _CHUNK = 256
 _CAPACITY = 16
 
 
 def _target_of(goal: PoseGoal | RegionGoal) -> Target:
-    """Where a goal's frame has to be."""
+    """The target of a goal's frame."""
     if isinstance(goal, PoseGoal):
         return Target(goal.position, goal.position, goal.rotation)
     rotation = None if goal.quaternion is None else rotation_from_quaternion(goal.quaternion)
@@ -40,7 +40,7 @@ def _target_of(goal: PoseGoal | RegionGoal) -> Target:
 
 
 class IkSearch:
-    """Descents from one start after the other, first the seeds, then random ones.
+    """Descents from seeds, then from random starts.
 
     Args:
         chain: Moves the frame.
@@ -53,9 +53,9 @@ class IkSearch:
             where the arm has more joints than the goal needs.
 
     Attributes:
-        target: Where the frame has to get.
-        accepted: Solutions that were accepted so far.
-        rejected: Those that were not.
+        target: Target of the frame.
+        accepted: Accepted solutions so far.
+        rejected: Rejected solutions so far.
 
     Raises:
         InputError: a separation that is not above zero.
@@ -114,13 +114,13 @@ class IkSearch:
         return self._tried_before + starts
 
     def nearest(self) -> Array:
-        """The configuration within the limits that comes nearest to the goal, of those at hand, shape (nq,)."""
+        """The configuration within the limits with the smallest error so far, shape (nq,)."""
         limits = self.robot.limits
-        # Descents that get nowhere are given up early.
+        # The search stops slow descents early, so this one is completed.
         return descend(self.chain, self.target, self._nearest, limits.lower, limits.upper)[0]
 
     def is_reached(self, q: Array) -> bool:
-        """The frame is within the goal's tolerances at q (nq,)."""
+        """Whether the frame is within the goal's tolerances at q (nq,)."""
         position, orientation = errors_at(self.chain, self.target, q)
         return position <= self.position_tolerance and orientation <= self.orientation_tolerance
 
@@ -131,16 +131,16 @@ class IkSearch:
         most: int | None = None,
         patience: int | None = None,
     ) -> list[Array]:
-        """Go on for so many starts; what is new and accepted.
+        """Continue for `attempts` starts and return the new accepted solutions.
 
-        Where no start ever led into nine tenths of the tolerance, but one led near, as many again for the whole
-        tolerance, with random numbers of their own.
+        If no start has ever reached nine tenths of the tolerance but one came close, as many further starts
+        use the whole tolerance, with a copy of the random state.
 
         Args:
-            attempts: How many starts.
+            attempts: Number of starts.
             accept: See `solve_ik`.
-            most: Stop after so many accepted ones.
-            patience: Stop after so many starts in a row that led to no other accepted one, once there is one.
+            most: Most accepted solutions.
+            patience: See `solve_ik`.
         """
         found = self._collect(attempts, accept, most, patience)
         if not (self.accepted or self.rejected or self._is_widened) and self._came_near():
@@ -149,14 +149,14 @@ class IkSearch:
         return found
 
     def _came_near(self) -> bool:
-        """A descent ended so near to the goal that the whole tolerance may make a difference."""
+        """Whether a descent ended so close to the goal that the whole tolerance may suffice."""
         position, orientation = self._whole
         weight = self.target.struct.value.weight
         near: bool = self._struct.value.nearest_squared <= _NEAR**2 * (position**2 + (weight * orientation) ** 2)
         return near
 
     def _widen(self) -> None:
-        """Begin again with the whole tolerance, from where a descent came nearest."""
+        """Restart with the whole tolerance, first from the configuration with the smallest error."""
         self.position_tolerance, self.orientation_tolerance = self._whole
         self._is_widened, self._tried_before, self._state = True, self.tried, self._state.copy()
         seeds = np.vstack([self.nearest(), self._seeds])
@@ -188,7 +188,7 @@ class IkSearch:
         return self.accepted[begin:]
 
     def _advance(self, starts: int) -> Array | None:
-        """The next solution, or None when there were so many starts in all."""
+        """The next solution, or None after `starts` starts in all."""
         count = self._struct.value.solution_count
         if count == len(self._solutions):
             self._solutions = np.concatenate([self._solutions, np.empty_like(self._solutions)])
@@ -198,14 +198,14 @@ class IkSearch:
 
 
 def sampling_box(robot: Robot) -> tuple[Array, Array]:
-    """Where random starts come from: the limits, one turn where there are none."""
+    """Bounds of random starts: the limits, or one turn for joints without limits."""
     lower, upper = robot.limits.lower, robot.limits.upper
     return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
 
 
 @lru_cache(maxsize=64)
 def _joint_rows(robot: Robot) -> Array:
-    """Limits, box of random starts (corner, sides), and whether whole turns lead to the same place, shape (5, nq)."""
+    """Rows lower, upper (limits), corner, extent (box of random starts), wraps (equal modulo 2 pi), shape (5, nq)."""
     corner, end = sampling_box(robot)
     limits = robot.limits
     return read_only(np.array([limits.lower, limits.upper, corner, end - corner, rotary(robot)]))

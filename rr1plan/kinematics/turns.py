@@ -1,7 +1,7 @@
-"""Whole turns: which joint values are the same place, and which of them is meant.
+"""Joint values that are equivalent modulo whole turns.
 
-A rotary joint at x and at x + 2 pi puts the arm in the same place. A continuous joint has all
-these copies, a joint with wide limits (a UR5's, one turn each way) has several.
+A rotary joint has the same pose at x and x + 2 pi. A continuous joint has all
+these copies, a joint with wide limits (a UR5's, one turn in each direction) has several.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _MOST_TURNS = 100
 
 @lru_cache(maxsize=64)
 def rotary(robot: Robot) -> NDArray[np.bool_]:
-    """Which planning joints come back to the same place after a whole turn, shape (nq,).
+    """Planning joints that are periodic with 2 pi, shape (nq,).
 
-    Those that turn, unless a mimic joint follows them by something else than whole turns.
+    These are revolute and continuous joints whose mimic joints, if any, turn by integer multiples.
     """
     turns = {name: robot.joint(name).kind != "prismatic" for name in robot.joint_names}
     for follower in robot.joints:
@@ -42,9 +42,9 @@ def rotary(robot: Robot) -> NDArray[np.bool_]:
 
 
 def nearest_copy(robot: Robot, q: Array, near: Array) -> Array:
-    """The configuration of the same place that is nearest to `near` and within the limits, shape (nq,).
+    """The copy of q modulo whole turns that is nearest to `near` and within the limits, shape (nq,).
 
-    Joints that slide, and joints with no copy within the limits, keep their value.
+    Prismatic joints, and joints without a copy within the limits, keep their value.
     """
     lower, upper = robot.limits.lower, robot.limits.upper
     fewest = np.ceil((lower - _SLACK - q) / TURN)
@@ -60,9 +60,9 @@ def copies_within_limits(robot: Robot, q: Array, near: Array, *, reach: float = 
     Args:
         robot: The robot.
         q: A configuration [rad or m], shape (nq,).
-        near: Configuration to be near to [rad or m], shape (nq,).
-        reach: How far a copy of a rotary joint may be from `near` [rad], at most 100 turns; the nearest one
-            always counts.
+        near: Reference configuration [rad or m], shape (nq,).
+        reach: Largest distance of a rotary joint's copy from `near` [rad], at most 100 turns; the nearest one
+            is always included.
 
     Raises:
         InputError: no robot, wrong shapes, not finite, or a reach that is negative or too far.
@@ -87,6 +87,6 @@ def copies_within_limits(robot: Robot, q: Array, near: Array, *, reach: float = 
 
 
 def difference(robot: Robot, a: Array, b: Array) -> Array:
-    """The smallest a - b of the same two places, whole turns of rotary joints taken off, shape (..., nq)."""
+    """The smallest a - b modulo whole turns of rotary joints, shape (..., nq)."""
     d = a - b
     return np.where(rotary(robot), d - TURN * np.round(d / TURN), d)

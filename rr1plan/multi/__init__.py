@@ -1,8 +1,8 @@
-"""Many arms: placing them, and the methods that exist because arms can be planned apart.
+"""Many arms: placement helpers and decoupled planning methods.
 
-Arms that are planned together need nothing from here: a `Problem` that moves several arms is one
-problem with more columns, and every planner answers it (see `composite`). Methods that plan arms
-apart (prioritized, conflict-based, coordination on fixed paths) get a file each in this folder.
+Coupled planning needs no additional code: a `Problem` that moves several arms has more columns,
+and every planner solves it (see `composite`). Each decoupled method
+(prioritized, conflict-based, coordination on fixed paths) belongs in a module of this package.
 """
 
 from rr1plan.multi.placement import place_grid, place_ring

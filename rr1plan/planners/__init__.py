@@ -1,4 +1,4 @@
-"""One verb, many planners: `plan(problem, planner="rrt_connect")`.
+"""All planners behind one function: `plan(problem, planner="rrt_connect")`.
 
 A planner is derived from `Planner`; a row in `_ROWS` and `_OWN` makes it known by a name, as `register_planner` does
 for those of others.
@@ -42,9 +42,9 @@ __all__ = [
 _ROWS = (
     PlannerInfo(RrtConnect.name, "RRT-Connect as one compiled loop (Kuffner, LaValle 2000; Yershova et al. 2005)"),
     PlannerInfo(
-        AnytimePlanner.name, "RRT-Connect under falling bounds, with shortcuts, again and again, compiled", True
+        AnytimePlanner.name, "RRT-Connect restarted under decreasing cost bounds, with shortcuts, compiled", True
     ),
-    PlannerInfo(RoadmapPlanner.name, "a roadmap kept with the scene, for many queries, compiled"),
+    PlannerInfo(RoadmapPlanner.name, "a roadmap cached with the scene, for many queries, compiled"),
     *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
     PlannerInfo("cartesian", "the tool moves on a straight line to a pose, the joints follow"),
 )
@@ -160,7 +160,7 @@ def plan(
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> PlanResult:
-    """Find a path that answers a problem, every edge of it certified free.
+    """Find a path from the start to a goal, every edge certified free.
 
     Args:
         problem: The question. What aims at configurations (all planners but "cartesian") looks for eight of each
@@ -169,14 +169,14 @@ def plan(
         planner: A name of `planner_names()`, or an instance of `Planner`: one of ours with other settings, such as
             `RrtConnect(range=0.5)`, or your own.
         budget: When to stop (default: 10 s). Under a budget of iterations alone the same seed gives the
-            same path to the byte. A hint why a search failed gets a tenth of the seconds (at most 1 s) and a twentieth
-            of the iterations; below a second or a thousand iterations there is none.
-        rng: Generator or seed of everything random.
+            same path to the byte. A tenth of the seconds (at most 1 s) and a twentieth of the iterations are reserved
+            for a hint why the search failed; a budget below a second or a thousand iterations gets no hint.
+        rng: Generator or seed of all random numbers.
         progress: Called about ten times a second; it may return False to cancel.
 
     Returns:
-        The path, or why there is none: INVALID_START, INVALID_GOAL (what touches what and how deep, which
-        joint is out by how much), INFEASIBLE (no configuration reaches the goal), TIMEOUT, CANCELLED.
+        The path, or why there is none: INVALID_START, INVALID_GOAL (which elements collide and how deep, which
+        joint exceeds its limit by how much), INFEASIBLE (no configuration reaches the goal), TIMEOUT, CANCELLED.
 
     Raises:
         UnknownNameError: no such planner.

@@ -1,13 +1,13 @@
-"""The only door to OMPL: plain arrays in, plain arrays out, nothing of OMPL's survives the call.
+"""The only module that imports OMPL: arrays in, arrays out; no OMPL object outlives the call.
 
-OMPL trusts its caller, so everything is checked before it is asked: numbers it would read as memory,
-NaN it would call solved. No exception crosses its C++ code: callbacks keep what was raised, ask the
-search to stop, and it is raised again outside. Budgets are counted in the termination condition, which
-makes a search repeatable; the clock is looked at there and in every check of an edge.
+OMPL does not validate its input (it reads invalid numbers as memory, and reports NaN as solved), so all
+arguments are validated here. No exception crosses its C++ code: callbacks store the exception and stop
+the search, and it is raised again outside. Budgets are counted in the termination condition, which
+makes a search reproducible; the clock is read there and in every edge check.
 
-PRM's own search runs a second thread, which dies with the process on any exception and makes its roadmap
-differ from run to run. Here OMPL only grows the roadmap, in this thread, and the question is answered by
-Dijkstra's algorithm on it.
+OMPL's PRM searches in a second thread, in which any exception terminates the process, and its roadmap
+differs from run to run. Here OMPL only grows the roadmap, in the calling thread, and Dijkstra's algorithm
+finds the path on it.
 """
 
 from __future__ import annotations
@@ -30,37 +30,37 @@ from rr1plan.errors import BackendError, InputError
 from rr1plan.planners._ompl_question import Answer, Question, Watch, interrupts_kept
 from rr1plan.planning import SearchTree
 
-# A path this near to the straight line's length counts as optimal. Without it informed samplers
-# search an ellipsoid of no volume for ever.
+# A path longer than the straight line by at most this share counts as optimal. Without it informed
+# samplers sample an ellipsoid of zero volume forever.
 _OPTIMAL = 1e-3
 _FIRST_ROADMAP, _ROADMAP_GROWTH = 100, 1.3  # termination checks between two queries of a roadmap
-_EXPANSION = 4  # one check spent on narrow places for so many spent everywhere
+_EXPANSION = 4  # checks for growing the roadmap per check for expanding it in narrow passages
 _NOT_SETTINGS = {"setProblemDefinition", "setName", "setProjectionEvaluator", "setDefaultConnectionStrategy"}
 
 
 def setting_names(planner: str) -> tuple[str, ...]:
-    """What can be set of a planner, by OMPL's names."""
+    """Settings of a planner, by OMPL's names."""
     setters = [n for n in dir(getattr(og, planner)) if n.startswith("set") and n[3:4].isupper()]
     without = _NOT_SETTINGS | ({"setExtendedFMT"} if planner == "BFMT" else set())
-    return tuple(sorted(_snake(name[3:]) for name in setters if name not in without))
+    return tuple(sorted(_snake_case(name[3:]) for name in setters if name not in without))
 
 
 def solve(
     planner: str, question: Question, watch: Watch, seed: int, settings: Mapping[str, Any], *, tree: bool = False
 ) -> Answer:
-    """Search.
+    """Run a planner of OMPL.
 
     Args:
         planner: OMPL's name of the planner.
-        question: The question.
-        watch: Budget and counts; has the counts afterwards.
+        question: The query.
+        watch: Budget and counters; the counters are updated.
         seed: Seed of OMPL's generators, 1 .. 2^32 - 1.
-        settings: Values by OMPL's names; `range` 0 leaves the length of an edge to OMPL.
-        tree: Whether to copy what was explored.
+        settings: Values by OMPL's names; `range` 0 selects OMPL's default edge length.
+        tree: Whether to copy the explored graph.
 
     Raises:
-        InputError, UnknownNameError: a question or setting OMPL would misread.
-        KeyboardInterrupt: Ctrl-C, after everything is cleaned up.
+        InputError, UnknownNameError: an invalid query or setting.
+        KeyboardInterrupt: Ctrl-C, after cleanup.
         BackendError: OMPL failed.
     """
     if not 1 <= seed < 2**32:
@@ -83,7 +83,7 @@ def solve(
         if kept is not None:
             raise kept
     finally:
-        del kept  # its traceback holds this frame: a cycle would keep OMPL's objects until some later collection
+        del kept  # its traceback refers to this frame: a cycle would keep OMPL's objects alive
     return answer
 
 
@@ -93,7 +93,7 @@ def _search(
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
     space = _space(question)
-    # Asked for its tree, OMPL's BIT* never lets go of its states, so its certified edges are written down.
+    # OMPL's BIT* leaks its states when its planner data is read, so its certified edges are recorded here.
     edges: list[tuple[tuple[float, ...], ...]] | None = [] if tree and planner == "BITstar" else None
     information = _information(space, question, watch, edges)
     definition = _definition(information, question)
@@ -102,7 +102,7 @@ def _search(
     for name, value in settings.items():
         _set(search, planner, name, value)
     if planner == "BFMT":
-        search.setExtendedFMT(False)  # it dies when its samples do not suffice; `solve` begins again with more
+        search.setExtendedFMT(False)  # it crashes if its samples do not suffice; `solve` restarts it with more
     search.setup()
     if isinstance(search, og.PRM):
         answer = _search_roadmap(search, information, question, watch)
@@ -112,7 +112,7 @@ def _search(
         try:
             search.solve(ob.PlannerTerminationCondition(watch.guarded(watch.is_over, failed=True)))
         finally:
-            watch.best_cost = None  # holds the planner, and the watch outlives it
+            watch.best_cost = None  # refers to the planner, and `watch` outlives it
         answer = _solution(definition, len(question.lower))
     if not tree:
         return answer
@@ -134,7 +134,7 @@ def _space(question: Question) -> Any:
 
 
 class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]  # the stubs of OMPL are not followed
-    """Gives whole edges to the callback. Keeps no reference to OMPL's objects: that would be a leak."""
+    """Passes whole edges to the callback. Stores no reference to OMPL's objects: that would leak them."""
 
     def __init__(self, information: Any, n: int, valid: Callable[[Array, Array], bool]) -> None:
         super().__init__(information)
@@ -175,7 +175,7 @@ def _information(
 def _definition(information: Any, question: Question) -> Any:
     definition = ob.ProblemDefinition(information)
     goals = ob.GoalStates(information)
-    state = information.allocState()  # Python frees it; OMPL's freeState would be a second time
+    state = information.allocState()  # owned by Python; OMPL's freeState would free it twice
     state[0 : len(question.start)] = question.start.tolist()
     definition.addStartState(state)
     for goal in question.goals:
@@ -190,7 +190,7 @@ def _definition(information: Any, question: Question) -> Any:
 
 
 def _set(search: Any, planner: str, name: str, value: Any) -> None:
-    setters = {_snake(n[3:]): n for n in dir(search) if n.startswith("set")}
+    setters = {_snake_case(n[3:]): n for n in dir(search) if n.startswith("set")}
     setter = setters[known_name(f"setting of OMPL's {planner}", name, setting_names(planner))]
     if not isinstance(value, bool | np.bool_) and finite_number(name, value) < 0.0:
         raise InputError(f"setting {name!r} is {value}, expected a number of at least zero")
@@ -201,7 +201,7 @@ def _set(search: Any, planner: str, name: str, value: Any) -> None:
         raise InputError(f"setting {name!r} is {value!r}, expected one {kind}") from error
 
 
-def _snake(name: str) -> str:
+def _snake_case(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
@@ -209,7 +209,7 @@ def _snake(name: str) -> str:
 
 
 def _solution(definition: Any, n: int) -> Answer:
-    """The solution as an array: an approximate one is none."""
+    """The exact solution as an array; an approximate solution does not count."""
     if not definition.hasExactSolution():
         near = float(definition.getSolutionDifference()) if definition.hasApproximateSolution() else None
         return Answer(None, near)
@@ -218,14 +218,14 @@ def _solution(definition: Any, n: int) -> Answer:
 
 
 def _tree_of(edges: list[tuple[tuple[float, ...], ...]]) -> SearchTree:
-    """The graph of edges that are given by their ends."""
+    """The graph of edges given by the coordinates of their vertices."""
     index: dict[tuple[float, ...], int] = {}
     pairs = [(index.setdefault(a, len(index)), index.setdefault(b, len(index))) for a, b in edges]
     return SearchTree(np.array(list(index)), np.array(pairs, dtype=np.int64).reshape(-1, 2))
 
 
 def _explored(search: Any, information: Any, question: Question) -> tuple[SearchTree, NDArray[np.int64]]:
-    """What a planner explored, copied, and the indices of the goals in it."""
+    """A copy of the explored graph, and the indices of the goals in it."""
     n = len(question.lower)
     data = ob.PlannerData(information)
     search.getPlannerData(data)
@@ -241,28 +241,28 @@ def _explored(search: Any, information: Any, question: Question) -> tuple[Search
 
 
 def _search_roadmap(search: Any, information: Any, question: Question, watch: Watch) -> Answer:
-    """Grow a roadmap in turns and ask it for a path after each; PRM* goes on until the budget ends."""
-    goes_on = isinstance(search, og.PRMstar)
+    """Grow a roadmap in rounds and search it after each round; PRM* continues until the budget ends."""
+    optimizing = isinstance(search, og.PRMstar)
     for _ in question.goals:
-        search.solve(ob.plannerAlwaysTerminatingCondition())  # takes in the start and one more goal, no more
-    turn, answer = float(_FIRST_ROADMAP), Answer(None)
+        search.solve(ob.plannerAlwaysTerminatingCondition())  # only adds the start and one more goal
+    checks, answer = float(_FIRST_ROADMAP), Answer(None)
     nearest = float(np.linalg.norm(question.goals - question.start, axis=1).min())
     while not watch.over:
-        search.growRoadmapPtc(_turn(watch, int(turn)))
-        search.expandRoadmapPtc(_turn(watch, int(turn) // _EXPANSION))
-        turn *= _ROADMAP_GROWTH
-        answer = _ask_roadmap(search, information, question)
+        search.growRoadmapPtc(_after(watch, int(checks)))
+        search.expandRoadmapPtc(_after(watch, int(checks) // _EXPANSION))
+        checks *= _ROADMAP_GROWTH
+        answer = _query_roadmap(search, information, question)
         if answer.waypoints is None:
             continue
         length = float(np.linalg.norm(np.diff(answer.waypoints, axis=0), axis=1).sum())
         watch.note(length)
-        if not goes_on or length <= (1.0 + _OPTIMAL) * nearest:
+        if not optimizing or length <= (1.0 + _OPTIMAL) * nearest:
             break
     return answer
 
 
-def _turn(watch: Watch, checks: int) -> Any:
-    """A termination condition that is true after so many checks of the watch."""
+def _after(watch: Watch, checks: int) -> Any:
+    """A termination condition that is true after `checks` more termination checks."""
     last = watch.checks + checks
 
     def is_over() -> bool:
@@ -271,8 +271,8 @@ def _turn(watch: Watch, checks: int) -> Any:
     return ob.PlannerTerminationCondition(watch.guarded(is_over, failed=True))
 
 
-def _ask_roadmap(search: Any, information: Any, question: Question) -> Answer:
-    """The shortest path on the roadmap (Dijkstra 1959), or how near to a goal the start's part of it comes."""
+def _query_roadmap(search: Any, information: Any, question: Question) -> Answer:
+    """The shortest path on the roadmap (Dijkstra 1959), or the distance from the start's component to a goal."""
     tree, ends = _explored(search, information, question)
     vertices = tree.vertices
     found = np.flatnonzero((vertices == question.start).all(axis=1))

@@ -1,4 +1,4 @@
-"""A question to OMPL in plain arrays, the watch over its search, and the answer; nothing here knows OMPL."""
+"""A query to OMPL as arrays, its budget and counters, and its result; independent of OMPL."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from rr1plan.planning import Budget, SearchTree
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """A question in plain arrays.
+    """A planning query as arrays.
 
     Args:
-        lower: Bounds of the search space [rad or m], shape (n,).
-        upper: Its other bounds, above the first, shape (n,).
-        start: Where to start, shape (n,).
-        goals: Where to end, any of them, shape (k, n).
+        lower: Lower bounds of the search space [rad or m], shape (n,).
+        upper: Upper bounds, above the lower ones, shape (n,).
+        start: Start configuration, shape (n,).
+        goals: Alternative goal configurations, shape (k, n).
         state_valid: Whether a configuration (n,) is free; the array is reused after the call.
         edge_valid: Whether the straight line between two configurations is free; likewise.
     """
@@ -38,16 +38,16 @@ class Question:
     edge_valid: Callable[[Array, Array], bool]
 
     def checked(self) -> Question:
-        """The same question, its numbers checked and copied.
+        """A validated copy of the query.
 
         Raises:
-            InputError: wrong shapes, not finite, bounds the wrong way round, or a state outside them.
+            InputError: wrong shapes, not finite, lower above upper bounds, or a state outside the bounds.
         """
         n = len(self.lower)
         lower, upper = (finite_array(name, getattr(self, name), (n,)) for name in ("lower", "upper"))
         start, goals = finite_array("start", self.start, (n,)), finite_array("goals", self.goals, (None, n))
         if n == 0 or len(goals) == 0:
-            raise InputError(f"a question of {n} joints and {len(goals)} goals, expected at least one of each")
+            raise InputError(f"a query with {n} joints and {len(goals)} goals, expected at least one of each")
         if not (lower < upper).all():
             raise InputError(f"lower bounds {lower.tolist()} are not all below the upper ones {upper.tolist()}")
         states = np.vstack([start, goals])
@@ -58,20 +58,20 @@ class Question:
 
 @dataclass(eq=False)
 class Watch:
-    """Counts and clock of one search, and what stopped it.
+    """Budget, counters and termination state of one search.
 
     Args:
         budget: When to stop.
-        began: When the clock started (`time.perf_counter`) [s].
-        goes_on: Asked at each check; False cancels.
+        began: Start time (`time.perf_counter`) [s].
+        goes_on: Called at each termination check; False cancels.
 
     Attributes:
         checks: Termination checks so far.
-        over: The search has to end.
-        cancelled: Because `goes_on` said so.
-        error: What a callback raised.
-        best_cost: Tells the cost of the best path so far; set while a planner searches that knows it.
-        history: (seconds, cost) whenever it improved.
+        over: Whether the search has to end.
+        cancelled: Whether `goes_on` returned False.
+        error: Exception raised by a callback.
+        best_cost: Returns the cost of the best path; set while an optimizing planner runs.
+        history: (seconds, cost) whenever the best cost improved.
     """
 
     budget: Budget
@@ -89,7 +89,7 @@ class Watch:
         self.most = np.inf if self.budget.iterations is None else self.budget.iterations
 
     def look(self) -> None:
-        """One termination check: count, clock, cost, and whether it is cancelled."""
+        """One termination check: update counter, clock, cost and cancellation."""
         self.checks += 1
         if self.best_cost is not None:
             self.note(self.best_cost())
@@ -99,12 +99,12 @@ class Watch:
             self.over = self.cancelled = True
 
     def note(self, cost: float) -> None:
-        """Remember a better cost."""
+        """Append a cost to the history if it is the best."""
         if np.isfinite(cost) and (not self.history or cost < self.history[-1][1]):
             self.history.append((time.perf_counter() - self.began, float(cost)))
 
     def guarded(self, answer: Callable[..., bool], failed: bool) -> Callable[..., bool]:
-        """A callback that never raises: what it raised is kept and ends the search."""
+        """A callback that never raises: an exception is stored in `error` and ends the search."""
 
         def call(*arguments: Any) -> bool:
             if self.over:
@@ -118,12 +118,12 @@ class Watch:
         return call
 
     def is_over(self) -> bool:
-        """Whether to stop; the termination condition."""
+        """The termination condition."""
         self.look()
         return self.over
 
     def in_time(self) -> bool:
-        """Whether an edge or state may still be checked: a search that looks rarely still ends in time."""
+        """Whether time is left for a state or edge check, for searches that rarely evaluate `is_over`."""
         if time.perf_counter() >= self.deadline:
             self.over = True
         return not self.over
@@ -131,12 +131,12 @@ class Watch:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a search found.
+    """Result of a search.
 
     Args:
         waypoints: The path from the start to a goal, shape (m, n), or None.
-        difference: How near to a goal it came otherwise [rad], if known.
-        tree: What was explored, when asked for.
+        difference: Distance from the explored graph to a goal without a path [rad], if known.
+        tree: The explored graph, if requested.
     """
 
     waypoints: Array | None
@@ -146,7 +146,7 @@ class Answer:
 
 @contextmanager
 def interrupts_kept(watch: Watch) -> Iterator[None]:
-    """Let Ctrl-C end the search at its next callback instead of raising inside of OMPL."""
+    """End the search at its next callback upon Ctrl-C, instead of raising inside OMPL."""
     ours = threading.current_thread() is threading.main_thread()
     if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield

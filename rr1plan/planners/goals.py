@@ -1,9 +1,9 @@
-"""From goals to goal configurations: what a planner in joint space can aim at, or why there is nothing.
+"""Goal configurations of a problem, or why there are none.
 
-Joint goals are checked, pose and region goals go through inverse kinematics, sets of goals are
-united. Several arms combine: composites are tried nearest to the start first and kept if they are
-free as a whole. Continuous joints get the copy nearest to the start, so no plan goes the long way
-around. A search that does not get on may ask for more of them.
+Joint goals are checked, pose and region goals are solved by inverse kinematics, alternatives are
+united. Configurations of several arms are combined, nearest to the start first, and kept if the composite
+configuration is free. Continuous joints take the value nearest to the start. A planner may
+request more configurations during its search.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from rr1plan.planning import PlanStatus
 from rr1plan.problem import Goal, JointGoal, Problem, frame_link
 from rr1plan.robot import Robot
 
-# Composites of several arms that are tried before giving up.
+# Composite configurations tried in one round.
 _MOST_COMPOSITES = 2000
-# How often more configurations of each arm are looked for when none of them go together.
+# Rounds of further configurations of each arm if no composite configuration is free.
 _ROUNDS = 3
-# Starts of inverse kinematics in a row without another free configuration, after which those found will do.
+# Consecutive starts of inverse kinematics without another free configuration, after which it stops.
 _PATIENCE = 20
-# Sets their random numbers apart from those of a planner with the same seed.
+# Separates the random stream from that of a planner with the same seed.
 _STREAM = 0x5DEECE66D
 
 
 @dataclass(frozen=True, eq=False)
 class GoalSet:
-    """Where a problem may end.
+    """Goal configurations of a problem.
 
     Args:
         configurations: Composite configurations within limits and free, nearest to the start first,
             shape (k, nq).
-        status: None when there is one; INVALID_GOAL when those that reach the goal are out of limits or
-            in collision, INFEASIBLE when none reaches it.
-        reason: Why there is none, in words; empty when there is one.
+        status: None if there is one; INVALID_GOAL if all that reach the goal are out of limits or
+            in collision, INFEASIBLE if none reaches it.
+        reason: Why there is none; empty if there is one.
     """
 
     configurations: Array
@@ -55,11 +55,11 @@ class GoalSet:
 
 
 def check_start(problem: Problem, motion: CollisionChecker) -> str:
-    """Why the start is none, in words (which joint is out by how much, which links touch what); empty if it is fine.
+    """Why the start is invalid (joints out of limits, or contacts); empty if it is valid.
 
     Args:
         problem: The problem.
-        motion: Of the problem's scene and moving arms.
+        motion: Collision checker of the problem's scene and moving arms.
     """
     excess = _composite_excess(problem, problem.start)
     if excess:
@@ -70,18 +70,18 @@ def check_start(problem: Problem, motion: CollisionChecker) -> str:
 
 
 class GoalSearch:
-    """The search for free configurations of all moving arms that fulfil their goals; it can go on.
+    """Resumable search for free composite configurations that satisfy the goals of all moving arms.
 
     Args:
         problem: The problem.
-        motion: Of the problem's scene and moving arms.
+        motion: Collision checker of the problem's scene and moving arms.
         rng: Generator or seed of inverse kinematics' random starts.
         max_per_goal: Most configurations of one pose or region goal.
         max_composites: Most configurations in all.
         attempts: Starts of inverse kinematics for each pose or region goal.
 
     Raises:
-        InputError: numbers that make no sense.
+        InputError: a number below one.
     """
 
     def __init__(
@@ -123,13 +123,13 @@ class GoalSearch:
         return GoalSet(np.empty((0, self._problem.nq)), PlanStatus.INVALID_GOAL, reason)
 
     def more(self) -> Array:
-        """Others, after `find` has found some: as many of each goal as then if there are, shape (k, nq)."""
+        """Further configurations after `find`, at most as many of each goal as there, shape (k, nq)."""
         for finder in self._finders:
-            finder.go_on(self._most, self._attempts)
+            finder.resume(self._most, self._attempts)
         return np.array(self._combine()[0]).reshape(-1, self._problem.nq)
 
     def _combine(self) -> tuple[list[Array], Array]:
-        """Composites of what each arm has found that are free as a whole and new; and one that is not free."""
+        """New free composites of the arms' configurations, and one that is in collision."""
         ranked, costs = [], []
         for finder in self._finders:
             far = np.linalg.norm(np.array(finder.found) - finder.start, axis=1) ** 2
@@ -154,7 +154,7 @@ class GoalSearch:
 
 
 def joint_goals(problem: Problem) -> Array | None:
-    """The configurations that are the goal, shape (k, nq); None for other goals, or several arms' to be combined."""
+    """Goal configurations (k, nq) of joint goals; None for other goals or alternatives of several arms."""
     found = []
     for arm in problem.arms:
         goals = problem.goal[arm]
@@ -168,14 +168,14 @@ def joint_goals(problem: Problem) -> Array | None:
 
 
 def _composite_excess(problem: Problem, q: Array) -> str:
-    """Which joints of a composite configuration are out of limits, in words."""
+    """Message about the joints of a composite configuration that are out of limits; empty if none is."""
     postures = problem.scene.split(q, problem.arms)
     found = ((arm, describe_excess(problem.scene.arms[arm].robot, postures[arm])) for arm in problem.arms)
     return "; ".join(f"{arm}: {text}" for arm, text in found if text)
 
 
 class _Finder:
-    """Configurations of one arm that fulfil one of its goals, free as far as this arm alone goes."""
+    """Configurations of one arm that satisfy one of its goals, free when other moving arms are ignored."""
 
     def __init__(self, problem: Problem, motion: CollisionChecker, arm: str, state: RandomState) -> None:
         self.problem, self.motion, self.arm, self.state = problem, motion, arm, state
@@ -191,7 +191,7 @@ class _Finder:
         self.searches: list[IkSearch] = []
 
     def add(self, goal: Goal, most: int, attempts: int) -> None:
-        """Find the configurations of one goal, or note why there is none."""
+        """Find the configurations of one goal, or record why there is none."""
         if isinstance(goal, JointGoal):
             self._add_configuration(goal.q)
             return
@@ -215,8 +215,8 @@ class _Finder:
         else:
             self._refuse(PlanStatus.INFEASIBLE, why_none(search, link))
 
-    def go_on(self, most: int, attempts: int) -> None:
-        """Look for more of them."""
+    def resume(self, most: int, attempts: int) -> None:
+        """Find further configurations of all goals."""
         for search in self.searches:
             self.found += search.collect(attempts, self._is_free, most, _PATIENCE)
 
@@ -237,16 +237,16 @@ class _Finder:
         return self.motion.is_free_ignoring(self._composite(q), self.others)
 
     def _describe(self, q: Array) -> str:
-        """What collides at q without the other moving arms, in words."""
+        """Message about the contacts at q that do not involve other moving arms."""
         return describe_collision(self.motion, self._composite(q), self.others)
 
     def _depth(self, q: Array) -> float:
-        """How deep the deepest contact at q is without the other moving arms [m]."""
+        """Depth of the deepest contact at q that does not involve other moving arms [m]."""
         contacts = contacts_without(self.motion, self._composite(q), self.others)
         return max((contact.depth for contact in contacts), default=0.0)
 
     def _composite(self, q: Array) -> Array:
-        """All arms at their starts but for this one."""
+        """The composite start with this arm at q."""
         composite: Array = self.problem.start.copy()
         composite[self.columns] = q
         return composite
@@ -257,7 +257,7 @@ class _Finder:
 
 
 def _cheapest_first(costs: list[list[float]]) -> Iterator[tuple[int, ...]]:
-    """One index for each (ascending) list of costs, by ascending sum."""
+    """Tuples of one index per (ascending) list of costs, by ascending sum of costs."""
 
     def total(index: tuple[int, ...]) -> float:
         return sum(c[i] for c, i in zip(costs, index, strict=True))

@@ -25,15 +25,15 @@ _TURN = 2.0 * np.pi
 
 
 class Graph:
-    """Free configurations of some arms and edges between near ones, many of them not asked for yet.
+    """A lazy roadmap: free configurations of some arms and edges between neighbors, most not yet checked.
 
     Args:
         scene: The scene.
         arms: The arms that move.
 
     Attributes:
-        samples: Samples drawn so far; always the same ones, so a graph is a function of their number.
-        asked: Edges and samples asked for so far.
+        samples: Samples drawn so far, from a fixed sequence, so a graph is a function of their number.
+        checks: Edges and samples checked so far.
 
     Raises:
         InputError: a joint without limits that is not continuous.
@@ -62,36 +62,36 @@ class Graph:
 
     @property
     def samples(self) -> int:
-        """How many samples were drawn."""
+        """Number of samples drawn."""
         samples: int = self._struct.value.samples
         return samples
 
     @property
-    def asked(self) -> int:
-        """How many edges and samples were asked for."""
+    def checks(self) -> int:
+        """Number of edges and samples checked."""
         checks: int = self._struct.value.checks
         return checks
 
     @property
     def size(self) -> int:
-        """How many vertices there are."""
+        """Number of vertices."""
         vertices: int = self._struct.value.vertex_count
         return vertices
 
     def picture(self) -> SearchTree:
-        """Vertices, and the edges that are not known to be blocked."""
+        """Vertices and the edges that are not known to be blocked."""
         count = self._struct.value.edge_count
         ends, known = self._ends[: 2 * count].reshape(-1, 2), self._known[: 2 * count].reshape(-1, 2)
         edges = ends[(known != constants()["EDGE_KNOWN_BLOCKED"]).all(axis=1)][:, ::-1]
         return SearchTree(self._vertices[:, : self.size].T.copy(), edges.copy())
 
     def sample(self, samples: int, motion: CollisionChecker, goes_on: Callable[[], bool]) -> None:
-        """Draw samples up to so many in all.
+        """Draw samples until there are `samples` in all.
 
         Args:
-            samples: The number.
-            motion: Certifies edges; of the graph's scene and arms.
-            goes_on: Asked every few milliseconds.
+            samples: Number of samples in all.
+            motion: Collision checker of the graph's scene and arms.
+            goes_on: Called every few milliseconds; False stops.
         """
         pace = Pace()
         q = np.empty_like(self._lower)
@@ -102,16 +102,16 @@ class Graph:
             if code == constants()["ROADMAP_FULL"]:
                 self._make_room(2 * self.size)
 
-    def find_way(
+    def find_path(
         self, start: Array, goals: Array, motion: CollisionChecker, goes_on: Callable[[], bool]
     ) -> Array | None:
-        """The shortest free way from a start to one of the goals, shape (n, nq); None: none, or stopped.
+        """The shortest free path from a start to one of the goals, shape (n, nq); None if there is none, or stopped.
 
         Args:
             start: Configuration, shape (nq,).
             goals: Configurations, shape (k, nq).
-            motion: Certifies edges; of the graph's scene and arms.
-            goes_on: Asked every few milliseconds.
+            motion: Collision checker of the graph's scene and arms.
+            goes_on: Called every few milliseconds; False stops.
         """
         pace = Pace()
         with self._attached(np.vstack([start, goals])):
@@ -125,10 +125,10 @@ class Graph:
         if code != constants()["ASTAR_FOUND"]:
             return None
         rows = int(count[0])
-        # A start that is a vertex already is a waypoint once.
+        # The start is repeated if it is a vertex.
         moves = (path[1:rows] != path[: rows - 1]).any(axis=1)
-        way: Array = path[:rows][np.concatenate([[True], moves])]
-        return way
+        distinct: Array = path[:rows][np.concatenate([[True], moves])]
+        return distinct
 
     def learn(self, path: Array) -> None:
         """Insert the waypoints and edges of a free path, shape (n, nq)."""
@@ -139,7 +139,7 @@ class Graph:
 
     @contextmanager
     def _attached(self, ends: Array) -> Iterator[None]:
-        """Start and goals are vertices inside the block."""
+        """Add start and goals as vertices inside the `with` block."""
         before = self.size, self._struct.value.edge_count
         self._make_room(self.size + len(ends))
         self._library.rr1_attach_ends(self._struct, self._wrapped(ends), len(ends))
@@ -153,7 +153,7 @@ class Graph:
         return np.ascontiguousarray(np.where(self._wraps, q - _TURN * np.rint(q / _TURN), q))
 
     def _make_room(self, vertices: int) -> None:
-        """Room for so many vertices, all their edges, and one more edge each."""
+        """Allocate `vertices` vertices, all their edges, and one more edge per vertex."""
         nq, capacity = self._vertices.shape
         if vertices > capacity:
             capacity = max(vertices, 2 * capacity)
@@ -180,13 +180,13 @@ class Graph:
 
 
 def _degrees(capacity: int, nq: int) -> NDArray[np.int64]:
-    """How many neighbors a vertex is joined to among 0, 1, ... other ones (Karaman, Frazzoli 2011), shape (n + 1,)."""
+    """Number of neighbors k of PRM* with 0, 1, ..., n other vertices (Karaman, Frazzoli 2011), shape (n + 1,)."""
     counts = np.arange(capacity + 1)
     return np.asarray(np.ceil(np.e * (1.0 + 1.0 / nq) * np.log(counts + 1.0)), np.int64)
 
 
 def _longer(array: NDArray[_T], length: int) -> NDArray[_T]:
-    """The array with a longer last axis."""
+    """A copy of an array with a longer last axis."""
     longer: NDArray[_T] = np.empty((*array.shape[:-1], length), array.dtype)
     longer[..., : array.shape[-1]] = array
     return longer

@@ -1,4 +1,4 @@
-"""OMPL's planners behind one verb: what they are, how a problem becomes a search, how its answer is checked."""
+"""Planners of OMPL: their names, the conversion of a problem to a query, and the check of its result."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rr1plan.problem import Problem
 
 @dataclass(frozen=True)
 class OmplKind:
-    """A planner of OMPL: its name there, one line about it, whether it improves its path until the budget ends."""
+    """OMPL's name and a one-line description of a planner, and whether it improves its path until the budget ends."""
 
     ompl: str
     description: str
@@ -27,22 +27,22 @@ class OmplKind:
 
 KINDS: Mapping[str, OmplKind] = MappingProxyType(
     {
-        "ompl_rrt_connect": OmplKind("RRTConnect", "two trees grow towards each other (Kuffner, LaValle 2000)"),
-        "rrt": OmplKind("RRT", "one tree grows to random samples (LaValle 1998)"),
+        "ompl_rrt_connect": OmplKind("RRTConnect", "two trees that grow toward each other (Kuffner, LaValle 2000)"),
+        "rrt": OmplKind("RRT", "one tree that grows toward random samples (LaValle 1998)"),
         "rrt_star": OmplKind("RRTstar", "a tree that rewires itself to shorter paths (Karaman, Frazzoli 2011)", True),
         "informed_rrt_star": OmplKind(
-            "InformedRRTstar", "RRT* that samples only where a shorter path can be (Gammell et al. 2014)", True
+            "InformedRRTstar", "RRT* that samples the ellipsoid of shorter paths (Gammell et al. 2014)", True
         ),
         "sorrt_star": OmplKind("SORRTstar", "informed RRT* that takes its samples best first (Gammell 2017)", True),
-        "aorrtc": OmplKind("AORRTC", "RRT-Connect again and again under a falling cost bound (Wilson 2025)", True),
+        "aorrtc": OmplKind("AORRTC", "RRT-Connect restarted under a decreasing cost bound (Wilson 2025)", True),
         "prm": OmplKind("PRM", "a roadmap of the whole space (Kavraki et al. 1996)"),
         "prm_star": OmplKind("PRMstar", "a roadmap dense enough for shortest paths (Karaman, Frazzoli 2011)", True),
         "bit_star": OmplKind("BITstar", "batches of samples, searched best first (Gammell et al. 2015)", True),
         "fmt": OmplKind("FMT", "one wave front through a set of samples (Janson et al. 2015)"),
         "bfmt": OmplKind("BFMT", "two wave fronts through a set of samples (Starek et al. 2015)"),
-        "kpiece1": OmplKind("KPIECE1", "a tree led by how well its cells are covered (Sucan, Kavraki 2009)"),
+        "kpiece1": OmplKind("KPIECE1", "a tree that expands sparsely covered cells first (Sucan, Kavraki 2009)"),
         "bkpiece1": OmplKind("BKPIECE1", "KPIECE with two trees (Sucan, Kavraki 2009)"),
-        "lbkpiece1": OmplKind("LBKPIECE1", "BKPIECE that checks edges late (Sucan, Kavraki 2009)"),
+        "lbkpiece1": OmplKind("LBKPIECE1", "BKPIECE with lazy edge checks (Sucan, Kavraki 2009)"),
     }
 )
 
@@ -59,7 +59,7 @@ class OmplPlanner(Planner):
 
     Raises:
         UnknownNameError: no such planner or setting; the message lists them.
-        InputError: a setting that is no finite number.
+        InputError: a setting that is not a finite number.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class OmplPlanner(Planner):
 
     @property
     def optimizing(self) -> bool:
-        """Whether it goes on after the first path, until the budget ends."""
+        """Whether it improves its path until the budget ends."""
         return KINDS[self.name].optimizing
 
     def plan(
@@ -102,16 +102,16 @@ class OmplPlanner(Planner):
 
 
 class _Search:
-    """What is done for one query whose ends are free."""
+    """The search for one query with a valid start and goals."""
 
     def __init__(self, planner: OmplPlanner, query: Query) -> None:
         self.planner, self.query = planner, query
         self.watch = Watch(query.budget, query.began, self.goes_on, history=query.history)
 
     def run(self) -> PlanResult:
-        """A straight line, or else OMPL's answer, certified once more.
+        """A straight line if one is free, otherwise OMPL's path, certified again.
 
-        To the nearest goal a straight line is a shortest path; to others it is good enough for planners that stop
+        The straight line to the nearest goal is a shortest path; lines to other goals suffice for planners that stop
         at the first path.
         """
         query = self.query
@@ -119,7 +119,7 @@ class _Search:
         if straight is not None:
             return straight
         before = query.motion.edges_checked
-        answer = self.ask_ompl()
+        answer = self.run_ompl()
         found, tree = answer.waypoints, answer.tree
         certified = found is not None and query.motion.path_is_free(found)
         query.iterations, query.edges = self.watch.checks, query.edges + query.motion.edges_checked - before
@@ -128,19 +128,19 @@ class _Search:
         if found is None:
             return query.result(PlanStatus.TIMEOUT, reason=self.why(answer.difference), tree=tree)
         if not certified:
-            reason = "a path was found, but an edge of it passes too near to something to be certified again"
+            reason = "a path was found, but the certificate of an edge failed when it was repeated"
             return query.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
         self.watch.note(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
         return query.result(PlanStatus.FOUND, found, tree=tree)
 
-    def ask_ompl(self) -> Answer:
-        """OMPL's answer, with all columns of q."""
+    def run_ompl(self) -> Answer:
+        """OMPL's result, with all columns of q."""
         from rr1plan.planners import _ompl
 
         problem, is_free = self.query.problem, self.query.motion.edge_is_free
         goals, start = with_copies(problem, self.query.goals), problem.start
         space = Space.unrolled(problem, goals)
-        # A configuration that is no certified edge has none either, so Coal need not be asked about it.
+        # States are checked as edges of length zero by the kernel, because no other state has certified edges.
         question = Question(
             space.lower[space.movable],
             space.upper[space.movable],
@@ -150,7 +150,7 @@ class _Search:
             lambda a, b: is_free(space.whole(a, start), space.whole(b, start)),
         )
         kind = KINDS[self.planner.name].ompl
-        # Edges short enough for narrow passages, where the caller gives no length.
+        # Default edge length, short enough for narrow passages.
         known = _ompl.setting_names(kind)
         settings = {**({"range": _RANGE * space.diagonal} if "range" in known else {}), **self.planner.settings}
         seed = int(as_generator(self.query.seed).integers(1, 2**32))
@@ -163,13 +163,13 @@ class _Search:
         )
 
     def goes_on(self) -> bool:
-        """Tell the progress how far the search is; False when it wants to end it."""
+        """Report progress; False if the callback cancels the search."""
         self.query.iterations = self.watch.checks
         self.query.in_time()
         return not self.query.cancelled
 
     def why(self, difference: float | None) -> str:
-        """Why there is no path, in words."""
+        """Why there is no path."""
         near = "" if difference is None else f"; the nearest it came to a goal is {difference:.3g} rad"
         done = "budget used up" if self.watch.over else "the planner gave up"
         used = f"{self.query.seconds:.3g} s and {counted(self.watch.checks, 'iteration')}"

@@ -1,4 +1,4 @@
-"""What one question to a compiled planner goes through: its ends, its clock, its answer."""
+"""State of one planning query: checker, start and goals, clock, counters, result."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from rr1plan.problem import Problem
 from rr1plan.scene import Scene
 
 STRAIGHT_LINES = constants()["STRAIGHT_LINES"]
-"""Goals to which the straight line is tried before anything else."""
+"""Number of nearest goals to which the straight line is checked before planning."""
 
-_NO_WISHES = Budget()
+_DEFAULT_BUDGET = Budget()
 _REPORTS = 0.1  # time between two reports of progress [s]
-_LEAST, _MOST = 0.002, 0.01  # time between two looks at the clock [s]
-_CHUNK = 128  # steps before the first look at the clock
-# As many iterations as there are numbers.
+_LEAST, _MOST = 0.002, 0.01  # time between two clock readings [s]
+_CHUNK = 128  # steps before the first clock reading
+# The largest number of iterations.
 NO_LIMIT = int(np.iinfo(np.int64).max)
 
 
 class Pace:
-    """How many steps of a compiled loop to do between two looks at the clock."""
+    """Adapts the number of steps of a compiled loop between two clock readings to the time they take."""
 
     def __init__(self) -> None:
         self._steps = _CHUNK
         self._began: float | None = None
 
     def next(self) -> int:
-        """How many to do now: more where those before took little time, fewer where they took much."""
+        """The next number of steps, from the time of the steps since the last call."""
         now = time.perf_counter()
         if self._began is not None:
             took = now - self._began
@@ -49,29 +49,30 @@ class Pace:
 
 
 class Query:
-    """One question under way: its tools, its clock, what was counted so far. To be used in a `with` block.
+    """One planning query: checker, clock and counters. Use it in a `with` statement.
 
-    Before it a checker is borrowed and its tables are built; inside it the clock runs.
+    Entering acquires a checker, builds its tables and then starts the clock.
 
     Args:
         planner: Name of the planner.
-        problem: The question.
+        problem: The planning problem.
         budget: When to stop; None: the default.
-        rng: Generator or seed of everything random.
+        rng: Generator or seed of all random numbers.
         progress: Called about ten times a second, or None.
-        scene: Whose checker is borrowed: the problem's (default), or one that differs in the moving arms' postures.
+        scene: Scene of the checker: the problem's (default), or one that differs in the moving arms' postures only.
 
     Attributes:
-        motion: Certifies edges; of the problem's arms.
-        began: When the block began (`time.perf_counter`).
-        goals: Goal configurations, of all copies a turn away those nearest to the start; nearest first, shape (k, nq).
+        motion: Collision checker of the problem's arms.
+        began: Start time of the `with` block (`time.perf_counter`).
+        goals: Goal configurations, continuous joints unwrapped to the value nearest to the start; nearest first,
+            shape (k, nq).
         iterations: Iterations so far.
         edges: Edges checked so far.
         history: (seconds, path length) whenever the best path improved.
-        cancelled: The progress wanted to end the search.
+        cancelled: Whether the progress callback cancelled the search.
 
     Raises:
-        InputError: what is no question, or a scene that cannot be checked (in the `with` statement).
+        InputError: invalid arguments, or a scene that cannot be checked (in the `with` statement).
     """
 
     motion: CollisionChecker
@@ -86,7 +87,7 @@ class Query:
         scene: Scene | None = None,
     ) -> None:
         check_question(problem, budget, progress)
-        self.planner, self.problem, self.budget, self.progress = planner, problem, budget or _NO_WISHES, progress
+        self.planner, self.problem, self.budget, self.progress = planner, problem, budget or _DEFAULT_BUDGET, progress
         self.seed = as_seed(rng)
         self.most = NO_LIMIT if self.budget.iterations is None else int(self.budget.iterations)
         self.goals: Array = problem.start[None][:0]
@@ -94,14 +95,14 @@ class Query:
         self.began, self._reported = 0.0, -_REPORTS
         self._scene = scene or problem.scene
         self._space: Space | None = None
-        # The first of the goals in sight of the start, -1 for none; None: not known yet.
-        self._in_sight: int | None = None
+        # Index of the first goal with a free straight line from the start, -1 for none; None: not checked yet.
+        self._visible: int | None = None
         self._goal_search: GoalSearch | None = None
         self.history: list[tuple[float, float]] = []
         self.cancelled = False
 
     def __enter__(self) -> Query:
-        self._wanted = joint_goals(self.problem)
+        self._joint_goals = joint_goals(self.problem)
         self.motion = acquire_checker(self._scene, self.problem.arms, self.problem.margin)
         self.motion.warm_up()
         self.began = time.perf_counter()
@@ -111,7 +112,7 @@ class Query:
         release_checker(self.motion)
 
     def refusal(self) -> PlanResult | None:
-        """The answer to a problem without a usable start or goal, or whose start is a goal."""
+        """The result if start or goal are invalid or the start is a goal; None if a search is needed."""
         if not self._has_plain_ends():
             blocked = check_start(self.problem, self.motion)
             if blocked:
@@ -121,16 +122,16 @@ class Query:
             if found.status is not None:
                 return self.result(found.status, reason=found.reason)
             self.goals = found.configurations
-        if self._in_sight in (None, 0) and (self.goals[0] == self.problem.start).all():
+        if self._visible in (None, 0) and (self.goals[0] == self.problem.start).all():
             return self.result(PlanStatus.FOUND, self.goals[:1].copy())
         if not self.space.can_move:
             return self.result(PlanStatus.INFEASIBLE, reason="no joint can move, and the start is not a goal")
         return None
 
     def _has_plain_ends(self) -> bool:
-        """Whether goals are configurations and both ends can be had; else it takes a closer look, and words."""
-        space, goals = joint_space(self.problem), self._wanted
-        # The kernel does not look at pairs that do not move against each other; where one collides, no edge is free.
+        """Whether all goals are configurations, and the start and at least one goal are valid (one kernel call)."""
+        space, goals = joint_space(self.problem), self._joint_goals
+        # The kernel skips pairs without relative motion; if one of them collides, no edge is free.
         if goals is None or not space.is_shared or not self.motion.static_is_free:
             return False
         near, visible = np.empty_like(goals), np.empty(1, np.int64)
@@ -140,11 +141,11 @@ class Query:
         if count == 0:
             return False
         self.goals = near[:count]
-        self._space, self._in_sight = space, int(visible[0])
+        self._space, self._visible = space, int(visible[0])
         return True
 
     def more_goals(self) -> Array:
-        """Goals that were not known before, where there are others; shape (k, nq)."""
+        """Further goal configurations, also added to `goals`; shape (k, nq)."""
         if self._goal_search is None:
             return self.goals[:0]
         new = self._goal_search.more()
@@ -154,7 +155,7 @@ class Query:
 
     @property
     def space(self) -> Space:
-        """Where to search.
+        """Bounds of the search space.
 
         Raises:
             InputError: a joint without limits that is not continuous.
@@ -164,19 +165,19 @@ class Query:
         return self._space
 
     def straight_line(self, most: int = 1, *, tree: bool = False) -> PlanResult | None:
-        """The answer where the straight line to one of so many nearest goals is free; a tree of it when asked for."""
+        """The result if the straight line to one of the `most` nearest goals is free, with its graph if `tree`."""
         for k in range(min(most, len(self.goals))):
             self.edges += 1
-            if self._is_in_sight(k):
+            if self._is_visible(k):
                 waypoints = np.array([self.problem.start, self.goals[k]])
                 explored = SearchTree(waypoints, np.array([[0, 1]])) if tree else None
                 return self.result(PlanStatus.FOUND, waypoints, tree=explored)
         return None
 
-    def _is_in_sight(self, k: int) -> bool:
-        if self._in_sight is None or k >= STRAIGHT_LINES:
+    def _is_visible(self, k: int) -> bool:
+        if self._visible is None or k >= STRAIGHT_LINES:
             return self.motion.edge_is_free(self.problem.start, self.goals[k])
-        return k == self._in_sight
+        return k == self._visible
 
     @property
     def seconds(self) -> float:
@@ -185,29 +186,29 @@ class Query:
 
     @property
     def seconds_left(self) -> float:
-        """Wall time left of the budget [s]; below zero when it is used up."""
+        """Wall time left of the budget [s], negative after its end."""
         return self.budget.seconds - self.seconds
 
     def goes_on(self) -> bool:
-        """Whether there are iterations left, and `in_time`."""
+        """Whether iterations are left and `in_time()`."""
         return self.iterations < self.most and self.in_time()
 
     def in_time(self) -> bool:
-        """Tell the progress about ten times a second; whether it lets the search go on, and there is time left."""
+        """Whether time is left and the search is not cancelled; reports progress about ten times a second."""
         seconds = time.perf_counter() - self.began
         if self.progress is not None and not self.cancelled and seconds - self._reported >= _REPORTS:
             self._report(self.progress, seconds)
         return not self.cancelled and seconds < self.budget.seconds
 
     def _report(self, progress: ProgressCallback, seconds: float) -> None:
-        """Tell the progress, which may cancel."""
+        """Call the progress callback, which may cancel."""
         self._reported = seconds
         used = min(1.0, max(seconds / self.budget.seconds, self.iterations / self.most))
         cost = self.history[-1][1] if self.history else None
         self.cancelled = progress(Progress(self.planner, seconds, used, cost)) is False
 
     def unsolved(self, found: str, tree: SearchTree | None = None) -> PlanResult:
-        """The answer without a path: cancelled, or out of budget, with what was found instead in words."""
+        """The result without a path: cancelled, or out of budget; `found` describes the state of the search."""
         if self.cancelled:
             return self.result(PlanStatus.CANCELLED, reason="the progress callback returned False", tree=tree)
         used = f"{self.seconds:.3g} s and {counted(self.iterations, 'iteration')}"
@@ -217,7 +218,7 @@ class Query:
     def result(
         self, status: PlanStatus, waypoints: Array | None = None, *, reason: str = "", tree: SearchTree | None = None
     ) -> PlanResult:
-        """The answer with the counts so far; waypoints are new ones that nobody else writes."""
+        """The result with the counters so far; the caller must not keep `waypoints`."""
         path = None if waypoints is None else Path.trusted(self.motion.joint_names, waypoints)
         seconds = self.seconds
         if path is not None and not self.history:

@@ -1,7 +1,7 @@
-"""The compiled RRT-Connect behind the verb of all planners.
+"""RRT-Connect as a compiled loop.
 
-Searching, checking edges and drawing random numbers happen in one loop of machine code (`rrt_connect.c`). It returns
-here every few milliseconds, for the clock, Ctrl-C and progress.
+Sampling, nearest neighbors and edge checks are one compiled loop (`rrt_connect.c`). It returns to Python every few
+milliseconds, for the clock, Ctrl-C and progress.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ class RrtConnect(Planner):
     Under a budget of iterations alone the same seed gives the same path. An iteration is a sample.
 
     Args:
-        range: Longest edge of a tree [rad]; 0: a part of the diagonal of the joints' ranges.
-        tree: Whether the result keeps what was explored.
+        range: Longest edge of a tree [rad]; 0: a share of the diagonal of the joint space.
+        tree: Whether the result contains the explored trees.
 
     Raises:
         InputError: a negative range.
@@ -55,9 +55,9 @@ class RrtConnect(Planner):
             return query.straight_line(STRAIGHT_LINES, tree=self.tree) or self._search(query)
 
     def _search(self, query: Query) -> PlanResult:
-        """The answer of the trees."""
+        """The result of growing both trees."""
         search = TreeSearch(query, self.range)
-        met = search.meets()
+        met = search.connect()
         tree = search.trees.explored(joined=met) if self.tree else None
         if met:
             return query.result(PlanStatus.FOUND, search.trees.path(), tree=tree)

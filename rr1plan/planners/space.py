@@ -1,9 +1,9 @@
-"""Where a planner searches: the joints' limits, without a seam where a joint turns without end.
+"""Search spaces: joint limits, and the treatment of continuous joints.
 
-The compiled planners know that a continuous joint wraps (`rrt_connect.c`). For others such joints are
-unrolled: plain numbers two turns and a half wide around the start, with every copy of a goal that lies within a turn.
-Either way a path may leave over half a turn, does not go the long way round unless it has to, and its waypoints are
-joined by the very lines that were certified.
+The compiled planners wrap continuous joints (`rrt_connect.c`). For other planners these joints are unrolled: real
+intervals of two and a half turns around the start, with all copies of a goal within one turn. In both cases
+a path may cross half a turn, goes the shorter way round if that is free, and consists of the straight lines that
+were certified.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from rr1plan.limits import Limits
 from rr1plan.problem import Problem
 from rr1plan.robot import Robot
 
-_WINDOW = 2.5 * np.pi  # how far from its start an unrolled joint is searched [rad]
-_MOST_GOALS = 64  # copies of goals in all
+_WINDOW = 2.5 * np.pi  # half the width of the interval of an unrolled joint [rad]
+_MOST_GOALS = 64  # most goals including copies
 
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """Bounds of all columns, and which of them can move at all.
+    """Bounds and topology of all columns of q.
 
     Args:
-        lower, upper: Where to search [rad or m], infinite where a column wraps, shape (nq,).
-        wraps: Which columns wrap around: whole turns lead to the same place, and there are no limits; shape (nq,).
-        continuous: Which columns have no limits, shape (nq,). A joint that a mimic joint follows by half turns is one
-            that does not wrap.
+        lower, upper: Bounds [rad or m], infinite for columns that wrap, shape (nq,).
+        wraps: Columns without limits that are equivalent modulo 2 pi, shape (nq,).
+        continuous: Columns without limits, shape (nq,). A continuous joint that a mimic joint follows by half turns
+            does not wrap.
     """
 
     lower: Array
@@ -70,14 +70,14 @@ class Space:
         if endless.any():
             name = problem.joint_names[int(np.argmax(endless))]
             raise InputError(f"joint {name!r} has no position limits, expected finite ones")
-        # The start and goals are within limits up to rounding; a search has no such mercy.
+        # The start and goals satisfy the limits up to rounding; a planner requires them exactly.
         lower = np.minimum(lower, np.minimum(start, goals.min(axis=0)))
         upper = np.maximum(upper, np.maximum(start, goals.max(axis=0)))
         return Space(lower, upper, wraps, self.continuous)
 
     @cached_property
     def extent(self) -> Array:
-        """How much there is of each column [rad or m], infinite where it wraps, shape (nq,)."""
+        """Width of each column [rad or m], infinite for columns that wrap, shape (nq,)."""
         return self.upper - self.lower
 
     @cached_property
@@ -87,26 +87,26 @@ class Space:
 
     @cached_property
     def can_move(self) -> bool:
-        """Some column can."""
+        """Whether any column can move."""
         return bool(self.movable.any())
 
     @cached_property
     def is_shared(self) -> bool:
-        """All columns have limits or wrap: nothing depends on the start."""
+        """Whether all columns have limits or wrap, so that the bounds do not depend on the start."""
         return bool((np.isfinite(self.extent) | self.wraps).all())
 
     @cached_property
     def diagonal(self) -> float:
-        """Length of the space's diagonal [rad], a continuous joint counted as one turn."""
+        """Length of the space's diagonal [rad], with 2 pi for a continuous joint."""
         extents = np.where(self.continuous, 2.0 * np.pi, self.extent)
         return float(np.sqrt(extents.dot(extents)))
 
     def reduce(self, q: Array) -> Array:
-        """The movable columns."""
+        """The movable columns of q."""
         return np.asarray(q[..., self.movable])
 
     def whole(self, q: Array, still: Array) -> Array:
-        """All columns from the movable ones; the others as in `still`, shape (nq,)."""
+        """All columns from the movable ones; the others are taken from `still`, shape (nq,)."""
         if len(still) == q.shape[-1]:
             return q
         full = np.broadcast_to(still, (*q.shape[:-1], len(still))).copy()
@@ -115,7 +115,7 @@ class Space:
 
 
 def joint_space(problem: Problem) -> Space:
-    """The limits of a problem's columns as they are; all scenes with the same robots share it."""
+    """Joint limits of a problem's columns; cached for all scenes with the same robots."""
     arms = problem.scene.arms
     return _joint_space(tuple([arms[name].robot for name in problem.arms]))
 
@@ -129,7 +129,7 @@ def _joint_space(robots: tuple[Robot, ...]) -> Space:
 
 
 def with_copies(problem: Problem, goals: Array) -> Array:
-    """Goals and their copies one turn away where a joint wraps around, nearest to the start first, shape (k, nq)."""
+    """Goals and their copies one turn away in joints that wrap, nearest to the start first, shape (k, nq)."""
     space = joint_space(problem)
     turns = np.where(goals > problem.start, -2.0 * np.pi, 2.0 * np.pi)
     chosen = _choices(tuple(np.flatnonzero(space.wraps).tolist()), len(problem.start))
@@ -140,7 +140,7 @@ def with_copies(problem: Problem, goals: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def _choices(joints: tuple[int, ...], nq: int) -> Array:
-    """Ones for the joints that go the other way round: none, each, each two..., shape (k, nq)."""
+    """Indicator rows of subsets of joints, by ascending size, shape (k, nq)."""
     sets = (chosen for count in range(len(joints) + 1) for chosen in itertools.combinations(joints, count))
     some = list(itertools.islice(sets, 16 * _MOST_GOALS))
     choices = np.zeros((len(some), nq))

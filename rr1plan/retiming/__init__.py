@@ -1,4 +1,4 @@
-"""Retiming: from a path to a trajectory under the limits of its joints."""
+"""Time parameterization: from a path to a trajectory under joint limits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["point_to_point", "retime", "retiming_names", "retiming_table"]
 
 
 def __getattr__(name: str) -> Any:
-    # Ruckig is loaded when it is first asked for
+    # Ruckig is imported lazily.
     if name == "point_to_point":
         from rr1plan.retiming.ruckig_ import point_to_point
 

@@ -1,13 +1,13 @@
-"""A polyline with rounded corners, as a curve q(s) of straight lines and parabolas.
+"""Parabolic blends: a polyline with rounded corners, as a curve q(s) of straight lines and parabolas.
 
-Around a corner p with unit directions d0 and d1 the polyline is replaced, from r before p to r
-behind it, by q(s) = p - r d0 + s d0 + s² (d1 - d0) / (4 r) for 0 <= s <= 2 r. It joins the lines with
-the same derivative, stays in the triangle of its corner, so inside the joint limits, and leaves
-the polyline by r |d1 - d0| / 4 <= r / 2 at most. A blend counts only once it is certified free of
-collision; it is halved until it is. What cannot be blended is a corner where the motion stops.
+Around a corner p with unit directions d0 and d1 the polyline is replaced, from a distance r before p to r
+behind it, by q(s) = p - r d0 + s d0 + s² (d1 - d0) / (4 r) for 0 <= s <= 2 r. The blend is C1-continuous
+with the lines, stays in the triangle of its corner, hence inside the joint limits, and deviates from
+the polyline by r |d1 - d0| / 4 <= r / 2 at most. A blend is used only if it is certified free of
+collision; otherwise r is halved. The motion stops at corners that cannot be blended.
 The second derivative jumps where lines and parabolas meet, and with it the acceleration.
 Idea: Kunz, Stilman, "Time-Optimal Trajectory Generation for Path Following with Bounded
-Acceleration and Velocity", RSS 2012 (with circles; parabolas keep time pieces polynomial).
+Acceleration and Velocity", RSS 2012 (with circular blends; parabolas keep trajectories polynomial).
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ from rr1plan.checks import Array
 from rr1plan.kernels.library import load_library
 
 DUPLICATE = 1e-9
-"""Waypoints closer than this [rad], and waypoints this close to a straight line, are one."""
+"""Waypoints closer than this to another one or to the line between their neighbors are dropped [rad]."""
 
 HALVINGS = 8
-"""A blend that is not free after so many halvings is given up: the motion stops there."""
+"""Number of halvings of a blend after which the motion stops at its corner."""
 
 _REVERSAL = 1e-3
 _SMALLEST = 1e-8
 
 
 class CurveChecker(Protocol):
-    """What certifies a blend; `rr1plan.collision.CollisionChecker` does."""
+    """Interface of a checker that certifies blends, e.g. `rr1plan.collision.CollisionChecker`."""
 
     def polynomial_is_free(self, coefficients: Array, duration: float) -> bool:
-        """The curve q(s) = sum_k coefficients[k] s^k, 0 <= s <= duration, is proven free of collision."""
+        """Whether q(s) = sum_k coefficients[k] s^k, 0 <= s <= duration, is certified free of collision."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A curve without time, smooth inside: q = sum_k coefficients[i, k] s^k, 0 <= s <= lengths[i].
+    """A C1-continuous geometric curve: q = sum_k coefficients[i, k] s^k, 0 <= s <= lengths[i].
 
     Args:
-        lengths: Extent of each piece [rad], shape (m,).
+        lengths: Parameter range of each piece [rad], shape (m,).
         coefficients: Lowest power first, shape (m, 3, nq).
-        corners: The waypoints at its two ends, counted in the cleaned polyline.
+        corners: Indices of the waypoints at its two ends in the cleaned polyline.
     """
 
     lengths: Array
@@ -58,7 +58,7 @@ class Curve:
 def clean(waypoints: Array) -> Array:
     """The same polyline without duplicates and without waypoints on a straight line, shape (m, nq).
 
-    First and last waypoint stay exactly what they are, unless all of them are one.
+    The first and the last waypoint are unchanged, unless all waypoints coincide.
     """
     points = np.ascontiguousarray(waypoints)
     index = np.empty(len(points), np.int64)
@@ -67,12 +67,12 @@ def clean(waypoints: Array) -> Array:
 
 
 def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -> Array:
-    """How far before and behind each waypoint its blend reaches [rad], shape (m,); zero means a stop.
+    """Blend size of each waypoint, the distance r before and behind it [rad], shape (m,); zero means a stop.
 
     Args:
         points: Cleaned waypoints [rad], shape (m, nq).
         max_blend: Largest size [rad].
-        checker: What certifies a blend; None for a curve that needs no certificate.
+        checker: Certifies blends; None for a curve that needs no certificate.
     """
     sizes = np.empty(len(points))
     load_library().rr1_largest_blends(points, *points.shape, max_blend, _REVERSAL, _SMALLEST, sizes)
@@ -84,7 +84,7 @@ def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -
 
 
 def _certified_size(points: Array, i: int, size: float, smallest: float, checker: CurveChecker) -> float:
-    """The largest certified size of a blend that halving leads to, or zero."""
+    """The first certified size of repeated halving, or zero."""
     for _ in range(HALVINGS):
         if size < smallest:
             break
@@ -103,14 +103,14 @@ def blend_at(points: Array, i: int, size: float) -> Array:
 
 
 def round_corners(points: Array, sizes: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-    """The pieces of a rounded polyline: lines and parabolas one after the other, none without extent.
+    """The pieces of a rounded polyline, alternating lines and parabolas; empty pieces are dropped.
 
     Args:
         points: Cleaned waypoints [rad], shape (m, nq).
         sizes: See `blend_sizes`.
 
     Returns:
-        Lengths (k,), coefficients (k, 3, nq), and how many pieces come before the blend of each waypoint, shape (m,).
+        Lengths (k,), coefficients (k, 3, nq), and the number of pieces before the blend of each waypoint, shape (m,).
     """
     m, nq = points.shape
     points, sizes = np.ascontiguousarray(points), np.ascontiguousarray(sizes)
@@ -120,7 +120,7 @@ def round_corners(points: Array, sizes: Array) -> tuple[Array, Array, NDArray[np
 
 
 def curves(points: Array, sizes: Array) -> list[Curve]:
-    """The rounded polyline, cut where the motion stops."""
+    """The rounded polyline, split where the motion stops."""
     lengths, coefficients, before = round_corners(points, sizes)
     stops = [0, *(np.flatnonzero(sizes[1:] == 0.0) + 1).tolist()]
     parts = [slice(int(before[first]), int(before[last])) for first, last in pairwise(stops)]

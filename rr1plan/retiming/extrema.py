@@ -1,7 +1,7 @@
-"""Exact peaks of piecewise polynomials: roots of derivatives in closed form, no sampling.
+"""Exact extrema of piecewise polynomials: roots of derivatives in closed form, no sampling.
 
-A peak of |p(t)| on [0, T] lies at an end or where p' is zero. Every trajectory here has degree
-four at most in position, so p' of a velocity is a quadratic at most and its roots are a formula.
+A maximum of |p(t)| on [0, T] lies at an end or where p' is zero. All trajectories of the retiming methods
+have at most degree four, so p' of a velocity is at most quadratic and its roots have a closed form.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Joints that move need finite limits; the first one without is named."""
+"""Check of finite limits of moving joints."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from rr1plan.limits import Limits
 
 
 def check_limits(joint_names: tuple[str, ...], waypoints: Array, limits: Limits, *, jerk: bool = False) -> None:
-    """Every joint that moves has finite velocity and acceleration limits, and jerk if asked.
+    """Require finite velocity and acceleration limits of all moving joints, and jerk limits if `jerk`.
 
     Args:
         joint_names: Name of each joint, length nq.
         waypoints: Configurations [rad], shape (n, nq).
         limits: Limits of the same joints.
-        jerk: Whether a jerk limit is needed.
+        jerk: Whether jerk limits are required.
 
     Raises:
-        RetimingError: an infinite limit of a joint that moves.
+        RetimingError: a moving joint has an infinite limit.
     """
     moving = np.ptp(waypoints, axis=0) > 0.0
     for kind in ("velocity", "acceleration", "jerk")[: 3 if jerk else 2]:

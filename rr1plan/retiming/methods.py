@@ -1,8 +1,8 @@
-"""The verb `retime` and the methods behind it.
+"""`retime` and its methods.
 
 `blend` and `stop` do not limit jerk: acceleration jumps where lines meet parabolas and where the
-path speed switches. A new method is one function, from `Work` to pieces that are `within` its limits, and one
-row of `_METHODS`.
+path acceleration switches. To add a method, write a function from `Work` to pieces that are `within` the limits
+and add a row to `_METHODS`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ logger = logging.getLogger(__name__)
 
 
 class Work(NamedTuple):
-    """What a method gets: cleaned waypoints (n >= 2), limits, who certifies, and torques if they count."""
+    """Arguments of a method: cleaned waypoints (n >= 2), limits, checker, inverse dynamics for torque limits."""
 
     points: Array
     limits: Limits
@@ -51,31 +51,31 @@ def retime(
     acceleration_scale: float = 1.0,
     max_blend: float = 1.0,
 ) -> Trajectory:
-    """Give a path times under the limits of its arms, from rest to rest.
+    """Time a path under the limits of its arms, from rest to rest.
 
-    Velocity and acceleration (and jerk, for the `ruckig` methods) keep their limits between
-    samples too: their exact peaks are measured and time is stretched by what they exceed. The
-    straight lines of the path are taken as they are; whatever leaves them is certified first.
+    Velocity and acceleration (and jerk, for the `ruckig` methods) satisfy their limits between
+    samples too: their exact extrema are computed, and time is stretched if they exceed a limit.
+    Straight lines of the path are not checked again; blends and other deviations from them are certified.
 
     Args:
-        path: The path, of some arms of the scene.
-        scene: Gives the limits and what may be hit.
+        path: A path of arms of the scene.
+        scene: The scene; gives joint limits and obstacles.
         method: One of `retiming_names()`.
-        checker: What certifies blends (default: a `CollisionChecker` of the scene, its other arms at rest).
-        torque_limits: Keep the effort limits too, by inverse dynamics.
+        checker: Certifies blends (default: a `CollisionChecker` of the scene with its other arms fixed).
+        torque_limits: Whether to satisfy the effort limits too, by inverse dynamics.
         velocity_scale: Share of the velocity limits to use, above 0, at most 1.
         acceleration_scale: Share of the acceleration limits to use, above 0, at most 1.
-        max_blend: How far from its corner a blend may begin [rad, Euclidean], >= 0; the motion
-            leaves the polyline by half of it at most.
+        max_blend: Largest distance from a corner to the beginning of its blend [rad, Euclidean], >= 0; the
+            deviation from the polyline is at most half of it.
 
     Returns:
-        The trajectory, starting at time zero; of duration zero where nothing moves.
+        The trajectory, starting at time zero; of duration zero if nothing moves.
 
     Raises:
         UnknownNameError: no such method, or a joint's arm is not in the scene.
         InputError: the path's joints are not those of the scene's arms, a scale or size out of range.
-        RetimingError: a moving joint without a limit, gravity above an effort limit, or a
-            solver that fails; names the joint or the place.
+        RetimingError: a moving joint without a limit, gravity torque above an effort limit, or a
+            failure of the solver; the message names the joint or the waypoints.
     """
     of_kind("path", path, Path)
     of_kind("scene", scene, Scene)
@@ -113,7 +113,7 @@ def retiming_names() -> tuple[str, ...]:
 
 
 def retiming_table() -> Mapping[str, str]:
-    """All retiming methods: one line of description by name."""
+    """One-line descriptions of all retiming methods by name."""
     return {name: description for name, (description, _) in _METHODS.items()}
 
 
@@ -127,7 +127,7 @@ def _arms(path: Path, scene: Scene) -> tuple[str, ...]:
 
 @contextmanager
 def _naming_estimates(scene: Scene, arms: tuple[str, ...]) -> Iterator[None]:
-    """Add to what is wrong with torques which masses are estimates."""
+    """Add the links with estimated masses to errors about torques."""
     try:
         yield
     except RetimingError as error:
@@ -145,7 +145,7 @@ def _certifier(scene: Scene, arms: tuple[str, ...]) -> CurveChecker:
 
 def _share(name: str, value: float) -> float:
     if positive_number(name, value) > 1.0:
-        raise InputError(f"{name} is {value}, expected at most 1 (higher limits belong into the robot)")
+        raise InputError(f"{name} is {value}, expected at most 1 (set higher limits in the robot)")
     return float(value)
 
 
@@ -153,7 +153,7 @@ def _share(name: str, value: float) -> float:
 
 
 def _blend(work: Work) -> list[Pieces]:
-    """Blends where they are free; where timing them fails or is slower, rest at the corners."""
+    """Blend corners where certified; stop at corners where blends cannot be timed or are slower."""
     checker = work.checker() if len(work.points) > 2 and work.max_blend > 0.0 else None
     return _time(work, blend_sizes(work.points, work.max_blend, checker))
 
@@ -178,7 +178,7 @@ def _time_with_torque(work: Work, curve: Curve) -> list[Pieces]:
     except RetimingError as error:
         if end - begin == 1:
             raise
-        logger.info("resting at waypoints %d to %d: %s", begin, end, error)
+        logger.info("stopping at waypoints %d to %d: %s", begin, end, error)
     points = work.points[begin : end + 1]
     return [part for line in curves(points, np.zeros(len(points))) for part in _time_with_torque(work, line)]
 
@@ -213,9 +213,9 @@ def _is_free(pieces: Pieces, checker: CurveChecker) -> bool:
 
 _METHODS: dict[str, tuple[str, Callable[[Work], list[Pieces]]]] = {
     "blend": ("straight lines, corners rounded by parabolas within certified clearance, time-optimal", _blend),
-    "stop": ("straight lines, rest at every waypoint, time-optimal", _stop),
-    "ruckig": ("straight lines, rest at every waypoint, jerk limits too", _ruckig),
-    "ruckig_direct": ("as ruckig, but off the line where the faster motion is certified free", _ruckig_direct),
+    "stop": ("straight lines, stop at every waypoint, time-optimal", _stop),
+    "ruckig": ("straight lines, stop at every waypoint, with jerk limits", _ruckig),
+    "ruckig_direct": ("as ruckig, but leaves the line where a faster motion is certified free", _ruckig_direct),
 }
 
 _JERK_LIMITED = ("ruckig", "ruckig_direct")

@@ -1,4 +1,4 @@
-"""Timed pieces before they get a clock: polynomials and how long each lasts."""
+"""Polynomial pieces in local time, with their durations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rr1plan.retiming.extrema import peaks
 from rr1plan.trajectory import Trajectory
 
 SHORTEST = 1e-11
-"""Pieces that last less [s] are left out: less than rounding of the clock would move them."""
+"""Shorter pieces [s] are dropped: their durations are below the rounding error of the breaks."""
 
 
 class Pieces(NamedTuple):
@@ -37,7 +37,7 @@ class Pieces(NamedTuple):
         return Pieces(self.durations * factor, self.coefficients * powers[None, :, None])
 
     def within(self, limits: Limits, *, jerk: bool = False) -> Pieces:
-        """The same motion, stretched as much as the exact peaks of its rates ask for, never shortened."""
+        """The same motion, stretched until the exact extrema of its derivatives satisfy the limits; never shortened."""
         factor = max(1.0, self._excess(1, limits.velocity), self._excess(2, limits.acceleration) ** (1 / 2))
         if jerk:
             factor = max(factor, self._excess(3, limits.jerk) ** (1 / 3))
@@ -48,7 +48,7 @@ class Pieces(NamedTuple):
 
 
 def concatenate(parts: list[Pieces]) -> Pieces:
-    """One motion after the other."""
+    """Motions in sequence."""
     if len(parts) == 1:
         return parts[0]
     terms = max(part.coefficients.shape[1] for part in parts)
@@ -61,13 +61,13 @@ def concatenate(parts: list[Pieces]) -> Pieces:
 
 
 def as_trajectory(joint_names: tuple[str, ...], pieces: Pieces) -> Trajectory:
-    """The pieces on a clock that starts at zero."""
+    """The pieces as a trajectory that starts at time zero."""
     kept = pieces.durations > SHORTEST
     if not kept.any():
         return Trajectory.rest(joint_names, pieces.coefficients[0, 0])
     breaks = np.zeros(np.count_nonzero(kept) + 1)
     np.cumsum(pieces.durations[kept], out=breaks[1:])
     if not (np.isfinite(breaks[-1]) and (breaks[1:] > breaks[:-1]).all()):
-        # Pieces that are lost beside the whole: the constructor says where.
+        # Pieces so short that breaks coincide: the constructor names them.
         return Trajectory(joint_names, breaks, pieces.coefficients[kept])
     return Trajectory.trusted(joint_names, breaks, pieces.coefficients[kept])

@@ -1,9 +1,9 @@
 """Jerk-limited motion from rest to rest, by Ruckig: seven phases of constant jerk, exact cubic pieces.
 
-Ruckig solves states, not paths, so the motion rests at every waypoint. On a straight line it
-solves one number, the way along the line, and every joint stays on the line exactly. Ruckig
-itself gets distances of one and durations near one: its tolerances are absolute (1e-8) and its
-limits end at 1e9. Its intermediate waypoints are never used: they ask a service on the network.
+Ruckig connects states and does not follow paths, so the motion stops at every waypoint. On a straight line it
+solves for one coordinate, the distance along the line, and every joint stays on the line exactly.
+Problems are scaled to distances of one and durations near one, because Ruckig's tolerances are absolute
+(1e-8) and its limits end at 1e9. Its intermediate waypoints are never used: they need a web service.
 Berscheid, Kröger, "Jerk-limited Real-time Trajectory Generation with Arbitrary Target States",
 RSS 2021.
 """
@@ -26,7 +26,7 @@ from rr1plan.retiming.pieces import SHORTEST, Pieces, as_trajectory
 from rr1plan.retiming.speed import line_rates
 from rr1plan.trajectory import Trajectory
 
-# In units of distance and duration near one: higher limits change nothing measurable, but leave Ruckig's range.
+# Caps of scaled limits: higher limits make no measurable difference and exceed Ruckig's range.
 _CAPS = np.array([1e1, 1e4, 1e8])
 
 
@@ -39,14 +39,16 @@ def time_line_smoothly(curve: Curve, limits: Limits) -> Pieces:
     length = float(curve.lengths[0])
     start, direction = curve.coefficients[0, 0], curve.coefficients[0, 1]
     rates = np.array(line_rates(direction, limits))[:, None]
-    durations, way = _solve(np.array([length]), rates, f"between waypoints {curve.corners[0]} and {curve.corners[1]}")
-    coefficients = way * direction
+    durations, distance = _solve(
+        np.array([length]), rates, f"between waypoints {curve.corners[0]} and {curve.corners[1]}"
+    )
+    coefficients = distance * direction
     coefficients[:, 0] += start
     return Pieces(durations, coefficients)
 
 
 def time_state_to_state(start: Array, end: Array, limits: Limits, place: str = "") -> Pieces:
-    """All joints from rest to rest in the same time, each within its limits; not on a straight line.
+    """Move all joints from rest to rest in the same time, each within its limits; not on a straight line.
 
     Raises:
         RetimingError: Ruckig fails.
@@ -54,9 +56,9 @@ def time_state_to_state(start: Array, end: Array, limits: Limits, place: str = "
     moving = start != end
     delta = (end - start)[moving]
     rates = np.array([limits.velocity[moving], limits.acceleration[moving], limits.jerk[moving]])
-    durations, way = _solve(delta, rates, place)
+    durations, displacement = _solve(delta, rates, place)
     coefficients = np.zeros((len(durations), 4, len(start)))
-    coefficients[:, :, moving] = way
+    coefficients[:, :, moving] = displacement
     coefficients[:, 0] += start
     return Pieces(durations, coefficients)
 
@@ -64,9 +66,9 @@ def time_state_to_state(start: Array, end: Array, limits: Limits, place: str = "
 def point_to_point(joint_names: tuple[str, ...], start: ArrayLike, end: ArrayLike, limits: Limits) -> Trajectory:
     """The fastest jerk-limited motion between two configurations, all joints arriving together.
 
-    It leaves the straight line between them (each joint moves monotonically, so it stays in
-    their box): nothing has checked it for collision. Certify each polynomial of the result with
-    `CollisionChecker.polynomial_is_free`, or let `retime(..., method="ruckig_direct")` do so.
+    The motion leaves the straight line (each joint moves monotonically, so it stays in the bounding box
+    of both) and is not checked for collision. Certify each polynomial of the result with
+    `CollisionChecker.polynomial_is_free`, or use `retime(..., method="ruckig_direct")`.
 
     Args:
         joint_names: Name of each joint, length nq.
@@ -75,8 +77,8 @@ def point_to_point(joint_names: tuple[str, ...], start: ArrayLike, end: ArrayLik
         limits: Velocity, acceleration and jerk limits of the same joints.
 
     Raises:
-        InputError: shapes that do not fit, NaN.
-        RetimingError: a joint that moves has an infinite limit (named), or Ruckig fails.
+        InputError: inconsistent shapes, NaN.
+        RetimingError: a moving joint has an infinite limit, or Ruckig fails.
     """
     names = check_joint_names(joint_names)
     of_kind("limits", limits, Limits)
@@ -90,12 +92,12 @@ def point_to_point(joint_names: tuple[str, ...], start: ArrayLike, end: ArrayLik
 
 
 def _solve(delta: Array, rates: Array, place: str) -> tuple[Array, Array]:
-    """Cubic pieces of n motions by delta (n,) from rest to rest, all as long as the slowest.
+    """Cubic pieces of n synchronized motions by delta (n,) from rest to rest.
 
     Args:
-        delta: How far [rad], not zero, shape (n,).
-        rates: Highest velocity, acceleration, jerk, shape (3, n).
-        place: Where, for the message.
+        delta: Displacements [rad], not zero, shape (n,).
+        rates: Limits of velocity, acceleration and jerk, shape (3, n).
+        place: Location of the motion on the path, for the message.
 
     Returns:
         Durations (m,) [s] and coefficients (m, 4, n) from zero to delta.
@@ -106,9 +108,9 @@ def _solve(delta: Array, rates: Array, place: str) -> tuple[Array, Array]:
     profiles = _call_ruckig(np.minimum(scaled, _CAPS[:, None]), place)
     ends = np.concatenate([np.cumsum(profile.t) for profile in profiles])
     breaks = _distinct(np.sort(np.concatenate([[0.0], ends])))
-    way = np.stack([_on(profile, breaks) for profile in profiles], axis=2)
+    shares = np.stack([_on(profile, breaks) for profile in profiles], axis=2)
     powers = unit ** -np.arange(4.0)
-    return np.diff(breaks) * unit, way * powers[None, :, None] * delta
+    return np.diff(breaks) * unit, shares * powers[None, :, None] * delta
 
 
 def _call_ruckig(rates: Array, place: str) -> list[Any]:
@@ -126,19 +128,19 @@ def _call_ruckig(rates: Array, place: str) -> list[Any]:
         raise RetimingError(f"Ruckig fails {place}: {result.name}")
     profiles = list(answer.profiles[0])
     if any(profile.brake.duration != 0.0 or not np.isfinite(profile.t).all() for profile in profiles):
-        raise RetimingError(f"Ruckig fails {place}: its motion does not begin at rest")
+        raise RetimingError(f"Ruckig fails {place}: its motion does not start at rest")
     return profiles
 
 
 def _distinct(times: Array) -> Array:
-    """Sorted times without those that follow another by rounding only; the last stays."""
+    """Sorted times without near-duplicates; the last one is kept."""
     kept = np.asarray(times[np.concatenate([[True], np.diff(times) > SHORTEST])])
     kept[-1] = times[-1]
     return kept
 
 
 def _on(profile: Any, breaks: Array) -> Array:
-    """Coefficients (m, 4) of a profile on a clock that holds its switching times."""
+    """Coefficients (m, 4) of a profile on `breaks`, which contain its switching times."""
     t, j, a, v, p = (np.asarray(getattr(profile, name)) for name in "tjavp")
     starts = np.concatenate([[0.0], np.cumsum(t)])
     middle = 0.5 * (breaks[:-1] + breaks[1:])

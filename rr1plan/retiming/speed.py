@@ -1,8 +1,8 @@
-"""Timing of a curve from its squared path speed x = (ds/dt)², which is linear in s between gridpoints.
+"""Time-optimal path parameterization by the squared path speed x = (ds/dt)², piecewise linear in s.
 
-Constant path acceleration u on an interval makes s(t) quadratic there, so a straight line
-becomes quadratic in time and a parabola quartic: exact pieces, nothing is sampled or fitted.
-The passes along the curve are compiled (`parameterize.c`).
+With constant path acceleration u on an interval, s(t) is quadratic there, so a straight line
+becomes quadratic in time and a parabola quartic: exact pieces, without sampling or fitting.
+The forward and backward passes are compiled (`parameterize.c`).
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from rr1plan.retiming.blends import DUPLICATE, Curve
 from rr1plan.retiming.pieces import Pieces
 
 _STEP = 0.2
-# Numbers of memory for intermediate arrays and timed pieces to begin with; both are doubled where they do not suffice.
+# Initial sizes of the arena and of the arrays of timed pieces; both are doubled on demand.
 _ARENA = 1 << 16
 _PIECES = 256
 
 
 class Grid(NamedTuple):
-    """Gridpoints of a curve, every knot among them.
+    """Grid on a curve; all knots are gridpoints.
 
     Args:
-        piece: Piece of the curve each interval lies on, shape (n,).
-        offset: Where each interval begins on its piece [rad], shape (n,).
+        piece: Index of the piece that contains each interval, shape (n,).
+        offset: Parameter s at the beginning of each interval on its piece [rad], shape (n,).
         delta: Length of each interval [rad], shape (n,).
     """
 
@@ -39,23 +39,23 @@ class Grid(NamedTuple):
     delta: Array
 
     def first(self, curve: Curve, at: float) -> Array:
-        """dq/ds on every interval, a fraction `at` (0..1) along it, shape (n, nq)."""
+        """dq/ds at a fraction `at` (0..1) of every interval, shape (n, nq)."""
         s = (self.offset + at * self.delta)[:, None]
         return np.asarray(curve.coefficients[self.piece, 1] + 2.0 * s * curve.coefficients[self.piece, 2])
 
     def second(self, curve: Curve) -> Array:
-        """d²q/ds² on every interval, constant there, shape (n, nq)."""
+        """d²q/ds² on every interval, where it is constant, shape (n, nq)."""
         return np.asarray(2.0 * curve.coefficients[self.piece, 2])
 
     def position(self, curve: Curve, at: float) -> Array:
-        """Position on every interval, a fraction `at` (0..1) along it, shape (n, nq)."""
+        """Position at a fraction `at` (0..1) of every interval, shape (n, nq)."""
         s = (self.offset + at * self.delta)[:, None]
         c = curve.coefficients[self.piece]
         return np.asarray(c[:, 0] + s * (c[:, 1] + s * c[:, 2]))
 
 
 def make_grid(curve: Curve, limits: Limits, longest: Array) -> Grid:
-    """Gridpoints between which little changes, and no interval longer than `longest` (m,) [rad] on each piece."""
+    """An adaptive grid, with intervals of at most `longest` (m,) [rad] on each piece."""
     path, rates, longest = _curve_struct(curve), _limits_struct(limits), np.ascontiguousarray(longest)
     capacity = _PIECES
     while True:
@@ -99,17 +99,17 @@ def line_rates(direction: Array, limits: Limits) -> tuple[Array, Array, Array]:
 
 
 def time_polyline(points: Array, sizes: Array, limits: Limits) -> Pieces:
-    """A rounded polyline from rest to rest, as fast as velocity and acceleration limits allow on the grid.
+    """Time a rounded polyline from rest to rest, optimally on the grid under velocity and acceleration limits.
 
-    The motion rests at waypoints without a blend, and at those where a blend would be slower.
+    The motion stops at waypoints without a blend, and at those where a blend would be slower.
 
     Args:
         points: Cleaned waypoints [rad], shape (m, nq), m >= 2.
-        sizes: How far before and behind each its blend reaches [rad], shape (m,).
-        limits: Velocity and acceleration limits, finite for joints that move.
+        sizes: Blend sizes, see `blend_sizes` [rad], shape (m,).
+        limits: Velocity and acceleration limits, finite for moving joints.
 
     Raises:
-        RetimingError: numbers so large or small that no speed is left; says between which waypoints.
+        RetimingError: no feasible speed because of extreme numbers; the message names the waypoints.
     """
     points, sizes, rates = np.ascontiguousarray(points), np.ascontiguousarray(sizes), _limits_struct(limits)
     arena_size, capacity = _ARENA, _PIECES

@@ -1,14 +1,14 @@
-"""The fastest speed along a curve under torque limits too, by TOPPRA's reachability analysis.
+"""Time-optimal path parameterization under torque limits, by TOPPRA's reachability analysis.
 
-In x = (ds/dt)² and u = d²s/dt² every limit on velocity, acceleration and torque is linear. One
-pass backward finds the speeds from which the end can be reached, one forward pass takes the
-highest of them. Pham, Pham, "A New Approach to Time-Optimal Path Parameterization Based on
+In x = (ds/dt)² and u = d²s/dt² every limit on velocity, acceleration and torque is linear. A
+backward pass computes the controllable sets, a forward pass the highest controllable speeds.
+Pham, Pham, "A New Approach to Time-Optimal Path Parameterization Based on
 Reachability Analysis", IEEE T-RO 34(3), 2018.
 
-The constraints are our own: d²q/ds² is constant on every interval of a parabola and x linear, so
-acceleration is linear in s there, and holding it at both ends (with the interval's own
-second derivative, not the neighbor's) holds it between them. Without torque limits
-`speed.time_curve` does the same, compiled; here gravity's part asks for a full linear program.
+The constraints are not TOPPRA's: d²q/ds² is constant and x linear in s on every interval of a parabola, so
+acceleration is linear in s there, and a limit satisfied at both ends (with the second derivative
+of that interval, not its neighbor's) is satisfied between them. `speed.time_polyline` is the compiled
+equivalent without torque limits; the gravity term needs a full linear program.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ class _Rows(NamedTuple):
 
 
 def time_curve_with_torque(curve: Curve, limits: Limits, inverse_dynamics: InverseDynamics) -> Pieces:
-    """A curve from rest to rest, as fast as the limits allow on the grid.
+    """Time a curve from rest to rest, optimally on the grid.
 
     Args:
         curve: The curve.
-        limits: Velocity and acceleration limits, finite for joints that move; effort limits.
+        limits: Velocity and acceleration limits, finite for moving joints; effort limits.
         inverse_dynamics: Torques [Nm] of q, qd, qdd, each (n, nq).
 
     Raises:
-        RetimingError: TOPPRA finds no speed; says between which waypoints.
+        RetimingError: TOPPRA finds no speed; the message names the waypoints.
     """
     grid = make_grid(curve, limits, _longest(curve))
     rows = _stack(_rate_rows(curve, grid, limits), _torque_rows(curve, grid, limits.effort, inverse_dynamics))
@@ -96,7 +96,7 @@ def _torque_rows(curve: Curve, grid: Grid, effort: Array, inverse_dynamics: Inve
         static = inverse_dynamics(q, zero, zero)
         inertial = inverse_dynamics(q, zero, first) - static
         bent = inverse_dynamics(q, first, second) - static
-        # at the end of the interval the squared speed is x + 2 delta u
+        # The squared speed at the end of the interval is x + 2 delta u.
         a.append(inertial + 2.0 * at * grid.delta[:, None] * bent)
         b.append(bent)
         c.append(static)
@@ -110,7 +110,7 @@ def _stack(one: _Rows, other: _Rows) -> _Rows:
 
 
 def _solve(curve: Curve, grid: Grid, rows: _Rows) -> Array:
-    """Squared speeds at the gridpoints (n + 1,), from TOPPRA, in units in which lengths and speeds are near one."""
+    """Squared speeds at the gridpoints (n + 1,), from TOPPRA, with lengths and speeds scaled to about one."""
     length = float(grid.delta.sum())
     pull = float((1.0 / np.maximum(np.abs(rows.a).max(axis=1), 1e-12)).max())
     unit = max(float(rows.top.max()), 1e-12)
@@ -144,7 +144,7 @@ def _failure(curve: Curve, grid: Grid, algorithm: Any, stage: int | None = None)
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """TOPPRA's warnings stay out of the user's log and numpy's out of the user's warnings; failures are our errors."""
+    """Suppress log messages of TOPPRA and warnings of NumPy; failures raise `RetimingError`."""
     log = logging.getLogger("toppra")
     level = log.level
     log.setLevel(logging.CRITICAL)
@@ -156,7 +156,7 @@ def _quiet() -> Iterator[None]:
 
 
 class _Constraint(LinearConstraint):  # type: ignore[misc]  # toppra has no types
-    """Rows |a u + b x + c| <= 1 that are already there."""
+    """Precomputed rows |a u + b x + c| <= 1."""
 
     def __init__(self, rows: _Rows) -> None:
         super().__init__()
@@ -165,7 +165,7 @@ class _Constraint(LinearConstraint):  # type: ignore[misc]  # toppra has no type
         self.identical = True
 
     def compute_constraint_params(self, path: Any, gridpoints: Array) -> tuple[Any, ...]:
-        """What TOPPRA asks for: a, b, c, F, g, no bound of u, bounds of x at every gridpoint."""
+        """TOPPRA's a, b, c, F, g, bounds of u (none) and bounds of x at every gridpoint."""
         a, b, c = (np.ascontiguousarray(np.vstack([part, part[-1:]])) for part in self.rows[:3])
         m = a.shape[1]
         bound = np.stack([np.zeros(len(self.rows.top)), self.rows.top], axis=1)
@@ -173,7 +173,7 @@ class _Constraint(LinearConstraint):  # type: ignore[misc]  # toppra has no type
 
 
 class _Line(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc]  # toppra has no types
-    """Stands for the curve: TOPPRA only asks it for its interval, the constraints know the rest."""
+    """Placeholder path: TOPPRA only reads its interval, because the constraints are precomputed."""
 
     def __init__(self, length: float) -> None:
         self.length = length

@@ -1,9 +1,9 @@
-"""Torque limits of a timed motion: measure, stretch, measure again.
+"""Torque limits of a timed motion, by time scaling.
 
-Stretched by k, a motion needs tau = g(q) + (tau_1 - g(q)) / k² at the same places, g being
-gravity's part: k follows in closed form. Between samples the torque may exceed them by an
-eighth of its second difference; that is added. The answer is measured again, and the step
-repeated where it falls short.
+A motion stretched by k has torques tau = g(q) + (tau_1 - g(q)) / k² at the same configurations, where g is
+the gravity term, so k follows in closed form. Between samples the torque may exceed theirs by an
+eighth of its second difference, which is added. The result is evaluated again, and the step
+repeated if it exceeds the limits.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _ROUNDS = 20
 def within_torque(
     pieces: Pieces, joint_names: tuple[str, ...], effort: Array, inverse_dynamics: InverseDynamics
 ) -> Pieces:
-    """The same motion, stretched until its torques keep within `effort` (nq,) [Nm].
+    """The same motion, stretched until its torques are within `effort` (nq,) [Nm].
 
     Raises:
-        RetimingError: gravity alone needs more than a joint has (named), or no stretch is enough.
+        RetimingError: the gravity torque of a joint exceeds its limit, or stretching does not converge.
     """
     for _ in range(_ROUNDS):
         factor = _stretch(pieces, joint_names, effort, inverse_dynamics)
@@ -46,7 +46,7 @@ def within_torque(
 def check_gravity(
     waypoints: Array, joint_names: tuple[str, ...], effort: Array, inverse_dynamics: InverseDynamics
 ) -> None:
-    """The arm can hold itself still everywhere along a polyline.
+    """Require gravity torques within the effort limits along a polyline.
 
     Args:
         waypoints: The polyline [rad], shape (n, nq).
@@ -55,7 +55,7 @@ def check_gravity(
         inverse_dynamics: Torques of q, qd, qdd, each (n, nq).
 
     Raises:
-        RetimingError: gravity alone needs more than a joint has (named).
+        RetimingError: the gravity torque of a joint exceeds its limit; the message names the joint.
     """
     q = Path(joint_names, waypoints).sample(_GRAVITY_STEP)
     static = inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))
@@ -72,7 +72,7 @@ def _too_heavy(static: Array, joint_names: tuple[str, ...], effort: Array) -> Re
 
 
 def _stretch(pieces: Pieces, joint_names: tuple[str, ...], effort: Array, inverse_dynamics: InverseDynamics) -> float:
-    """Factor a motion has to be stretched by; at most one if it keeps the limits."""
+    """Required time scaling factor; at most one if the torques are within the limits."""
     piece, q, qd, qdd = _samples(pieces)
     static = inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))
     moving = inverse_dynamics(q, qd, qdd) - static
@@ -86,7 +86,7 @@ def _stretch(pieces: Pieces, joint_names: tuple[str, ...], effort: Array, invers
 
 
 def _samples(pieces: Pieces) -> tuple[NDArray[np.intp], Array, Array, Array]:
-    """Evenly spaced states on every piece: which piece (n,), position, velocity, acceleration (n, nq)."""
+    """Evenly spaced states on every piece: index of the piece (n,), position, velocity, acceleration (n, nq)."""
     powers = pieces.durations[:, None] ** np.arange(1, pieces.coefficients.shape[1])
     sweep = np.abs(pieces.coefficients[:, 1:] * powers[:, :, None]).sum(axis=1).max(axis=1)
     counts = np.clip(np.ceil(sweep / _STEP), _FEWEST, _MOST).astype(np.intp)
@@ -99,7 +99,7 @@ def _samples(pieces: Pieces) -> tuple[NDArray[np.intp], Array, Array, Array]:
 
 
 def _bulge(values: Array, piece: NDArray[np.intp]) -> Array:
-    """How far a function, smooth on every piece, may exceed its samples (n, nq) between them, shape (n, nq)."""
+    """Estimate of the excess of a piecewise smooth function over its samples (n, nq) between them, shape (n, nq)."""
     second = np.abs(np.diff(values, n=2, axis=0)) / 8.0
     second[piece[2:] != piece[:-2]] = 0.0
     starts = np.flatnonzero(np.diff(piece, prepend=-1))

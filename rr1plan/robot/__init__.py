@@ -1,8 +1,8 @@
-"""A robot: one arm's description, immutable and shared by all its copies.
+"""Robots: immutable descriptions of arms.
 
-Pure values: links, joints, shapes, limits, named configurations and the pairs of links that
-may touch. Pinocchio, Coal, MuJoCo and the viewer are each built from this same description,
-so they cannot disagree about the robot. The forward kinematics here is the plain one, in numpy;
+Values only: links, joints, shapes, limits, named configurations and the pairs of links that
+may touch. Pinocchio, Coal, MuJoCo and the viewer are built from the same description,
+so they use the same robot. The forward kinematics here is a reference in NumPy;
 `rr1plan.kinematics` has the fast one.
 """
 

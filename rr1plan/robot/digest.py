@@ -1,4 +1,4 @@
-"""Hashes of content, the same for equal values in any process."""
+"""Content hashes that are equal for equal values in any process."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rr1plan.shapes import Mesh, PointCloud
 
 
 def feed_digest(digest: Any, value: Any) -> None:
-    """Feed a nest of plain values, arrays and shapes to a hash, each with its type and length."""
+    """Update a hash with nested values, arrays and shapes, each with its type and length."""
     if isinstance(value, Mesh | PointCloud):
         feed_digest(digest, [type(value).__name__, *(getattr(value, n) for n in value.__dataclass_fields__)])
     elif isinstance(value, np.ndarray):

@@ -1,4 +1,4 @@
-"""What a robot is made of: links, joints, their shapes and masses."""
+"""Parts of a robot: links, joints, shapes and masses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Color = tuple[float, float, float, float]
 
 
 class _ReadOnlyArrays(Value):
-    """Makes a value's arrays read-only at construction, on copies of its own."""
+    """Replaces arrays by read-only copies at construction."""
 
     def __post_init__(self) -> None:
         for name, value in self.__dict__.items():
@@ -29,7 +29,7 @@ class _ReadOnlyArrays(Value):
 class Inertial(_ReadOnlyArrays):
     """Mass [kg], center of mass (3,) [m] in the link frame, inertia (3, 3) [kg m²] about it in link axes.
 
-    `assumed` marks one that the robot's file does not give, but that was computed from the link's shapes.
+    `assumed` is True if it was computed from the link's shapes, not read from the robot's file.
     """
 
     mass: float
@@ -43,7 +43,7 @@ class Geometry(_ReadOnlyArrays):
     """A shape at a pose (4, 4) in the frame of its link or obstacle, with a color (rgba, 0..1) or None.
 
     Raises:
-        InputError: no text, shape, rigid transform or color.
+        InputError: a name, shape, transform or color of the wrong kind.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Geometry(_ReadOnlyArrays):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Link(Value):
-    """A rigid body: what it weighs, how it looks, what it hits."""
+    """A rigid body: inertial, visual and collision properties."""
 
     name: str
     inertial: Inertial | None = None
@@ -88,7 +88,7 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Joint(_ReadOnlyArrays):
-    """How a child link moves against its parent.
+    """A joint between a parent and a child link.
 
     Args:
         name: Joint name.

@@ -1,4 +1,4 @@
-"""One arm's description, and its plain kinematics in numpy."""
+"""Description of an arm, with reference kinematics in NumPy."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from rr1plan.robot.parts import Joint, Link
 
 @dataclass(frozen=True, eq=False)
 class Robot(Value):
-    """One arm's description. Build it with `rr1plan.load_robot` or `rr1plan.formats`.
+    """Description of an arm. Build it with `rr1plan.load_robot` or `rr1plan.formats`.
 
     Args:
         name: Name of the robot.
@@ -105,7 +105,7 @@ class Robot(Value):
 
     @cached_property
     def bodies(self) -> tuple[tuple[Link, ...], ...]:
-        """The links that fixed joints make one rigid body, for each body; the base's is the first."""
+        """Groups of links connected by fixed joints, each one rigid body; the base's group is the first."""
         found = {self.base: [self.links[0]]}
         for joint in self.joints:
             body = found[joint.parent] if joint.kind == "fixed" else []
@@ -115,9 +115,10 @@ class Robot(Value):
 
     @cached_property
     def unchecked_links(self) -> tuple[str, ...]:
-        """Links that are never checked for collision: those with a visual in a body without a collision shape.
+        """Links that are never checked for collision: links with a visual in a body without a collision shape.
 
-        Neither a link that is fixed to one with shapes nor a mere frame is among them. Without any shape all links are.
+        A link fixed to one with a collision shape, and a frame without a visual, do not count. If the robot has no
+        collision shape, all links count.
         """
         if not any(link.collisions for link in self.links):
             return self.link_names
@@ -126,12 +127,12 @@ class Robot(Value):
 
     @cached_property
     def links_of_assumed_mass(self) -> tuple[str, ...]:
-        """Links whose mass the robot's file does not give; it was computed from their shapes."""
+        """Links whose mass was computed from their shapes because the robot's file has none."""
         return tuple(link.name for link in self.links if link.inertial is not None and link.inertial.assumed)
 
     @cached_property
     def continuous(self) -> Array:
-        """Which planning joints have no position limits (they wrap around), shape (nq,) of 0 and 1."""
+        """Mask of planning joints without position limits (they wrap around), shape (nq,) of 0 and 1."""
         return read_only(np.array([float(self.joint(n).kind == "continuous") for n in self.joint_names]))
 
     def joint(self, name: str) -> Joint:
@@ -155,7 +156,7 @@ class Robot(Value):
 
         Raises:
             UnknownNameError: no configuration of that name.
-            InputError: wrong shape, not finite, or beyond all reason.
+            InputError: wrong shape, not finite, or too large.
         """
         if isinstance(value, str):
             return self.configurations[known_name("configuration", value, self.configurations)]
@@ -172,7 +173,7 @@ class Robot(Value):
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of everything that plans depend on: joints, limits, shapes, masses (hex)."""
+        """SHA-256 of everything that affects plans: joints, limits, shapes, masses (hex)."""
         digest = hashlib.sha256()
         feed_digest(
             digest,
@@ -242,7 +243,7 @@ class Robot(Value):
         return values
 
     def _resolve(self, joint: Joint, values: Mapping[str, float], depth: int = 0) -> float:
-        """The value of a mimic joint, following a chain of mimics."""
+        """The value of a mimic joint, through a chain of mimic joints."""
         if joint.name in values:
             return values[joint.name]
         if joint.mimic is None or depth > len(self.joints):

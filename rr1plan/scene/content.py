@@ -1,4 +1,4 @@
-"""What a scene holds, and what it says of itself: names, postures, poses, rules about contacts."""
+"""Content of a scene and queries of it: names, postures, poses, contact rules."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from rr1plan.scene.elements import Arm, Attachment, Obstacle, Pair, pair
 
 @dataclass(frozen=True, eq=False)
 class SceneContent(Value):
-    """What a `Scene` holds, and what it says of itself."""
+    """Content of a `Scene` and queries of it."""
 
     arms: Mapping[str, Arm] = field(default_factory=dict)
     obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
@@ -84,17 +84,17 @@ class SceneContent(Value):
 
     @cached_property
     def kept(self) -> dict[Any, Any]:
-        """What others have built from this scene and may use again; neither copied nor pickled with it."""
+        """Cache of values computed from this scene; neither copied nor pickled."""
         return {}
 
     @cached_property
     def kept_for_any_padding(self) -> dict[Any, Any]:
-        """The same of what does not depend on padding: scenes that differ in padding alone may share it."""
+        """Cache of values that do not depend on padding, shared by scenes that differ in padding only."""
         return {}
 
     @cached_property
     def element_names(self) -> tuple[str, ...]:
-        """Every element that can touch another: "arm/link" of links with a shape, obstacles, attached objects."""
+        """Elements with collision geometry: "arm/link" of links with a shape, obstacles, attached objects."""
         links = [f"{a}/{link.name}" for a, arm in self.arms.items() for link in arm.robot.links if link.collisions]
         return (*links, *self.obstacles, *self.attachments)
 
@@ -102,7 +102,7 @@ class SceneContent(Value):
         """An arm by name.
 
         Raises:
-            UnknownNameError: there is no such arm.
+            UnknownNameError: no such arm.
         """
         return self.arms[known_name("arm", name, self.arms)]
 
@@ -128,8 +128,8 @@ class SceneContent(Value):
         """The named arms in the order of the scene; all of them for None.
 
         Raises:
-            UnknownNameError: there is no such arm.
-            InputError: no sequence of names, none, or one of them twice.
+            UnknownNameError: no such arm.
+            InputError: not a sequence of names, an empty one, or a duplicate.
         """
         if arms is None:
             return tuple(self.arms)
@@ -150,7 +150,7 @@ class SceneContent(Value):
         return Limits.stack([self.arms[a].robot.limits for a in self.arm_names(arms)])
 
     def configuration(self, arms: Sequence[str] | None = None) -> Array:
-        """The postures of those arms, one after the other, shape (nq,)."""
+        """The concatenated postures of the named arms, shape (nq,)."""
         return np.concatenate([self.arms[a].q for a in self.arm_names(arms)])
 
     def split(self, q: Array, arms: Sequence[str] | None = None) -> dict[str, Array]:
@@ -180,7 +180,7 @@ class SceneContent(Value):
         return poses
 
     def may_touch(self, a: str, b: str) -> bool:
-        """Whether contact between two elements is allowed or meaningless (the same arm's own rules included)."""
+        """Whether contact between two elements is allowed or not checked, by rules of the scene and the robots."""
         arm_a, arm_b = self.owner(a), self.owner(b)
         if arm_a is None and arm_b is None:
             return True
@@ -191,7 +191,7 @@ class SceneContent(Value):
         return self._is_mounting(a, b) or self._is_mounting(b, a)
 
     def _is_mounting(self, link: str, obstacle: str) -> bool:
-        """The base link of an arm against the world: neither of them moves."""
+        """Whether `link` is the base link of an arm, which does not move relative to an obstacle."""
         arm = self.owner(link)
         return arm is not None and obstacle in self.obstacles and link == f"{arm}/{self.arms[arm].robot.base}"
 
@@ -223,7 +223,7 @@ class SceneContent(Value):
 
     @cached_property
     def checked_pairs(self) -> tuple[tuple[str, str], ...]:
-        """All pairs of elements that must not touch, in a fixed order (obstacle against obstacle is never one)."""
+        """All pairs of elements that must not touch, in a fixed order (never two obstacles)."""
         names = self.element_names
         return tuple((names[i], names[j]) for i, j in self.checked_index.tolist())
 
@@ -239,7 +239,7 @@ class SceneContent(Value):
 
     @cached_property
     def contact_rules(self) -> ContactRules:
-        """Which pairs of elements must not touch; scenes that agree in that share it."""
+        """The pairs of elements that must not touch, shared by scenes with equal rules."""
         names, held = self.element_names, self.attachments.items()
         links = [name for name, arm in self.arms.items() for link in arm.robot.links if link.collisions]
         content = RuleContent(
@@ -253,7 +253,7 @@ class SceneContent(Value):
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of everything that plans depend on: robots, places, postures, obstacles, rules (hex)."""
+        """SHA-256 of everything that affects plans: robots, poses, postures, obstacles, rules (hex)."""
         digest = hashlib.sha256()
         for name, arm in self.arms.items():
             feed_digest(digest, (name, arm.robot.content_hash, arm.base, arm.q))

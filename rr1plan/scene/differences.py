@@ -1,4 +1,4 @@
-"""What differs between two scenes, in words: does a motion that was planned in one survive in the other?"""
+"""Messages about the differences between two scenes that affect motions."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _T = TypeVar("_T")
 
 
 def scene_differences(before: Scene, after: Scene) -> tuple[str, ...]:
-    """All that differs between two scenes and matters to a motion, one sentence each; () where their hashes agree.
+    """Differences between two scenes that affect motions, one sentence each; () if their hashes agree.
 
     Args:
-        before: The scene that a motion was made in.
+        before: The scene in which a motion was planned.
         after: Another scene.
 
     Raises:
-        InputError: something that is no scene.
+        InputError: an argument is not a scene.
     """
     of_kind("before", before, Scene)
     of_kind("after", after, Scene)
@@ -50,7 +50,7 @@ def _by_name(kind: str, before: Mapping[str, _T], after: Mapping[str, _T], compa
         if name not in before:
             yield f"{kind} {name!r} is new"
         else:
-            yield from (f"{kind} {name!r} {what}" for what in compare(before[name], after[name]))
+            yield from (f"{kind} {name!r} {change}" for change in compare(before[name], after[name]))
 
 
 def _arm(before: Arm, after: Arm) -> Iterator[str]:
@@ -88,7 +88,7 @@ def _moved(before: Array, after: Array) -> Iterator[str]:
 
 
 def _shapes(before: tuple[Geometry, ...], after: tuple[Geometry, ...]) -> Iterator[str]:
-    """How the shapes of an object differ; names and colors do not count."""
+    """Differences in the shapes of an object, ignoring names and colors."""
     if _content(before) == _content(after):
         return
     if len(before) != len(after):
@@ -125,7 +125,7 @@ def _content(geometries: tuple[Geometry, ...]) -> bytes:
 
 
 class _Bytes:
-    """Takes what a hash would be fed, to compare."""
+    """Collects the input of a hash, for comparison."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -158,7 +158,7 @@ def _limits(names: tuple[str, ...], before: Limits, after: Limits) -> Iterator[s
 
 
 def _parts(kind: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> Iterator[str]:
-    """Links or joints that are gone, new, or differ in what the robot's hash counts."""
+    """Links or joints that are missing, new, or differ in content that the robot's hash covers."""
     for name in (n for n in before if n not in after):
         yield f"has no {kind} {name!r} any more"
     for name in after:
@@ -189,11 +189,11 @@ def _rules(before: Scene, after: Scene) -> Iterator[str]:
             yield f"the padding between {_listed(both)} is {1e3 * new:.4g} mm, was {1e3 * old:.4g} mm"
 
 
-def _pairs(what: str, before: frozenset[Pair], after: frozenset[Pair]) -> Iterator[str]:
+def _pairs(rule: str, before: frozenset[Pair], after: frozenset[Pair]) -> Iterator[str]:
     for both in sorted(after - before, key=sorted):
-        yield f"{what} {_listed(both)} now"
+        yield f"{rule} {_listed(both)} now"
     for both in sorted(before - after, key=sorted):
-        yield f"{what} {_listed(both)} no more"
+        yield f"{rule} {_listed(both)} no more"
 
 
 def _listed(both: Pair) -> str:

@@ -1,4 +1,4 @@
-"""What a scene is made of: placed arms, obstacles, objects that an arm holds."""
+"""Elements of a scene: placed arms, obstacles, attached objects."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Pair = frozenset[str]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Arm(Value):
-    """A robot at a place, in a posture.
+    """A robot at a base pose, in a posture.
 
     Args:
         robot: The robot.
         base: T_world_base, shape (4, 4).
-        q: Where its planning joints are [rad or m], shape (nq,) (default: home).
+        q: Values of its planning joints [rad or m], shape (nq,) (default: home).
     """
 
     robot: Robot
@@ -42,7 +42,7 @@ class Arm(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Obstacle(Value):
-    """A rigid object in the world, of one shape or several.
+    """A rigid object in the world, with one shape or several.
 
     Args:
         geometries: Its shapes, posed in the object's frame.
@@ -63,7 +63,7 @@ def posed_shapes(values: Any) -> tuple[Geometry, ...]:
     """Posed shapes.
 
     Raises:
-        InputError: something else.
+        InputError: not shapes.
     """
     try:
         geometries = tuple(values)

@@ -1,4 +1,4 @@
-"""A scene, and other scenes like it. Immutable."""
+"""Scenes and modified copies of them. Immutable."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Scene(SceneContent):
         attachments: Objects held by an arm.
         allowed: Pairs that may touch (element names, or arm names for all links of an arm).
         padding: Extra distance to keep between every checked pair [m].
-        pair_padding: Other distances for some pairs [m]; by element names or arm names.
+        pair_padding: Padding of particular pairs [m]; by element names or arm names.
         name: Name of the scene.
-        description: What it is for, in a sentence.
+        description: Description in a sentence.
     """
 
     def with_arm(self, name: str, robot: Robot, base: ArrayLike | None = None, *, q: str | ArrayLike = "home") -> Scene:
@@ -38,7 +38,7 @@ class Scene(SceneContent):
         return replace(self, arms={**self.arms, name: Arm(robot, as_pose(base, "base"), q)})
 
     def without_arm(self, name: str) -> Scene:
-        """A scene without that arm and what it holds."""
+        """A scene without that arm and its attached objects."""
         self.arm(name)
         gone = {n for n, held in self.attachments.items() if held.arm == name}
         return self._keep(
@@ -52,7 +52,7 @@ class Scene(SceneContent):
         return replace(self, arms={**self.arms, name: Arm(arm.robot, arm.base, q)})
 
     def with_robot(self, name: str, robot: Robot) -> Scene:
-        """A scene in which that arm is another copy of its robot (other limits, other gripper)."""
+        """A scene with another robot for that arm (e.g. other limits or gripper)."""
         return replace(self, arms={**self.arms, name: replace(self.arm(name), robot=robot)})
 
     def with_obstacle(
@@ -132,18 +132,18 @@ class Scene(SceneContent):
         touch: Iterable[str] = (),
         pose: ArrayLike | None = None,
     ) -> Scene:
-        """A scene in which an arm holds what was an obstacle.
+        """A scene in which an obstacle is attached to a link.
 
         Args:
-            obstacle: Name of the obstacle; it keeps the name as an attached object.
-            arm: The arm that holds it (default: the only one).
-            link: The link it is fixed to (default: the robot's tool).
-            touch: Links of that arm it may touch besides, e.g. the fingers.
-            pose: T_link_object; default: where it is now, the arm standing in its posture.
+            obstacle: Name of the obstacle, and of the attached object.
+            arm: The arm (default: the only one).
+            link: The link (default: the robot's tool).
+            touch: Other links of that arm that it may touch, e.g. the fingers.
+            pose: T_link_object; default: its current pose relative to the link in the arm's posture.
 
         Raises:
             UnknownNameError: no such obstacle, arm or link.
-            InputError: a half-space or a point cloud, which cannot be carried.
+            InputError: a half-space or a point cloud, which cannot be attached.
         """
         thing = self.obstacles[known_name("obstacle", obstacle, self.obstacles)]
         if any(isinstance(g.shape, HalfSpace | PointCloud) for g in thing.geometries):
@@ -159,14 +159,14 @@ class Scene(SceneContent):
         return replace(self, obstacles=rest, attachments={**self.attachments, obstacle: held})
 
     def detach(self, name: str) -> Scene:
-        """A scene in which a held object is an obstacle again, where the arm's posture has it."""
+        """A scene in which an attached object is an obstacle at its pose in the arm's posture."""
         held = self.attachments[known_name("attached object", name, self.attachments)]
         T = self.link_poses()[f"{held.arm}/{held.link}"] @ held.pose
         rest = {n: a for n, a in self.attachments.items() if n != name}
         return replace(self, attachments=rest, obstacles={**self.obstacles, name: Obstacle(held.geometries, T)})
 
     def _keep(self, **changes: Any) -> Scene:
-        """`replace`, dropping rules about elements that are gone."""
+        """`replace`, without rules about removed elements."""
         bare = replace(self, allowed=frozenset(), pair_padding={}, **changes)
         names = {*bare.element_names, *bare.arms}
         return replace(

@@ -258,9 +258,9 @@ def test_a_roadmap_has_the_same_vertices_and_ways_to_the_last_bit(
         assert query.refusal() is None
         goals = np.array(query.goals)
     roadmap.sample(150, checker, lambda: True)
-    way = roadmap.find_way(problem.start, goals, checker, lambda: True)
+    way = roadmap.find_path(problem.start, goals, checker, lambda: True)
     roadmap.learn(np.array([problem.start, 0.5 * (problem.start + goals[0]), goals[0]]))
-    assert roadmap.find_way(problem.start, goals, checker, lambda: True) is not None or way is None
+    assert roadmap.find_path(problem.start, goals, checker, lambda: True) is not None or way is None
     called = same_answers(ask, recorder, image)
     kernels = ("sample_roadmap", "attach_ends", "find_roadmap_path", "learn_path", "truncate_roadmap")
     assert all(called[f"rr1_{kernel}"] for kernel in kernels)

@@ -132,7 +132,7 @@ def test_no_end_of_more_goals_has_room(monkeypatch):
     with Query("rrt_connect", problem, Budget(iterations=100), 0, None) as query:
         assert query.refusal() is None
         search = tree_search.TreeSearch(query)
-        assert not search.meets(samples=5)
+        assert not search.connect(samples=5)
         known = {q.tobytes() for q in query.goals}
         for _ in range(5):
             new = query.more_goals()
@@ -143,7 +143,7 @@ def test_no_end_of_more_goals_has_room(monkeypatch):
         assert len(query.goals) == len(known)
         assert roots_of_goals(search.trees) == known
         # And trees that are planted anew have them all.
-        assert not search.meets(samples=5)
+        assert not search.connect(samples=5)
         assert roots_of_goals(search.trees) == known
 
 

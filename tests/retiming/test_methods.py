@@ -179,7 +179,7 @@ def test_a_failing_solver_falls_back_to_stops(tools, monkeypatch, caplog):
     with caplog.at_level(logging.INFO, logger="rr1plan"):
         trajectory = tools.retime_points(points, torque_limits=True)
     assert trajectory.allclose(stops)
-    assert "resting at waypoints 0 to 2" in caplog.text
+    assert "stopping at waypoints 0 to 2" in caplog.text
 
 
 def test_corners_that_are_faster_from_rest_to_rest_get_a_stop_and_the_others_none(tools):
