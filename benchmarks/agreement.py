@@ -245,7 +245,7 @@ def _compare(name: str, args: argparse.Namespace) -> list[Tally]:
     work = [*_shares(parts, "configurations", args.configurations, 0)]
     work += _shares(parts, "random_edges", args.edges, 1)
     rng, begun = np.random.default_rng([args.seed, (*ROBOTS, CROWDS).index(name)]), time.monotonic()
-    # In any order, so that what is asked before the time is over is spread over all scenes.
+    # Shuffled, so that the checks within the time limit are spread over all scenes.
     for k in track(rng.permutation(len(work)).tolist(), name):
         part, question, count = work[k]
         getattr(part, question)(rng, count)

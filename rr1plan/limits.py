@@ -70,7 +70,7 @@ class Limits(Value):
         return len(self.lower)
 
     def scaled(self, *, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
-        """The same limits with the rates multiplied by factors above zero.
+        """The same limits with velocity, acceleration and jerk multiplied by factors above zero.
 
         Raises:
             InputError: a factor that is not a number above zero.

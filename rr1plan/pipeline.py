@@ -117,7 +117,7 @@ class MotionPlan:
         return "\n".join([*lines, str(self._report)])
 
     def size(self) -> str:
-        """What it consists of, in words: "57 waypoints, 2.31 rad long, 1.20 s in 112 quartic pieces"."""
+        """Summary of path and trajectory: "57 waypoints, 2.31 rad long, 1.20 s in 112 quartic pieces"."""
         path, trajectory = self._path_if_any(), self._trajectory
         parts = [] if path is None else [f"{counted(len(path), 'waypoint')}, {path.length:.2f} rad long"]
         if trajectory is not None:

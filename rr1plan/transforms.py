@@ -48,7 +48,7 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
 
 
 def unit_quaternion(wxyz: ArrayLike) -> Array:
-    """A quaternion wxyz of norm 1, shape (4,); one that has it to rounding is kept to the bit.
+    """A quaternion wxyz normalized to 1, shape (4,); unchanged if its norm is 1 up to rounding.
 
     Raises:
         InputError: not four finite numbers, or a norm too close to zero.
@@ -105,7 +105,7 @@ def quaternion_from_rotation(R: Array) -> Array:
 def pose(
     xyz: ArrayLike = (0.0, 0.0, 0.0), *, rpy: ArrayLike | None = None, quaternion: ArrayLike | None = None
 ) -> Array:
-    """A transform from a position and one of the two ways to write a rotation.
+    """A transform from a position and roll, pitch, yaw or a quaternion.
 
     Args:
         xyz: Position [m], shape (3,).
@@ -130,7 +130,7 @@ def pose(
 
 
 def as_pose(value: ArrayLike | None, name: str = "pose") -> Array:
-    """A checked read-only transform from a (4, 4) array, a position (3,) or None (identity).
+    """A validated read-only transform from a (4, 4) array, a position (3,) or None (identity).
 
     Raises:
         InputError: another shape, not finite, not a rigid transform, or farther than 10 km.

@@ -201,7 +201,7 @@ def _layout(sources: KernelSources, name: str, counts: tuple[tuple[str, int], ..
 
 
 def zeroed(sources: KernelSources, kind: str, count: int) -> NDArray[Any]:
-    """Zeroed memory for structs or numbers of a kind, aligned for vectors: a row of bytes or a number for each."""
+    """Zeroed memory for structs (rows of bytes) or numbers, aligned for vectors."""
     item = sources.item_size(kind)
     room = np.zeros(count * item + _LINE, np.uint8)
     part = _Part(-room.__array_interface__["data"][0] % _LINE, count * item, item, _DTYPES.get(kind))

@@ -253,7 +253,7 @@ def _middle(limits: Limits) -> Array:
 
 
 def _locked_states(known: Semantics, locked: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """The named states of joints that are not planned for, e.g. of a gripper."""
+    """The named states of joints other than planning joints, e.g. of a gripper."""
     found: dict[str, dict[str, float]] = {}
     for (_, state), values in known.states.items():
         mine = {name: value for name, value in values.items() if name in locked}

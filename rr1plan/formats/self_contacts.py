@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 SAMPLES = 200
 _VERSION = "self-contacts-2"
-# What takes less is sampled again [s].
+# Faster results are not cached [s].
 _WORTH_KEEPING = 0.3
 
 

@@ -40,8 +40,8 @@ class Semantics:
         chains: (base link, tip link) of each group that is one chain.
         states: Joint values of each named state, by group ("" where the file names none) and state.
         end_effectors: The grippers.
-        passive: Joints that nobody drives.
-        disabled: Pairs of links that need no check.
+        passive: Passive joints.
+        disabled: Pairs of links with disabled collision checks.
         default_positions: Values of joints that are not planned for (default: zero, or the limit nearest to it).
         is_partial: Neighbors and links that always touch need no check either, though `disabled` does not name them.
     """

@@ -151,7 +151,7 @@ class Kinematics:
     # ---- velocities ------------------------------------------------------------------------
 
     def jacobian(self, q: ArrayLike, frame: str = "tool") -> Array:
-        """Takes qd to the frame's twist (linear; angular) in world axes, shape (6, nq).
+        """Jacobian from qd to the frame's twist (linear; angular) in world axes, shape (6, nq).
 
         Raises:
             UnknownNameError: no such frame.
@@ -189,7 +189,7 @@ class Kinematics:
     # ---- forces ----------------------------------------------------------------------------
 
     def inverse_dynamics(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
-        """Torques [Nm or N] that make the motion (q, qd, qdd) under gravity, without friction.
+        """Joint torques [Nm or N] of the motion (q, qd, qdd) under gravity, without friction.
 
         Args:
             q: Configurations [rad or m], shape (nq,) or (n, nq).
@@ -214,7 +214,7 @@ class Kinematics:
         return np.array(taus).reshape(q.shape)
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Torques [Nm or N] that hold the arms still at q, shape (nq,) or (n, nq).
+        """Gravity torques [Nm or N] at q, shape (nq,) or (n, nq).
 
         Raises:
             InputError: wrong shape or not finite.
@@ -224,7 +224,7 @@ class Kinematics:
         return self.inverse_dynamics(q, zero, zero)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
-        """Joint-space inertia at q (nq,), shape (nq, nq).
+        """Joint-space inertia matrix at q (nq,), shape (nq, nq).
 
         Raises:
             InputError: wrong shape or not finite.

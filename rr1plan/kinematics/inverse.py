@@ -69,7 +69,7 @@ class IkResult(Value):
 
     @property
     def found(self) -> bool:
-        """There is a solution."""
+        """Whether there is a solution."""
         return len(self.solutions) > 0
 
     def __bool__(self) -> bool:

@@ -47,7 +47,7 @@ def place_grid(
         robot: The robot all of them are.
         rows: How many along x.
         columns: How many along y.
-        spacing: Distance between neighbors [m], the same both ways or (along x, along y).
+        spacing: Distance between neighbors [m], one number or (along x, along y).
         pose: Middle of the grid in the world and how it is turned: (4, 4), or a position (3,) [m] (default: the
             origin).
         q: Posture of every arm: a configuration's name or numbers (nq,).

@@ -34,7 +34,7 @@ _LEAST_SHARE, _MOST_SHARE = 0.75, 2.5
 
 
 class AnytimePlanner(Planner):
-    """The shortest path a budget allows: RRT-Connect under falling bounds, with shortcuts, compiled.
+    """Anytime RRT-Connect: restarts under decreasing cost bounds, with shortcuts, compiled.
 
     It is asymptotically optimal and uses the whole budget, unless the straight line is free. Under a budget of
     iterations alone the same seed gives the same path. An iteration is a sample.

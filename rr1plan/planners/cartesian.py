@@ -221,7 +221,7 @@ class _LineSearch:
         )
         found = solve_ik(self.kinematics, goal, seeds=q, rng=0, max_solutions=1)
         if found.found:
-            return f"it goes on only from another configuration; {self.singularity(line, q)}"
+            return f"it continues only from another configuration; {self.singularity(line, q)}"
         return found.reason
 
     def singularity(self, line: Line, q: Array) -> str:

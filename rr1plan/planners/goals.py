@@ -233,7 +233,7 @@ class _Finder:
             self._refuse(PlanStatus.INVALID_GOAL, f"the goal of {self.arm!r} is in collision: {self._describe(q)}")
 
     def _is_free(self, q: Array) -> bool:
-        """Nothing touches at q that no other moving arm has a part in."""
+        """Whether q is free when other moving arms are ignored."""
         return self.motion.is_free_ignoring(self._composite(q), self.others)
 
     def _describe(self, q: Array) -> str:

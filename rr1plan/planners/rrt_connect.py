@@ -15,7 +15,7 @@ from rr1plan.problem import Problem
 
 
 class RrtConnect(Planner):
-    """Two trees that grow towards each other (Kuffner, LaValle 2000), compiled.
+    """Two trees that grow toward each other (Kuffner, LaValle 2000), compiled.
 
     Under a budget of iterations alone the same seed gives the same path. An iteration is a sample.
 

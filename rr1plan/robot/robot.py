@@ -212,7 +212,7 @@ class Robot(Value):
         return replace(self, limits=limits)
 
     def with_locked_joints(self, values: Mapping[str, float] | str) -> Robot:
-        """The same robot with its gripper elsewhere: joint values, or the name of a state, e.g. "open".
+        """The same robot with other values of its locked joints, by joint or by the name of a state, e.g. "open".
 
         Raises:
             UnknownNameError: no such state or no such locked joint.

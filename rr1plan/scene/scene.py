@@ -47,7 +47,7 @@ class Scene(SceneContent):
         )
 
     def with_configuration(self, name: str, q: str | ArrayLike) -> Scene:
-        """A scene in which that arm stands at q: a name or numbers (nq,)."""
+        """A scene with that arm at q: a configuration's name or numbers (nq,)."""
         arm = self.arm(name)
         return replace(self, arms={**self.arms, name: Arm(arm.robot, arm.base, q)})
 

@@ -279,7 +279,7 @@ def test_shortcuts_are_the_same_to_the_last_bit(ask: Ask, monkeypatch: pytest.Mo
     image, recorder = fresh.memory_image(), Recorder(fresh.context)
     monkeypatch.setattr(shortcut, "load_library", lambda: recorder)
     path = rp.Path(checker.joint_names, np.array(points))
-    shorter = shorten(path, fresh, rng=5, iterations=80)
+    shorter = shorten(path, fresh.scene, checker=fresh, rng=5, iterations=80)
     assert shorter.length < path.length
     assert same_answers(ask, recorder, image)["rr1_shorten"]
 
