@@ -3,7 +3,7 @@
     python hatch_build.py
 
 The compiler is `ziglang`, a wheel that needs nothing else on the machine, or that of the environment variable CC. One
-library is made for each level of the processor, and the right one is chosen at run time (`rr1plan/kernels/library.py`).
+library is made for each level of the processor, and `rr1plan/kernels/planner_kernels.py` chooses at run time.
 The planners' kernels are also compiled to a WebAssembly module, `core.wasm`, which only pages need. That is always done
 by ziglang, because few other compilers have the target. With CC set and no ziglang that works, a warning says that the
 module is not built.
@@ -59,8 +59,8 @@ _SYSTEMS = {
 
 
 def _binding_sources() -> ModuleType:
-    """`rr1plan.binding.sources`, without the package, whose requirements are not there while it is built."""
-    spec = importlib.util.spec_from_file_location("_sources", ROOT / "rr1plan/binding/sources.py")
+    """`rr1plan.binding.c_sources`, without the package, whose requirements are not there while it is built."""
+    spec = importlib.util.spec_from_file_location("_sources", ROOT / "rr1plan/binding/c_sources.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -34,7 +34,7 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import CONTACT, FREE, EdgeKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
+from rr1plan.collision.tables.edge_tables import build_edge_tables
 
 # Motions that pass nearer than this are refused by design [m].
 TOLERANCE = 1e-6

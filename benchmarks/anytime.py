@@ -25,8 +25,8 @@ from shared import heading, make_parser, number, pin_to_core, save, table, track
 
 import rr1plan as rp
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
 from rr1plan.planners import planner_table
+from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
 
 _BASELINE = "rrt_connect + shorten"
 

@@ -21,7 +21,7 @@ from shared import console
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
-from rr1plan.formats.convex import convex_hull
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 Draw = Callable[[np.random.Generator, float], Any]

@@ -27,7 +27,13 @@ from scipy.sparse.csgraph import connected_components
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.solids import coal_geometry, is_concave, obstacle_pieces, occupied_cells, solid_pieces
+from rr1plan.collision.convex.convex_bodies import (
+    coal_geometry,
+    is_concave,
+    obstacle_pieces,
+    occupied_cells,
+    solid_pieces,
+)
 from rr1plan.transforms import inverse
 
 # Coal may overstate a distance of round bodies by this much [m].

@@ -16,7 +16,7 @@ from shared import Clock, heading, make_parser, number, pin_to_core, save, table
 
 import rr1plan as rp
 from rr1plan.checks import Array
-from rr1plan.playback.cspace_grid import CSpaceGrid
+from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -19,8 +19,8 @@ import numpy as np
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import FREE, EdgeKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
 
 _TOLERANCE = 1e-6
 

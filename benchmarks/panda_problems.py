@@ -32,7 +32,7 @@ from plain import describe_changes, describe_problem, settle
 from shared import STAGE_HEADER, heading, make_parser, number, pin_to_core, save, spread, stage_rows, table, track
 
 import rr1plan as rp
-from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
+from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
 
 _STEP = 0.002  # of the samples whose speed and acceleration are looked at [s]
 _REFERENCE = peers.PEERS[0].name

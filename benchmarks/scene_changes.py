@@ -21,9 +21,9 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
 from rr1plan.robot import Geometry
 from rr1plan.scene import Obstacle
+from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
 from rr1plan.transforms import pose
 
 _SCENE = "rr1_table"

@@ -31,10 +31,10 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import FREE, EdgeKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
+from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.errors import BackendError, InputError
-from rr1plan.formats.convex_pieces import convex_pieces
 from rr1plan.robot import Geometry
+from rr1plan.shapes.convex_decomposition import convex_pieces
 
 GRAZING = 1e-4  # [m]
 _ROUNDS = 5

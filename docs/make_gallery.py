@@ -13,8 +13,8 @@ import tempfile
 from pathlib import Path
 
 from rr1plan import save_html, screenshot
-from rr1plan.library import load_scene
-from rr1plan.loading import load_motion
+from rr1plan.load_motion import load_motion
+from rr1plan.scene.model_library import load_scene
 
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parent / "examples"

@@ -43,8 +43,8 @@ from rr1plan.errors import BackendError, InputError
 from rr1plan.pipeline import MotionPlan
 from rr1plan.planners import chosen_planner, is_own
 from rr1plan.planning import Budget, Planner, PlanResult, Progress, ProgressCallback
-from rr1plan.problem import Problem
 from rr1plan.retiming import retiming_names
+from rr1plan.scene.problem import Problem
 
 logger = logging.getLogger(__name__)
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from rr1plan.pipeline import plan_motion
 from rr1plan.planners import plan
 from rr1plan.planning import Budget, Planner, Progress
-from rr1plan.problem import Problem
+from rr1plan.scene.problem import Problem
 
 
 class Settings(NamedTuple):

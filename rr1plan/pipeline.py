@@ -15,23 +15,23 @@ from typing import TYPE_CHECKING, TypeVar
 
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, true_or_false
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.collision.solids import cut_meshes
+from rr1plan.collision.convex.convex_bodies import cut_meshes
 from rr1plan.errors import CancelledError, InputError, NoPlanError
-from rr1plan.imports import import_clock
+from rr1plan.import_clock import import_clock
 from rr1plan.path import Path
 from rr1plan.planners import chosen_planner, plan
-from rr1plan.planners.goals import joint_goals
+from rr1plan.planners.goal_configurations import joint_goals
 from rr1plan.planners.shortcut import shorten as shorten_path
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
-from rr1plan.problem import Problem
 from rr1plan.report import Report
 from rr1plan.retiming import retime, retiming_names
 from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
 if TYPE_CHECKING:
-    from rr1plan.playback.replay import Replay
+    from rr1plan.playback.simulation.replay import Replay
     from rr1plan.playback.viewer import Viewer, ViewOptions
 
 
@@ -177,7 +177,7 @@ class MotionPlan:
             file: The file.
             embed: Put large meshes into the file, not into the folder "geometry" beside it; see `save_motion`.
         """
-        from rr1plan.formats.plan_files import save_motion
+        from rr1plan.export.plan_files import save_motion
 
         return save_motion(
             file,
@@ -191,7 +191,7 @@ class MotionPlan:
 
     def to_json(self) -> str:
         """Text of a self-contained motion file."""
-        from rr1plan.formats.plan_files import motion_text
+        from rr1plan.export.plan_files import motion_text
 
         return motion_text(
             self.scene,

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, Seed, Value, check_callback, counted, of_kind, shown
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
-from rr1plan.problem import Problem
 from rr1plan.progress import Progress as Progress
 from rr1plan.progress import ProgressCallback as ProgressCallback
+from rr1plan.scene.problem import Problem
 
 _MOST_ITERATIONS = 2**62  # kernels count in 64 bits
 

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
-from rr1plan.contact_rules import RuleContent, rules_of
-from rr1plan.library import load_scene
-from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
+from rr1plan.scene.contact_rules import RuleContent, rules_of
+from rr1plan.scene.model_library import load_scene
 from rr1plan.shapes import Sphere
 from rr1plan.transforms import identity
 

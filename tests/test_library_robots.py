@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan import library
 from rr1plan.errors import FormatError, InputError, UnknownNameError
-from rr1plan.limits import Limits
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene import model_library as library
 
 LIMIT = '<limit lower="{}" upper="{}" velocity="2" effort="3"/>'
 
@@ -401,7 +401,8 @@ def test_installed_robots_are_known_to_scene_files_and_to_the_message_on_a_wrong
 def test_without_the_extra_an_unknown_name_says_how_to_install_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from rr1plan.cli import looking, run
+    from rr1plan.cli import info as looking
+    from rr1plan.cli import run
 
     for module in (library, looking):
         monkeypatch.setattr(module, "installed_robots", dict)

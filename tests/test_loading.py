@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 import rr1plan as rp
-from rr1plan.formats.plan_files import save_path, save_trajectory
+from rr1plan.export.plan_files import save_path, save_trajectory
 from rr1plan.robot import Geometry
 from rr1plan.scene import Attachment
 

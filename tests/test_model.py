@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.limits import Limits
-from rr1plan.model import SceneModel
+from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot import Geometry, Inertial, Joint, Link, Mimic, Robot
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Arm, Scene
 from rr1plan.shapes import Box, HalfSpace, Sphere
 from rr1plan.transforms import pose

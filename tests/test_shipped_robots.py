@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.srdf_proposal import LinkBodies, propose_disabled_collisions
-from rr1plan.library import models_folder, robot_folder, robot_names
+from rr1plan.robot.disabled_collisions import LinkBodies, propose_disabled_collisions
+from rr1plan.scene.model_library import models_folder, robot_folder, robot_names
 
 RATES = ("velocity", "acceleration", "jerk", "effort")
 

@@ -18,8 +18,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from rr1plan.binding.memory import CStruct, address_of
-from rr1plan.binding.sources import KernelSources
+from rr1plan.binding.c_memory import CStruct, address_of
+from rr1plan.binding.c_sources import KernelSources
 
 # Vectors of eight numbers have 64 bytes.
 _ALIGNMENT = 64

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.solids import is_surfaceless, solid_pieces
+from rr1plan.collision.convex.convex_bodies import is_surfaceless, solid_pieces
 from rr1plan.errors import InputError
+from rr1plan.model.arm_model import Body, ElementGeometry, Skeleton, hang, skeleton_of
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Attachment, Scene
 from rr1plan.shapes import Shape
-from rr1plan.skeleton import Body, ElementGeometry, Skeleton, hang, skeleton_of
 
 _INTS = NDArray[np.int64]
 Pieces = Callable[[Shape], tuple[Shape, ...]]

@@ -30,8 +30,8 @@ from rr1plan.checks import (
 from rr1plan.collision.coal_checker import CoalChecker, checked_margin
 from rr1plan.collision.collision_geometry import geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
-from rr1plan.collision.reach import FEW_OBSTACLES
-from rr1plan.collision.sphere_tables import build_edge_tables, padded_pairs, shared_structs
+from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
+from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs, shared_structs
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene

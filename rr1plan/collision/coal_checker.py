@@ -15,19 +15,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, finite_array, finite_number, items_of, of_kind, read_only, whole_number
-from rr1plan.collision.answers import Contact, Nearest
 from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
 from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry, geometry_distance
 from rr1plan.collision.edge_kernel import ExactKernel
-from rr1plan.collision.exact_tables import build_static_tables, build_tables
-from rr1plan.collision.kernel_tables import ExactTables
-from rr1plan.collision.obstacle_tables import FixedSolids, fixed_links
-from rr1plan.collision.standing_contacts import ROUNDING, standing_contacts
+from rr1plan.collision.results import Contact, Nearest
 from rr1plan.collision.static_pairs import StaticPairs, measure_static
+from rr1plan.collision.stationary_contacts import ROUNDING, standing_contacts
+from rr1plan.collision.tables.exact_tables import build_static_tables, build_tables
+from rr1plan.collision.tables.kernel_tables import ExactTables
+from rr1plan.collision.tables.obstacle_tables import FixedSolids, fixed_links
 from rr1plan.errors import InputError
-from rr1plan.limits import Limits
-from rr1plan.model import SceneModel
+from rr1plan.model.scene_model import SceneModel
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 
 

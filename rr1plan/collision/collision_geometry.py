@@ -24,11 +24,11 @@ from rr1plan.checks import read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
 from rr1plan.collision.obstacle_geometry import obstacle_geometry, standing_geometry
-from rr1plan.collision.reach import Near, find_near
-from rr1plan.contact_rules import ContactRules, RuleContent, rules_of
+from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError
-from rr1plan.kept import kept_in
+from rr1plan.object_cache import kept_in
 from rr1plan.scene import Attachment, Scene
+from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
 
 _INTS = NDArray[np.int64]
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.kernel_tables import EdgeTables, ExactTables, PaddedPairs
-from rr1plan.kept import kept_in
-from rr1plan.kernels.library import CStruct, address_of, constants, load_library
-from rr1plan.kernels.wasm import memory_image
+from rr1plan.collision.tables.kernel_tables import EdgeTables, ExactTables, PaddedPairs
+from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load_library
+from rr1plan.kernels.wasm_core import memory_image
+from rr1plan.object_cache import kept_in
 
 # Intervals of one edge, and those left open, that are kept before the whole edge goes to the exact kernel.
 _INTERVALS = 512

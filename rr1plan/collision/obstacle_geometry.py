@@ -11,10 +11,10 @@ import pinocchio as pin
 
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, pieces_of
-from rr1plan.collision.arm_tables import arm_tables
-from rr1plan.collision.solid_rows import SolidRows, solid_rows
-from rr1plan.collision.solids import obstacle_pieces
-from rr1plan.kept import kept_in
+from rr1plan.collision.convex.convex_bodies import obstacle_pieces
+from rr1plan.collision.tables.arm_tables import arm_tables
+from rr1plan.collision.tables.solid_rows import SolidRows, solid_rows
+from rr1plan.object_cache import kept_in
 from rr1plan.scene import Obstacle
 from rr1plan.shapes import Mesh, PointCloud, Shape
 

@@ -5,6 +5,6 @@ and every planner solves it (see `composite`). Each decoupled method
 (prioritized, conflict-based, coordination on fixed paths) belongs in a module of this package.
 """
 
-from rr1plan.multi.placement import place_grid, place_ring
+from rr1plan.scene.placement import place_grid, place_ring
 
 __all__ = ["place_grid", "place_ring"]

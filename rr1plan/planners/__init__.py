@@ -15,13 +15,13 @@ from rr1plan.checks import Seed, check_text, known_name, shown, true_or_false
 from rr1plan.errors import InputError, PlannerError
 from rr1plan.planners.anytime import AnytimePlanner
 from rr1plan.planners.cartesian import CartesianPlanner
-from rr1plan.planners.contract import checked_answer
-from rr1plan.planners.ompl import KINDS, OmplPlanner
+from rr1plan.planners.ompl_planners import KINDS, OmplPlanner
+from rr1plan.planners.planner_contract import checked_answer
 from rr1plan.planners.roadmap import Roadmap, RoadmapPlanner
 from rr1plan.planners.rrt_connect import RrtConnect
 from rr1plan.planners.timeout_hints import split_budget, with_hint
 from rr1plan.planning import Budget, Planner, PlannerInfo, PlanResult, PlanStatus, ProgressCallback, check_question
-from rr1plan.problem import Problem
+from rr1plan.scene.problem import Problem
 
 __all__ = [
     "AnytimePlanner",

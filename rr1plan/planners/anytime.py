@@ -20,11 +20,11 @@ from rr1plan.checks import Array, Seed, finite_number
 from rr1plan.errors import InputError
 from rr1plan.kernels.random_state import draw_uniform
 from rr1plan.path import Path
-from rr1plan.planners.query import NO_LIMIT, Query
+from rr1plan.planners.planning_query import NO_LIMIT, Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planners.tree_search import TreeSearch
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
-from rr1plan.problem import Problem
+from rr1plan.scene.problem import Problem
 
 _ROUND = 256  # samples of the shortest round
 _SHORTCUTS = 100  # tried on each path

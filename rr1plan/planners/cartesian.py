@@ -14,16 +14,16 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, positive_number
 from rr1plan.errors import InputError
-from rr1plan.kinematics import Kinematics, solve_ik
-from rr1plan.kinematics.chain import Chain, chain_of
-from rr1plan.kinematics.descent import descend, errors_at
-from rr1plan.kinematics.inverse import describe_excess
-from rr1plan.kinematics.lines import EdgeBound, Line
+from rr1plan.model import Kinematics, solve_ik
+from rr1plan.model.ik_descent import descend, errors_at
+from rr1plan.model.inverse_kinematics import describe_excess
+from rr1plan.model.kinematic_chain import Chain, chain_of
+from rr1plan.model.workspace_lines import EdgeBound, Line
 from rr1plan.planners.collision_messages import describe_collision
-from rr1plan.planners.goals import GoalSearch, check_start
-from rr1plan.planners.query import Query
+from rr1plan.planners.goal_configurations import GoalSearch, check_start
+from rr1plan.planners.planning_query import Query
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
-from rr1plan.problem import Goal, JointGoal, PoseGoal, Problem
+from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
 
 _FIRST_STEP, _LARGEST_STEP, _SMALLEST_STEP = 0.1, 0.25, 1e-4  # parts of the line

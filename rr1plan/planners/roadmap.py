@@ -14,12 +14,12 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners import tree_search
-from rr1plan.planners.graph import Graph
-from rr1plan.planners.query import Query
+from rr1plan.planners.planning_query import Query
+from rr1plan.planners.roadmap_graph import Graph
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
-from rr1plan.problem import Problem
 from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
 
 _SAMPLES = 600
 _MOST_SAMPLES = 1_000_000

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from rr1plan.checks import Seed, finite_number, true_or_false
 from rr1plan.errors import InputError
-from rr1plan.planners.query import STRAIGHT_LINES, Query
+from rr1plan.planners.planning_query import STRAIGHT_LINES, Query
 from rr1plan.planners.tree_search import TreeSearch
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
-from rr1plan.problem import Problem
+from rr1plan.scene.problem import Problem
 
 
 class RrtConnect(Planner):

@@ -19,7 +19,7 @@ import numpy as np
 from rr1plan.checks import Array, Seed, as_seed, of_kind, positive_number, whole_number
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import CStruct, load_library
+from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.path import Path
 from rr1plan.scene import Scene

@@ -22,15 +22,15 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.formats.contact_bands import ContactBand, contact_bands
-from rr1plan.formats.link_contacts import LinkBodies, Pair
 from rr1plan.planners.collision_messages import describe_collision
-from rr1plan.planners.goals import GoalSearch
-from rr1plan.planners.query import NO_LIMIT
+from rr1plan.planners.goal_configurations import GoalSearch
+from rr1plan.planners.planning_query import NO_LIMIT
 from rr1plan.planners.rrt_connect import RrtConnect
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback
-from rr1plan.problem import Problem
+from rr1plan.robot.contact_bands import ContactBand, contact_bands
+from rr1plan.robot.link_contacts import LinkBodies, Pair
 from rr1plan.scene import pair as unordered
+from rr1plan.scene.problem import Problem
 
 _SHARE, _MOST_SECONDS = 0.1, 1.0
 _ITERATIONS_SHARE = 0.05

@@ -10,9 +10,9 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import CStruct, address_of, constants, load_library
+from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load_library
 from rr1plan.kernels.random_state import RandomState, random_state
-from rr1plan.planners.query import NO_LIMIT, Pace, Query
+from rr1plan.planners.planning_query import NO_LIMIT, Pace, Query
 from rr1plan.planning import SearchTree
 
 _STEP = 0.06  # longest edge of a tree, as a share of the space's diagonal

@@ -16,14 +16,14 @@ import numpy as np
 
 from rr1plan.checks import Array, finite_number, known_name, of_kind, positive_number, true_or_false
 from rr1plan.errors import InputError, RetimingError
-from rr1plan.kinematics import Kinematics
-from rr1plan.limits import Limits
+from rr1plan.model import Kinematics
 from rr1plan.path import Path
-from rr1plan.retiming.blends import Curve, CurveChecker, blend_sizes, clean, curves
-from rr1plan.retiming.finite import check_limits
-from rr1plan.retiming.pieces import Pieces, as_trajectory, concatenate
-from rr1plan.retiming.speed import time_polyline
-from rr1plan.retiming.torque import InverseDynamics, check_gravity, within_torque
+from rr1plan.retiming.check_limits import check_limits
+from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, curves
+from rr1plan.retiming.path_speed import time_polyline
+from rr1plan.retiming.timed_pieces import Pieces, as_trajectory, concatenate
+from rr1plan.retiming.torque_limits import InverseDynamics, check_gravity, within_torque
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -169,7 +169,7 @@ def _time(work: Work, sizes: Array) -> list[Pieces]:
 
 
 def _time_with_torque(work: Work, curve: Curve) -> list[Pieces]:
-    from rr1plan.retiming.toppra_ import time_curve_with_torque
+    from rr1plan.retiming.toppra_retiming import time_curve_with_torque
 
     assert work.inverse_dynamics is not None
     begin, end = curve.corners
@@ -184,14 +184,14 @@ def _time_with_torque(work: Work, curve: Curve) -> list[Pieces]:
 
 
 def _ruckig(work: Work) -> list[Pieces]:
-    from rr1plan.retiming.ruckig_ import time_line_smoothly
+    from rr1plan.retiming.ruckig_retiming import time_line_smoothly
 
     lines = curves(work.points, np.zeros(len(work.points)))
     return [time_line_smoothly(line, work.limits).within(work.limits, jerk=True) for line in lines]
 
 
 def _ruckig_direct(work: Work) -> list[Pieces]:
-    from rr1plan.retiming.ruckig_ import time_line_smoothly, time_state_to_state
+    from rr1plan.retiming.ruckig_retiming import time_line_smoothly, time_state_to_state
 
     checker, parts = work.checker(), []
     for i, line in enumerate(curves(work.points, np.zeros(len(work.points)))):

@@ -9,8 +9,8 @@ import numpy as np
 
 from rr1plan.checks import FARTHEST, finite_array, known_name, near_array
 from rr1plan.errors import InputError
-from rr1plan.robot.parts import Inertial, Joint
 from rr1plan.robot.robot import Robot
+from rr1plan.robot.robot_parts import Inertial, Joint
 from rr1plan.transforms import as_pose
 
 _ROUNDING = 1e-6

@@ -27,9 +27,9 @@ from rr1plan.checks import (
     shown,
 )
 from rr1plan.errors import InputError
-from rr1plan.limits import Limits
-from rr1plan.robot.digest import feed_digest
-from rr1plan.robot.parts import Joint, Link
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.robot_parts import Joint, Link
+from rr1plan.shapes.content_digest import feed_digest
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ Elements are named "arm/link" for links, and by a plain name (no slash) for obst
 objects. An allowed pair is a pair of such names; an arm's name stands for all its links.
 """
 
-from rr1plan.scene.differences import scene_differences
-from rr1plan.scene.elements import Arm, Attachment, Obstacle, Pair, pair
 from rr1plan.scene.scene import Scene
+from rr1plan.scene.scene_differences import scene_differences
+from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair
 
 __all__ = ["Arm", "Attachment", "Obstacle", "Pair", "Scene", "pair", "scene_differences"]

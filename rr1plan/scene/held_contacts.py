@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rr1plan.scene.content import SceneContent
+from rr1plan.scene.scene_content import SceneContent
 
 # Largest penetration of an attached object that rests on an obstacle [m].
 _RESTS = 1e-3

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from rr1plan.checks import check_text, finite_number, items_of, known_name
 from rr1plan.errors import InputError
 from rr1plan.robot import Color, Geometry, Robot
-from rr1plan.scene.content import SceneContent
-from rr1plan.scene.elements import Arm, Attachment, Obstacle, Pair, pair, posed_shapes
+from rr1plan.scene.scene_content import SceneContent
+from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair, posed_shapes
 from rr1plan.shapes import HalfSpace, PointCloud, Shape
 from rr1plan.transforms import as_pose, identity, inverse
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.validation.certificate import TOUCH
-from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import MovingScene
-from rr1plan.validation.native import GROUPS, LEFT, SOURCES, RefereeStruct, load_library
+from rr1plan.validation.referee_kernels import GROUPS, LEFT, SOURCES, RefereeStruct, load_library
 
 # Intervals between two calls of the callback.
 _INTERVALS = 512

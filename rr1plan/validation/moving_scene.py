@@ -13,7 +13,7 @@ import numpy as np
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
 from rr1plan.validation.contact_paddings import ALLOWED
-from rr1plan.validation.limits import columns_of
+from rr1plan.validation.limit_checks import columns_of
 from rr1plan.validation.referee_scene import RefereeScene, referee_scene
 
 

@@ -15,21 +15,21 @@ from rr1plan.checks import Array, check_callback, of_kind, positive_number, true
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import Progress, ProgressCallback
-from rr1plan.problem import Problem
 from rr1plan.report import Margin, Report, Violation
 from rr1plan.scene import Scene
 from rr1plan.scene.held_contacts import resting_advice
+from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
+from rr1plan.validation.bernstein_extremes import Extremes, extremes
 from rr1plan.validation.certificate import TOUCH
+from rr1plan.validation.collision_proof import CollisionProof, Contact, prove
 from rr1plan.validation.compiled_search import ProofOptions
-from rr1plan.validation.extremes import Extremes, extremes
-from rr1plan.validation.goals import check_endpoints
-from rr1plan.validation.limits import Columns, Judgment, Ledger
-from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.goal_checks import check_endpoints
+from rr1plan.validation.limit_checks import Columns, Judgment, Ledger
+from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import MovingScene, moving_scene
-from rr1plan.validation.native import load_library
-from rr1plan.validation.proof import CollisionProof, Contact, prove
-from rr1plan.validation.torque import check_torques
+from rr1plan.validation.referee_kernels import load_library
+from rr1plan.validation.torque_checks import check_torques
 
 _MOST_DISTANCES = 400_000
 # Positions beyond this [rad or m] are no motion of an arm, and cost digits.

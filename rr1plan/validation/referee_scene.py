@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
-from rr1plan.validation.arm_tables import ArmTables, HeldThing, Table, arm_tables, obstacle_tables
 from rr1plan.validation.contact_paddings import Elements, block_paddings, rules_by_owners
+from rr1plan.validation.referee_models import ArmTables, HeldThing, Table, arm_tables, obstacle_tables
 
 
 class RefereeScene:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import rr1plan as rp
-from rr1plan.library import robot_folder
+from rr1plan.scene.model_library import robot_folder
 
 
 @pytest.fixture

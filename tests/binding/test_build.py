@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from rr1plan.kernels import wasm
-from rr1plan.kernels.library import LIBRARY
-from rr1plan.validation.native import LIBRARY as REFEREE
+from rr1plan.kernels import wasm_core as wasm
+from rr1plan.kernels.planner_kernels import LIBRARY
+from rr1plan.validation.referee_kernels import LIBRARY as REFEREE
 
 ROOT = Path(__file__).parents[2]
 

@@ -13,11 +13,11 @@ import pytest
 from PIL import Image
 
 import rr1plan as rp
-from rr1plan.library import load_problems
-from rr1plan.limits import Limits
-from rr1plan.playback.cspace_verdict import verdict
-from rr1plan.playback.viewer.capture import wait_until
+from rr1plan.playback.cspace.cspace_verdict import verdict
+from rr1plan.playback.viewer.page_capture import wait_until
 from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene.model_library import load_problems
 
 pytestmark = pytest.mark.browser
 

@@ -15,7 +15,7 @@ from PIL import Image
 import rr1plan as rp
 from rr1plan import Panel, Replay, pack_array, save_html, show
 from rr1plan.playback.viewer import view_document
-from rr1plan.playback.viewer.capture import wait_until
+from rr1plan.playback.viewer.page_capture import wait_until
 from rr1plan.report import Margin, Violation
 
 pytestmark = pytest.mark.browser

@@ -10,7 +10,7 @@ from PIL import Image
 
 import rr1plan as rp
 from rr1plan import save_html, screenshot
-from rr1plan.playback.viewer import capture
+from rr1plan.playback.viewer import page_capture as capture
 
 pytestmark = pytest.mark.browser
 

@@ -13,7 +13,7 @@ from PIL import Image
 
 import rr1plan as rp
 from rr1plan import save_html, show
-from rr1plan.playback.viewer.capture import wait_until
+from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = pytest.mark.browser
 

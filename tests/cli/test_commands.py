@@ -13,8 +13,8 @@ import yaml
 
 import rr1plan as rp
 from rr1plan.cli import BAD_INPUT, INVALID_PLAN, NO_PLAN, OK, run
-from rr1plan.formats.plan_files import save_trajectory
-from rr1plan.library import installed_robot_names, robot_names, scene_names
+from rr1plan.export.plan_files import save_trajectory
+from rr1plan.scene.model_library import installed_robot_names, robot_names, scene_names
 
 
 def answer(capsys: pytest.CaptureFixture[str]) -> dict:
@@ -386,7 +386,7 @@ def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixtu
 def test_an_optional_package_names_its_extra(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from rr1plan.cli import looking
+    from rr1plan.cli import info as looking
 
     monkeypatch.setattr(looking, "_OPTIONAL", {"no-such-package": "ros"})
     assert run(["doctor"]) == OK
@@ -394,7 +394,7 @@ def test_an_optional_package_names_its_extra(
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    from rr1plan.cli import looking
+    from rr1plan.cli import info as looking
 
     monkeypatch.setattr(looking, "_REQUIRED", ("numpy", "no-such-package"))
     assert run(["doctor"]) == BAD_INPUT
@@ -421,7 +421,7 @@ def test_warnings_are_seen_in_a_program_that_sets_up_no_logging() -> None:
 
 
 def test_plan_reads_a_scene_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    from rr1plan import library
+    from rr1plan.scene import model_library as library
 
     loaded = []
     read = library.read_scene

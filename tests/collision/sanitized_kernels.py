@@ -18,12 +18,12 @@ from concave_meshes import mug, soup
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel, ExactKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.kernels.library import LIBRARY, load_library
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.kernels.planner_kernels import LIBRARY, load_library
 from rr1plan.planners import Roadmap, RrtConnect
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
-from rr1plan.retiming.blends import round_corners
+from rr1plan.retiming.path_blends import round_corners
 from rr1plan.transforms import pose
 
 COUNTED = Budget(seconds=float("inf"), iterations=20_000)

@@ -18,15 +18,15 @@ from rr1plan.collision import (
     solid_rows,
 )
 from rr1plan.collision.edge_kernel import exact_scratch
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.contact_rules import rules_of
+from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.errors import InputError
-from rr1plan.library import load_scene
-from rr1plan.limits import Limits
-from rr1plan.model import SceneModel
+from rr1plan.model.arm_model import _skeleton
+from rr1plan.model.scene_model import SceneModel
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
+from rr1plan.scene.contact_rules import rules_of
+from rr1plan.scene.model_library import load_scene
 from rr1plan.shapes import Box, Capsule, HalfSpace, Mesh, PointCloud, Sphere
-from rr1plan.skeleton import _skeleton
 from rr1plan.transforms import pose
 
 HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], convex=True)

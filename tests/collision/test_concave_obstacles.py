@@ -10,8 +10,8 @@ from concave_meshes import angle_block, half_shell, joined, mug, open_bowl, soup
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.formats.convex import convex_hull
 from rr1plan.robot import Geometry, Joint, Link
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 

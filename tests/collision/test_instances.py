@@ -7,8 +7,8 @@ import pytest
 
 from rr1plan.collision import CollisionChecker, arm_tables, link_spheres
 from rr1plan.collision.clearance_maps import instance_maps
-from rr1plan.collision.exact_tables import build_tables
-from rr1plan.collision.sphere_tables import build_edge_tables
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.collision.tables.exact_tables import build_tables
 from rr1plan.multi import place_grid
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
+from rr1plan.collision.convex.support_cells import DIRECTION_CELLS, WORD, corners_per_bit, lowest_corners
 from rr1plan.collision.edge_kernel import scene_struct
-from rr1plan.collision.lowest_corners import DIRECTION_CELLS, WORD, corners_per_bit, lowest_corners
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.formats.convex import convex_hull
-from rr1plan.kernels.library import constants, load_library
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.scene import Scene
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 LANES = constants()["LANES"]

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import load_library
-from rr1plan.library import load_scene
+from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.path import Path
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud, Sphere
 from rr1plan.transforms import pose
 

@@ -11,7 +11,7 @@ from concave_meshes import terrain, torus
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.kernels.wasm import memory_image
+from rr1plan.kernels.wasm_core import memory_image
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere

@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 
 import rr1plan as rp
 from rr1plan.errors import BackendError, CancelledError, InputError, UnknownNameError
-from rr1plan.formats import coacd_process, convex
-from rr1plan.formats import convex_pieces as pieces_module
-from rr1plan.formats.cache import cache_folder, cache_key, load_cached, store_cached
-from rr1plan.formats.convex import convex_hull, distance_outside, is_convex, is_own_hull
-from rr1plan.formats.convex_pieces import Convexity, convex_pieces, convex_shapes
-from rr1plan.shapes import Mesh
+from rr1plan.files.disk_cache import cache_folder, cache_key, load_cached, store_cached
+from rr1plan.shapes import Mesh, coacd_process
+from rr1plan.shapes import convex_decomposition as pieces_module
+from rr1plan.shapes import convex_hulls as convex
+from rr1plan.shapes.convex_decomposition import Convexity, convex_pieces, convex_shapes
+from rr1plan.shapes.convex_hulls import convex_hull, distance_outside, is_convex, is_own_hull
 
 
 def outside(piece: Mesh, points: np.ndarray) -> np.ndarray:

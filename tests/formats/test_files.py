@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.files import check_writable, write_bytes, write_text
+from rr1plan.files.file_access import check_writable, write_bytes, write_text
 
 WRITERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
     "bytes": lambda file, _: write_bytes(file, b"new"),

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.srdf_proposal import LinkBodies
+from rr1plan.robot.disabled_collisions import LinkBodies
 from rr1plan.shapes import Mesh
 
 ROBOTS = {

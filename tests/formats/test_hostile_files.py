@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.meshes import SUFFIXES, read_mesh
-from rr1plan.formats.motion_bench import problem_set_joints
-from rr1plan.formats.moveit_scene import write_moveit_scene
-from rr1plan.formats.point_files import read_points
-from rr1plan.formats.srdf import read_srdf
-from rr1plan.formats.urdf import read_urdf
-from rr1plan.formats.xacro import expand_xacro
+from rr1plan.robot.srdf import read_srdf
+from rr1plan.robot.urdf import read_urdf
+from rr1plan.robot.xacro import expand_xacro
+from rr1plan.scene.motion_bench import problem_set_joints
+from rr1plan.scene.moveit_scene import write_moveit_scene
+from rr1plan.shapes.mesh_files import SUFFIXES, read_mesh
+from rr1plan.shapes.point_cloud_files import read_points
 
 URDF = '<robot name="r"><link name="base"/></robot>'
 

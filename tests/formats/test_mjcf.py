@@ -18,9 +18,9 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import rr1plan as rp
-from rr1plan.formats.link_contacts import LinkBodies
-from rr1plan.formats.mjcf import read_mjcf
-from rr1plan.playback.mujoco_model import mass_matrix
+from rr1plan.playback.simulation.mujoco_model import mass_matrix
+from rr1plan.robot.link_contacts import LinkBodies
+from rr1plan.robot.mjcf import read_mjcf
 
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 

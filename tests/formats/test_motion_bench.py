@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.motion_bench import (
+from rr1plan.robot import Robot
+from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_robot, load_scene, robot_folder
+from rr1plan.scene.motion_bench import (
     hold,
     problem_set_joints,
     read_bench_request,
     read_bench_scene,
     read_problem_set,
 )
-from rr1plan.library import load_robot, load_scene, robot_folder
-from rr1plan.problem import JointGoal
-from rr1plan.robot import Robot
-from rr1plan.scene import Scene
+from rr1plan.scene.problem import JointGoal
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from rr1plan.transforms import pose
 

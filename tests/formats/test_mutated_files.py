@@ -16,8 +16,8 @@ import msgspec
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats import motion_schema
-from rr1plan.formats.motion_values import build_scene
+from rr1plan.export import motion_schema
+from rr1plan.export.motion_values import build_scene
 
 _MUTANTS = 300
 _VALUES: list[Any] = [

@@ -13,14 +13,15 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import FormatError, InputError, UnknownNameError
-from rr1plan.formats import files, plan_files
-from rr1plan.formats.motion_values import plain
-from rr1plan.formats.plan_files import read_plan_file
-from rr1plan.library import load_problems, load_robot, load_scene
+from rr1plan.export import plan_files
+from rr1plan.export.motion_values import plain
+from rr1plan.export.plan_files import read_plan_file
+from rr1plan.files import file_access as files
 from rr1plan.path import Path
-from rr1plan.problem import PoseGoal, Problem, RegionGoal
 from rr1plan.report import Margin, Report, Violation
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_problems, load_robot, load_scene
+from rr1plan.scene.problem import PoseGoal, Problem, RegionGoal
 from rr1plan.shapes import Box, Mesh, PointCloud
 from rr1plan.trajectory import Trajectory
 from rr1plan.transforms import pose

@@ -13,8 +13,8 @@ import yaml
 import rr1plan as rp
 from rr1plan.cli import BAD_INPUT, run
 from rr1plan.errors import FormatError, InputError, UnknownNameError
-from rr1plan.formats.ros_files import load_joint_trajectory
-from rr1plan.playback.export import TRAJECTORY_TOPIC, save_rosbag
+from rr1plan.export.robot_formats import TRAJECTORY_TOPIC, save_rosbag
+from rr1plan.export.ros_trajectories import load_joint_trajectory
 
 _POINTS = [
     {"positions": [0.0, 1.0], "time_from_start": {"sec": 0, "nanosec": 0}},

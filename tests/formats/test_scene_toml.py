@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import FormatError, UnknownNameError
-from rr1plan.formats.scene_toml import SceneFile, read_scene, write_scene
-from rr1plan.formats.tables import line_of
-from rr1plan.formats.toml_writer import to_toml
-from rr1plan.library import load_problems, load_robot, load_scene, robot_folder, scene_names
-from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal
+from rr1plan.files.checked_tables import line_of
+from rr1plan.files.toml_writer import to_toml
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_problems, load_robot, load_scene, robot_folder, scene_names
+from rr1plan.scene.problem import JointGoal, PoseGoal, Problem, RegionGoal
+from rr1plan.scene.scene_toml import SceneFile, read_scene, write_scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
 from rr1plan.transforms import pose
 

@@ -9,10 +9,15 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.robots import Choice, assemble
-from rr1plan.formats.srdf import chain_joints, read_srdf
-from rr1plan.formats.srdf_proposal import LinkBodies, free_configuration, propose_disabled_collisions, touching_links
-from rr1plan.formats.urdf import Tree, read_urdf
+from rr1plan.robot.disabled_collisions import (
+    LinkBodies,
+    free_configuration,
+    propose_disabled_collisions,
+    touching_links,
+)
+from rr1plan.robot.robot_builder import Choice, assemble
+from rr1plan.robot.srdf import chain_joints, read_srdf
+from rr1plan.robot.urdf import Tree, read_urdf
 
 LIMIT = '<limit lower="-1" upper="1" velocity="2" effort="3"/>'
 LENGTH = 0.4

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.binding.memory import CStruct
-from rr1plan.kernels import wasm
-from rr1plan.kernels.library import SOURCES, load_library
+from rr1plan.binding.c_memory import CStruct
+from rr1plan.kernels import wasm_core as wasm
+from rr1plan.kernels.planner_kernels import SOURCES, load_library
 
 
 @dataclass(frozen=True, eq=False)

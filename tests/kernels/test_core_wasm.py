@@ -17,19 +17,21 @@ import pytest
 from kernels.recorded_calls import Recorder
 
 import rr1plan as rp
-from rr1plan.binding.library import KernelLibrary
-from rr1plan.binding.sources import KernelSources
+from rr1plan.binding.c_sources import KernelSources
+from rr1plan.binding.compiled_library import KernelLibrary
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, InstallationError
-from rr1plan.kernels import wasm
-from rr1plan.kernels.library import LIBRARY, SOURCES, constants, load_library
-from rr1plan.kinematics import descent, search
+from rr1plan.kernels import wasm_core as wasm
+from rr1plan.kernels.planner_kernels import LIBRARY, SOURCES, constants, load_library
+from rr1plan.model.scene_model import ik_descent as descent
+from rr1plan.model.scene_model import ik_search as search
 from rr1plan.planners import RrtConnect, graph, shortcut
-from rr1plan.planners.query import Query
+from rr1plan.planners.planning_query import Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
-from rr1plan.playback.viewer.capture import find_browser, open_browser
-from rr1plan.retiming import blends, speed
+from rr1plan.playback.viewer.page_capture import find_browser, open_browser
+from rr1plan.retiming import path_blends as blends
+from rr1plan.retiming import path_speed as speed
 from rr1plan.transforms import pose
 
 ANSWERS = Path(__file__).with_name("core_answers.js").read_text(encoding="utf-8")

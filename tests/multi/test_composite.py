@@ -7,8 +7,8 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.library import load_problems
 from rr1plan.planning import Budget
+from rr1plan.scene.model_library import load_problems
 
 
 @pytest.fixture(scope="module")

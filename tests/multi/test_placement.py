@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.library import load_scene
-from rr1plan.multi.placement import place_grid, place_ring
 from rr1plan.robot import Robot
+from rr1plan.scene.model_library import load_scene
+from rr1plan.scene.placement import place_grid, place_ring
 from rr1plan.transforms import pose
 
 

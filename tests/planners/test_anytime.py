@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import CStruct, address_of, load_library
+from rr1plan.kernels.planner_kernels import CStruct, address_of, load_library
 from rr1plan.kernels.random_state import random_state
-from rr1plan.library import load_problems
 from rr1plan.planners import AnytimePlanner, RrtConnect
 from rr1plan.planners.anytime import luby
 from rr1plan.planners.tree_search import Trees
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.scene.model_library import load_problems
 
 COUNTED = Budget(seconds=float("inf"), iterations=3000)
 
@@ -148,8 +148,8 @@ def test_each_vertex_has_the_length_of_its_path(shelf):
 
 def test_neither_chunks_nor_room_change_the_path(shelf, monkeypatch):
     first = AnytimePlanner().plan(shelf, budget=COUNTED, rng=4)
-    monkeypatch.setattr("rr1plan.planners.query._CHUNK", 1)
-    monkeypatch.setattr("rr1plan.planners.query._LEAST", 0.0)
+    monkeypatch.setattr("rr1plan.planners.planning_query._CHUNK", 1)
+    monkeypatch.setattr("rr1plan.planners.planning_query._LEAST", 0.0)
     monkeypatch.setattr("rr1plan.planners.tree_search._CAPACITY", 2)
     again = AnytimePlanner().plan(shelf, budget=COUNTED, rng=4)
     assert first.path.waypoints.tobytes() == again.path.waypoints.tobytes()

@@ -5,11 +5,11 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.kinematics import Kinematics
+from rr1plan.model import Kinematics
 from rr1plan.planners.cartesian import CartesianPlanner
 from rr1plan.planning import Budget, PlanStatus
-from rr1plan.problem import PoseGoal, Problem
 from rr1plan.scene import Arm, Scene
+from rr1plan.scene.problem import PoseGoal, Problem
 from rr1plan.shapes import Box, Sphere
 from rr1plan.transforms import rotation_about, rotation_angle
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.scene_toml import write_scene
+from rr1plan.scene.scene_toml import write_scene
 
 PLACE = (-0.35, 0.1)
 HEIGHT = 0.08

@@ -7,10 +7,10 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.errors import InputError, NoPlanError, UnknownNameError
-from rr1plan.library import load_problems
 from rr1plan.planners import OmplPlanner, RrtConnect, make_planner, plan, planner_names, planner_table
-from rr1plan.planners.space import Space
+from rr1plan.planners.joint_space import Space
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.scene.model_library import load_problems
 
 JOINT_SPACE = [name for name in planner_names() if name != "cartesian"]
 BUDGET = Budget(seconds=float("inf"), iterations=2500)

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.kernels.library import CStruct, load_library
-from rr1plan.library import load_problems
+from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.planners import Roadmap, RoadmapPlanner, RrtConnect
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.scene.model_library import load_problems
 
 COUNTED = Budget(seconds=float("inf"), iterations=30_000)
 

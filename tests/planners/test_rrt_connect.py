@@ -14,11 +14,11 @@ import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
-from rr1plan.library import load_problems
 from rr1plan.planners import RrtConnect, tree_search
-from rr1plan.planners.goals import GoalSearch
-from rr1plan.planners.query import Query
+from rr1plan.planners.goal_configurations import GoalSearch
+from rr1plan.planners.planning_query import Query
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.scene.model_library import load_problems
 from rr1plan.shapes import Sphere
 
 COUNTED = Budget(seconds=float("inf"), iterations=100_000)
@@ -34,8 +34,8 @@ def cage():
 
 def test_neither_chunks_nor_room_change_the_path(cage, monkeypatch):
     first = RrtConnect().plan(cage, budget=COUNTED, rng=4)
-    monkeypatch.setattr("rr1plan.planners.query._CHUNK", 1)
-    monkeypatch.setattr("rr1plan.planners.query._LEAST", 0.0)
+    monkeypatch.setattr("rr1plan.planners.planning_query._CHUNK", 1)
+    monkeypatch.setattr("rr1plan.planners.planning_query._LEAST", 0.0)
     monkeypatch.setattr("rr1plan.planners.tree_search._CAPACITY", 2)
     again = RrtConnect().plan(cage, budget=COUNTED, rng=4)
     assert len(first.path) > 2

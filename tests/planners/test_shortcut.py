@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.limits import Limits
 from rr1plan.path import Path
 from rr1plan.planners.shortcut import shorten
 from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Sphere
 

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.kernels.library import CStruct, address_of, load_library
+from rr1plan.kernels.planner_kernels import CStruct, address_of, load_library
 from rr1plan.kernels.random_state import random_state
-from rr1plan.kinematics import nearest_copy
+from rr1plan.model import nearest_copy
 from rr1plan.planners import RrtConnect
-from rr1plan.planners.query import Query
-from rr1plan.planners.space import Space, joint_space, with_copies
+from rr1plan.planners.joint_space import Space, joint_space, with_copies
+from rr1plan.planners.planning_query import Query
 from rr1plan.planning import Budget, PlanStatus
 
 COUNTED = Budget(seconds=float("inf"), iterations=20_000)

@@ -17,12 +17,12 @@ import rr1plan as rp
 from rr1plan import CSpace
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.library import load_problems
-from rr1plan.playback.cspace_cells import label_components, widest_spot
-from rr1plan.playback.cspace_grid import LIMITS, compute_grid
-from rr1plan.playback.cspace_images import SELF
-from rr1plan.playback.cspace_torus import layer_image, wrapped_pieces
+from rr1plan.playback.cspace.cspace_cells import label_components, widest_spot
+from rr1plan.playback.cspace.cspace_grid import LIMITS, compute_grid
+from rr1plan.playback.cspace.cspace_images import SELF
+from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.playback.outlines import bounding_radius, silhouette
+from rr1plan.scene.model_library import load_problems
 
 
 @pytest.fixture(scope="module")

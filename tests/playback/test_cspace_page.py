@@ -14,13 +14,13 @@ import pytest
 import rr1plan as rp
 from rr1plan import CSpace
 from rr1plan.errors import InputError
-from rr1plan.library import load_problems
-from rr1plan.limits import Limits
 from rr1plan.planning import SearchTree
-from rr1plan.playback.cspace_page import _planar, _ranked_components
-from rr1plan.playback.cspace_verdict import verdict
-from rr1plan.playback.cspace_viewer import show_page
+from rr1plan.playback.cspace.cspace_page import _planar, _ranked_components
+from rr1plan.playback.cspace.cspace_verdict import verdict
+from rr1plan.playback.cspace.cspace_viewer import show_page
 from rr1plan.robot import Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene.model_library import load_problems
 
 
 @pytest.fixture(scope="module")

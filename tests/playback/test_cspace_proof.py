@@ -18,14 +18,14 @@ import rr1plan as rp
 from rr1plan import CSpace
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.contact_cells import ContactCells
-from rr1plan.formats.convex import convex_hull
-from rr1plan.library import load_problems
-from rr1plan.limits import Limits
-from rr1plan.playback.cspace_decomposition import decompose
-from rr1plan.playback.cspace_grid import compute_grid
-from rr1plan.playback.cspace_verdict import verdict
+from rr1plan.playback.cspace.cspace_decomposition import decompose
+from rr1plan.playback.cspace.cspace_grid import compute_grid
+from rr1plan.playback.cspace.cspace_verdict import verdict
 from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene.model_library import load_problems
 from rr1plan.shapes import Shape
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 BALL = 0.05

@@ -164,7 +164,7 @@ def test_blends_that_collide_are_not_driven(tools):
 
 
 def test_a_failing_solver_falls_back_to_stops(tools, monkeypatch, caplog):
-    from rr1plan.retiming import toppra_
+    from rr1plan.retiming import toppra_retiming as toppra_
 
     time_curve = toppra_.time_curve_with_torque
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.kinematics import Kinematics
+from rr1plan.model import Kinematics
 from rr1plan.retiming import retime, retiming_names
 
 

@@ -178,8 +178,8 @@ def test_the_closest_padding_rule_counts(general: float, arm: float, link: float
 
 
 def _with_small_arm(scene: Scene) -> Scene:
-    from rr1plan.limits import Limits
     from rr1plan.robot import Joint, Link
+    from rr1plan.robot.joint_limits import Limits
 
     solid = (Geometry("g", Sphere(0.1), identity()),)
     robot = Robot(

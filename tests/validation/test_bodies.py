@@ -12,8 +12,8 @@ import pytest
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.transforms import pose
-from rr1plan.validation.bodies import Bodies
-from rr1plan.validation.motion import SceneMotion
+from rr1plan.validation.certificate_bodies import Bodies
+from rr1plan.validation.link_motion import SceneMotion
 
 Make = Callable[..., Any]
 

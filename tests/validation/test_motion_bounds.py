@@ -14,10 +14,10 @@ from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Link, Mimic
 from rr1plan.transforms import inverse, pose
 from rr1plan.validation.compiled_search import ProofOptions, Search
-from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import moving_scene
-from rr1plan.validation.native import ORIGIN, load_library
-from rr1plan.validation.solids import support
+from rr1plan.validation.referee_kernels import ORIGIN, load_library
+from rr1plan.validation.referee_shapes import support
 
 Make = Callable[..., Any]
 ROUNDING = 1e-9

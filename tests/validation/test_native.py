@@ -18,14 +18,14 @@ from scipy.spatial import ConvexHull
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.transforms import pose
-from rr1plan.validation.clouds import CellBlocks
+from rr1plan.validation.bernstein_extremes import extremes
+from rr1plan.validation.cloud_blocks import CellBlocks
+from rr1plan.validation.collision_proof import prove
 from rr1plan.validation.compiled_search import ProofOptions
-from rr1plan.validation.extremes import extremes
-from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import moving_scene
-from rr1plan.validation.native import LIBRARY
-from rr1plan.validation.proof import prove
-from rr1plan.validation.solids import Solid, solid
+from rr1plan.validation.referee_kernels import LIBRARY
+from rr1plan.validation.referee_shapes import Solid, solid
 
 Make = Callable[..., Any]
 

@@ -17,11 +17,11 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.robot import Geometry, Mimic
 from rr1plan.scene import Obstacle
 from rr1plan.transforms import pose
-from rr1plan.validation.arm_tables import ArmTables, obstacle_tables
-from rr1plan.validation.meter import DistanceMeter
-from rr1plan.validation.native import RefereeStruct, load_library
-from rr1plan.validation.proof import CollisionProof
-from rr1plan.validation.solids import Solid, support
+from rr1plan.validation.coal_distance import DistanceMeter
+from rr1plan.validation.collision_proof import CollisionProof
+from rr1plan.validation.referee_kernels import RefereeStruct, load_library
+from rr1plan.validation.referee_models import ArmTables, obstacle_tables
+from rr1plan.validation.referee_shapes import Solid, support
 
 Make = Callable[..., Any]
 # How much Coal's distance of two convex shapes may be too large [m].

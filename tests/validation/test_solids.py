@@ -15,8 +15,8 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.transforms import pose
 from rr1plan.validation import validate
-from rr1plan.validation.meter import DistanceMeter
-from rr1plan.validation.solids import solid, support
+from rr1plan.validation.coal_distance import DistanceMeter
+from rr1plan.validation.referee_shapes import solid, support
 
 
 def cube(edge: float, convex: bool = False) -> rp.Mesh:
