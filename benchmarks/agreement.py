@@ -176,7 +176,7 @@ class Comparison:
             self.tally.differences.append(record)
 
     def _sample(self, rng: np.random.Generator) -> Array:
-        """A random configuration; each of several arms is drawn between its posture in the scene and any other.
+        """A random configuration; each of several arms is drawn between its configuration in the scene and any other.
 
         Many arms that go anywhere would nearly always touch.
         """

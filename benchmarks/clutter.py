@@ -263,7 +263,7 @@ def _where_free(wanted: rp.Scene, instead: rp.Scene) -> rp.Scene:
 
 
 def _stand(robots: Sequence[rp.Robot], spacing: float, rng: np.random.Generator) -> rp.Scene:
-    """Robots on a grid, each with a random heading and in a random posture that is free of those before it.
+    """Robots on a grid, each with a random heading and in a random configuration that is free of those before it.
 
     Where they are nearer than `_DENSE` all are turned and stand nearly alike, as hardly any others find room. Bases may
     touch each other, as if they were bolted together.
@@ -292,7 +292,7 @@ def _stand(robots: Sequence[rp.Robot], spacing: float, rng: np.random.Generator)
 def _with_free_arm(
     scene: rp.Scene, name: str, robot: rp.Robot, bases: Sequence[Array], draws: Array
 ) -> rp.Scene | None:
-    """One more arm, at the first of some bases and in the first of some postures that are free; None where none is."""
+    """Add an arm at the first base and in the first configuration that are free; None where there are none."""
     for base in bases:
         fuller = scene.with_arm(name, robot, base)
         for other in scene.arms:

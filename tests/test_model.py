@@ -117,7 +117,7 @@ def test_shapes_ride_on_the_joint_that_carries_their_element():
     poses["ball"] = poses["right/e"] @ scene.attachments["ball"].pose
     held = model.geometries_of("ball", scene.attachments["ball"].geometries)
     standing = model.geometries_of("floor", scene.obstacles["floor"].geometries)
-    hung = (*model.skeleton.link_geometries, *held, *standing)
+    hung = (*model.arm_model.link_geometries, *held, *standing)
     assert {e.element for e in hung} == set(scene.element_names)
     for e in hung:
         actual = data.oMi[e.joint].homogeneous @ e.placement

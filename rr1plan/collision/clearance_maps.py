@@ -220,7 +220,7 @@ def _between(pair: _Pair) -> _Between | None:
     columns = tuple(sorted({int(tables.joints[j, 2]) for chain in chains for j in chain}))
     if len(columns) > 2:
         return None
-    limits = geometry.skeleton.limits
+    limits = geometry.arm_model.limits
     ends = np.array([_range(float(limits.lower[c]), float(limits.upper[c])) for c in (columns[0], columns[-1])])
     arrays = _two_bodies(tables, pair.solids, chains, columns)
     return _Between(columns, ends, arrays, cache_key(f"{CELLS}", ends, *arrays[:10]))

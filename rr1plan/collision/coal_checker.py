@@ -21,7 +21,7 @@ from rr1plan.collision.collision_geometry import CollisionGeometry, collision_ge
 from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.results import Contact, Nearest
 from rr1plan.collision.static_pairs import StaticPairs, measure_static
-from rr1plan.collision.stationary_contacts import ROUNDING, standing_contacts
+from rr1plan.collision.stationary_contacts import ROUNDING, stationary_contacts
 from rr1plan.collision.tables.exact_tables import build_static_tables, build_tables
 from rr1plan.collision.tables.kernel_tables import ExactTables
 from rr1plan.collision.tables.obstacle_tables import FixedSolids, fixed_links
@@ -337,7 +337,7 @@ class CoalChecker:
 
     @cached_property
     def _standing(self) -> tuple[Contact, ...]:
-        return standing_contacts(self.scene, self.arms) if len(self.arms) < len(self._scene.arms) else ()
+        return stationary_contacts(self.scene, self.arms) if len(self.arms) < len(self._scene.arms) else ()
 
     def _static_clearance(self, most: float) -> float:
         """The least distance beyond their padding of pairs that do not move against each other [m], `most` at most."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
-from rr1plan.collision.obstacle_geometry import obstacle_geometry, standing_geometry
+from rr1plan.collision.obstacle_geometry import obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError
 from rr1plan.object_cache import kept_in
@@ -63,7 +63,8 @@ class CollisionGeometry:
         self.least_gap = near.least_gap
         self.instances = arm_instances([geometries[a] for a in arms], [scene.arms[a].base for a in arms])
         standing = tuple(
-            standing_geometry(name, geometries[name], scene.arms[name].base, scene.arms[name].q) for name in near.arms
+            stationary_arm_geometry(name, geometries[name], scene.arms[name].base, scene.arms[name].q)
+            for name in near.arms
         )
         obstacles = tuple(all_obstacles[name] for name in near.obstacles)
         self.obstacles = (*standing, *obstacles)

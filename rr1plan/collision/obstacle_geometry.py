@@ -59,7 +59,7 @@ def obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
     return ObstacleGeometry([name] * len(shapes), solid_rows(tuple(shapes)), b"".join(frames), obstacle.pose)
 
 
-def standing_geometry(name: str, geometry: ArmGeometry, base: Array, q: Array) -> ObstacleGeometry:
+def stationary_arm_geometry(name: str, geometry: ArmGeometry, base: Array, q: Array) -> ObstacleGeometry:
     """An arm that stands still as solids.
 
     Args:
@@ -69,11 +69,11 @@ def standing_geometry(name: str, geometry: ArmGeometry, base: Array, q: Array) -
         q: Its configuration [rad or m].
     """
     rows = kept_in(geometry.kept, "rows", lambda: solid_rows(tuple(solid.shape for solid in geometry.solids)))
-    return ObstacleGeometry(geometry.elements(name), rows, arm_posture(geometry, q.tobytes()).frames, base)
+    return ObstacleGeometry(geometry.elements(name), rows, placed_arm(geometry, q.tobytes()).frames, base)
 
 
 @dataclass(frozen=True, eq=False)
-class Posture:
+class PlacedArm:
     """Where an arm's solids are at a configuration, in the frame of its base.
 
     Args:
@@ -90,22 +90,22 @@ class Posture:
 
 
 # Most configurations of an arm whose solids are cached.
-_MOST_POSTURES = 1024
+_MOST_PLACED = 1024
 _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 
 
-def arm_posture(geometry: ArmGeometry, q: bytes) -> Posture:
+def placed_arm(geometry: ArmGeometry, q: bytes) -> PlacedArm:
     """Where an arm's solids are at a configuration, given as bytes; arms with equal geometries share it."""
-    kept: dict[bytes, Posture] = geometry.kept.setdefault("postures", {})
-    return kept_in(kept, q, lambda: _new_posture(geometry, np.frombuffer(q)), _MOST_POSTURES)
+    kept: dict[bytes, PlacedArm] = geometry.kept.setdefault("configurations", {})
+    return kept_in(kept, q, lambda: _new_placed_arm(geometry, np.frombuffer(q)), _MOST_PLACED)
 
 
-def _new_posture(geometry: ArmGeometry, q: Array) -> Posture:
-    skeleton, tables = geometry.skeleton, arm_tables(geometry).bodies
-    data = skeleton.model.createData()
+def _new_placed_arm(geometry: ArmGeometry, q: Array) -> PlacedArm:
+    arm_model, tables = geometry.arm_model, arm_tables(geometry).bodies
+    data = arm_model.model.createData()
     # An arm may have no planning joint at all.
-    driven = q[np.maximum(skeleton.columns, 0)] if len(q) else 0.0
-    pin.forwardKinematics(skeleton.model, data, np.array(skeleton.offsets + skeleton.gains * driven))
+    driven = q[np.maximum(arm_model.columns, 0)] if len(q) else 0.0
+    pin.forwardKinematics(arm_model.model, data, np.array(arm_model.offsets + arm_model.gains * driven))
     poses = np.array([data.oMi[solid.joint].homogeneous @ solid.placement for solid in geometry.solids])
     poses = poses.reshape(-1, 4, 4)
     # Centers of the balls around bodies, in their own frames and where they are.
@@ -117,7 +117,7 @@ def _new_posture(geometry: ArmGeometry, q: Array) -> Posture:
     begins = [i for i, name in enumerate(names) if i == 0 or name != names[i - 1]]
     elements = [_ball_around(part) for part in np.split(bodies, begins[1:])] if names else []
     ball = _ball_around(bodies) if names else np.zeros(4)
-    return Posture(poses.tobytes(), read_only(bodies), read_only(np.array(elements).reshape(-1, 4)), read_only(ball))
+    return PlacedArm(poses.tobytes(), read_only(bodies), read_only(np.array(elements).reshape(-1, 4)), read_only(ball))
 
 
 def _ball_around(balls: Array) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import ArmGeometry
-from rr1plan.collision.obstacle_geometry import ObstacleGeometry, arm_posture
+from rr1plan.collision.obstacle_geometry import ObstacleGeometry, placed_arm
 from rr1plan.collision.tables.arm_tables import arm_tables
 from rr1plan.collision.tables.obstacle_tables import boxes_of
 from rr1plan.object_cache import kept_in
@@ -61,7 +61,7 @@ def find_near(
         return Near((), tuple(scene.obstacles), None, np.inf)
     others = [name for name in scene.arms if name not in set(arms)]
     balls = placed_balls(np.array([reach_ball(geometries[a]) for a in arms]).reshape(-1, 4), bases_of(scene, arms))
-    still = posture_balls(scene, geometries, others)
+    still = stationary_balls(scene, geometries, others)
     names = list(scene.obstacles)
     everyone = [*arms, *others, *names]
     boxes = obstacle_boxes(obstacles)
@@ -84,9 +84,9 @@ def find_near(
     return Near(near_arms, near_obstacles, near_pairs, least_gap)
 
 
-def posture_balls(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: Sequence[str]) -> Array:
+def stationary_balls(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: Sequence[str]) -> Array:
     """Balls around arms in their configurations of the scene: center and radius [m], shape (n, 4)."""
-    own = [arm_posture(geometries[name], scene.arms[name].q.tobytes()).ball for name in arms]
+    own = [placed_arm(geometries[name], scene.arms[name].q.tobytes()).ball for name in arms]
     return placed_balls(np.array(own).reshape(-1, 4), bases_of(scene, arms))
 
 

@@ -15,9 +15,9 @@ from rr1plan.collision.collision_geometry import geometries_of
 from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.obstacle_geometry import (
     ObstacleGeometry,
-    arm_posture,
     obstacle_geometry,
-    standing_geometry,
+    placed_arm,
+    stationary_arm_geometry,
 )
 from rr1plan.collision.reach_broad_phase import (
     ball_gaps,
@@ -26,7 +26,7 @@ from rr1plan.collision.reach_broad_phase import (
     near_balls,
     obstacle_boxes,
     placed_balls,
-    posture_balls,
+    stationary_balls,
 )
 from rr1plan.collision.results import Contact
 from rr1plan.collision.tables.exact_tables import build_fixed_tables
@@ -36,7 +36,7 @@ from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import identity
 
 
-def standing_contacts(scene: Scene, moving: Sequence[str]) -> tuple[Contact, ...]:
+def stationary_contacts(scene: Scene, moving: Sequence[str]) -> tuple[Contact, ...]:
     """What touches, or is nearer than its padding, among arms that stand still and obstacles; deepest first.
 
     Args:
@@ -60,17 +60,17 @@ def _contacts(scene: Scene) -> Iterator[Contact]:
     for name in names:
         yield from _own_contacts(scene, name, geometries[name])
     padding = max((scene.padding, *scene.pair_padding.values()))
-    balls = posture_balls(scene, geometries, names)
+    balls = stationary_balls(scene, geometries, names)
     boxes = obstacle_boxes([obstacle_geometry(name, obstacle) for name, obstacle in scene.obstacles.items()])
     near = near_balls(balls, padding)
-    postures = [arm_posture(geometries[name], scene.arms[name].q.tobytes()) for name in names]
-    for parts in ([posture.elements for posture in postures], [posture.bodies for posture in postures]):
+    placed = [placed_arm(geometries[name], scene.arms[name].q.tobytes()) for name in names]
+    for parts in ([arm.elements for arm in placed], [arm.bodies for arm in placed]):
         near = _still_near(near, parts, bases_of(scene, names), padding)
     for i, j in near.tolist():
         yield from _contacts_between(scene, (names[i], names[j]), geometries)
     for i, j in np.argwhere(box_gaps(balls, boxes) <= padding).tolist():
         # The base may touch what it stands on.
-        bodies = postures[i].bodies[_above_base(geometries[names[i]], scene.arms[names[i]])]
+        bodies = placed[i].bodies[_above_base(geometries[names[i]], scene.arms[names[i]])]
         own = placed_balls(bodies[None], scene.arms[names[i]].base[None])[0]
         if (box_gaps(own, boxes[j : j + 1]) <= padding).any():
             yield from _contacts_between(scene, (names[i], obstacles[j]), geometries)
@@ -159,7 +159,7 @@ def _contacts_between(
     """Contacts between two arms, an arm and an obstacle, or the links of one arm."""
     arms = {name: scene.arms[name] for name in owners if name in scene.arms}
     obstacles = {name: scene.obstacles[name] for name in owners if name in scene.obstacles}
-    standing = [standing_geometry(n, geometries[n], arm.base, arm.q) for n, arm in arms.items()]
+    standing = [stationary_arm_geometry(n, geometries[n], arm.base, arm.q) for n, arm in arms.items()]
     things = [*standing, *(obstacle_geometry(name, obstacle) for name, obstacle in obstacles.items())]
     elements = [element for thing in things for element in thing.elements]
     near = _near_solids(things, max((scene.padding, *scene.pair_padding.values())))

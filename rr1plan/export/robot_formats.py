@@ -132,7 +132,7 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
 
     Args:
         file: The file.
-        scene: The scene; arms stand at zero in the file, their postures are a keyframe "posture".
+        scene: The scene; arms stand at zero in the file, their configurations are a keyframe "configuration".
 
     Returns:
         The file.

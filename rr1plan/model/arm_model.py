@@ -60,8 +60,8 @@ def hang(element: str, body: Body, geometries: Iterable[Geometry]) -> tuple[Elem
 
 
 @dataclass(frozen=True, eq=False)
-class Skeleton:
-    """The part of a `SceneModel` that depends only on the arms, which of them move, and the posture of the rest.
+class ArmModel:
+    """The part of a `SceneModel` that depends only on the arms, which of them move, and the configuration of the rest.
 
     It is shared by scenes that agree in these, so its `model` must not be modified.
 
@@ -85,14 +85,14 @@ class Skeleton:
 
 @dataclass(frozen=True)
 class _Content:
-    """Cache key of a skeleton, and the data to build it."""
+    """Cache key of a arm_model, and the data to build it."""
 
     key: tuple[tuple[str, str, bytes, bytes | None], ...]
     arms: Mapping[str, Arm] = field(compare=False)
 
 
-def skeleton_of(scene: Scene, arms: tuple[str, ...]) -> Skeleton:
-    """The skeleton of a scene with the given moving arms; cached for scenes with equal arms.
+def arm_model_of(scene: Scene, arms: tuple[str, ...]) -> ArmModel:
+    """The arm_model of a scene with the given moving arms; cached for scenes with equal arms.
 
     Raises:
         InputError: a joint that is neither planned, locked nor mimics one that is.
@@ -101,13 +101,13 @@ def skeleton_of(scene: Scene, arms: tuple[str, ...]) -> Skeleton:
         (name, arm.robot.content_hash, arm.base.tobytes(), None if name in arms else arm.q.tobytes())
         for name, arm in scene.arms.items()
     )
-    return _skeleton(_Content(key, scene.arms))
+    return _arm_model(_Content(key, scene.arms))
 
 
 @lru_cache(maxsize=64)
-def _skeleton(content: _Content) -> Skeleton:
+def _arm_model(content: _Content) -> ArmModel:
     builder = _Builder()
-    moving = [name for name, *_, posture in content.key if posture is None]
+    moving = [name for name, *_, configuration in content.key if configuration is None]
     drives: list[tuple[int, float, float]] = []
     names: list[str] = []
     for name, arm in content.arms.items():
@@ -115,7 +115,7 @@ def _skeleton(content: _Content) -> Skeleton:
         drives += [_drive(arm.robot, joint, first, arm.q) for joint in builder.add_arm(name, arm)]
         names += [f"{name}/{joint}" for joint in arm.robot.joint_names] if name in moving else []
     columns, gains, offsets = zip(*drives, strict=True) if drives else ((), (), ())
-    return Skeleton(
+    return ArmModel(
         tuple(names),
         Limits.stack([content.arms[name].robot.limits for name in moving]),
         builder.model,

@@ -31,7 +31,7 @@ class Kinematics:
 
     Args:
         scene_or_robot: A scene; or a robot, as the only arm "arm" of a scene.
-        arms: The arms that move (default: all); the others hold their posture of the scene.
+        arms: The arms that move (default: all); the others hold their configuration of the scene.
 
     Raises:
         UnknownNameError: no such arm.

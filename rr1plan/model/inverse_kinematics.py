@@ -122,7 +122,7 @@ def solve_ik(
     check_callback("accept", accept)
     robot = own.scene.arms[own.arms[0]].robot
     starts = _seeds(own, robot, seeds)
-    chain = chain_of(own.scene_model.skeleton, link)
+    chain = chain_of(own.scene_model.arm_model, link)
     search = IkSearch(chain, robot, goal, starts, random_state(as_seed(rng)))
     solutions = np.array(search.collect(attempts, accept, max_solutions, patience)).reshape(-1, robot.nq)
     order = np.argsort(np.linalg.norm(solutions - starts[0], axis=1), kind="stable")

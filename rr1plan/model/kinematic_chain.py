@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
 from rr1plan.kernels.planner_kernels import CStruct
-from rr1plan.model.arm_model import Skeleton, joint_twist
+from rr1plan.model.arm_model import ArmModel, joint_twist
 from rr1plan.transforms import inverse, rotation_about
 
 
@@ -34,26 +34,26 @@ class Chain:
 
 
 @lru_cache(maxsize=256)
-def chain_of(skeleton: Skeleton, link: str, first: int = 0) -> Chain:
+def chain_of(arm_model: ArmModel, link: str, first: int = 0) -> Chain:
     """The kinematic chain of a link.
 
     Locked joints are merged into the fixed transforms between the others.
 
     Args:
-        skeleton: Skeleton of a scene.
+        arm_model: ArmModel of a scene.
         link: "arm/link".
         first: Column of q that becomes column 0 of the chain.
     """
-    model, body = skeleton.model, skeleton.bodies[link]
+    model, body = arm_model.model, arm_model.bodies[link]
     joints, values, T = [], [], np.eye(4)
     for j in [j for j in model.supports[body.joint] if j > 0]:
         twist = joint_twist(model.joints[j])
         slides = float(np.abs(twist[:3]).max()) > 0.5
         turned = _turned_to(twist[:3] if slides else twist[3:])
-        gain, offset = float(skeleton.gains[j - 1]), float(skeleton.offsets[j - 1])
+        gain, offset = float(arm_model.gains[j - 1]), float(arm_model.offsets[j - 1])
         T = T @ model.jointPlacements[j].homogeneous @ turned
-        if skeleton.columns[j - 1] >= 0 and gain != 0.0:
-            joints.append([int(slides), int(skeleton.columns[j - 1]) - first])
+        if arm_model.columns[j - 1] >= 0 and gain != 0.0:
+            joints.append([int(slides), int(arm_model.columns[j - 1]) - first])
             values.append([*T[:3, :3].ravel(), *T[:3, 3], gain, offset])
             T = inverse(turned)
         else:

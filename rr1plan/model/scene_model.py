@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, known_name, read_only
 from rr1plan.errors import InputError
-from rr1plan.model.arm_model import Body, ElementGeometry, hang, skeleton_of
+from rr1plan.model.arm_model import Body, ElementGeometry, arm_model_of, hang
 from rr1plan.robot import Geometry
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
@@ -31,11 +31,11 @@ class SceneModel:
 
     Args:
         scene: The scene.
-        arms: The arms that move (default: all); the others hold their posture of the scene.
+        arms: The arms that move (default: all); the others hold their configuration of the scene.
 
     Attributes:
         scene, arms: As given; arms in the order of the scene.
-        skeleton: The part shared with other scenes with the same arms.
+        arm_model: The part shared with other scenes with the same arms.
         joint_names: Columns of q, "arm/joint".
         limits: Limits of those columns.
         model: The `pinocchio.Model`. Joints are named "arm/joint", frames "arm/link"; every joint has
@@ -54,14 +54,14 @@ class SceneModel:
         self.scene = scene
         # Checked again, because a scene may have no arms.
         self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
-        self.skeleton = skeleton_of(scene, self.arms)
-        self.joint_names: tuple[str, ...] = self.skeleton.joint_names
-        self.limits: Limits = self.skeleton.limits
-        self.model: Any = self.skeleton.model
-        self.columns: NDArray[np.intp] = self.skeleton.columns
-        self.gains: Array = self.skeleton.gains
-        self.offsets: Array = self.skeleton.offsets
-        self._bodies, self._frames = self.skeleton.bodies, self.skeleton.frames
+        self.arm_model = arm_model_of(scene, self.arms)
+        self.joint_names: tuple[str, ...] = self.arm_model.joint_names
+        self.limits: Limits = self.arm_model.limits
+        self.model: Any = self.arm_model.model
+        self.columns: NDArray[np.intp] = self.arm_model.columns
+        self.gains: Array = self.arm_model.gains
+        self.offsets: Array = self.arm_model.offsets
+        self._bodies, self._frames = self.arm_model.bodies, self.arm_model.frames
         self._taken = np.maximum(self.columns, 0)
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -67,7 +67,7 @@ class AnytimePlanner(Planner):
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress) as query:
-            refused = query.refusal()
+            refused = query.early_exit()
             return _Rounds(query, self.range).run() if refused is None else refused
 
 

@@ -242,7 +242,7 @@ class _LineSearch:
 
     def chain_of(self, line: Line) -> Chain:
         """Kinematic chain of the frame."""
-        return chain_of(self.kinematics.scene_model.skeleton, self.frame_name(line))
+        return chain_of(self.kinematics.scene_model.arm_model, self.frame_name(line))
 
     def frame_name(self, line: Line) -> str:
         """Name of the moving frame, "arm/link"."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker, Contact
-from rr1plan.scene.held_contacts import resting_advice
+from rr1plan.scene.held_contacts import contact_advice
 
 # Elements closer than this [m] count as touching: the resolution of the kernel and of Coal.
 _TOUCH = 1e-6
@@ -66,7 +66,7 @@ def _describe(checker: CollisionChecker, contact: Contact) -> str:
 def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
     """Hints for a held object that rests on an obstacle or touches the gripper that holds it."""
     scene = checker.scene
-    resting = resting_advice(scene, contact.a, contact.b, _gap(checker, contact))
+    resting = contact_advice(scene, contact.a, contact.b, _gap(checker, contact))
     if resting:
         yield resting
     for held, other in ((contact.a, contact.b), (contact.b, contact.a)):

@@ -169,8 +169,8 @@ def joint_goals(problem: Problem) -> Array | None:
 
 def _composite_excess(problem: Problem, q: Array) -> str:
     """Message about the joints of a composite configuration that are out of limits; empty if none is."""
-    postures = problem.scene.split(q, problem.arms)
-    found = ((arm, describe_excess(problem.scene.arms[arm].robot, postures[arm])) for arm in problem.arms)
+    configurations = problem.scene.split(q, problem.arms)
+    found = ((arm, describe_excess(problem.scene.arms[arm].robot, configurations[arm])) for arm in problem.arms)
     return "; ".join(f"{arm}: {text}" for arm, text in found if text)
 
 
@@ -196,7 +196,7 @@ class _Finder:
             self._add_configuration(goal.q)
             return
         link = f"{self.arm}/{frame_link(self.robot, goal.frame)}"
-        chain = chain_of(self.motion.model.skeleton, link, self.first)
+        chain = chain_of(self.motion.model.arm_model, link, self.first)
         limits = self.robot.limits
         seeds = np.clip([self.start, self.robot.home], limits.lower, limits.upper)
         search = IkSearch(chain, self.robot, goal, seeds, self.state)

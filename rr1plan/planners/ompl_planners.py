@@ -97,7 +97,7 @@ class OmplPlanner(Planner):
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress) as query:
-            refused = query.refusal()
+            refused = query.early_exit()
             return _Search(self, query).run() if refused is None else refused
 
 

@@ -59,7 +59,7 @@ class Query:
         budget: When to stop; None: the default.
         rng: Generator or seed of all random numbers.
         progress: Called about ten times a second, or None.
-        scene: Scene of the checker: the problem's (default), or one that differs in the moving arms' postures only.
+        scene: Scene of the checker: the problem's (default), or one that differs only in where the moving arms are.
 
     Attributes:
         motion: Collision checker of the problem's arms.
@@ -111,7 +111,7 @@ class Query:
     def __exit__(self, *_: object) -> None:
         release_checker(self.motion)
 
-    def refusal(self) -> PlanResult | None:
+    def early_exit(self) -> PlanResult | None:
         """The result if start or goal are invalid or the start is a goal; None if a search is needed."""
         if not self._has_plain_ends():
             blocked = check_start(self.problem, self.motion)

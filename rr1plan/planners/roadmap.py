@@ -104,7 +104,7 @@ class Roadmap(Planner):
         check_question(problem, budget, progress)
         self._check_fits(problem)
         with self._lock, Query(_NAME, problem, budget, rng, progress, self.scene) as query:
-            refused = query.refusal()
+            refused = query.early_exit()
             return _answer(query, self._graph, learn=True) if refused is None else refused
 
     def _check_fits(self, problem: Problem) -> None:
@@ -164,7 +164,7 @@ class RoadmapPlanner(Planner):
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress) as query:
-            refused = query.refusal()
+            refused = query.early_exit()
             if refused is not None:
                 return refused
             # list.append and list.pop are atomic. Roadmaps with another number of samples have another key.

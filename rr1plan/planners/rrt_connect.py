@@ -49,7 +49,7 @@ class RrtConnect(Planner):
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress) as query:
-            refused = query.refusal()
+            refused = query.early_exit()
             if refused is not None:
                 return refused
             return query.straight_line(STRAIGHT_LINES, tree=self.tree) or self._search(query)

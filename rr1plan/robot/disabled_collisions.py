@@ -128,7 +128,7 @@ def sampled_reasons(
     return found, frozenset(pair for pair, outcomes in seen.items() if len(outcomes) == 2)
 
 
-def jammed_pairs(robot: Robot, samples: int, rng: Seed = None) -> frozenset[Pair]:
+def always_colliding(robot: Robot, samples: int, rng: Seed = None) -> frozenset[Pair]:
     """Pairs of links that may not touch, but do at home and in each of some random configurations.
 
     Args:
@@ -138,12 +138,12 @@ def jammed_pairs(robot: Robot, samples: int, rng: Seed = None) -> frozenset[Pair
     """
     generator = as_generator(rng)
     bodies = LinkBodies(robot)
-    jammed = touching_links(robot, robot.home, bodies)
+    touching = touching_links(robot, robot.home, bodies)
     for _ in range(samples):
-        if not jammed:
+        if not touching:
             break
-        jammed &= bodies.touching(_sample(robot, generator), list(jammed))
-    return frozenset(jammed)
+        touching &= bodies.touching(_sample(robot, generator), list(touching))
+    return frozenset(touching)
 
 
 def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int, rng: Seed = None) -> frozenset[Pair]:

@@ -19,8 +19,8 @@ from rr1plan.files.disk_cache import cache_key, load_cached, store_cached
 from rr1plan.files.npy_files import Arrays
 from rr1plan.robot import Robot
 from rr1plan.robot.disabled_collisions import (
+    always_colliding,
     free_configuration,
-    jammed_pairs,
     sampled_reasons,
     stuck_pairs,
     touching_links,
@@ -74,7 +74,7 @@ def self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContac
 
 def _sampled(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
     if has_rules:
-        always = jammed_pairs(robot, SAMPLES, rng=0)
+        always = always_colliding(robot, SAMPLES, rng=0)
     else:
         reasons, _ = sampled_reasons(robot, SAMPLES, as_generator(0))
         always = frozenset(pair for pair, reason in reasons.items() if reason != "Never")

@@ -10,7 +10,7 @@ _RESTS = 1e-3
 _LIFT = 5e-4
 
 
-def resting_advice(scene: SceneContent, a: str, b: str, gap: float) -> str:
+def contact_advice(scene: SceneContent, a: str, b: str, gap: float) -> str:
     """Hint for an attached object in contact with its support; empty for any other contact.
 
     Args:

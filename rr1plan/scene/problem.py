@@ -160,10 +160,10 @@ class Problem(Value):
     """A planning problem.
 
     Args:
-        scene: The scene. Arms that do not move hold their posture of the scene.
+        scene: The scene. Arms that do not move hold their configuration of the scene.
         start: Start of the moving arms: for one arm a configuration's name or numbers (nq,); for
-            several a mapping by arm (a missing arm starts in its posture of the scene).
-            None: the postures of the scene.
+            several a mapping by arm (a missing arm starts in its configuration of the scene).
+            None: the configurations of the scene.
         goal: For one arm a goal, a configuration's name or numbers, or a list of alternatives;
             for several a mapping from arm to one of those.
         arms: The arms that move. Default: the arms of a goal mapping, or the only arm.
@@ -242,7 +242,7 @@ class Problem(Value):
         of_kind("scene", scene, Scene)
         start: dict[str, Array] = {}
         goal: dict[str, list[Goal]] = {}
-        postures = self.scene.split(self.start, self.arms)
+        configurations = self.scene.split(self.start, self.arms)
         for arm in self.arms:
             old, new = self.scene.arms[arm].robot.joint_names, scene.arm(arm).robot.joint_names
             if set(old) != set(new):
@@ -250,7 +250,7 @@ class Problem(Value):
                     f"the problem moves the joints {', '.join(old)} of arm {arm!r}, which has {', '.join(new)} here"
                 )
             order = [old.index(name) for name in new]
-            start[arm] = postures[arm][order]
+            start[arm] = configurations[arm][order]
             goal[arm] = [JointGoal(g.q[order]) if isinstance(g, JointGoal) else g for g in self.goal[arm]]
         return Problem(scene, start, goal, arms=self.arms).with_margin(self.margin)
 

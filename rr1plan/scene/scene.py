@@ -139,7 +139,7 @@ class Scene(SceneContent):
             arm: The arm (default: the only one).
             link: The link (default: the robot's tool).
             touch: Other links of that arm that it may touch, e.g. the fingers.
-            pose: T_link_object; default: its current pose relative to the link in the arm's posture.
+            pose: T_link_object; default: its current pose relative to the link in the arm's configuration.
 
         Raises:
             UnknownNameError: no such obstacle, arm or link.
@@ -159,7 +159,7 @@ class Scene(SceneContent):
         return replace(self, obstacles=rest, attachments={**self.attachments, obstacle: held})
 
     def detach(self, name: str) -> Scene:
-        """A scene in which an attached object is an obstacle at its pose in the arm's posture."""
+        """A scene in which an attached object is an obstacle at its pose in the arm's configuration."""
         held = self.attachments[known_name("attached object", name, self.attachments)]
         T = self.link_poses()[f"{held.arm}/{held.link}"] @ held.pose
         rest = {n: a for n, a in self.attachments.items() if n != name}

@@ -1,4 +1,4 @@
-"""Content of a scene and queries of it: names, postures, poses, contact rules."""
+"""Content of a scene and queries of it: names, configurations, poses, contact rules."""
 
 from __future__ import annotations
 
@@ -150,24 +150,24 @@ class SceneContent(Value):
         return Limits.stack([self.arms[a].robot.limits for a in self.arm_names(arms)])
 
     def configuration(self, arms: Sequence[str] | None = None) -> Array:
-        """The concatenated postures of the named arms, shape (nq,)."""
+        """The concatenated configurations of the named arms, shape (nq,)."""
         return np.concatenate([self.arms[a].q for a in self.arm_names(arms)])
 
     def split(self, q: Array, arms: Sequence[str] | None = None) -> dict[str, Array]:
-        """Posture of every arm of the scene, with q (nq,) for the named ones and the scene's for the rest.
+        """PlacedArm of every arm of the scene, with q (nq,) for the named ones and the scene's for the rest.
 
         Raises:
             UnknownNameError: no such arm.
             InputError: q of another shape, or not finite.
         """
-        postures = {name: arm.q for name, arm in self.arms.items()}
+        configurations = {name: arm.q for name, arm in self.arms.items()}
         start, names = 0, self.arm_names(arms)
         q = finite_array("q", q, (sum(self.arms[name].robot.nq for name in names),))
         for name in names:
             nq = self.arms[name].robot.nq
-            postures[name] = q[start : start + nq]
+            configurations[name] = q[start : start + nq]
             start += nq
-        return postures
+        return configurations
 
     def link_poses(self, configurations: Mapping[str, Array] | None = None) -> dict[str, Array]:
         """T_world_link of every link as "arm/link", by plain numpy; `configurations` by arm (default: the scene's)."""
@@ -253,7 +253,7 @@ class SceneContent(Value):
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of everything that affects plans: robots, poses, postures, obstacles, rules (hex)."""
+        """SHA-256 of everything that affects plans: robots, poses, configurations, obstacles, rules (hex)."""
         digest = hashlib.sha256()
         for name, arm in self.arms.items():
             feed_digest(digest, (name, arm.robot.content_hash, arm.base, arm.q))

@@ -17,7 +17,7 @@ Pair = frozenset[str]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Arm(Value):
-    """A robot at a base pose, in a posture.
+    """A robot at a base pose, in a configuration.
 
     Args:
         robot: The robot.
@@ -37,7 +37,7 @@ class Arm(Value):
         if not isinstance(self.robot, Robot):
             raise InputError(f"robot is {shown(self.robot)}, expected a Robot; load one with load_robot")
         object.__setattr__(self, "base", as_pose(self.base, "arm base"))
-        object.__setattr__(self, "q", self.robot.configuration(self.q, "arm posture"))
+        object.__setattr__(self, "q", self.robot.configuration(self.q, "arm configuration"))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

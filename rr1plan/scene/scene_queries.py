@@ -1,7 +1,7 @@
 """Reading and writing of the named queries of a scene file.
 
     [queries.reach]
-    start = "home"                                              # or numbers; default: the scene's posture
+    start = "home"                                              # or numbers; default: the scene's configuration
     goal = { frame = "tool", position = [-0.3, 0.25, 0.2] }     # a goal, a name, numbers, or a list of those
 
     [queries.swap]                                              # several arms

@@ -14,7 +14,7 @@ from rr1plan.errors import InputError
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
-from rr1plan.validation.coal_distance import DistanceMeter
+from rr1plan.validation.coal_distance import CoalDistance
 from rr1plan.validation.link_motion import Frames, SceneMotion
 from rr1plan.validation.polynomial_bounds import Index, Mask
 from rr1plan.validation.referee_kernels import SHAPE_SURFACE
@@ -144,9 +144,9 @@ class Bodies:
         return np.asarray(one & ((self._kind_b != CONCAVE) | self._surface[self.b]))
 
     @cached_property
-    def meter(self) -> DistanceMeter:
+    def coal_distance(self) -> CoalDistance:
         """Coal's distances."""
-        return DistanceMeter()
+        return CoalDistance()
 
     def _element(self, scene: Scene, name: str) -> tuple[int, ElementBodies]:
         """Number of the link that an element is on, and its bodies."""
@@ -319,7 +319,7 @@ class Bodies:
     def _convex(self, placed: Placed, node: Index, item: Index) -> tuple[Array, Array]:
         value, normal = np.empty(len(item)), np.empty((len(item), 3))
         for k, (a, Ta, b, Tb) in enumerate(self._transforms(placed, node, item)):
-            value[k], normal[k] = self.meter.convex(self.solids[a], Ta, self.solids[b], Tb)
+            value[k], normal[k] = self.coal_distance.convex(self.solids[a], Ta, self.solids[b], Tb)
         length = np.linalg.norm(normal, axis=1)
         usable = np.isfinite(length) & (length > 0.5)
         normal[usable] /= length[usable, None]
@@ -344,7 +344,7 @@ class Bodies:
 
     def _compound(self, placed: Placed, node: Index, item: Index) -> tuple[Array, Array]:
         both = [
-            self.meter.compound(self.solids[a], Ta, self.solids[b], Tb)
+            self.coal_distance.compound(self.solids[a], Ta, self.solids[b], Tb)
             for a, Ta, b, Tb in self._transforms(placed, node, item)
         ]
         value, proven = np.array(both).T

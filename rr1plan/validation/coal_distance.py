@@ -27,7 +27,7 @@ _GJK_ITERATIONS = 1000
 SLACK = 5e-5
 
 
-class DistanceMeter:
+class CoalDistance:
     """Signed distances of two solids; negative is a depth of penetration."""
 
     def __init__(self) -> None:

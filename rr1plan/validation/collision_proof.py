@@ -149,7 +149,7 @@ class _Decisions:
         )
 
     def _sorted_contacts(self) -> list[Contact]:
-        """The contacts in the order of the scene's elements, with those of arms in equal postures."""
+        """The contacts in the order of the scene's elements, with those of arms in equal configurations."""
         rows = [
             (pair.places, contact._replace(pair=pair.names))
             for elements, contact in self._contacts.items()

@@ -13,17 +13,17 @@ from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, frame_link
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
-from rr1plan.validation.limit_checks import Ledger
+from rr1plan.validation.limit_checks import Findings
 from rr1plan.validation.link_motion import SceneMotion, TimedColumns
 
 # Joint values count as equal within this [rad or m], tolerances are kept to within it.
 _EQUAL = 1e-9
 
 
-def check_endpoints(ledger: Ledger, motion: TimedColumns, scene: Scene, problem: Problem | None) -> None:
+def check_endpoints(findings: Findings, motion: TimedColumns, scene: Scene, problem: Problem | None) -> None:
     """A motion starts where it should and ends at a goal, if there is a problem that says so."""
     if problem is None:
-        ledger.not_checked["start"] = ledger.not_checked["goal"] = "no problem was given"
+        findings.not_checked["start"] = findings.not_checked["goal"] = "no problem was given"
         return
     _check_arms(problem, scene)
     first, last = motion.endpoints()
@@ -31,8 +31,8 @@ def check_endpoints(ledger: Ledger, motion: TimedColumns, scene: Scene, problem:
     arms = dict.fromkeys((*motion.arms, *problem.arms))
     starts, stops = ({arm: _configuration(scene, arm, columns, q) for arm in arms} for q in (first, last))
     begin, finish = (float(time) for time in motion.breaks[[0, -1]])
-    _check_start(ledger, _starts(motion.arms, scene, problem), _by_joint(scene, starts), begin)
-    _check_goal(ledger, problem, scene, stops, finish)
+    _check_start(findings, _starts(motion.arms, scene, problem), _by_joint(scene, starts), begin)
+    _check_goal(findings, problem, scene, stops, finish)
 
 
 def _check_arms(problem: Problem, scene: Scene) -> None:
@@ -51,11 +51,11 @@ def _starts(moving: tuple[str, ...], scene: Scene, problem: Problem) -> dict[str
     return starts | _by_joint(scene, others)
 
 
-def _by_joint(scene: Scene, postures: Mapping[str, Array]) -> dict[str, float]:
-    """Numbers by "arm/joint" of postures by arm."""
+def _by_joint(scene: Scene, configurations: Mapping[str, Array]) -> dict[str, float]:
+    """Numbers by "arm/joint" of configurations by arm."""
     return {
         f"{arm}/{joint}": value
-        for arm, q in postures.items()
+        for arm, q in configurations.items()
         for joint, value in zip(scene.arms[arm].robot.joint_names, q.tolist(), strict=True)
     }
 
@@ -82,36 +82,36 @@ def _configuration(scene: Scene, arm: str, columns: dict[str, int], q: Array) ->
     return np.asarray(scene.arms[arm].q)
 
 
-def _check_start(ledger: Ledger, wanted: Mapping[str, float], first: Mapping[str, float], time: float) -> None:
+def _check_start(findings: Findings, wanted: Mapping[str, float], first: Mapping[str, float], time: float) -> None:
     """The first configuration is the start.
 
     Args:
-        ledger: Where violations go.
+        findings: Where violations go.
         wanted: Where joints have to start, by "arm/joint".
         first: Where they do, by the same names and maybe more.
         time: When that is [s].
     """
-    ledger.checked.append("start")
+    findings.checked.append("start")
     for name, want in wanted.items():
         got = first[name]
         if not abs(got - want) <= _EQUAL:
             message = f"{name} starts at {got:.9g}, expected {want:.9g} (off by {abs(got - want):.3g})"
-            ledger.violations.append(Violation("start", (name,), time, got, want, message))
+            findings.violations.append(Violation("start", (name,), time, got, want, message))
 
 
 def _check_goal(
-    ledger: Ledger, problem: Problem, scene: Scene, configurations: Mapping[str, Array], time: float
+    findings: Findings, problem: Problem, scene: Scene, configurations: Mapping[str, Array], time: float
 ) -> None:
     """Every moving arm ends at one of its goals.
 
     Args:
-        ledger: Where violations go.
+        findings: Where violations go.
         problem: The problem.
         scene: Where the arms are.
         configurations: The last configuration of every arm of the problem, by arm.
         time: When the motion ends [s].
     """
-    ledger.checked.append("goal")
+    findings.checked.append("goal")
     for arm in problem.arms:
         robot, q = problem.scene.arms[arm].robot, configurations[arm]
         misses = [_miss(goal, robot, q, _pose_of(scene, arm, q)) for goal in problem.goal[arm]]
@@ -119,7 +119,7 @@ def _check_goal(
         if not off <= allowed + _EQUAL:
             several = f" (the nearest of {len(misses)} goals)" if len(misses) > 1 else ""
             message = f"{arm} misses its goal{several}: {words}"
-            ledger.violations.append(Violation("goal", (arm,), time, off, allowed, message))
+            findings.violations.append(Violation("goal", (arm,), time, off, allowed, message))
 
 
 Miss = tuple[float, float, str]

@@ -24,7 +24,7 @@ _RATES: tuple[tuple[ViolationKind, str], ...] = (("velocity", "/s"), ("accelerat
 
 
 @dataclass
-class Ledger:
+class Findings:
     """What the checks write down as they go."""
 
     violations: list[Violation] = field(default_factory=list)
@@ -98,7 +98,7 @@ class Judgment:
             self._flaws,
         )
 
-    def check_positions(self, ledger: Ledger) -> None:
+    def check_positions(self, findings: Findings) -> None:
         """Position limits; infinite limits hold always."""
         limits, found, columns = self._columns.limits, self._found, self._columns
         for j in self._columns_with("ABOVE", "BELOW"):
@@ -109,42 +109,42 @@ class Judgment:
             ):
                 if self._flaws[j] & _C[f"FLAW_{flaw}"]:
                     message = f"{name} is at {value:.9g} {unit} at {time:.6f} s, {side} limit {bound:.9g} {unit}"
-                    ledger.violations.append(
+                    findings.violations.append(
                         Violation("position", (name,), float(time), float(value), float(bound), message)
                     )
-        self._note_tightest(ledger, "position")
-        ledger.checked.append("position")
+        self._note_tightest(findings, "position")
+        findings.checked.append("position")
 
-    def check_continuity(self, ledger: Ledger) -> None:
+    def check_continuity(self, findings: Findings) -> None:
         """Position and velocity must not jump where two pieces meet."""
-        ledger.checked.append("continuity")
+        findings.checked.append("continuity")
         for order, name in enumerate(("POSITION_JUMP", "VELOCITY_JUMP")):
-            self._add_jumps(ledger, "continuity", order, name)
+            self._add_jumps(findings, "continuity", order, name)
 
-    def check_rest(self, ledger: Ledger) -> None:
+    def check_rest(self, findings: Findings) -> None:
         """A motion starts and ends at rest; one of no duration is at rest."""
-        ledger.checked.append("rest")
+        findings.checked.append("rest")
         for flaw, when, time in (("START", "starts", self._breaks[0]), ("END", "ends", self._breaks[-1])):
             for j in self._columns_with(flaw):
                 speed = float(self._coefficients[0, 1, j] if flaw == "START" else self._found.end[1, j])
                 name, unit = self._columns.names[j], self._columns.unit(j)
                 message = f"{name} {when} with {speed:.6g} {unit}/s at {time:.6f} s, expected rest"
                 limit = float(self._allowed[1, j])
-                ledger.violations.append(Violation("rest", (name,), float(time), abs(speed), limit, message))
+                findings.violations.append(Violation("rest", (name,), float(time), abs(speed), limit, message))
 
-    def check_rates(self, ledger: Ledger, jerk: bool) -> None:
+    def check_rates(self, findings: Findings, jerk: bool) -> None:
         """Velocity, acceleration and on request jerk limits; jumps of acceleration for the last."""
         for order, (kind, per) in enumerate(_RATES, start=1):
             if kind == "jerk" and not jerk:
-                ledger.not_checked[kind] = "not asked for (option jerk_limits)"
+                findings.not_checked[kind] = "not asked for (option jerk_limits)"
                 return
-            if not self._note_tightest(ledger, kind):
-                ledger.not_checked[kind] = "no joint has a limit for it"
+            if not self._note_tightest(findings, kind):
+                findings.not_checked[kind] = "no joint has a limit for it"
                 continue
             for j in self._columns_with(kind.upper()):
-                self._add_rate(ledger, kind, order, j, self._columns.unit(j) + per)
-            ledger.checked.append(kind)
-        self._add_jumps(ledger, "jerk", 2, "ACCELERATION_JUMP")
+                self._add_rate(findings, kind, order, j, self._columns.unit(j) + per)
+            findings.checked.append(kind)
+        self._add_jumps(findings, "jerk", 2, "ACCELERATION_JUMP")
 
     def _columns_with(self, *flaws: str) -> list[int]:
         """The columns that have any of these flaws."""
@@ -154,26 +154,26 @@ class Judgment:
         found: list[int] = np.flatnonzero(self._flaws & bits).tolist()
         return found
 
-    def _note_tightest(self, ledger: Ledger, kind: ViolationKind) -> bool:
+    def _note_tightest(self, findings: Findings, kind: ViolationKind) -> bool:
         """Note how much of a limit is used; whether a column has such a limit."""
         ratio, column, time = self._tightest[_C[f"TIGHTEST_{kind.upper()}"]].tolist()
         if ratio == -np.inf:
             return False
-        ledger.margins[kind] = Margin(ratio, "", (self._columns.names[int(column)],), time)
+        findings.margins[kind] = Margin(ratio, "", (self._columns.names[int(column)],), time)
         return True
 
-    def _add_rate(self, ledger: Ledger, kind: ViolationKind, order: int, j: int, unit: str) -> None:
+    def _add_rate(self, findings: Findings, kind: ViolationKind, order: int, j: int, unit: str) -> None:
         high, high_time, low, low_time = self._found.peaks[order, j].tolist()
         value, time = (high, high_time) if high >= -low else (-low, low_time)
         name, bound = self._columns.names[j], float(getattr(self._columns.limits, kind)[j])
         excess = 100.0 * (value / bound - 1.0)
         message = f"{name} has {kind} {value:.9g} {unit} at {time:.6f} s, limit {bound:.9g} {unit} (+{excess:.3g} %)"
-        ledger.violations.append(Violation(kind, (name,), time, value, bound, message))
+        findings.violations.append(Violation(kind, (name,), time, value, bound, message))
 
-    def _add_jumps(self, ledger: Ledger, kind: ViolationKind, order: int, flaw: str) -> None:
+    def _add_jumps(self, findings: Findings, kind: ViolationKind, order: int, flaw: str) -> None:
         for j in self._columns_with(flaw):
             name, unit = self._columns.names[j], self._columns.unit(j) + ("", "/s", "/s²")[order]
             jump, time = self._found.jumps[order, j].tolist()
             what = {"continuity": "jumps", "jerk": "has a jump of acceleration, an infinite jerk,"}[kind]
             message = f"{name} {what} by {jump:.6g} {unit} at {time:.6f} s"
-            ledger.violations.append(Violation(kind, (name,), time, jump, float(self._allowed[order, j]), message))
+            findings.violations.append(Violation(kind, (name,), time, jump, float(self._allowed[order, j]), message))

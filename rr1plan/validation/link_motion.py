@@ -91,19 +91,19 @@ class MovingLink:
     number: int
 
 
-def drives(robot: Robot, columns: dict[str, int], posture: dict[str, float]) -> dict[str, Drive]:
-    """What drives every joint that is not fixed: a column, its posture, its held value, or its leader.
+def drives(robot: Robot, columns: dict[str, int], configuration: dict[str, float]) -> dict[str, Drive]:
+    """What drives every joint that is not fixed: a column, its configuration, its held value, or its leader.
 
     Args:
         robot: The robot.
         columns: Column of each planning joint that moves, by joint name.
-        posture: Value [rad or m] of the planning joints that rest, by joint name.
+        configuration: Value [rad or m] of the planning joints that rest, by joint name.
 
     Raises:
         InputError: a joint that nothing drives.
     """
     found: dict[str, Drive] = {name: Drive(column, 1.0, 0.0) for name, column in columns.items()}
-    found |= {name: Drive(-1, 0.0, value) for name, value in (*posture.items(), *robot.locked_joints.items())}
+    found |= {name: Drive(-1, 0.0, value) for name, value in (*configuration.items(), *robot.locked_joints.items())}
     waiting = [joint for joint in robot.joints if joint.kind != "fixed" and joint.name not in found]
     while waiting:
         ready = [joint for joint in waiting if joint.mimic is not None and joint.mimic.joint in found]
@@ -121,7 +121,7 @@ class SceneMotion:
     """All links of a scene along the columns of one piecewise polynomial.
 
     Args:
-        arms: The arms of the scene; those without a column rest in their posture.
+        arms: The arms of the scene; those without a column rest in their configuration.
         joint_names: Name of each column, "arm/joint".
         breaks: Times [s], shape (m + 1,), or (1,) for a duration of zero.
         coefficients: Local coefficients, lowest power first, shape (m, d + 1, nq).

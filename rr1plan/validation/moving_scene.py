@@ -72,27 +72,27 @@ class MovingScene:
             "models": tables.model_rows,
             "arm_models": np.array(models, dtype=np.int64),
             "columns_of_q": np.array(columns, dtype=np.int64),
-            "postures": np.concatenate([np.zeros(0), *(arms[name].q for name in still)]),
+            "configurations": np.concatenate([np.zeros(0), *(arms[name].q for name in still)]),
             "base_poses": np.concatenate([np.zeros((0, 4)), *(arms[tables.names[i]].base for i in self.arms)]),
             "own_arms": np.array(list(self._equal_arms), dtype=np.int64),
             "own_arm_count": len(self._equal_arms),
             "moving_count": self.moving,
-            "standing_count": len(still),
+            "stationary_count": len(still),
             "padding": tables.scene.padding,
             "most_padding": self.most_padding,
             "sweep_stride": 1 + max(model.depth for model in tables.models),
         }
 
     def _group_equal_arms(self) -> dict[int, list[int]]:
-        """Arms that stand still and differ in model, posture or rules about own pairs; of each, those equal to it."""
+        """Stationary arms with equal models, configurations and rules about own pairs, by the first of them."""
         tables = self.tables
         if self.moving == len(self.arms):
             return {}
         rules = {one: paddings.tobytes() for (one, two), paddings in tables.rules.items() if one == two}
         found: dict[tuple[int, bytes, bytes], list[int]] = {}
         for place, arm in enumerate(self.arms[self.moving :], start=self.moving):
-            posture = tables.scene.arms[tables.names[arm]].q.tobytes()
-            found.setdefault((tables.model_of[arm], posture, rules.get(arm, b"")), []).append(place)
+            configuration = tables.scene.arms[tables.names[arm]].q.tobytes()
+            found.setdefault((tables.model_of[arm], configuration, rules.get(arm, b"")), []).append(place)
         return {first: others for first, *others in found.values()}
 
     def _rule_rows(self) -> dict[str, Any]:
@@ -168,12 +168,12 @@ class MovingScene:
         return [first + i for model, first in zip(places, self.first_element, strict=False) for i in model.concave]
 
     def decides_own_pairs(self, element: int) -> bool:
-        """Whether an arm moves, or is the first of those that stand still in the same posture."""
+        """Whether an arm moves, or is the first of those that stand still in the same configuration."""
         place, _ = self._locate(element)
         return place < self.moving or place in self._equal_arms
 
     def equal_pairs(self, pair: tuple[int, int]) -> Iterator[tuple[int, int]]:
-        """A pair of elements, and if it is an arm's own the same one of all arms that stand still in its posture."""
+        """A pair of elements, and if it is an arm's own, the same pair of all stationary arms equal to it."""
         yield pair
         (place, a), (other, b) = (self._locate(element) for element in pair)
         if place == other:

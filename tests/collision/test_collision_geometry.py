@@ -20,7 +20,7 @@ from rr1plan.collision import (
 from rr1plan.collision.edge_kernel import exact_scratch
 from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.errors import InputError
-from rr1plan.model.arm_model import _skeleton
+from rr1plan.model.arm_model import _arm_model
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
@@ -34,7 +34,7 @@ HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0
 
 def forget() -> None:
     # All else is kept by these.
-    arms = _skeleton, arm_geometry._arm_geometry, arm_instances._arm_instances
+    arms = _arm_model, arm_geometry._arm_geometry, arm_instances._arm_instances
     for kept in (*arms, solid_rows.solid_rows, collision_geometry._solid_pairs, rules_of):
         kept.cache_clear()
 
@@ -81,7 +81,7 @@ def changes(scene: Scene, arm: str) -> dict[str, Scene]:
         "padded for one": scene.with_padding(0.01, arm, "two"),
         "with a margin": scene.with_padding(0.01, arm, "two").with_margin(0.002),
         "moved, then padded": scene.with_obstacle("one", Sphere(0.1), [0.5, 0.5, 0.5]).with_margin(0.001),
-        "another posture": scene.with_configuration(arm, 0.5 * scene.arms[arm].q + 0.1),
+        "another configuration": scene.with_configuration(arm, 0.5 * scene.arms[arm].q + 0.1),
         "another base": scene.with_arm(arm, scene.arms[arm].robot, pose([0.1, 0, 0], rpy=[0, 0, 0.3])),
     }
 
@@ -100,7 +100,7 @@ CHANGES = (
         "detached",
         "allowed",
     ),
-    *("padded", "padded for one", "with a margin", "moved, then padded", "another posture", "another base"),
+    *("padded", "padded for one", "with a margin", "moved, then padded", "another configuration", "another base"),
 )
 
 

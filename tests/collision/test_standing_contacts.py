@@ -195,7 +195,7 @@ def test_random_scenes_have_the_contacts_that_coal_finds(first, arms_at_random, 
     for seed in range(first, first + 8):
         scene, _ = arms_at_random(seed)
         rng, names = np.random.default_rng(seed), list(scene.arms)
-        # Postures at random: arms in themselves, in each other, in obstacles.
+        # Configurations at random: arms in themselves, in each other, in obstacles.
         for name in names[::2]:
             scene = scene.with_configuration(name, rng.uniform(-2.0, 2.0, scene.arms[name].robot.nq))
         for moving in (names[:1], names[1:3]):

@@ -298,7 +298,7 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         ("[arms.arm]\n", "arms.arm: has no 'robot'"),
         ('[arms.arm]\nrobot = "rr2"\n', "scene.toml:2: arms.arm.robot: unknown robot 'rr2'. Did you mean"),
         ('[arms."a/b"]\nrobot = "rr1"\n', "cannot name an element"),
-        (SIMPLE + "q = [1.0]\n", "arm posture has 1 number"),
+        (SIMPLE + "q = [1.0]\n", "arm configuration has 1 number"),
         (SIMPLE + 'q = "hme"\n', "Did you mean 'home'"),
         (SIMPLE + "q = [nan, 0]\n", "q[0] is nan"),
         (SIMPLE + 'q = ["1", 0]\n', "expected a list of numbers, got '1'"),

@@ -35,7 +35,7 @@ def test_every_link_is_where_pinocchio_has_it(name, request):
     base = pose([0.2, 0.1, -0.3], rpy=[0.4, 0.1, -0.2])
     kinematics, rng = Kinematics(Scene({"it": Arm(robot, base)})), np.random.default_rng(1)
     for link in robot.link_names:
-        chain = chain_of(kinematics.scene_model.skeleton, f"it/{link}")
+        chain = chain_of(kinematics.scene_model.arm_model, f"it/{link}")
         frame = np.empty(12)
         for _ in range(5):
             q = rng.uniform(-2.0, 2.0, robot.nq)
@@ -45,11 +45,11 @@ def test_every_link_is_where_pinocchio_has_it(name, request):
 
 
 def test_a_chain_holds_only_what_is_driven(odd_arm, rr1):
-    skeleton = Kinematics(odd_arm).scene_model.skeleton
+    arm_model = Kinematics(odd_arm).scene_model.arm_model
     # Six planning joints and the one that mimics; the locked joint is part of a fixed transform.
-    np.testing.assert_array_equal(chain_of(skeleton, "arm/h").joints[:, 1], [0, 1, 1, 2, 3, 4, 5])
-    assert len(chain_of(skeleton, "arm/base").joints) == 0
-    two = Kinematics(Scene({"left": Arm(rr1), "right": Arm(rr1, [0.0, 0.9, 0.0])})).scene_model.skeleton
+    np.testing.assert_array_equal(chain_of(arm_model, "arm/h").joints[:, 1], [0, 1, 1, 2, 3, 4, 5])
+    assert len(chain_of(arm_model, "arm/base").joints) == 0
+    two = Kinematics(Scene({"left": Arm(rr1), "right": Arm(rr1, [0.0, 0.9, 0.0])})).scene_model.arm_model
     for first in (0, 6):
         columns = chain_of(two, f"right/{rr1.tool}", first).joints[:, 1]
         np.testing.assert_array_equal(columns, np.arange(6) + 6 - first)
@@ -60,7 +60,7 @@ def test_the_jacobian_is_pinocchios(name, request):
     robot = request.getfixturevalue(name)
     kinematics, rng = Kinematics(robot), np.random.default_rng(2)
     index = kinematics.scene_model.frame_id(f"arm/{robot.tool}")
-    chain = chain_of(kinematics.scene_model.skeleton, f"arm/{robot.tool}")
+    chain = chain_of(kinematics.scene_model.arm_model, f"arm/{robot.tool}")
     for _ in range(20):
         q = rng.uniform(-2.0, 2.0, robot.nq)
         p, R, J = kinematics.pose_and_jacobian(q, index)
@@ -76,7 +76,7 @@ def test_the_jacobian_is_pinocchios(name, request):
 
 def test_a_coordinate_inside_its_box_may_change(rr1):
     kinematics = Kinematics(rr1)
-    chain, q = chain_of(kinematics.scene_model.skeleton, f"arm/{rr1.tool}"), rr1.home
+    chain, q = chain_of(kinematics.scene_model.arm_model, f"arm/{rr1.tool}"), rr1.home
     p = kinematics.pose(q)[:3, 3]
     low, high = np.array([[-0.1, -0.3, -0.1], [0.1, -0.2, 0.1]])
     target = Target(p + low, p + high, None)
@@ -113,7 +113,7 @@ def test_the_turn_between_rotations_undoes_itself(seed, angle):
 
 def test_errors_are_distance_and_angle(rr1):
     kinematics = Kinematics(rr1)
-    chain = chain_of(kinematics.scene_model.skeleton, f"arm/{rr1.tool}")
+    chain = chain_of(kinematics.scene_model.arm_model, f"arm/{rr1.tool}")
     T = kinematics.pose(rr1.home)
     aim = T[:3, 3] + [0.03, 0.0, 0.04]
     target = Target(aim, aim, pin.exp3(np.array([0.0, 0.6, 0.8])) @ T[:3, :3])

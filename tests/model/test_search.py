@@ -18,7 +18,7 @@ from rr1plan.scene.problem import PoseGoal, RegionGoal
 
 
 def search_for(robot, goal, seed=0, **settings):
-    chain = chain_of(Kinematics(robot).scene_model.skeleton, f"arm/{robot.tool}")
+    chain = chain_of(Kinematics(robot).scene_model.arm_model, f"arm/{robot.tool}")
     return IkSearch(chain, robot, goal, robot.home[None], random_state(seed), **settings)
 
 
@@ -69,7 +69,7 @@ def test_what_is_not_positive_definite_is_refused():
 def test_descents_arrive_as_often_as_those_written_plainly(name, request):
     robot = request.getfixturevalue(name)
     kinematics, rng = Kinematics(robot), np.random.default_rng(3)
-    chain = chain_of(kinematics.scene_model.skeleton, f"arm/{robot.tool}")
+    chain = chain_of(kinematics.scene_model.arm_model, f"arm/{robot.tool}")
     limits, (lower, upper) = robot.limits, sampling_box(robot)
     arrived = slowly = 0
     for _ in range(150):
@@ -124,7 +124,7 @@ def test_solutions_are_reached_by_pinocchio_within_the_tolerances(redundant_arm)
 
 def test_a_second_attempt_with_the_whole_tolerance_leaves_the_random_numbers_of_others(planar2r):
     """What a search with the same state finds next does not depend on it."""
-    states, chain = [], chain_of(Kinematics(planar2r).scene_model.skeleton, f"arm/{planar2r.tool}")
+    states, chain = [], chain_of(Kinematics(planar2r).scene_model.arm_model, f"arm/{planar2r.tool}")
     for share in (0.95, 50.0):
         state = random_state(3)
         search = IkSearch(chain, planar2r, PoseGoal("tool", [1.7 + share * 1e-4, 0, 0]), planar2r.home[None], state)

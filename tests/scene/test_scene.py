@@ -279,7 +279,7 @@ def test_wrong_calls_are_refused(two: Scene, rr1: Robot) -> None:
         two.with_padding(0.1, "left")
     with pytest.raises(InputError, match="at least one shape"):
         Obstacle(())
-    with pytest.raises(InputError, match="arm posture has 1 number"):
+    with pytest.raises(InputError, match="arm configuration has 1 number"):
         Arm(rr1, q=[0.0])
     with pytest.raises(InputError, match="cannot carry"):
         two.with_obstacle("ground", HalfSpace()).attach("ground", "left")

@@ -177,11 +177,11 @@ class FclWorld:
 
     def place(self, joint_names: tuple[str, ...], q: Array) -> None:
         value = dict(zip(joint_names, q, strict=True))
-        postures = {
+        configurations = {
             a: np.array([value.get(f"{a}/{j}", r) for j, r in zip(arm.robot.joint_names, arm.q, strict=True)])
             for a, arm in self.scene.arms.items()
         }
-        poses = self.scene.link_poses(postures) | {"": np.eye(4)}
+        poses = self.scene.link_poses(configurations) | {"": np.eye(4)}
         for parts in self.parts.values():
             for link, local, thing in parts:
                 T = poses[link] @ local

@@ -208,7 +208,7 @@ def test_own_contacts_of_arms_in_equal_postures_are_reported_of_each(
     robot = replace(robot, links=(base, *robot.links[1:]))
     stands = {0: 0.3, 1: 0.1, 2: 0.1, 3: 0.3, 4: 0.1, 5: 0.12}
     arms = {f"arm{i}": Arm(robot, pose([0.0, float(i), 0.0]), [q]) for i, q in stands.items()}
-    # One of them has a rule about its own pair, so that its posture is no contact.
+    # One of them has a rule about its own pair, so that its configuration is no contact.
     scene = rp.Scene(arms=arms).allow("arm4/base", "arm4/carriage")
     move = quintic(["arm0/slide"], [0.3], [0.4])
     found, sure = proof_of(scene, move), all_pairs(scene, move)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.convex.support_cells import corners_per_bit, lowest_corners
-from rr1plan.collision.convex.vertex_blocks import in_blocks
+from rr1plan.collision.convex.support_cells import corners_per_bit, support_cells
+from rr1plan.collision.convex.vertex_blocks import in_vertex_blocks
 from rr1plan.kernels.planner_kernels import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
@@ -107,9 +107,9 @@ def shape_core(shape: Shape) -> CoreTables:
 
 @lru_cache(maxsize=512)
 def _blocks(shape: Shape) -> tuple[Array, Array, _INTS]:
-    points, balls = in_blocks(extremes(shape))
+    points, balls = in_vertex_blocks(extremes(shape))
     # Few corners are all looked at.
-    lowest = lowest_corners(points) if len(points) > _KIND["BLOCK_POINTS"] else _NONE
+    lowest = support_cells(points) if len(points) > _KIND["BLOCK_POINTS"] else _NONE
     return read_only(points), read_only(balls), read_only(lowest)
 
 

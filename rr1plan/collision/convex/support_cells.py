@@ -30,7 +30,7 @@ def corners_per_bit(count: int) -> int:
     return -(-count // WORD)
 
 
-def lowest_corners(points: Array) -> NDArray[np.int64]:
+def support_cells(points: Array) -> NDArray[np.int64]:
     """Those that can be the lowest along the directions of each cell: a bit for each `corners_per_bit` of them.
 
     Args:

@@ -15,7 +15,7 @@ _SAFETY = 1.0 + 1e-9
 _ROUNDING = 1e-12
 
 
-def in_blocks(points: Array) -> tuple[Array, Array]:
+def in_vertex_blocks(points: Array) -> tuple[Array, Array]:
     """Points in blocks of neighbors, and a ball around each block.
 
     Args:

@@ -12,7 +12,7 @@ from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.tables.body_tables import FAR, BodyTables, body_tables, flat
-from rr1plan.model.arm_model import Skeleton, joint_twist
+from rr1plan.model.arm_model import ArmModel, joint_twist
 from rr1plan.object_cache import kept_in
 from rr1plan.transforms import rotation_about
 
@@ -135,7 +135,7 @@ def arm_tables(geometry: ArmGeometry) -> ArmTables:
 
 
 def _arm_tables(geometry: ArmGeometry) -> ArmTables:
-    joints, values, poses = _joint_tables(geometry.skeleton)
+    joints, values, poses = _joint_tables(geometry.arm_model)
     bodies = body_tables(geometry.solids, poses)
     chains = [geometry.chains[group] for group in geometry.groups]
     ends = np.cumsum([len(chain) for chain in chains], dtype=np.int64)
@@ -153,25 +153,25 @@ def _arm_tables(geometry: ArmGeometry) -> ArmTables:
     )
 
 
-def _joint_tables(skeleton: Skeleton) -> tuple[_INTS, Array, Array]:
+def _joint_tables(arm_model: ArmModel) -> tuple[_INTS, Array, Array]:
     """Joints, their values, and their world poses at q = 0; see `ExactTables`."""
-    model = skeleton.model
+    model = arm_model.model
     data = model.createData()
     # At q = 0.
-    pin.forwardKinematics(model, data, np.array(skeleton.offsets))
+    pin.forwardKinematics(model, data, np.array(arm_model.offsets))
     count = model.njoints
     joints, values, poses = np.zeros((count, 4), np.int64), np.zeros((count, 17)), np.zeros((count, 12))
     poses[0] = flat(np.eye(4))
     for j in range(1, count):
         twist = joint_twist(model.joints[j])
         prismatic = float(np.abs(twist[:3]).max()) > 0.5
-        gain = float(skeleton.gains[j - 1])
-        column = int(skeleton.columns[j - 1]) if gain != 0.0 else -1
+        gain = float(arm_model.gains[j - 1])
+        column = int(arm_model.columns[j - 1]) if gain != 0.0 else -1
         parent = int(model.parents[j])
         joints[j] = parent, prismatic, column, column >= 0 or joints[parent, 3]
         values[j, :12] = flat(model.jointPlacements[j].homogeneous)
         values[j, 12:15] = twist[:3] if prismatic else twist[3:]
-        values[j, 15:] = gain, skeleton.offsets[j - 1]
+        values[j, 15:] = gain, arm_model.offsets[j - 1]
         poses[j] = flat(data.oMi[j].homogeneous)
     return joints, values, poses
 

@@ -12,7 +12,7 @@ from rr1plan.collision.clearance_maps import instance_maps
 from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.collision_geometry import CollisionGeometry
 from rr1plan.collision.edge_kernel import arm_struct, padded_struct
-from rr1plan.collision.tables.body_groups import families_of
+from rr1plan.collision.tables.body_groups import group_pairs_of
 from rr1plan.collision.tables.kernel_tables import EdgeTables, ExactTables, PaddedPairs
 from rr1plan.collision.tables.link_spheres import instance_spheres
 from rr1plan.collision.tables.obstacle_tables import LANES, link_cores
@@ -139,7 +139,7 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     number = np.arange(len(one))
     both_move = (body[one] >= 0) & (body[two] >= 0)
     rows = np.column_stack([body[one], body[two], pairs.moving_rows[:, 2], number])[both_move]
-    rows, group_pairs = families_of(rows, spheres.bodies[:, 3])
+    rows, group_pairs = group_pairs_of(rows, spheres.bodies[:, 3])
     one, two, number = one[~both_move], two[~both_move], number[~both_move]
     moving, still = np.where(body[one] >= 0, one, two), np.where(body[one] >= 0, two, one)
     fixed = np.flatnonzero(body < 0)

@@ -33,7 +33,7 @@ class Images:
 
     Args:
         checker: Answers about the arm's configurations.
-        posture: The arm's configuration, shape (nq,) [rad or m]; two of its columns are replaced.
+        configuration: The arm's configuration, shape (nq,) [rad or m]; two of its columns are replaced.
         columns: Those two.
         axes: Values at the cell centers of each of them, shapes (n,) and (m,).
         progress: Called with the fraction done, 0 to 1.
@@ -42,13 +42,13 @@ class Images:
     def __init__(
         self,
         checker: CollisionChecker,
-        posture: Array,
+        configuration: Array,
         columns: tuple[int, int],
         axes: tuple[Array, Array],
         progress: Callable[[float], None] | None,
     ) -> None:
         self.checker = checker
-        self.q = np.array(posture)
+        self.q = np.array(configuration)
         self.columns = list(columns)
         self.axes = axes
         self.progress = progress

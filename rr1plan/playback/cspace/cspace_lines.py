@@ -25,7 +25,7 @@ def along(points: Array, count: int) -> Array:
 def gradient(
     points: Array, width: float, start: float = 0.0, end: float = 1.0, color: Any = None, zorder: int = 3
 ) -> Any:
-    """A polyline colored along its length, the same colors as the arm's postures."""
+    """A polyline colored along its length, the same colors as the arm's configurations."""
     segments = np.stack([points[:-1], points[1:]], axis=1)
     shades = colormaps["plasma"](0.05 + 0.8 * np.linspace(start, end, len(segments)))
     return LineCollection(

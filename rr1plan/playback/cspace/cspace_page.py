@@ -102,7 +102,7 @@ def page_parts(
             f"the trajectory moves {', '.join(trajectory.joint_names)}, expected the joints shown: {', '.join(names)}"
         )
     path = None if cspace.path is None else Path(names, cspace.path)
-    start = None if cspace.start is None else _posture(grid, cspace.start)
+    start = None if cspace.start is None else _configuration(grid, cspace.start)
     scene = grid.scene if start is None else grid.scene.with_configuration(grid.arm, start)
     document = view_document(scene, trajectory=trajectory, path=path, report=report, replay=replay, options=options)
     document["ghosts"] = _ghosts(cspace)
@@ -211,10 +211,10 @@ def _ghosts(cspace: CSpace) -> list[dict[str, Any]]:
     grid = cspace.grid
     standing = [] if cspace.start is None else [("start", cspace.start)]
     standing += [("goal", goal) for goal in cspace.goals]
-    return [{"kind": kind, "arm": grid.arm, "q": _posture(grid, q).tolist()} for kind, q in standing]
+    return [{"kind": kind, "arm": grid.arm, "q": _configuration(grid, q).tolist()} for kind, q in standing]
 
 
-def _posture(grid: CSpaceGrid, q: Any) -> Array:
+def _configuration(grid: CSpaceGrid, q: Any) -> Array:
     """The arm's configuration with the two joints at q, the others as the scene has them."""
     arm = grid.scene.arms[grid.arm]
     full = np.array(arm.q)
@@ -230,7 +230,7 @@ def _planar(grid: CSpaceGrid) -> dict[str, Any] | None:
     joints = [robot.joint(name) for name in grid.joint_names]
     if len(robot.joint_names) != 2 or any(joint.kind == "prismatic" for joint in joints):
         return None
-    zero = {name: arm.base @ T for name, T in robot.link_poses(_posture(grid, (0.0, 0.0))).items()}
+    zero = {name: arm.base @ T for name, T in robot.link_poses(_configuration(grid, (0.0, 0.0))).items()}
     axes = np.array([zero[joint.child][:3, :3] @ joint.axis for joint in joints])
     if np.abs(axes[:, 2]).min() < 1.0 - 1e-9:
         return None
@@ -239,7 +239,7 @@ def _planar(grid: CSpaceGrid) -> dict[str, Any] | None:
     bars = [complex(*(b - a)[:2]) for a, b in ((base, elbow), (elbow, tool))]
     trial = (0.7, -1.1)
     turned = np.exp(1j * senses[0] * trial[0]) * (bars[0] + np.exp(1j * senses[1] * trial[1]) * bars[1])
-    there = (arm.base @ robot.link_poses(_posture(grid, trial))[robot.tool])[:2, 3] - base[:2]
+    there = (arm.base @ robot.link_poses(_configuration(grid, trial))[robot.tool])[:2, 3] - base[:2]
     if abs(turned - complex(*there)) > 1e-9 or min(abs(bar) for bar in bars) < 1e-9:
         return None
     return {

@@ -33,7 +33,7 @@ def draw_workspace(axes: Any, cspace: CSpace) -> None:
                 corners, color = silhouette(g.shape, obstacle.pose @ g.pose), colors.get(name, "#999999")
                 axes.add_patch(Polygon(corners, facecolor=color, edgecolor="none", zorder=2))
                 write_name(axes, name, corners.mean(axis=0), color)
-    for q, color, alpha in _postures(cspace):
+    for q, color, alpha in _configurations(cspace):
         _draw_arm(axes, grid, q, color, alpha)
     if cspace.path is not None:
         tips = np.array([_tool(grid, q) for q in along(cspace.path, 200)])
@@ -61,7 +61,7 @@ def _draw_reach(axes: Any, cspace: CSpace) -> float:
     return outer
 
 
-def _postures(cspace: CSpace) -> list[tuple[Array, Any, float]]:
+def _configurations(cspace: CSpace) -> list[tuple[Array, Any, float]]:
     """Configurations to draw the arm in, with color and opacity: along the path, or start and goals."""
     if cspace.path is not None:
         return [
@@ -69,12 +69,12 @@ def _postures(cspace: CSpace) -> list[tuple[Array, Any, float]]:
             for k, q in enumerate(along(cspace.path, 9))
         ]
     if cspace.start is None:
-        return [(_posture(cspace.grid), INK, 0.9)]
+        return [(_configuration(cspace.grid), INK, 0.9)]
     shown = [(goal, GOAL, 0.8) for goal in cspace.goals]
     return [*shown, (cspace.start, START, 0.9)]
 
 
-def _posture(grid: CSpaceGrid) -> Array:
+def _configuration(grid: CSpaceGrid) -> Array:
     arm = grid.scene.arms[grid.arm]
     return np.array([arm.q[arm.robot.joint_names.index(name)] for name in grid.joint_names])
 

@@ -68,10 +68,10 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
     """Build and compile a scene's MuJoCo model.
 
     Args:
-        scene: The scene; arms start in their postures.
+        scene: The scene; arms start in their configurations.
         timestep: Step of the integrator [s].
         stiffness: Natural frequency of the joint servos [rad/s]; gains follow from the inertia each
-            joint carries in the scene's posture (kp = stiffness² M_jj), critically damped.
+            joint carries in the scene's configuration (kp = stiffness² M_jj), critically damped.
 
     Returns:
         The model with one `pid` actuator (position, velocity, feed-forward) for each movable joint.
@@ -83,15 +83,15 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
     builder = _Builder(scene, timestep)
     spec = builder.spec
     model = _compile(spec)
-    posture = _qpos(scene, builder.joints)
-    inertia = _joint_inertia(model, posture)
+    configuration = _qpos(scene, builder.joints)
+    inertia = _joint_inertia(model, configuration)
     massless = tuple(j.name for j, carried in zip(builder.joints, inertia, strict=True) if carried < _NOTHING_CARRIED)
     for name in massless:
         spec.joint(name).armature = _LEAST_CARRIED
     for joint, carried in zip(builder.joints, inertia, strict=True):
         limited = not scene.arms[joint.arm].robot.links_of_assumed_mass
         _add_servo(spec, joint, stiffness, max(float(carried), _LEAST_CARRIED), limited)
-    spec.add_key(name="posture", qpos=posture)
+    spec.add_key(name="configuration", qpos=configuration)
     model = _compile(spec)
     elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
     efforts = np.array([joint.joint.effort for joint in builder.joints])

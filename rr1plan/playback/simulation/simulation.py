@@ -51,7 +51,7 @@ def simulate(
     controller compensates them. Position limits are the referee's to check.
 
     Args:
-        trajectory: The motion; arms without columns hold their posture of the scene.
+        trajectory: The motion; arms without columns hold their configuration of the scene.
         scene: The scene it was planned in.
         mode: "dynamic" or "kinematic".
         timestep: Step of the simulator [s].

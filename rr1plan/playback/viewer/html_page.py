@@ -25,8 +25,8 @@ from rr1plan.playback.viewer.page_document import Document
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
 _SCRIPTS = (
-    "math.js", "shapes.js", "ways.js", "spheres.js", "world.js", "stage.js", "player.js", "controls.js", "live.js",
-    "main.js",
+    "math.js", "shapes.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "player.js", "controls.js",
+    "live.js", "main.js",
 )  # fmt: skip
 
 

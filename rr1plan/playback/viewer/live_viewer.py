@@ -131,8 +131,10 @@ class Viewer:
             InputError: wrong shape, not finite, or the viewer is closed.
         """
         if isinstance(q, Mapping):
-            postures = {n: self._scene.arm(n).robot.configuration(v, f"posture of {n!r}") for n, v in q.items()}
-            q = np.concatenate([postures.get(name, arm.q) for name, arm in self._scene.arms.items()])
+            configurations = {
+                n: self._scene.arm(n).robot.configuration(v, f"configuration of {n!r}") for n, v in q.items()
+            }
+            q = np.concatenate([configurations.get(name, arm.q) for name, arm in self._scene.arms.items()])
         values = finite_array("q", q, (len(self._document["columns"]),))
         self._server.set_frame(values.astype("<f8").tobytes())
 

@@ -15,7 +15,7 @@ static void *take_room(Room *room, int64_t count, int64_t size) {
 
 // Count what is in the scene, and where the columns, links, joints, bodies and elements of each arm begin.
 static void count_arms(RefereeSearch *s) {
-    int64_t arms = s->moving_count + s->standing_count, columns = 0;
+    int64_t arms = s->moving_count + s->stationary_count, columns = 0;
     s->link_count = s->joint_count = s->body_count = s->element_count = 0;
     for (int64_t arm = 0; arm <= arms; arm++) {
         int64_t number = s->arm_models[arm];
@@ -34,7 +34,7 @@ static void count_arms(RefereeSearch *s) {
 
 // Pairs of bodies in a chunk: at least those of any two owners, no more than there can be.
 static int64_t count_pairs(const RefereeSearch *s) {
-    int64_t arms = s->moving_count + s->standing_count, most = 0, all = 0;
+    int64_t arms = s->moving_count + s->stationary_count, most = 0, all = 0;
     for (int64_t arm = 0; arm < arms; arm++) {
         int64_t bodies = s->models[s->arm_models[arm]].bodies->body_count;
         most = bodies > most ? bodies : most;
@@ -54,7 +54,7 @@ static int64_t count_pairs(const RefereeSearch *s) {
 // Set all pointers to memory in a block, or to NULL without one; how much there has to be [bytes].
 static int64_t lay_out(RefereeSearch *s, char *block) {
     Room room = {block, 0};
-    int64_t arms = s->moving_count + s->standing_count, own_columns = 0, bodies = 0, columns = 0;
+    int64_t arms = s->moving_count + s->stationary_count, own_columns = 0, bodies = 0, columns = 0;
     for (int64_t arm = 0; arm < arms; arm++) {
         const RefereeModel *model = &s->models[s->arm_models[arm]];
         columns += model->column_count;
@@ -105,7 +105,7 @@ EXPORT int64_t rr1_size_search(RefereeSearch *s) {
 
 // Make a search of which the size was asked ready, in a block of that size.
 EXPORT void rr1_begin_search(RefereeSearch *s, double *block) {
-    int64_t arms = s->moving_count + s->standing_count, column = 0;
+    int64_t arms = s->moving_count + s->stationary_count, column = 0;
     lay_out(s, (char *)block);
     count_arms(s);
     int64_t moving = s->arms[s->moving_count].first_column, all = s->arms[arms].first_column;
@@ -113,7 +113,7 @@ EXPORT void rr1_begin_search(RefereeSearch *s, double *block) {
     for (; column < all; column++) {
         int64_t own = s->column_count + column - moving;
         s->arm_columns[column] = own;
-        s->columns[own] = (ColumnMotion){s->postures[column - moving], 0.0, 0.0, 0.0};
+        s->columns[own] = (ColumnMotion){s->configurations[column - moving], 0.0, 0.0, 0.0};
     }
     for (int64_t arm = 0; arm <= arms; arm++) {
         LinkPose *base = &s->bases[arm];

@@ -6,7 +6,7 @@
 // Rounding of boxes [m].
 #define BOX_ROUNDING 1e-9
 
-static inline int64_t arm_count(const RefereeSearch *s) { return s->moving_count + s->standing_count; }
+static inline int64_t arm_count(const RefereeSearch *s) { return s->moving_count + s->stationary_count; }
 
 // An arm with all its elements, or one element of the obstacles.
 typedef struct {

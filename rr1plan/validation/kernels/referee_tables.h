@@ -237,9 +237,9 @@ typedef struct {
 
 // ---- the search --------------------------------------------------------------------------------
 
-enum { SEARCH_START, SEARCH_STANDING, SEARCH_MOVING, SEARCH_DONE };
+enum { SEARCH_START, SEARCH_STATIONARY, SEARCH_MOVING, SEARCH_DONE };
 // Pairs of an arm that moves with itself and all that stands still, and with other arms that move.
-enum { PASS_STANDING, PASS_MOVING };
+enum { PASS_STATIONARY, PASS_MOVING };
 // Intervals that are open at once: with halving, one for each level.
 enum { SEARCH_DEPTH = 160 };
 // Pairs of bodies that are searched at once, unless those of two owners are more.
@@ -301,12 +301,12 @@ typedef struct {
     const RefereeModel *models;
     const int64_t *arm_models;   // model of each arm, and that of the obstacles
     const int64_t *columns_of_q;  // columns of each arm that moves, one after the other
-    const double *postures;      // columns of the arms that stand still, one after the other [rad or m]
+    const double *configurations;      // columns of the arms that stand still, one after the other [rad or m]
     const double *base_poses;    // T_world_base of each arm, shape (arms, 4, 4)
-    const int64_t *own_arms;     // arms that stand still and whose own pairs no earlier one has in the same posture
+    const int64_t *own_arms;     // arms that stand still and whose own pairs no earlier one has in the same configuration
     int64_t own_arm_count;
     int64_t moving_count;    // arms that move
-    int64_t standing_count;  // arms that stand still
+    int64_t stationary_count;  // arms that stand still
     double padding;       // distance to keep where no rule says otherwise [m]
     double most_padding;  // the largest one [m]
     const PaddingRule *rules;  // by ascending keys
@@ -327,7 +327,7 @@ typedef struct {
     int64_t *arm_columns;  // columns of each arm: of q, and those of arms that stand still after them
     LinkPose *bases;       // of each arm
     LinkPose *links;
-    ColumnMotion *columns;  // those of q, then the postures of arms that stand still
+    ColumnMotion *columns;  // those of q, then the configurations of arms that stand still
     ColumnChord *chords;    // shape (column_count, piece_count)
     JointState *states;     // shape (joint_count + 1,): the last one is at rest
     PlacedBody *placed;

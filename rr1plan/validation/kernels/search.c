@@ -241,7 +241,7 @@ static void add_partners(RefereeSearch *s, int64_t owner) {
 }
 
 // Pairs of arms that stand still, with each other, with obstacles, and of one such arm.
-static void next_standing_chunk(RefereeSearch *s) {
+static void next_stationary_chunk(RefereeSearch *s) {
     int64_t arms = arm_count(s);
     begin_chunk(s, -1, -1);
     while (s->arm < arms) {
@@ -268,7 +268,7 @@ static void next_moving_chunk(RefereeSearch *s) {
         s->stage = SEARCH_DONE;
         return;
     }
-    if (s->pass == PASS_STANDING) {
+    if (s->pass == PASS_STATIONARY) {
         begin_chunk(s, arm, -1);
         if (s->partner == 0) {
             add_pairs(s, arm, arm);
@@ -286,7 +286,7 @@ static void next_moving_chunk(RefereeSearch *s) {
         add_pairs(s, arm, s->partner++);
         if (s->pair_count) return;
     }
-    s->pass = PASS_STANDING;
+    s->pass = PASS_STATIONARY;
     s->partner = 0;
     s->arm++;
 }
@@ -372,7 +372,7 @@ static void start_search(RefereeSearch *s) {
     search_slices(s);
     if (s->with_clearance)
         for (int64_t group = 0; group < PAIR_GROUPS; group++) refine_nearest(s, group, 0.1 * s->tolerance);
-    s->stage = SEARCH_STANDING;
+    s->stage = SEARCH_STATIONARY;
     s->arm = s->moving_count;
     s->partner = s->arm + 1;
 }
@@ -386,8 +386,8 @@ EXPORT void rr1_prove_motion(RefereeSearch *s, int64_t budget) {
         } else if (!open_slice(s)) {
             report_marks(s);
             if (s->left_count > 0) return;
-            if (s->stage == SEARCH_STANDING) {
-                next_standing_chunk(s);
+            if (s->stage == SEARCH_STATIONARY) {
+                next_stationary_chunk(s);
             } else {
                 next_moving_chunk(s);
             }
