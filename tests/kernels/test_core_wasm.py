@@ -185,7 +185,7 @@ def test_a_seed_gives_the_same_path_to_the_last_bit(ask: Ask, scene: str, name: 
     shorter = shorten(path, problem.scene, rng=seed + 1, iterations=40)
     assert len(path.waypoints) > 2
     with Query("rrt_connect", problem, COUNTED, seed, None) as query:
-        assert query.refusal() is None
+        assert query.early_exit() is None
         space = query.space
         asked = {
             "start": problem.start,
@@ -255,7 +255,7 @@ def test_a_roadmap_has_the_same_vertices_and_ways_to_the_last_bit(
     monkeypatch.setattr(roadmap_graph, "load_library", lambda: recorder)
     roadmap = roadmap_graph.Graph(problem.scene, problem.arms)
     with Query("roadmap", problem, COUNTED, 0, None) as query:
-        assert query.refusal() is None
+        assert query.early_exit() is None
         goals = np.array(query.goals)
     roadmap.sample(150, checker, lambda: True)
     way = roadmap.find_path(problem.start, goals, checker, lambda: True)

@@ -19,7 +19,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 from rr1plan.planning import PlanResult
-from rr1plan.playback.cspace.cspace_query import CSpaceQuery
+from rr1plan.playback.cspace.cspace_query import CSpaceQuery, compute_query
 from rr1plan.progress import ProgressCallback
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
@@ -202,6 +202,6 @@ def cspace(
             length, beyond a limit, or for an arm without other joints.
         CancelledError: `progress` returned False.
     """
-    return CSpace.compute(
-        scene, problem, result=result, arm=arm, joints=joints, at=at, resolution=resolution, progress=progress
+    return compute_query(
+        CSpace, scene, problem, result=result, arm=arm, joints=joints, at=at, resolution=resolution, progress=progress
     )

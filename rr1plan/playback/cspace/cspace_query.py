@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,44 +77,6 @@ class CSpaceQuery(Value):
         answer = "" if self.path is None else ", a path"
         joints = " x ".join(grid.joint_names)
         return f"{type(self).__name__}({grid.scene.name!r}, {joints}, {cells} cells{asked}{answer})"
-
-    @classmethod
-    def compute(
-        cls,
-        scene: Scene,
-        problem: Problem | None = None,
-        *,
-        result: PlanResult | None = None,
-        arm: str | None = None,
-        joints: tuple[str, str] | None = None,
-        at: str | ArrayLike | None = None,
-        resolution: int = 360,
-        progress: ProgressCallback | None = None,
-    ) -> Self:
-        """Compute the cells and the goal configurations; for arguments and errors see `cspace`."""
-        of_kind("scene", scene, Scene)
-        of_kind("problem", problem, Problem, optional=True)
-        of_kind("result", result, PlanResult, optional=True)
-        check_callback("progress", progress)
-        if problem is not None:
-            _check_problem(problem, arm, joints)
-            arm = problem.arms[0]
-        if at is not None:
-            arm = scene.only_arm(arm)
-            scene = _slice_scene(scene, arm, two_joints(scene, arm, joints), at)
-        grid = compute_grid(scene, arm, joints, resolution, fraction_callback("cspace", progress))
-        if problem is None:
-            return cls(grid)
-        goals, unreached = goal_configurations(problem)
-        picture = cls(
-            grid,
-            read_only(np.array(problem.start)),
-            tuple(goals.values()),
-            goal_names=tuple(goals),
-            targets=problem.goal[problem.arms[0]],
-            unreached=unreached,
-        )
-        return picture if result is None else picture.with_result(result)
 
     # ---- the question --------------------------------------------------------------------
 
@@ -233,6 +195,47 @@ def _numbered(name: str, count: int) -> tuple[str, ...]:
 
 def _wrapped(angles: Array) -> Array:
     return np.asarray(np.arctan2(np.sin(angles), np.cos(angles)))
+
+
+_Query = TypeVar("_Query", bound=CSpaceQuery)
+
+
+def compute_query(
+    kind: type[_Query],
+    scene: Scene,
+    problem: Problem | None = None,
+    *,
+    result: PlanResult | None = None,
+    arm: str | None = None,
+    joints: tuple[str, str] | None = None,
+    at: str | ArrayLike | None = None,
+    resolution: int = 360,
+    progress: ProgressCallback | None = None,
+) -> _Query:
+    """A query of a kind with its cells and goal configurations; for the other arguments and errors see `cspace`."""
+    of_kind("scene", scene, Scene)
+    of_kind("problem", problem, Problem, optional=True)
+    of_kind("result", result, PlanResult, optional=True)
+    check_callback("progress", progress)
+    if problem is not None:
+        _check_problem(problem, arm, joints)
+        arm = problem.arms[0]
+    if at is not None:
+        arm = scene.only_arm(arm)
+        scene = _slice_scene(scene, arm, two_joints(scene, arm, joints), at)
+    grid = compute_grid(scene, arm, joints, resolution, fraction_callback("cspace", progress))
+    if problem is None:
+        return kind(grid)
+    goals, unreached = goal_configurations(problem)
+    picture = kind(
+        grid,
+        read_only(np.array(problem.start)),
+        tuple(goals.values()),
+        goal_names=tuple(goals),
+        targets=problem.goal[problem.arms[0]],
+        unreached=unreached,
+    )
+    return picture if result is None else picture.with_result(result)
 
 
 def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: str | ArrayLike) -> Scene:

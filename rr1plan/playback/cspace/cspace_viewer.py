@@ -8,7 +8,7 @@ from rr1plan.checks import true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.playback.cspace.cspace_page import page_parts, with_panel
-from rr1plan.playback.cspace.cspace_query import CSpaceQuery
+from rr1plan.playback.cspace.cspace_query import CSpaceQuery, compute_query
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.live_viewer import Viewer, open_viewer
 from rr1plan.playback.viewer.view_options import ViewOptions
@@ -106,7 +106,7 @@ class CSpaceViewer(Viewer):
         if problem is None and grid.arm in scene.arms:
             arm = grid.arm
             joints = grid.joint_names if set(grid.joint_names) <= set(scene.arms[arm].robot.joint_names) else None
-        picture = CSpaceQuery.compute(scene, problem, arm=arm, joints=joints, resolution=len(grid.free))
+        picture = compute_query(CSpaceQuery, scene, problem, arm=arm, joints=joints, resolution=len(grid.free))
         if path is None:
             return picture
         names = tuple(f"{picture.grid.arm}/{name}" for name in picture.grid.joint_names)
