@@ -37,7 +37,7 @@ def layer_colors(grid: CSpaceGrid) -> dict[str, str]:
 
 
 def end_tints(cspace: CSpaceQuery) -> dict[int, str]:
-    """Where there is no path: the components that hold the start and the goals, each in a color of its own."""
+    """Colors of the components that contain the start and the goals, for queries without a path."""
     if not cspace.proves_no_path or cspace.start is None:
         return {}
     ends = [cspace.grid.component_of(q) for q in (cspace.start, *cspace.goals)]

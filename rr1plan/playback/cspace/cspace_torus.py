@@ -120,7 +120,7 @@ def _draw_ends(axes: Any, cspace: CSpaceQuery) -> None:
     def mark(q: Array, label: str, color: str, **style: Any) -> None:
         x, y = grid.wrapped(q)
         axes.plot(x, y, color=color, markeredgecolor="white", markeredgewidth=1.4, zorder=7, **style)
-        # To the left of what is near the right edge, so that all of it is inside the picture.
+        # Left of points near the right edge, so that the label stays inside the picture.
         side = -1 if grid.cell(q)[0] > 0.86 * len(grid.axes[0]) else 1
         text = axes.annotate(
             label, (x, y), xytext=(11 * side, 8), textcoords="offset points", ha="right" if side < 0 else "left"
