@@ -5,9 +5,9 @@ convex solids is only taken as a hint: the normal it returns gives a plane, and 
 the two solids along it, worked out in `certificate_bodies.py` from their support functions, is a proven lower bound.
 Half-spaces are answered by the support function alone.
 
-The surface of a mesh that is not convex is measured by Coal's hierarchy of triangles, which takes a body wholly inside
-for free, so whether the surface holds a point of it decides (`mesh_surfaces.py`). The cells of a point cloud are asked by
-`cloud_blocks.py`, and by Coal where one is touched or the other solid is not convex.
+Coal's hierarchy of triangles measures the surface of a concave mesh, but takes a body wholly inside for free;
+`mesh_surfaces.py` decides whether a point is inside. Cells of a point cloud are measured by `cloud_blocks.py`, and by Coal
+where one is touched or the other solid is not convex.
 """
 
 from __future__ import annotations
