@@ -6,8 +6,8 @@ the two solids along it, worked out in `certificate_bodies.py` from their suppor
 Half-spaces are answered by the support function alone.
 
 Coal's hierarchy of triangles measures the surface of a concave mesh, but takes a body wholly inside for free;
-`mesh_surfaces.py` decides whether a point is inside. Cells of a point cloud are measured by `cloud_blocks.py`, and by Coal
-where one is touched or the other solid is not convex.
+`mesh_surfaces.py` decides whether a point is inside. `cloud_blocks.py` measures the cells of a point
+cloud, and Coal where one is touched or the other solid is not convex.
 """
 
 from __future__ import annotations
