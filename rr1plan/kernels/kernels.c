@@ -17,6 +17,7 @@
 #include "certify_curve.c"
 #include "clearance.c"
 #include "map_distances.c"
+#include "coordination.c"
 // Eight at once: spheres, clearance maps, separating directions.
 #include "fk_simd.c"
 #include "sphere_tests.c"

@@ -136,3 +136,24 @@ def timed(curve: Curve, grid: Grid, x: Array) -> Pieces:
     piece = np.ascontiguousarray(grid.piece)
     load_library().rr1_time_intervals(_curve_struct(curve), piece, offset, delta, x, n, durations, coefficients)
     return Pieces(durations, coefficients if curve.coefficients[:, 2].any() else coefficients[:, :3])
+
+
+def fastest_speeds(curve: Curve, grid: Grid, limits: Limits) -> Array:
+    """The fastest squared path speeds from rest to rest at the gridpoints of a curve, shape (n + 1,).
+
+    They are linear in s between gridpoints, so a grid has to have at least two intervals.
+
+    Args:
+        curve: The curve.
+        grid: Its gridpoints.
+        limits: Velocity and acceleration limits, finite for joints that move.
+    """
+    path, rates = _curve_struct(curve), _limits_struct(limits)
+    piece, offset, delta = (np.ascontiguousarray(part) for part in grid)
+    x, size = np.empty(len(delta) + 1), _ARENA
+    while True:
+        arena = CStruct("Arena", memory=np.empty(size), size=size)
+        code = load_library().rr1_fastest_speeds(path, rates, piece, offset, delta, len(delta), arena, x)
+        if code != constants()["ARENA_FULL"]:
+            return x
+        size *= 4

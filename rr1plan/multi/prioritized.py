@@ -1,0 +1,308 @@
+"""Prioritized planning on path pools, with detours and local eviction.
+
+Agents are scheduled one after the other, each among the schedules of those before it (Erdmann and Lozano-Pérez 1987).
+An agent for which no path of its pool can be timed gets detours; if none helps, it evicts the agents that are in its
+way, which are scheduled again (as in large neighborhood search: Li et al., MAPF-LNS2, 2022). All other schedules stay.
+Agents that keep evicting each other become one (a meta-agent: Sharon et al., Meta-agent conflict-based search, 2012),
+which is planned in the joint space of all its arms.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.coordination import Blocked, coordination_diagram, ends_exclude
+from rr1plan.multi.path_pool import PathPool
+from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
+from rr1plan.multi.schedule import Schedule, extended
+from rr1plan.problem import JointGoal
+
+# Distances to keep between agents beyond the padding [m]; the first that starts and goals of both have is taken.
+_MARGINS = (2e-3, 5e-4, 1e-4, 0.0)
+# Paths of a pool before another agent is evicted, and at most.
+_DETOURS, _MOST_PATHS = 4, 12
+# Two agents of which one has evicted the other so often become one.
+_QUARRELS = 3
+# Arms of an agent, at most: the joint space of more is hopeless.
+_MOST_TOGETHER = 4
+
+
+@dataclass
+class Statistics:
+    """What was done to find schedules."""
+
+    paths: int = 0
+    diagrams: int = 0
+    timings: int = 0
+    evictions: int = 0
+    merged: int = 0
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def add_time(self, stage: str, began: float) -> None:
+        """Count the wall time of a stage since it began."""
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
+
+
+class PrioritizedPlanner:
+    """Schedules for the agents of one interaction group.
+
+    Args:
+        agents: The agents; each knows the problem.
+        near: Arms that can meet each arm.
+        margins: Distance that each arm keeps from what stands still, beyond the padding [m].
+        rng: Where random numbers come from.
+        deadline: When to give up (`time.perf_counter`).
+
+    Attributes:
+        schedules: Of the agents that have one.
+        reason: Why there is none for all of them; empty while that is not known.
+        statistics: What was done.
+    """
+
+    def __init__(
+        self,
+        agents: Iterable[Agent],
+        near: Mapping[str, frozenset[str]],
+        margins: Mapping[str, float],
+        rng: np.random.Generator,
+        deadline: float,
+    ) -> None:
+        self._near, self._margins, self._rng, self._deadline = near, margins, rng, deadline
+        self.agents = list(agents)
+        self.pools: dict[Agent, PathPool] = {}
+        self.schedules: dict[Agent, Schedule] = {}
+        self.statistics = Statistics()
+        self.reason = ""
+        self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
+        self._pair_margins: dict[tuple[Agent, Agent], float] = {}
+        self._evicted: Counter[Agent] = Counter()
+        self._quarrels: Counter[frozenset[Agent]] = Counter()
+        self._detours: Counter[Agent] = Counter()
+
+    # ---- the search ------------------------------------------------------------------------
+
+    def run(self) -> bool:
+        """Schedule all agents; whether that was possible in time."""
+        for agent in self.agents:
+            if not self._make_pool(agent):
+                return False
+        waiting = sorted(self.agents, key=lambda agent: -self.pools[agent].paths[0].fastest)
+        while waiting:
+            if time.perf_counter() > self._deadline:
+                self.reason = self._blocked_by(waiting)
+                return False
+            agent = waiting.pop(0)
+            if self._schedule(agent, self._time_limit()):
+                continue
+            evicted = self._evict(agent)
+            if evicted is None:
+                self.reason = self.reason or self._blocked_by([agent, *waiting])
+                return False
+            waiting = [*self._merge_quarrels(agent, evicted), *waiting]
+            waiting = [agent for agent in waiting if agent in self.pools]
+        return True
+
+    @property
+    def makespan(self) -> float:
+        """When the last agent arrives [s]."""
+        return max((schedule.arrival for schedule in self.schedules.values()), default=0.0)
+
+    def lower_bound(self) -> float:
+        """Duration of the fastest known motion of the slowest agent alone [s]."""
+        return max((min(p.fastest for p in pool.paths) for pool in self.pools.values()), default=0.0)
+
+    def _time_limit(self) -> float:
+        """Arrivals before this need no better path: others arrive later anyway."""
+        return max(self.makespan, self.lower_bound())
+
+    def _make_pool(self, agent: Agent) -> bool:
+        margin = min(self._margins[arm] for arm in agent.arms)
+        pool = PathPool(agent, margin, self._rng)
+        began = time.perf_counter()
+        path, reason = pool.add({}, self._deadline - time.perf_counter())
+        self.statistics.add_time("paths", began)
+        self.statistics.paths += 1
+        if path is None:
+            self.reason = f"{' and '.join(agent.arms)}: {reason}"
+            return False
+        self.pools[agent] = pool
+        return True
+
+    def _schedule(self, agent: Agent, limit: float) -> bool:
+        """Time the paths of an agent, and detours while none arrives before the limit; whether there is a schedule."""
+        best: Schedule | None = None
+        for path in list(self.pools[agent].paths):
+            best = _earlier(best, self._timed(path, self._others(agent)))
+            if best is not None and best.arrival <= limit:
+                break
+        tries = 0
+        while (best is None or best.arrival > limit) and tries < _DETOURS:
+            if len(self.pools[agent].paths) >= _MOST_PATHS or time.perf_counter() > self._deadline:
+                break
+            tries += 1
+            made = self._detour(agent)
+            if made is not None:
+                best = _earlier(best, self._timed(made, self._others(agent)))
+        for path in self.pools[agent].paths:
+            if best is None or path is not best.path:
+                path.release()
+        if best is None:
+            return False
+        self.schedules[agent] = best
+        return True
+
+    def _detour(self, agent: Agent) -> AgentPath | None:
+        """One more path: around the goals of others, their starts, the ones or the others, or by chance."""
+        number = self._detours[agent]
+        self._detours[agent] += 1
+        others = self._neighbors(agent)
+        goals = {other: self._goal_of(other) for other in others}
+        starts = {other: other.start for other in others}
+        scheduled = {other: goals[other] if other in self.schedules else starts[other] for other in others}
+        kinds = [goals, starts, scheduled, {}]
+        standing = kinds[number] if number < 3 else kinds[int(self._rng.integers(len(kinds)))]
+        postures: dict[str, Array | None] = {}
+        for other, q in standing.items():
+            split = self._split(other, q)
+            postures.update(split)
+        began = time.perf_counter()
+        path, _ = self.pools[agent].add(postures, self._deadline - began, detour=number >= 3)
+        self.statistics.add_time("paths", began)
+        self.statistics.paths += 1
+        return path
+
+    def _goal_of(self, agent: Agent) -> Array:
+        pool = self.pools.get(agent)
+        if agent in self.schedules:
+            return self.schedules[agent].path.goal
+        return pool.paths[0].goal if pool is not None else agent.start
+
+    def _split(self, agent: Agent, q: Array) -> dict[str, Array]:
+        postures = agent.problem.scene.split(q, agent.arms)
+        return {arm: postures[arm] for arm in agent.arms}
+
+    # ---- eviction ----------------------------------------------------------------------------
+
+    def _evict(self, agent: Agent) -> list[Agent] | None:
+        """Schedule an agent without those in its way, as few and as rarely evicted as can be; None if nothing helps."""
+        others = self._others(agent)
+        best: tuple[float, Schedule, list[Agent]] | None = None
+        for path in self.pools[agent].paths:
+            if time.perf_counter() > self._deadline:
+                return None
+            for victims in self._candidates(path, others):
+                cost = sum(1.0 + self._evicted[v] for v in victims)
+                if best is not None and cost >= best[0]:
+                    continue
+                kept = [o for o in others if o not in victims]
+                schedule = self._timed(path, kept)
+                if schedule is not None:
+                    best = cost, schedule, victims
+        if best is None:
+            return None
+        _, self.schedules[agent], victims = best
+        for victim in victims:
+            del self.schedules[victim]
+            self._evicted[victim] += 1
+            self._quarrels[frozenset((agent, victim))] += 1
+        self.statistics.evictions += len(victims)
+        return victims
+
+    def _candidates(self, path: AgentPath, others: list[Agent]) -> list[list[Agent]]:
+        """Sets of agents whose eviction may make room for a path: single ones, then all in the way."""
+        in_the_way = [o for o in others if self._diagram(path, self.schedules[o].path) is not None]
+        return [*([o] for o in in_the_way), in_the_way]
+
+    def _merge_quarrels(self, agent: Agent, evicted: list[Agent]) -> list[Agent]:
+        """Who has to be scheduled next: the evicted, or one agent of those that quarrel too often."""
+        for victim in evicted:
+            together = {*agent.arms, *victim.arms}
+            if self._quarrels[frozenset((agent, victim))] < _QUARRELS or len(together) > _MOST_TOGETHER:
+                continue
+            merged = Agent(agent.problem, together)
+            if not self._make_pool(merged):
+                self._quarrels[frozenset((agent, victim))] = -_QUARRELS
+                self.reason = ""
+                continue
+            for old in (agent, victim):
+                self.pools.pop(old)
+                self.schedules.pop(old, None)
+                self.agents.remove(old)
+            self.agents.append(merged)
+            self.statistics.merged += 1
+            return [merged, *(v for v in evicted if v is not victim)]
+        return evicted
+
+    # ---- timing ------------------------------------------------------------------------------
+
+    def _neighbors(self, agent: Agent) -> list[Agent]:
+        near = frozenset().union(*(self._near[arm] for arm in agent.arms))
+        return [other for other in self.agents if other is not agent and not near.isdisjoint(other.arms)]
+
+    def _others(self, agent: Agent) -> list[Agent]:
+        """Neighbors that have a schedule."""
+        return [other for other in self._neighbors(agent) if other in self.schedules]
+
+    def _timed(self, path: AgentPath, others: Iterable[Agent]) -> Schedule | None:
+        """The earliest schedule of a path among those of others."""
+        found = []
+        for other in others:
+            schedule = self.schedules[other]
+            blocked = self._diagram(path, schedule.path)
+            if blocked is not None:
+                found.append((blocked, schedule.occupancy))
+        began = time.perf_counter()
+        schedule = earliest_schedule(path, blocked_times(path, found))
+        self.statistics.add_time("timing", began)
+        self.statistics.timings += 1
+        return schedule
+
+    def _diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
+        """The extended diagram of two paths, kept for both orders; None where all of it is free."""
+        try:
+            return self._diagrams[one, two]
+        except KeyError:
+            began = time.perf_counter()
+            blocked = coordination_diagram(one, two, self._pair_margin(one, two))
+            self.statistics.add_time("diagrams", began)
+            self.statistics.diagrams += 1
+            both = None if blocked is None else extended(blocked)
+            self._diagrams[one, two] = both
+            self._diagrams[two, one] = None if both is None else np.ascontiguousarray(both.T)
+            return both
+
+    def _pair_margin(self, one: AgentPath, two: AgentPath) -> float:
+        """The distance to keep between two agents: the largest that their starts and their goals have."""
+        key = one.agent, two.agent
+        if key not in self._pair_margins:
+            for margin in _MARGINS:
+                blocked = coordination_diagram(self._ends(one), self._ends(two), margin)
+                if not ends_exclude(blocked):
+                    break
+            self._pair_margins[key] = self._pair_margins[two.agent, one.agent] = margin
+        return self._pair_margins[key]
+
+    def _ends(self, path: AgentPath) -> AgentPath:
+        return path
+
+    def _blocked_by(self, waiting: list[Agent]) -> str:
+        texts = []
+        for agent in waiting:
+            others = [arm for other in self._others(agent) for arm in other.arms]
+            texts.append(f"{' and '.join(agent.arms)} (among {', '.join(others)})" if others else " and ".join(agent.arms))
+        return f"no schedule found for {'; '.join(texts)}"
+
+
+def _earlier(one: Schedule | None, two: Schedule | None) -> Schedule | None:
+    if one is None or two is None:
+        return one or two
+    return two if two.arrival < one.arrival else one
