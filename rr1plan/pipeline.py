@@ -18,6 +18,7 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.collision.solids import cut_meshes
 from rr1plan.errors import CancelledError, InputError, NoPlanError
 from rr1plan.imports import import_clock
+from rr1plan.multi.portfolio import ManyArmsResult, plan_many_arms
 from rr1plan.path import Path
 from rr1plan.planners import plan
 from rr1plan.planners.goals import joint_goals
@@ -46,6 +47,7 @@ class MotionPlan:
             "retime", "validate".
         margin: Distance that was kept beyond the scene's padding while planning [m].
         changes: For a motion from a file: what differs between the scene that it was made in and `scene`.
+        many_arms: What the planner "many_arms" found: paths by arm, stages, makespan; there is no `path` of all then.
     """
 
     problem: Problem | None
@@ -57,6 +59,7 @@ class MotionPlan:
     _report: Report | None = None
     changes: tuple[str, ...] = ()
     _scene: Scene | None = None
+    many_arms: ManyArmsResult | None = None
 
     @property
     def scene(self) -> Scene:
@@ -163,6 +166,9 @@ _T = TypeVar("_T")
 # The time [s] in which nothing is imported but names of loaded modules are looked up.
 _NO_IMPORTS = 0.01
 _MARGIN = 0.002  # [m]
+_MANY_ARMS = "many_arms"
+# Arms that are planned in their joint space unless a planner is named, at most.
+_PLANNED_AS_ONE = 2
 # Tried to shorten a path that is going to be driven: seconds of motion are worth milliseconds of thought.
 _SHORTCUTS = 48
 _DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
@@ -179,7 +185,7 @@ def _present(value: _T | None, result: PlanResult) -> _T:
 def plan_motion(
     problem: Problem,
     *,
-    planner: str = "rrt_connect",
+    planner: str | None = None,
     retiming: str = "blend",
     shorten: bool = True,
     margin: float | None = None,
@@ -195,7 +201,9 @@ def plan_motion(
 
     Args:
         problem: The question.
-        planner: A name of `planner_names()`.
+        planner: A name of `planner_names()`, or "many_arms", which plans arms apart, each on a path of its own, and
+            schedules them among each other (`rr1plan.multi.plan_many_arms`). Default: "rrt_connect" for one or two
+            arms, which are planned as one; "many_arms" for more.
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; the Cartesian planner's is left as it is.
@@ -222,6 +230,12 @@ def plan_motion(
     generator = as_generator(rng)
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
+    if planner is None:
+        planner = "rrt_connect" if len(problem.arms) <= _PLANNED_AS_ONE else _MANY_ARMS
+    if planner == _MANY_ARMS:
+        if retiming != "blend" or torque_limits:
+            raise InputError(f"planner {_MANY_ARMS!r} times motions itself, by 'blend' and without torque limits")
+        return _plan_many_arms(problem, seconds, margin, budget, generator, progress)
     shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     try:
         with _timed(seconds, "set up", progress):
@@ -258,6 +272,32 @@ def plan_motion(
             result = replace(result, status=PlanStatus.CANCELLED, path=None, reason=str(error))
             return MotionPlan(problem, result, seconds, margin)
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
+
+
+def _plan_many_arms(
+    problem: Problem,
+    seconds: dict[str, float],
+    margin: float | None,
+    budget: Budget | None,
+    rng: Seed,
+    progress: ProgressCallback | None,
+) -> MotionPlan:
+    """Plan arms apart and schedule them, then validate the motion of all."""
+    try:
+        with _timed(seconds, "set up", progress):
+            _cut_meshes(problem.scene, progress)
+        with _timed(seconds, "plan", progress):
+            found = plan_many_arms(problem, margin=margin, budget=budget, rng=rng, progress=progress)
+        if found.trajectory is None:
+            result = PlanResult(found.status, None, found.reason, _MANY_ARMS, seconds=found.seconds)
+            return MotionPlan(problem, result, seconds, many_arms=found)
+        with _timed(seconds, "validate", progress):
+            report = validate(found.trajectory, problem.scene, problem)
+    except CancelledError as error:
+        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), _MANY_ARMS), seconds)
+    reason = "every arm has a path of its own, in `many_arms.paths`"
+    result = PlanResult(found.status, None, reason, _MANY_ARMS, seconds=found.seconds)
+    return MotionPlan(problem, result, seconds, _trajectory=found.trajectory, _report=report, many_arms=found)
 
 
 def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:

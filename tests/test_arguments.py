@@ -19,7 +19,7 @@ import pytest
 import trimesh
 
 import rr1plan as rp
-from rr1plan import multi, playback, retiming, transforms
+from rr1plan import planners, transforms
 
 Call = tuple[Callable[..., Any], dict[str, Any]]
 
@@ -109,12 +109,23 @@ def calls(folder: Path) -> dict[str, Call]:
     np.save(folder / "p.npy", np.eye(3))
     trimesh.creation.box((1, 1, 1)).export(folder / "a.stl")
     mesh = rp.load_mesh(folder / "a.stl")
-    page = {"title": None, "spheres": False, "panels": (), "view": None}
-    shown = {"trajectory": None, "path": None, "problem": None, "report": None, "replay": None} | page
+    shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
+    live = {"port": None, "open_browser": False, "quiet": True}
+    viewer = rp.show(scene, open_browser=False, quiet=True)
+    picture = rp.cspace(scene, problem, resolution=8)
+    result = motion.result
     pose_goal = rp.PoseGoal("tool", [0.3, 0.2, 0.0])
 
     def shown_page(**options: Any) -> None:
         rp.show(**options).close()
+
+    def registered(**options: Any) -> None:
+        before = dict(planners._registered)
+        try:
+            rp.register_planner(**options)
+        finally:
+            planners._registered.clear()
+            planners._registered.update(before)
 
     return {
         "plan_many": (
@@ -185,14 +196,14 @@ def calls(folder: Path) -> dict[str, Call]:
         "copies_within_limits": (rp.copies_within_limits, {"robot": robot, "q": q, "near": q, "reach": 6.3}),
         "solve_ik": (
             rp.solve_ik,
-            {"kinematics": kinematics, "goal": pose_goal, "arm": None, "seeds": None, "rng": 0, "attempts": 5}
-            | dict.fromkeys(("accept", "max_solutions", "patience", "separation")),
+            {"kinematics": kinematics, "goal": pose_goal, "seeds": None, "rng": 0, "attempts": 5}
+            | dict.fromkeys(("accept", "max_solutions", "patience")),
         ),
         "load_problems": (rp.load_problems, {"name_or_file": folder / "s.toml"}),
         "load_robot": (
             rp.load_robot,
             {"name_or_file": "planar2r", "package_dirs": (), "convex": "hull"}
-            | dict.fromkeys(("srdf", "group", "groups", "joints", "limits", "tool", "name", "xacro_arguments")),
+            | dict.fromkeys(("srdf", "groups", "joints", "tool", "xacro_arguments")),
         ),
         "load_scene": (rp.load_scene, {"name_or_file": folder / "s.toml"}),
         "save_scene": (
@@ -204,20 +215,20 @@ def calls(folder: Path) -> dict[str, Call]:
         "Limits.stack": (rp.Limits.stack, {"parts": [robot.limits, robot.limits]}),
         "place_grid": (
             rp.place_grid,
-            {"robot": robot, "rows": 1, "columns": 2, "spacing": 3.0, "center": [0, 0, 0], "yaw": 0.0, "q": "home"}
+            {"robot": robot, "rows": 1, "columns": 2, "spacing": 3.0, "pose": [0, 0, 0], "q": "home"}
             | {"scene": None, "prefix": "arm"},
         ),
         "place_ring": (
             rp.place_ring,
-            {"robot": robot, "count": 2, "radius": 3.0, "facing": "center", "front": [1, 0, 0], "center": [0, 0, 0]}
-            | {"start_angle": 0.0, "q": "home", "scene": None, "prefix": "arm"},
+            {"robot": robot, "count": 2, "radius": 3.0, "facing": "center", "front": [1, 0, 0], "pose": [0, 0, 0]}
+            | {"q": "home", "scene": None, "prefix": "arm"},
         ),
         "Path": (rp.Path, {"joint_names": names, "waypoints": [q, q + 0.1]}),
         "Path.allclose": (path.allclose, {"other": path, "atol": 1e-9}),
         "Path.sample": (path.sample, {"step": 0.1}),
         "MotionPlan.save": (motion.save, {"file": folder / "o.json", "embed": False}),
-        "MotionPlan.save_html": (motion.save_html, {"file": folder / "o.html", "play": True} | page),
-        "MotionPlan.show": (lambda **o: motion.show(**o).close(), {"open_browser": False, "quiet": True}),
+        "MotionPlan.save_html": (motion.save_html, {"file": folder / "o.html", "replay": None, "options": None}),
+        "MotionPlan.show": (lambda **o: motion.show(**o).close(), live | {"replay": None, "options": None}),
         "plan_motion": (
             rp.plan_motion,
             {"problem": problem, "planner": "rrt_connect", "retiming": "blend", "shorten": True, "margin": 0.002}
@@ -230,27 +241,41 @@ def calls(folder: Path) -> dict[str, Call]:
             rp.Roadmap(scene, samples=5).plan,
             {"problem": problem, "budget": budget, "rng": 0, "progress": None},
         ),
-        "make_planner": (rp.make_planner, {"name": "rrt_connect", "range": 0.1, "tree": False}),
-        "make_planner of a roadmap": (rp.make_planner, {"name": "roadmap", "samples": 10}),
-        "make_planner of OMPL": (rp.make_planner, {"name": "rrt", "tree": False, "range": 0.1}),
+        "RrtConnect": (rp.RrtConnect, {"range": 0.1, "tree": False}),
+        "AnytimePlanner": (rp.AnytimePlanner, {"range": 0.1}),
+        "RoadmapPlanner": (rp.RoadmapPlanner, {"samples": 10}),
+        "CartesianPlanner": (rp.CartesianPlanner, {"tolerance": 1e-3, "orientation_tolerance": 1e-2}),
+        "OmplPlanner": (rp.OmplPlanner, {"name": "rrt", "tree": False, "settings": {"range": 0.1}}),
+        **{
+            f"{kind.__name__}.plan": (kind().plan, {"problem": problem, "budget": budget, "rng": 0, "progress": None})
+            for kind in (rp.RrtConnect, rp.AnytimePlanner, rp.RoadmapPlanner, rp.OmplPlanner)
+        },
+        "CartesianPlanner.plan": (
+            rp.CartesianPlanner().plan,
+            {"problem": rp.Problem(scene, "home", pose_goal), "budget": budget, "rng": 0, "progress": None},
+        ),
+        "register_planner": (
+            registered,
+            {"name": "own", "factory": rp.RrtConnect, "description": "", "optimizing": False},
+        ),
         "plan": (
             rp.plan,
             {"problem": problem, "planner": "rrt_connect", "budget": budget, "rng": 0, "progress": None},
         ),
         "shorten": (
             rp.shorten,
-            {"path": path, "checker": checker, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
+            {"path": path, "scene": scene, "checker": checker, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
         ),
         "Budget": (rp.Budget, {"seconds": 1.0, "iterations": None}),
         "cspace": (
             rp.cspace,
             {"scene": scene, "resolution": 8} | dict.fromkeys(("problem", "result", "arm", "joints", "at", "progress")),
         ),
-        "save_html": (rp.save_html, {"file": folder / "o.html", "scene": scene, "play": True} | shown),
-        "show": (shown_page, {"scene": scene, "port": None, "open_browser": False, "quiet": True} | shown),
+        "save_html": (rp.save_html, {"file": folder / "o.html", "scene": scene} | shown),
+        "show": (shown_page, live | {"scene": scene} | shown),
         "screenshot": (
             rp.screenshot,
-            {"source": folder / "none.html", "file": folder / "o.png", "size": (9, 9), "time": None, "bare": False},
+            {"file": folder / "o.png", "page": folder / "none.html", "size": (9, 9), "time": None, "bare": False},
         ),
         "simulate": (
             rp.simulate,
@@ -353,16 +378,16 @@ def calls(folder: Path) -> dict[str, Call]:
             {"trajectory": trajectory, "scene": scene, "problem": None, "torque_limits": False}
             | {"jerk_limits": False, "clearance": True, "clearance_tolerance": 2e-4, "progress": None},
         ),
-        "playback.save_mjcf": (playback.save_mjcf, {"file": folder / "o.xml", "scene": scene}),
-        "playback.save_rosbag": (
-            playback.save_rosbag,
+        "save_mjcf": (rp.save_mjcf, {"file": folder / "o.xml", "scene": scene}),
+        "save_rosbag": (
+            rp.save_rosbag,
             {"folder": folder / "bag", "trajectory": trajectory, "dt": 0.1, "lead": 0.0, "rename": None},
         ),
-        "playback.Panel": (
-            playback.Panel,
+        "Panel": (
+            rp.Panel,
             {"name": "x", "title": "x", "html": "", "css": "", "script": "", "width": 420},
         ),
-        "playback.pack": (playback.pack, {"array": [1.0], "dtype": "f4"}),
+        "pack_array": (rp.pack_array, {"array": [1.0], "dtype": "f4"}),
         "transforms.as_pose": (transforms.as_pose, {"value": T, "name": "x"}),
         "transforms.inverse": (transforms.inverse, {"T": T}),
         "transforms.pose": (transforms.pose, {"xyz": [0, 0, 0], "rpy": None, "quaternion": None}),
@@ -376,12 +401,14 @@ def calls(folder: Path) -> dict[str, Call]:
 
 
 # Arguments that take anything: what does not fit is JSON's to refuse, when the page is made.
-_ANYTHING = {"playback.Panel": {"data"}}
+_ANYTHING = {"Panel": {"data"}}
 # Answers, which nobody makes by hand; ways past the checks, which say so; what takes no argument.
 _NOT_CALLED = {
     *("PlanFailure", "Contact", "ElementCover", "FirstContact", "Nearest", "IkResult", "MotionPlan", "PlanResult"),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
-    *("playback.CSpace", "playback.Replay", "playback.Viewer"),
+    *("CSpace", "CSpaceGrid", "Decomposition", "DrawnTree", "Replay", "ReplayContact", "ContactBand", "PairProposal"),
+    *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan", "Geometry", "Inertial", "Joint", "Link"),
+    "Mimic",
 }
 
 
@@ -398,7 +425,7 @@ def public_functions() -> Iterator[tuple[str, Any]]:
                     inspect.isfunction(raw) or isinstance(raw, staticmethod | classmethod)
                 ):
                     yield f"{name}.{verb}", getattr(value, verb)
-    for module in (multi, playback, retiming, transforms):
+    for module in (transforms,):
         own = module.__name__.removeprefix("rr1plan.")
         for name in getattr(module, "__all__", vars(module)):
             value = getattr(module, name)
@@ -418,7 +445,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
 
 NAMES = sorted(
     {name for name, function in public_functions() if takes_arguments(function)} - _NOT_CALLED
-    | {"Trajectory.__call__", "make_planner of a roadmap", "make_planner of OMPL"}
+    | {"Trajectory.__call__"}
 )
 
 

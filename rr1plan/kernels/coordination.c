@@ -43,6 +43,9 @@ EXPORT void rr1_place_path(const PlacedPath *path, ExactScratch *scratch, const 
     }
 }
 
+// Where groups get less far than this in two nodes, their bodies are looked at one by one [m].
+#define FINE 0.2
+
 typedef struct {
     const PlacedPath *one;
     const PlacedPath *two;
@@ -75,8 +78,8 @@ INLINE Core placed_core(const ExactTables *exact, int64_t body, const Pose *pose
     return (Core){of->kind, exact->shapes[body].size, pose, exact->corners, exact->links, of->first_corner};
 }
 
-// Whether two bodies are proven apart wherever they are in two nodes.
-static int bodies_are_apart(int64_t a, int64_t b, int64_t i, int64_t j, Coordination *of) {
+// Whether two bodies are proven apart wherever they are in two nodes; `quick`: by their balls and boxes.
+static int bodies_are_apart(int64_t a, int64_t b, int64_t i, int64_t j, int quick, Coordination *of) {
     const ExactTables *one = of->one->exact, *two = of->two->exact;
     double padding = of->pairs->padding[i * two->body_count + j];
     if (padding == -__builtin_inf()) return 1;
@@ -91,6 +94,7 @@ static int bodies_are_apart(int64_t a, int64_t b, int64_t i, int64_t j, Coordina
         return 1;
     if (one->bodies[i].kind != BODY_POINT && box_distance(other, shape, pose) - other_shape->ball_radius >= enough)
         return 1;
+    if (quick) return 0;
     of->tests++;
     ExactPoint *direction = &of->directions[i * two->body_count + j];
     if (direction->x == 0.0 && direction->y == 0.0 && direction->z == 0.0) {
@@ -105,21 +109,20 @@ static int bodies_are_apart(int64_t a, int64_t b, int64_t i, int64_t j, Coordina
 }
 
 // Whether all bodies of two groups are proven apart; remembers those that are not.
-static int groups_are_apart(int64_t a, int64_t b, const CrossGroups *pair, Coordination *of) {
+static int groups_are_apart(int64_t a, int64_t b, const CrossGroups *pair, int quick, Coordination *of) {
     const BodyGroup *one = &of->one->groups[pair->one], *two = &of->two->groups[pair->two];
     for (int64_t i = one->first_body; i < one->last_body; i++)
         for (int64_t j = two->first_body; j < two->last_body; j++)
-            if (!bodies_are_apart(a, b, i, j, of)) {
-                of->last[0] = i;
-                of->last[1] = j;
+            if (!bodies_are_apart(a, b, i, j, quick, of)) {
+                of->last[0] = quick ? of->last[0] : i;
+                of->last[1] = quick ? of->last[1] : j;
                 return 0;
             }
     return 1;
 }
 
-// Which of some pairs of groups are not proven apart in two nodes by the balls around them; how many.
-static int64_t near_groups(int64_t a, int64_t b, const int64_t *open, int64_t count, int64_t *near,
-                           const Coordination *of) {
+// Which of some pairs of groups are not proven apart in two nodes by balls and boxes; how many.
+static int64_t near_groups(int64_t a, int64_t b, const int64_t *open, int64_t count, int64_t *near, Coordination *of) {
     const PlacedPath *one = of->one, *two = of->two;
     int64_t kept = 0;
     for (int64_t k = 0; k < count; k++) {
@@ -127,7 +130,9 @@ static int64_t near_groups(int64_t a, int64_t b, const int64_t *open, int64_t co
         int64_t at = a * one->group_count + pair->one, to = b * two->group_count + pair->two;
         double enough = of->pairs->max_padding + (one->group_travel[at] + two->group_travel[to]) * SLACK + ROUNDING;
         double gap = point_distance(&one->group_centers[at], &two->group_centers[to]);
-        if (gap - one->group_balls[pair->one].radius - two->group_balls[pair->two].radius < enough) near[kept++] = open[k];
+        if (gap - one->group_balls[pair->one].radius - two->group_balls[pair->two].radius >= enough) continue;
+        if (enough < FINE && groups_are_apart(a, b, pair, 1, of)) continue;
+        near[kept++] = open[k];
     }
     return kept;
 }
@@ -150,7 +155,7 @@ static void coordinate(int64_t a, int64_t b, const int64_t *open, int64_t count,
     if (leaf) {
         cell = of->blocked + one->cell[a - one->leaf_count] * two->cell_count + two->cell[b - two->leaf_count];
         if (*cell) return;
-        if (!bodies_are_apart(a, b, of->last[0], of->last[1], of)) {
+        if (!bodies_are_apart(a, b, of->last[0], of->last[1], 0, of)) {
             *cell = 1;
             return;
         }
@@ -160,7 +165,7 @@ static void coordinate(int64_t a, int64_t b, const int64_t *open, int64_t count,
     if (left == 0) return;
     if (leaf) {
         for (int64_t k = 0; k < left && !*cell; k++)
-            *cell = !groups_are_apart(a, b, &of->pairs->group_pairs[near[k]], of);
+            *cell = !groups_are_apart(a, b, &of->pairs->group_pairs[near[k]], 0, of);
         return;
     }
     int halve_one = !is_leaf(one, a) && (is_leaf(two, b) || node_travel(one, a) >= node_travel(two, b));

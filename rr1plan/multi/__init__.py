@@ -1,10 +1,19 @@
-"""Many arms: placing them, and the methods that exist because arms can be planned apart.
+"""Many arms: placing them, and planning them apart on one clock.
 
-Arms that are planned together need nothing from here: a `Problem` that moves several arms is one
-problem with more columns, and every planner answers it (see `composite`). Methods that plan arms
-apart (prioritized, conflict-based, coordination on fixed paths) get a file each in this folder.
+A `Problem` that moves several arms is one problem with more columns, and every planner answers it in the joint space
+of all of them (see `composite`). From three arms on `plan_motion` plans them apart instead: `plan_many_arms`.
+
+    portfolio.py                             plan_many_arms: all stages under one deadline, one trajectory
+    preflight.py  interaction.py             starts and goals that cannot be; arms that can meet
+    prioritized.py                           schedules one after the other, detours, eviction, meta-agents
+    path_pool.py                             paths of one agent
+    safe_intervals.py  schedule.py           timing on a fixed path; what a schedule occupies
+    coordination.py                          coordination diagrams: which segments of two paths do not touch
+    agent_path.py  placed_path.py  agents.py   paths in segments, with their bodies; arms that move as one
+    placement.py                             grids and rings of arms
 """
 
 from rr1plan.multi.placement import place_grid, place_ring
+from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
 
-__all__ = ["place_grid", "place_ring"]
+__all__ = ["GroupResult", "ManyArmsResult", "place_grid", "place_ring", "plan_many_arms"]

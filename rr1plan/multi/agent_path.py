@@ -7,14 +7,16 @@ itself never changes: an agent may wait at a gridpoint, go on, or go back, and n
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.kernels.library import CStruct, load_library
+from rr1plan.kernels.library import CStruct
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.placed_path import placed_path
 from rr1plan.path import Path
 from rr1plan.retiming.blends import Curve, CurveChecker, blend_sizes, clean, round_corners
 from rr1plan.retiming.pieces import Pieces, concatenate
@@ -128,14 +130,15 @@ class AgentPath:
             q = self.at(begin)
             return Hop(np.zeros(1), Pieces(np.zeros(1), q[None, None]))
         stops = [begin, *(k for k in self.halts if begin < k < end), end]
-        parts = [self._between(a, b) for a, b in zip(stops[:-1], stops[1:], strict=True)]
+        parts = [self._between(a, b) for a, b in pairwise(stops)]
         times = [np.zeros(1)]
         for part in parts:
             times.append(part.times[1:] + times[-1][-1])
         return Hop(np.concatenate(times), concatenate([part.pieces for part in parts]))
 
     def _between(self, begin: int, end: int) -> Hop:
-        grid = Grid(*(part[begin:end] for part in self.grid))
+        piece, offset, delta = self.grid
+        grid = Grid(piece[begin:end], offset[begin:end], delta[begin:end])
         if end - begin == 1:
             half = 0.5 * grid.delta[0]
             grid = Grid(grid.piece.repeat(2), grid.offset[0] + np.array([0.0, half]), np.array([half, half]))
@@ -187,25 +190,7 @@ class AgentPath:
         q[-2], q[-1] = self.start, self.goal
         empty[-2:] = 0
         cell[-2:] = 0, self.segments + 1
-        body_count, group_count = len(bodies.elements), len(bodies.group_rows)
-        placed = CStruct(
-            "PlacedPath",
-            exact=bodies.exact,
-            groups=bodies.group_rows,
-            group_balls=bodies.group_balls,
-            group_count=group_count,
-            leaf_count=leaves,
-            is_empty=empty,
-            cell=cell,
-            cell_count=self.cells,
-            poses=np.empty((nodes * body_count, 12)),
-            centers=np.empty((nodes * body_count, 3)),
-            travel=np.empty(nodes * body_count),
-            group_centers=np.zeros((nodes * group_count, 3)),
-            group_travel=np.zeros(nodes * group_count),
-        )
-        load_library().rr1_place_path(placed, bodies.scratch(), q, reach)
-        return placed
+        return placed_path(bodies, q, reach, empty, cell)
 
     def release(self) -> None:
         """Forget the placed bodies, most of the memory of a path; they are made again when they are needed."""

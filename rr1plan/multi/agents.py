@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
-from rr1plan.collision.enclosing_ball import enclosing_ball
+from rr1plan.collision.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.kept import kept_in
 from rr1plan.kernels.library import CStruct
 from rr1plan.limits import Limits
@@ -76,8 +76,14 @@ class AgentBodies:
         ends = np.append(begins[1:], len(joint))
         self.group_rows: NDArray[np.int64] = np.column_stack([joint[begins], begins, ends]).astype(np.int64)
         balls = tables.body_values[:, 12:16]
-        self.group_balls = np.array([_ball_around(balls[a:b].tobytes()) for a, b in zip(begins, ends, strict=True)])
         self.is_fixed = tables.bodies[:, 4] == tables.bodies[:, 5]
+        # What is fixed is placed in the world, so that no two arms share it.
+        self.group_balls = np.array(
+            [
+                _loose_ball(balls[a:b]) if self.is_fixed[a] else _ball_around(balls[a:b].tobytes())
+                for a, b in zip(begins, ends, strict=True)
+            ]
+        )
         self.reach = np.zeros(checker.nq)
         for body, ball in zip(tables.bodies.tolist(), balls, strict=True):
             for k in range(body[4], body[5]):
@@ -94,6 +100,12 @@ class AgentBodies:
 def _ball_around(balls: bytes) -> Array:
     """A ball around balls (n, 4), which arms with the same geometry share."""
     return enclosing_ball(np.frombuffer(balls).reshape(-1, 4))
+
+
+def _loose_ball(balls: Array) -> Array:
+    """A ball around balls (n, 4), in no time."""
+    center = balls[:, :3].mean(axis=0)
+    return np.append(center, float(ball_reach(balls, center).max()) * (1.0 + 1e-9))
 
 
 class Agent:

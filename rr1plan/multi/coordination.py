@@ -41,6 +41,23 @@ def coordination_diagram(one: AgentPath, two: AgentPath, margin: float = 0.0) ->
     return blocked if blocked.any() else None
 
 
+def are_apart(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: float = 0.0) -> bool:
+    """Whether two agents are proven apart in one configuration of each; bodies that no joint moves count, too.
+
+    Args:
+        one: An agent.
+        placed: Its bodies in that configuration, see `placed_configuration`.
+        two: Another agent, of the same problem.
+        other: Its bodies.
+        margin: Distance to keep beyond the scene's padding [m].
+    """
+    pairs = cross_pairs(one, two, margin, fixed=True)
+    blocked = np.zeros((1, 1), np.uint8)
+    directions = np.empty((len(one.bodies.elements) * len(two.bodies.elements), 3))
+    load_library().rr1_coordinate_paths(placed, other, pairs, directions, blocked)
+    return not blocked.any()
+
+
 def ends_exclude(blocked: Blocked | None) -> bool:
     """Whether the starts, or the goals, of two paths are not proven apart."""
     return blocked is not None and bool(blocked[0, 0] or blocked[-1, -1])
@@ -50,28 +67,35 @@ def _boxes_meet(one: Array, two: Array, distance: float) -> bool:
     return bool((one[:3] <= two[3:] + distance).all() and (two[:3] <= one[3:] + distance).all())
 
 
-def cross_pairs(one: Agent, two: Agent, margin: float) -> CStruct:
+def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -> CStruct:
     """Which bodies of two agents must not touch, and how near they may be (`coordination.h`).
 
     Args:
         one: An agent.
         two: Another one of the same problem.
         margin: Distance to keep beyond the scene's padding [m].
+        fixed: Whether pairs count of which no joint moves either.
     """
     scene = one.problem.scene
     if not scene.allowed and not scene.pair_padding:
         # One table for all agents with the same bodies in the same order.
-        key: tuple[object, ...] = ("cross pairs", *(_shape_of(agent) for agent in (one, two)), scene.padding, margin)
+        key: tuple[object, ...] = (
+            "cross pairs",
+            *(_shape_of(agent) for agent in (one, two)),
+            scene.padding,
+            margin,
+            fixed,
+        )
     else:
-        key = ("cross pairs", one.arms, two.arms, margin)
-    return kept_in(scene.kept, key, lambda: _cross_pairs(scene, one, two, margin))
+        key = ("cross pairs", one.arms, two.arms, margin, fixed)
+    return kept_in(scene.kept, key, lambda: _cross_pairs(scene, one, two, margin, fixed))
 
 
 def _shape_of(agent: Agent) -> tuple[bytes, bytes]:
     return agent.bodies.group_rows.tobytes(), agent.bodies.is_fixed.tobytes()
 
 
-def _cross_pairs(scene: Scene, one: Agent, two: Agent, margin: float) -> CStruct:
+def _cross_pairs(scene: Scene, one: Agent, two: Agent, margin: float, fixed: bool) -> CStruct:
     a, b = one.bodies, two.bodies
     padding = np.full((len(a.elements), len(b.elements)), scene.padding)
     if scene.allowed or scene.pair_padding:
@@ -79,8 +103,9 @@ def _cross_pairs(scene: Scene, one: Agent, two: Agent, margin: float) -> CStruct
             apart = scene.padding_of(first, second)
             padding[i, j] = -np.inf if scene.may_touch(first, second) else apart
     padding += margin + TOLERANCE
-    # What no joint moves is another question: it touches always or never.
-    padding[a.is_fixed[:, None] & b.is_fixed[None, :]] = -np.inf
+    if not fixed:
+        # It touches always or never, which is known before anything is planned.
+        padding[a.is_fixed[:, None] & b.is_fixed[None, :]] = -np.inf
     groups = [
         (i, j)
         for (i, (_, a0, a1)), (j, (_, b0, b1)) in product(enumerate(a.group_rows), enumerate(b.group_rows))

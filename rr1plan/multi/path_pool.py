@@ -68,9 +68,11 @@ class PathPool:
                 return None, result.reason
             points.append(result.path.waypoints)
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:
-            parts = [shorten(Path(self.agent.joint_names, p), checker, rng=self._rng, iterations=_SHORTCUTS) for p in points]
-            waypoints = np.concatenate([part.waypoints for part in parts])
-            path = AgentPath(self.agent, Path(self.agent.joint_names, waypoints), checker)
+            names, shorter = self.agent.joint_names, []
+            for part in points:
+                short = shorten(Path(names, part), checker, rng=self._rng, iterations=_SHORTCUTS)
+                shorter.append(short.waypoints)
+            path = AgentPath(self.agent, Path(names, np.concatenate(shorter)), checker)
         self.paths.append(path)
         return path, ""
 

@@ -22,12 +22,12 @@ from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.coordination import Blocked, coordination_diagram, ends_exclude
 from rr1plan.multi.path_pool import PathPool
+from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.multi.schedule import Schedule, extended
-from rr1plan.problem import JointGoal
 
-# Distances to keep between agents beyond the padding [m]; the first that starts and goals of both have is taken.
-_MARGINS = (2e-3, 5e-4, 1e-4, 0.0)
+# Distances to keep between agents beyond the padding [m]: the largest that their starts and their goals have.
+_MARGINS = (*MARGINS, 0.0)
 # Paths of a pool before another agent is evicted, and at most.
 _DETOURS, _MOST_PATHS = 4, 12
 # Two agents of which one has evicted the other so often become one.
@@ -36,11 +36,17 @@ _QUARRELS = 3
 _MOST_TOGETHER = 4
 
 
+# A makespan nearer to its lower bound than this is not made shorter, nor by less than that [ratio].
+_GOOD_ENOUGH, _LEAST_GAIN = 0.05, 0.005
+_NEIGHBORHOOD = 3  # agents that are scheduled again with the last, at most
+
+
 @dataclass
 class Statistics:
     """What was done to find schedules."""
 
     paths: int = 0
+    detours: int = 0
     diagrams: int = 0
     timings: int = 0
     evictions: int = 0
@@ -64,6 +70,7 @@ class PrioritizedPlanner:
 
     Attributes:
         schedules: Of the agents that have one.
+        stage: What it took to schedule all: "timing", "detours", "eviction" or "composite"; empty while they are not.
         reason: Why there is none for all of them; empty while that is not known.
         statistics: What was done.
     """
@@ -81,9 +88,10 @@ class PrioritizedPlanner:
         self.pools: dict[Agent, PathPool] = {}
         self.schedules: dict[Agent, Schedule] = {}
         self.statistics = Statistics()
+        self.stage = ""
         self.reason = ""
         self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
-        self._pair_margins: dict[tuple[Agent, Agent], float] = {}
+        self._pair_margins: dict[frozenset[Agent], float] = {}
         self._evicted: Counter[Agent] = Counter()
         self._quarrels: Counter[frozenset[Agent]] = Counter()
         self._detours: Counter[Agent] = Counter()
@@ -109,7 +117,37 @@ class PrioritizedPlanner:
                 return False
             waiting = [*self._merge_quarrels(agent, evicted), *waiting]
             waiting = [agent for agent in waiting if agent in self.pools]
+        self.stage = self._stage()
         return True
+
+    def improve(self, rounds: int) -> None:
+        """Make the makespan shorter: the last agent and some of those near it are scheduled again, it first.
+
+        Args:
+            rounds: How often to try.
+        """
+        for _ in range(rounds):
+            last = max(self.agents, key=lambda agent: self.schedules[agent].arrival)
+            limit = self.makespan
+            if limit <= self.lower_bound() * (1.0 + _GOOD_ENOUGH) or time.perf_counter() > self._deadline:
+                break
+            before = dict(self.schedules)
+            path = self.schedules[last].path
+            near = [o for o in self._others(last) if self._diagram(path, self.schedules[o].path) is not None]
+            chosen = self._rng.permutation(len(near))[: 1 + int(self._rng.integers(_NEIGHBORHOOD))]
+            again = [last, *(near[i] for i in chosen.tolist())]
+            for agent in again:
+                del self.schedules[agent]
+            target = (1.0 - _LEAST_GAIN) * limit
+            if not all(self._schedule(agent, target) and self.schedules[agent].arrival <= target for agent in again):
+                self.schedules = before
+
+    def _stage(self) -> str:
+        if self.statistics.merged:
+            return "composite"
+        if self.statistics.evictions:
+            return "eviction"
+        return "detours" if self.statistics.detours else "timing"
 
     @property
     def makespan(self) -> float:
@@ -178,13 +216,14 @@ class PrioritizedPlanner:
         path, _ = self.pools[agent].add(postures, self._deadline - began, detour=number >= 3)
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
+        self.statistics.detours += 1
         return path
 
     def _goal_of(self, agent: Agent) -> Array:
         pool = self.pools.get(agent)
         if agent in self.schedules:
-            return self.schedules[agent].path.goal
-        return pool.paths[0].goal if pool is not None else agent.start
+            return np.asarray(self.schedules[agent].path.goal)
+        return agent.start if pool is None else np.asarray(pool.paths[0].goal)
 
     def _split(self, agent: Agent, q: Array) -> dict[str, Array]:
         postures = agent.problem.scene.split(q, agent.arms)
@@ -256,10 +295,10 @@ class PrioritizedPlanner:
         """The earliest schedule of a path among those of others."""
         found = []
         for other in others:
-            schedule = self.schedules[other]
-            blocked = self._diagram(path, schedule.path)
+            theirs = self.schedules[other]
+            blocked = self._diagram(path, theirs.path)
             if blocked is not None:
-                found.append((blocked, schedule.occupancy))
+                found.append((blocked, theirs.occupancy))
         began = time.perf_counter()
         schedule = earliest_schedule(path, blocked_times(path, found))
         self.statistics.add_time("timing", began)
@@ -272,7 +311,15 @@ class PrioritizedPlanner:
             return self._diagrams[one, two]
         except KeyError:
             began = time.perf_counter()
-            blocked = coordination_diagram(one, two, self._pair_margin(one, two))
+            key = frozenset((one.agent, two.agent))
+            blocked = None
+            for margin in _MARGINS:
+                if margin > self._pair_margins.get(key, math.inf):
+                    continue
+                blocked = coordination_diagram(one, two, margin)
+                if not ends_exclude(blocked):
+                    break
+            self._pair_margins[key] = margin
             self.statistics.add_time("diagrams", began)
             self.statistics.diagrams += 1
             both = None if blocked is None else extended(blocked)
@@ -280,25 +327,13 @@ class PrioritizedPlanner:
             self._diagrams[two, one] = None if both is None else np.ascontiguousarray(both.T)
             return both
 
-    def _pair_margin(self, one: AgentPath, two: AgentPath) -> float:
-        """The distance to keep between two agents: the largest that their starts and their goals have."""
-        key = one.agent, two.agent
-        if key not in self._pair_margins:
-            for margin in _MARGINS:
-                blocked = coordination_diagram(self._ends(one), self._ends(two), margin)
-                if not ends_exclude(blocked):
-                    break
-            self._pair_margins[key] = self._pair_margins[two.agent, one.agent] = margin
-        return self._pair_margins[key]
-
-    def _ends(self, path: AgentPath) -> AgentPath:
-        return path
-
     def _blocked_by(self, waiting: list[Agent]) -> str:
         texts = []
         for agent in waiting:
             others = [arm for other in self._others(agent) for arm in other.arms]
-            texts.append(f"{' and '.join(agent.arms)} (among {', '.join(others)})" if others else " and ".join(agent.arms))
+            texts.append(
+                f"{' and '.join(agent.arms)} (among {', '.join(others)})" if others else " and ".join(agent.arms)
+            )
         return f"no schedule found for {'; '.join(texts)}"
 
 
