@@ -43,6 +43,7 @@
 #include "path_grid.c"
 #include "parameterize.c"
 #include "timed_pieces.c"
+#include "hops.c"
 #include "blends.c"
 #include "../binding/cpu_level.c"
 #include "sines.c"

@@ -10,10 +10,20 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     safe_intervals.py  schedule.py           timing on a fixed path; what a schedule occupies
     coordination.py                          coordination diagrams: which segments of two paths do not touch
     agent_path.py  placed_path.py  agents.py   paths in segments, with their bodies; arms that move as one
-    placement.py                             grids and rings of arms
+    placement.py  problems.py                grids and rings of arms; seeded problems
 """
 
 from rr1plan.multi.placement import place_grid, place_ring
 from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
+from rr1plan.multi.problems import dual_arm_shelf, random_grid, ring_swap
 
-__all__ = ["GroupResult", "ManyArmsResult", "place_grid", "place_ring", "plan_many_arms"]
+__all__ = [
+    "GroupResult",
+    "ManyArmsResult",
+    "dual_arm_shelf",
+    "place_grid",
+    "place_ring",
+    "plan_many_arms",
+    "random_grid",
+    "ring_swap",
+]

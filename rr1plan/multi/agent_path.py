@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,35 +19,20 @@ from rr1plan.multi.placed_path import placed_path
 from rr1plan.path import Path
 from rr1plan.retiming.blends import Curve, CurveChecker, blend_sizes, clean, round_corners
 from rr1plan.retiming.pieces import Pieces, concatenate
-from rr1plan.retiming.speed import Grid, fastest_speeds, timed
+from rr1plan.retiming.speed import Grid, fastest_speeds, hop_times, timed
 
 # How far any point of the arms gets on a segment [m]: in the middle of a path, and at its ends, where other arms may be
 # near; between them it grows by this share of the way from the end.
 _LONGEST, _SHORTEST, _GROWTH = 0.08, 0.006, 0.3
 # Leaves of the tree of intervals for each segment: cells of diagrams are proven in so many parts.
 _LEAVES = 4
+# Inner gridpoints at which an agent may wait.
+_STOPS = 12
 _FEWEST = 2  # segments of a piece, so that a motion can begin and end on it
 _LARGEST_BLEND = 1.0  # [rad]
 _SAME = 1e-9  # relative difference of path accelerations that count as one
 # Far above the rounding of configurations [rad].
 _ROUNDING = 1e-12
-
-
-class Hop(NamedTuple):
-    """The fastest motion from rest at one gridpoint to rest at another.
-
-    Args:
-        times: When each gridpoint on the way is reached, in the order of the motion, from 0 [s].
-        pieces: The motion.
-    """
-
-    times: Array
-    pieces: Pieces
-
-    @property
-    def duration(self) -> float:
-        """How long it takes [s]."""
-        return float(self.times[-1])
 
 
 class AgentPath:
@@ -111,45 +95,61 @@ class AgentPath:
     # ---- motion ------------------------------------------------------------------------
 
     @cached_property
-    def _hops(self) -> dict[tuple[int, int], Hop]:
-        return {}
+    def stops(self) -> tuple[int, ...]:
+        """Gridpoints at which the agent may wait: both ends, and some evenly spread between them."""
+        spread = np.unique(np.linspace(0, self.segments, _STOPS + 2).round().astype(np.int64))
+        return tuple(spread.tolist())
 
-    def hop(self, begin: int, end: int) -> Hop:
-        """The fastest motion from rest at a gridpoint to rest at another, forward or back."""
-        if (begin, end) not in self._hops:
-            forward = self._forward(min(begin, end), max(begin, end))
-            self._hops[begin, end] = forward
-            self._hops[end, begin] = _reversed(forward)
-            if begin > end:
-                return self._hops[begin, end]
-            self._hops[begin, end] = forward
-        return self._hops[begin, end]
+    @cached_property
+    def _times(self) -> Array:
+        """Times of the motions from each stop to each later one, shape (stops, stops, gridpoints)."""
+        count = len(self.stops)
+        begin, end = np.triu_indices(count, 1)
+        stops, halts = np.array(self.stops), np.zeros(self.segments + 1, np.int64)
+        halts[list(self.halts)] = 1
+        times = np.zeros((count, count, self.segments + 1))
+        times[begin, end] = hop_times(self.curve, self.grid, self.agent.limits, halts, stops[begin], stops[end])
+        return times
 
-    def _forward(self, begin: int, end: int) -> Hop:
+    def hop_times(self, begin: int, end: int) -> Array:
+        """When the fastest motion from rest at one stop to rest at another is at each gridpoint on its way [s].
+
+        Args:
+            begin: A gridpoint of `stops`.
+            end: Another; before it, the motion goes back.
+        """
         if begin == end:
-            q = self.at(begin)
-            return Hop(np.zeros(1), Pieces(np.zeros(1), q[None, None]))
-        stops = [begin, *(k for k in self.halts if begin < k < end), end]
-        parts = [self._between(a, b) for a, b in pairwise(stops)]
-        times = [np.zeros(1)]
-        for part in parts:
-            times.append(part.times[1:] + times[-1][-1])
-        return Hop(np.concatenate(times), concatenate([part.pieces for part in parts]))
+            return np.zeros(1)
+        i, j = self.stops.index(begin), self.stops.index(end)
+        if begin < end:
+            return np.asarray(self._times[i, j, begin : end + 1])
+        forward = self._times[j, i, end : begin + 1]
+        return np.asarray((forward[-1] - forward)[::-1])
 
-    def _between(self, begin: int, end: int) -> Hop:
+    def hop_duration(self, begin: int, end: int) -> float:
+        """How long it takes [s]."""
+        if begin == end:
+            return 0.0
+        i, j = sorted((self.stops.index(begin), self.stops.index(end)))
+        return float(self._times[i, j, self.stops[j]])
+
+    def hop(self, begin: int, end: int) -> Pieces:
+        """The fastest motion from rest at a gridpoint to rest at another, forward or back."""
+        if begin > end:
+            return _reversed(self.hop(end, begin))
+        if begin == end:
+            return Pieces(np.zeros(1), self.at(begin)[None, None])
+        halts = [begin, *(k for k in self.halts if begin < k < end), end]
+        return concatenate([self._between(a, b) for a, b in pairwise(halts)])
+
+    def _between(self, begin: int, end: int) -> Pieces:
         piece, offset, delta = self.grid
         grid = Grid(piece[begin:end], offset[begin:end], delta[begin:end])
         if end - begin == 1:
             half = 0.5 * grid.delta[0]
             grid = Grid(grid.piece.repeat(2), grid.offset[0] + np.array([0.0, half]), np.array([half, half]))
         x = fastest_speeds(self.curve, grid, self.agent.limits)
-        durations = 2.0 * grid.delta / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))
-        exact = timed(self.curve, grid, x)
-        within = exact.within(self.agent.limits)
-        times = np.concatenate([[0.0], np.cumsum(durations)]) * (within.duration / exact.duration)
-        if end - begin == 1:
-            times = times[::2]
-        return Hop(times, _merged(within, grid, x, self.curve))
+        return _merged(timed(self.curve, grid, x).within(self.agent.limits), grid, x, self.curve)
 
     def at(self, gridpoint: int) -> Array:
         """Where the agent is at a gridpoint, shape (nq,)."""
@@ -163,7 +163,7 @@ class AgentPath:
     @cached_property
     def fastest(self) -> float:
         """Duration of the motion without waiting [s]."""
-        return self.hop(0, self.segments).duration
+        return self.hop_duration(0, self.segments)
 
     # ---- rows of coordination diagrams -----------------------------------------------------
 
@@ -254,9 +254,9 @@ def _merged(pieces: Pieces, grid: Grid, x: Array, curve: Curve) -> Pieces:
     return Pieces(np.add.reduceat(pieces.durations, first), pieces.coefficients[first])
 
 
-def _reversed(hop: Hop) -> Hop:
+def _reversed(pieces: Pieces) -> Pieces:
     """The same motion backward."""
-    durations, c = hop.pieces
+    durations, c = pieces
     terms = c.shape[1]
     turned = c.copy()
     # Taylor's coefficients at the end of each piece, by repeated division; then odd powers change their sign.
@@ -264,4 +264,4 @@ def _reversed(hop: Hop) -> Hop:
         for k in range(terms - 2, first - 1, -1):
             turned[:, k] += durations[:, None] * turned[:, k + 1]
     turned[:, 1::2] *= -1.0
-    return Hop((hop.times[-1] - hop.times)[::-1], Pieces(durations[::-1].copy(), turned[::-1].copy()))
+    return Pieces(durations[::-1].copy(), turned[::-1].copy())

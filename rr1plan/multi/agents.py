@@ -150,6 +150,11 @@ class Agent:
         postures = scene.split(self.start, self.arms)
         return subscene(scene, {**still, **others, **{name: postures[name] for name in self.arms}})
 
+    @cached_property
+    def _alone(self) -> Problem:
+        """The question without other moving arms; its scene keeps what is made from it."""
+        return self._question({})
+
     def question(self, others: Mapping[str, Array | None], margin: float) -> Problem:
         """How these arms get to their goals while `others` stand still.
 
@@ -157,7 +162,10 @@ class Agent:
             others: Moving arms of the problem that stand at some posture, shape (nq,); those left out do not count.
             margin: Distance to keep beyond the padding [m].
         """
+        return (self._question(others) if others else self._alone).with_margin(margin)
+
+    def _question(self, others: Mapping[str, Array | None]) -> Problem:
         scene = self.among(others)
         start = scene.split(self.start, self.arms)
         goal = {name: self.problem.goal[name] for name in self.arms}
-        return Problem(scene, {name: start[name] for name in self.arms}, goal, self.arms).with_margin(margin)
+        return Problem(scene, {name: start[name] for name in self.arms}, goal, self.arms)

@@ -16,7 +16,7 @@ from rr1plan.multi.placed_path import placed_configuration
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goals import GoalSearch, check_start, joint_goals
 from rr1plan.planning import PlanStatus
-from rr1plan.problem import Problem
+from rr1plan.problem import JointGoal, Problem
 
 MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4)
 """Distances to keep beyond the padding [m]: the largest is taken of which starts and goals have twice as much."""
@@ -53,41 +53,64 @@ def preflight(
         largest_margin: No arm needs to keep more [m].
         rng: Generator or seed of inverse kinematics.
     """
-    margins: dict[str, float] = {}
-    choices: dict[str, Array] = {}
-    starts = problem.scene.split(problem.start, problem.arms)
     agents = {arm: Agent(problem, [arm]) for arm in problem.arms}
-    for arm in problem.arms:
-        question = agents[arm].question({}, 0.0)
+    starts = problem.scene.split(problem.start, problem.arms)
+    for arm, agent in agents.items():
+        question = agent.question({}, 0.0)
         with checker_from_pool(question.scene, question.arms) as checker:
-            most = 2.0 * largest_margin
-            if checker.limit_violations(question.start) or checker.clearance(question.start, most) <= 0.0:
-                reason = check_start(question, checker)
-                if reason:
-                    return Preflight(None, margins, PlanStatus.INVALID_START, f"{arm}: {reason}")
+            blocked = "" if _is_usable(checker, question.start) else check_start(question, checker)
+        if blocked:
+            return Preflight(None, {}, PlanStatus.INVALID_START, f"{arm}: {blocked}")
+    touching = _first_contact(agents, starts, near)
+    if touching is not None:
+        return Preflight(None, {}, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")
+    goal, status, reason = goal_configurations(agents, near, rng)
+    if status is not None:
+        return Preflight(None, {}, status, reason)
+    margins = {arm: _margin(agent, goal[arm], largest_margin) for arm, agent in agents.items()}
+    if all(len(goals) == 1 and isinstance(goals[0], JointGoal) for goals in problem.goal.values()):
+        return Preflight(problem, margins)
+    return Preflight(Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, problem.arms), margins)
+
+
+def goal_configurations(
+    agents: Mapping[str, Agent], near: Mapping[str, frozenset[str]], rng: Seed = None
+) -> tuple[dict[str, Array], PlanStatus | None, str]:
+    """A configuration for the goal of each arm, apart from those of the others.
+
+    Args:
+        agents: The agent of each arm.
+        near: Of each arm those that it can meet.
+        rng: Generator or seed of inverse kinematics.
+
+    Returns:
+        The configurations, None and an empty text; or none of them, and why there are none.
+    """
+    choices: dict[str, Array] = {}
+    for arm, agent in agents.items():
+        question = agent.question({}, 0.0)
+        with checker_from_pool(question.scene, question.arms) as checker:
             goals = joint_goals(question)
             if goals is None or len(goals) > 1 or not _is_usable(checker, goals[0]):
                 found = GoalSearch(question, checker, rng).find()
                 if found.status is not None:
-                    return Preflight(None, margins, found.status, f"{arm}: {found.reason}")
+                    return {}, found.status, f"{arm}: {found.reason}"
                 goals = found.configurations
-            choices[arm] = goals
-            room = min(
-                checker.moving_clearance(question.start, most), *(checker.moving_clearance(q, most) for q in goals)
-            )
-            margins[arm] = next((m for m in (largest_margin, *MARGINS) if 2.0 * m <= room and m <= largest_margin), 0.0)
-    touching = _first_contact(agents, starts, near)
-    if touching is not None:
-        return Preflight(None, margins, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")
-    goal = _choose_goals(agents, choices, near)
-    touching = _first_contact(agents, goal, near)
-    if touching is not None:
-        tried = "" if all(len(c) == 1 for c in choices.values()) else " in all combinations tried"
-        return Preflight(None, margins, PlanStatus.INVALID_GOAL, f"the goals exclude each other{tried}: {touching}")
-    if all(len(problem.goal[arm]) == 1 and hasattr(problem.goal[arm][0], "q") for arm in problem.arms):
-        return Preflight(problem, margins)
-    start = {arm: starts[arm] for arm in problem.arms}
-    return Preflight(Problem(problem.scene, start, goal, problem.arms), margins)
+        choices[arm] = goals
+    chosen = _choose_goals(agents, choices, near)
+    touching = _first_contact(agents, chosen, near)
+    if touching is None:
+        return chosen, None, ""
+    tried = "" if all(len(found) == 1 for found in choices.values()) else " in all combinations tried"
+    return {}, PlanStatus.INVALID_GOAL, f"the goals exclude each other{tried}: {touching}"
+
+
+def _margin(agent: Agent, goal: Array, largest: float) -> float:
+    """The largest margin of which an arm's start and goal have twice as much [m]."""
+    question = agent.question({}, 0.0)
+    with checker_from_pool(question.scene, question.arms) as checker:
+        room = min(checker.moving_clearance(q, 2.0 * largest) for q in (agent.start, goal)) if largest > 0.0 else 0.0
+    return next((m for m in (largest, *MARGINS) if m <= largest and 2.0 * m <= room), 0.0)
 
 
 def _is_usable(checker: CollisionChecker, q: Array) -> bool:

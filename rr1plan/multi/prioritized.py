@@ -20,8 +20,9 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import Blocked, coordination_diagram, ends_exclude
+from rr1plan.multi.coordination import Blocked, are_apart, coordination_diagram, ends_exclude
 from rr1plan.multi.path_pool import PathPool
+from rr1plan.multi.placed_path import placed_configuration
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.multi.schedule import Schedule, extended
@@ -202,22 +203,39 @@ class PrioritizedPlanner:
         """One more path: around the goals of others, their starts, the ones or the others, or by chance."""
         number = self._detours[agent]
         self._detours[agent] += 1
-        others = self._neighbors(agent)
+        others = self._in_the_way(agent)
         goals = {other: self._goal_of(other) for other in others}
         starts = {other: other.start for other in others}
         scheduled = {other: goals[other] if other in self.schedules else starts[other] for other in others}
         kinds = [goals, starts, scheduled, {}]
         standing = kinds[number] if number < 3 else kinds[int(self._rng.integers(len(kinds)))]
+        began = time.perf_counter()
         postures: dict[str, Array | None] = {}
         for other, q in standing.items():
-            split = self._split(other, q)
-            postures.update(split)
-        began = time.perf_counter()
-        path, _ = self.pools[agent].add(postures, self._deadline - began, detour=number >= 3)
+            if self._leaves_ends_free(agent, other, q):
+                postures.update(self._split(other, q))
+        path, _ = self.pools[agent].add(postures, self._deadline - began, detour=number >= 3 or not postures)
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
         self.statistics.detours += 1
         return path
+
+    def _in_the_way(self, agent: Agent) -> list[Agent]:
+        """Neighbors whose path, as far as it is known, meets one of the agent's."""
+        paths, found = self.pools[agent].paths, []
+        for other in self._neighbors(agent):
+            theirs = self.schedules[other].path if other in self.schedules else self.pools[other].paths[0]
+            if any(self._diagram(path, theirs) is not None for path in paths):
+                found.append(other)
+        return found
+
+    def _leaves_ends_free(self, agent: Agent, other: Agent, q: Array) -> bool:
+        """Whether an agent can be at its start and its goal while another one stands somewhere."""
+        placed = placed_configuration(other.bodies, q)
+        return all(
+            are_apart(agent, placed_configuration(agent.bodies, end), other, placed, self.pools[agent].margin)
+            for end in (agent.start, self._goal_of(agent))
+        )
 
     def _goal_of(self, agent: Agent) -> Array:
         pool = self.pools.get(agent)

@@ -22,8 +22,6 @@ from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.coordination import Blocked
 from rr1plan.multi.schedule import Leg, Occupancy, Schedule, rest_row
 
-# Inner gridpoints at which an agent may wait.
-_STOPS = 12
 # Added to both ends of what others occupy, far above the rounding of times [s].
 _ROUNDING = 1e-7
 
@@ -84,12 +82,6 @@ def safe_intervals(begins: Array, ends: Array) -> list[tuple[float, float]]:
     return safe
 
 
-def stops_of(path: AgentPath) -> list[int]:
-    """Gridpoints at which an agent may wait: both ends, and some evenly spread between them."""
-    inner = np.unique(np.linspace(0, path.segments, _STOPS + 2).round().astype(int)) if path.segments else np.array([0])
-    return [int(k) for k in inner]
-
-
 def earliest_schedule(path: AgentPath, blocked: BlockedTimes) -> Schedule | None:
     """The schedule that arrives first of all that wait at the path's stops only; None if there is none.
 
@@ -115,7 +107,7 @@ class _State(NamedTuple):
 class _Search:
     def __init__(self, path: AgentPath, blocked: BlockedTimes) -> None:
         self.path, self.blocked = path, blocked
-        self.stops = stops_of(path)
+        self.stops = path.stops
         self.goal = path.segments
         self.safe = {k: safe_intervals(*blocked.of(rest_row(path, k))) for k in self.stops}
         inner = blocked.rows <= path.segments + 1
@@ -138,12 +130,12 @@ class _Search:
             if state.stop == self.goal and state.interval == last:
                 return Schedule(self.path, tuple(self._legs(state)))
             for target in self._targets(state.stop):
-                hop = self.path.hop(state.stop, target)
+                times = self.path.hop_times(state.stop, target)
                 direct = False
-                for arrival, interval, departure in self._arrivals(state, target, hop.times):
+                for arrival, interval, departure in self._arrivals(state, target, times):
                     if (target, interval) in done:
                         continue
-                    left = self.path.hop(target, self.goal).duration if target != self.goal else 0.0
+                    left = self.path.hop_duration(target, self.goal)
                     new = _State(arrival, target, interval, state, departure)
                     heappush(queue, (arrival + left, next(numbers), new))
                     direct = direct or (target == self.goal and interval == last and departure <= state.time)

@@ -80,12 +80,12 @@ class Schedule:
         if not self.legs:
             return 0.0
         last = self.legs[-1]
-        return last.departure + self.path.hop(last.begin, last.end).duration
+        return last.departure + self.path.hop_duration(last.begin, last.end)
 
     @property
     def waiting(self) -> float:
         """How long it rests before it is at its goal for good [s]."""
-        return self.arrival - sum(self.path.hop(leg.begin, leg.end).duration for leg in self.legs)
+        return self.arrival - sum(self.path.hop_duration(leg.begin, leg.end) for leg in self.legs)
 
     @property
     def length(self) -> float:
@@ -98,7 +98,7 @@ class Schedule:
         """Which rows of extended diagrams it occupies."""
         rows, enter, now = [np.array([0])], [np.array([-np.inf])], 0
         for leg in self.legs:
-            times = leg.departure + self.path.hop(leg.begin, leg.end).times
+            times = leg.departure + self.path.hop_times(leg.begin, leg.end)
             segments = np.arange(leg.begin, leg.end) if leg.end > leg.begin else np.arange(leg.begin, leg.end, -1) - 1
             now = leg.end
             rows += [segments + 1, np.array([rest_row(self.path, now)])]
@@ -114,7 +114,7 @@ class Schedule:
             if leg.departure - now > SHORTEST:
                 durations.append(np.array([leg.departure - now]))
                 parts.append(self.path.at(leg.begin)[None, None])
-            pieces = self.path.hop(leg.begin, leg.end).pieces
+            pieces = self.path.hop(leg.begin, leg.end)
             durations.append(pieces.durations)
             parts.append(pieces.coefficients)
             now = leg.departure + pieces.duration
