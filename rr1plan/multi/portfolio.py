@@ -28,7 +28,7 @@ from rr1plan.planning import Budget, PlanStatus, Progress, ProgressCallback, che
 from rr1plan.problem import Problem
 from rr1plan.trajectory import Trajectory
 
-_IMPROVEMENTS = 12  # rounds for each group
+_IMPROVEMENTS = 6  # rounds for each group
 
 
 @dataclass(frozen=True)

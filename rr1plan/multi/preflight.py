@@ -67,7 +67,7 @@ def preflight(
     goal, status, reason = goal_configurations(agents, near, rng)
     if status is not None:
         return Preflight(None, {}, status, reason)
-    margins = {arm: _margin(agent, goal[arm], largest_margin) for arm, agent in agents.items()}
+    margins = {arm: affordable_margin(agent, goal[arm], largest_margin) for arm, agent in agents.items()}
     if all(len(goals) == 1 and isinstance(goals[0], JointGoal) for goals in problem.goal.values()):
         return Preflight(problem, margins)
     return Preflight(Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, problem.arms), margins)
@@ -105,8 +105,14 @@ def goal_configurations(
     return {}, PlanStatus.INVALID_GOAL, f"the goals exclude each other{tried}: {touching}"
 
 
-def _margin(agent: Agent, goal: Array, largest: float) -> float:
-    """The largest margin of which an arm's start and goal have twice as much [m]."""
+def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
+    """The largest margin of which an agent's start and goal have twice as much [m].
+
+    Args:
+        agent: The agent.
+        goal: Its configuration at its goal, shape (nq,).
+        largest: It needs no more [m].
+    """
     question = agent.question({}, 0.0)
     with checker_from_pool(question.scene, question.arms) as checker:
         room = min(checker.moving_clearance(q, 2.0 * largest) for q in (agent.start, goal)) if largest > 0.0 else 0.0

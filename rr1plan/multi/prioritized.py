@@ -23,22 +23,22 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.coordination import Blocked, are_apart, coordination_diagram, ends_exclude
 from rr1plan.multi.path_pool import PathPool
 from rr1plan.multi.placed_path import placed_configuration
-from rr1plan.multi.preflight import MARGINS
+from rr1plan.multi.preflight import MARGINS, affordable_margin
 from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.multi.schedule import Schedule, extended
 
 # Distances to keep between agents beyond the padding [m]: the largest that their starts and their goals have.
 _MARGINS = (*MARGINS, 0.0)
 # Paths of a pool before another agent is evicted, and at most.
-_DETOURS, _MOST_PATHS = 4, 12
+_DETOURS, _MOST_PATHS = 3, 12
 # Two agents of which one has evicted the other so often become one.
-_QUARRELS = 3
+_QUARRELS = 2
 # Arms of an agent, at most: the joint space of more is hopeless.
 _MOST_TOGETHER = 4
 
 
 # A makespan nearer to its lower bound than this is not made shorter, nor by less than that [ratio].
-_GOOD_ENOUGH, _LEAST_GAIN = 0.05, 0.005
+_GOOD_ENOUGH, _LEAST_GAIN = 0.15, 0.005
 _NEIGHBORHOOD = 3  # agents that are scheduled again with the last, at most
 
 
@@ -160,11 +160,15 @@ class PrioritizedPlanner:
         return max((min(p.fastest for p in pool.paths) for pool in self.pools.values()), default=0.0)
 
     def _time_limit(self) -> float:
-        """Arrivals before this need no better path: others arrive later anyway."""
-        return max(self.makespan, self.lower_bound())
+        """Arrivals before this need no better path: others arrive later anyway, or it is good enough."""
+        return max(self.makespan, self.lower_bound() * (1.0 + _GOOD_ENOUGH))
 
     def _make_pool(self, agent: Agent) -> bool:
         margin = min(self._margins[arm] for arm in agent.arms)
+        if len(agent.arms) > 1:
+            # They keep it from each other, too.
+            goals = {arm: q for part in self.pools for arm, q in self._split(part, self._goal_of(part)).items()}
+            margin = affordable_margin(agent, np.concatenate([goals[arm] for arm in agent.arms]), margin)
         pool = PathPool(agent, margin, self._rng)
         began = time.perf_counter()
         path, reason = pool.add({}, self._deadline - time.perf_counter())

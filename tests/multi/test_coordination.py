@@ -1,4 +1,4 @@
-"""Coordination diagrams: a cell that is free is free for every two configurations in it, by checkers that share no code."""
+"""Coordination diagrams: what is free in them is free for checkers that share no code with them."""
 
 from __future__ import annotations
 
