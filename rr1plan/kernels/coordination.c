@@ -44,7 +44,7 @@ EXPORT void rr1_place_path(const PlacedPath *path, ExactScratch *scratch, const 
 }
 
 // Where groups get less far than this in two nodes, their bodies are looked at one by one [m].
-#define FINE 0.2
+#define FINE 0.03
 
 typedef struct {
     const PlacedPath *one;
