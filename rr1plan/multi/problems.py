@@ -13,6 +13,7 @@ import numpy as np
 from rr1plan.checks import Array, Seed, as_generator, finite_number, of_kind, positive_number, whole_number
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
+from rr1plan.kernels.library import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.coordination import are_apart
 from rr1plan.multi.interaction import arms_in_reach
@@ -25,7 +26,7 @@ from rr1plan.scene import Scene
 from rr1plan.shapes import Box
 
 _CLEARANCE = 2e-3  # of starts and goals [m]
-_TRIES = 1000
+_TRIES, _DRAWS = 1000, 200
 
 
 def random_grid(robot: Robot, count: int, spacing: float, rng: Seed = None) -> Problem:
@@ -54,22 +55,39 @@ def _random_postures(scene: Scene, rng: np.random.Generator) -> dict[str, Array]
     near = arms_in_reach(scene, scene.arms, _CLEARANCE)
     anywhere = Problem(scene, None, {arm: scene.arms[arm].q for arm in scene.arms})
     agents = {arm: Agent(anywhere, [arm]) for arm in scene.arms}
-    placed, postures = {}, {}
-    for arm, agent in agents.items():
-        question = agent.question({}, 0.0)
-        with checker_from_pool(question.scene, question.arms) as checker:
-            for _ in range(_TRIES):
-                q = rng.uniform(agent.limits.lower, agent.limits.upper)
-                if checker.clearance(q, 2.0 * _CLEARANCE) < _CLEARANCE:
-                    continue
-                own = placed_configuration(agent.bodies, q)
-                others = [other for other in near[arm] if other in placed]
-                if all(are_apart(agent, own, agents[other], placed[other], _CLEARANCE) for other in others):
-                    break
-            else:
-                raise InputError(f"no free configuration found for {arm!r} among the others; try a wider spacing")
-        placed[arm], postures[arm] = own, np.asarray(q)
-    return postures
+    placed: dict[str, CStruct] = {}
+    postures: dict[str, Array] = {}
+    waiting, rounds = list(agents), 0
+    while waiting:
+        arm = waiting.pop(0)
+        others = [(agents[other], placed[other]) for other in near[arm] if other in placed]
+        q = _free_among(agents[arm], others, rng)
+        if q is not None:
+            placed[arm], postures[arm] = placed_configuration(agents[arm].bodies, q), q
+            continue
+        rounds += 1
+        if rounds > _TRIES:
+            raise InputError(f"no free configuration found for {arm!r} among the others; try a wider spacing")
+        # Its neighbors may stand where its base is: they are drawn again.
+        again = [other for other in agents if other in near[arm] and other in placed]
+        for other in again:
+            del placed[other]
+        waiting = [arm, *again, *waiting]
+    return {arm: postures[arm] for arm in agents}
+
+
+def _free_among(agent: Agent, others: list[tuple[Agent, CStruct]], rng: np.random.Generator) -> Array | None:
+    """A random free configuration of an arm that is apart from others."""
+    question = agent.question({}, 0.0)
+    with checker_from_pool(question.scene, question.arms) as checker:
+        for _ in range(_DRAWS):
+            q = rng.uniform(agent.limits.lower, agent.limits.upper)
+            if checker.clearance(q, 2.0 * _CLEARANCE) < _CLEARANCE:
+                continue
+            own = placed_configuration(agent.bodies, q)
+            if all(are_apart(agent, own, other, placed, _CLEARANCE) for other, placed in others):
+                return np.asarray(q)
+    return None
 
 
 def ring_swap(
