@@ -33,6 +33,8 @@ _MARGINS = (*MARGINS, 0.0)
 _DETOURS, _MOST_PATHS = 3, 12
 # Two agents of which one has evicted the other so often become one.
 _QUARRELS = 2
+# Agents of a group that are planned as one as soon as their first paths cannot be timed.
+_PLANNED_AS_ONE = 3
 # Arms of an agent, at most: the joint space of more is hopeless.
 _MOST_TOGETHER = 4
 
@@ -91,6 +93,8 @@ class PrioritizedPlanner:
         self.statistics = Statistics()
         self.stage = ""
         self.reason = ""
+        # Pools of agents that are part of another one now; they bound its makespan.
+        self._parts: dict[Agent, PathPool] = {}
         self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
         self._pair_margins: dict[frozenset[Agent], float] = {}
         self._evicted: Counter[Agent] = Counter()
@@ -105,6 +109,8 @@ class PrioritizedPlanner:
             if not self._make_pool(agent):
                 return False
         waiting = sorted(self.agents, key=lambda agent: -self.pools[agent].paths[0].fastest)
+        if 1 < len(waiting) <= _PLANNED_AS_ONE and self._solve_few(waiting):
+            waiting = []
         while waiting:
             if time.perf_counter() > self._deadline:
                 self.reason = self._blocked_by(waiting)
@@ -120,6 +126,21 @@ class PrioritizedPlanner:
             waiting = [agent for agent in waiting if agent in self.pools]
         self.stage = self._stage()
         return True
+
+    def _solve_few(self, agents: list[Agent]) -> bool:
+        """Time the first paths of a few agents, or else plan them as one; whether that was possible."""
+        limit = self._time_limit()
+        if all(self._schedule(agent, limit, detours=0) for agent in agents) and self.makespan <= limit:
+            return True
+        timed = dict(self.schedules) if len(self.schedules) == len(agents) else None
+        merged = self._merge(agents)
+        if merged is not None and self._schedule(merged, math.inf, detours=0):
+            if timed is None or self.makespan <= max(schedule.arrival for schedule in timed.values()):
+                return True
+            # Those that wait are sooner there.
+            self._split_up(merged, agents)
+        self.schedules = {} if timed is None else timed
+        return timed is not None
 
     def improve(self, rounds: int) -> None:
         """Make the makespan shorter: the last agent and some of those near it are scheduled again, it first.
@@ -157,7 +178,10 @@ class PrioritizedPlanner:
 
     def lower_bound(self) -> float:
         """Duration of the fastest known motion of the slowest agent alone [s]."""
-        return max((min(p.fastest for p in pool.paths) for pool in self.pools.values()), default=0.0)
+        alone = [*self._parts.values(), *self.pools.values()]
+        return max(
+            (min(path.fastest for path in pool.paths) for pool in alone if len(pool.agent.arms) == 1), default=0.0
+        )
 
     def _time_limit(self) -> float:
         """Arrivals before this need no better path: others arrive later anyway, or it is good enough."""
@@ -180,15 +204,16 @@ class PrioritizedPlanner:
         self.pools[agent] = pool
         return True
 
-    def _schedule(self, agent: Agent, limit: float) -> bool:
+    def _schedule(self, agent: Agent, limit: float, *, detours: int | None = None) -> bool:
         """Time the paths of an agent, and detours while none arrives before the limit; whether there is a schedule."""
+        detours = _DETOURS if detours is None else detours
         best: Schedule | None = None
         for path in list(self.pools[agent].paths):
             best = _earlier(best, self._timed(path, self._others(agent)))
             if best is not None and best.arrival <= limit:
                 break
         tries = 0
-        while (best is None or best.arrival > limit) and tries < _DETOURS:
+        while (best is None or best.arrival > limit) and tries < detours:
             if len(self.pools[agent].paths) >= _MOST_PATHS or time.perf_counter() > self._deadline:
                 break
             tries += 1
@@ -289,19 +314,35 @@ class PrioritizedPlanner:
             together = {*agent.arms, *victim.arms}
             if self._quarrels[frozenset((agent, victim))] < _QUARRELS or len(together) > _MOST_TOGETHER:
                 continue
-            merged = Agent(agent.problem, together)
-            if not self._make_pool(merged):
+            merged = self._merge([agent, victim])
+            if merged is None:
                 self._quarrels[frozenset((agent, victim))] = -_QUARRELS
-                self.reason = ""
                 continue
-            for old in (agent, victim):
-                self.pools.pop(old)
-                self.schedules.pop(old, None)
-                self.agents.remove(old)
-            self.agents.append(merged)
-            self.statistics.merged += 1
             return [merged, *(v for v in evicted if v is not victim)]
         return evicted
+
+    def _merge(self, agents: list[Agent]) -> Agent | None:
+        """One agent of several, with a path in the joint space of all their arms; None if none is found."""
+        merged = Agent(agents[0].problem, [arm for agent in agents for arm in agent.arms])
+        if not self._make_pool(merged):
+            self.reason = ""
+            return None
+        for old in agents:
+            self._parts[old] = self.pools.pop(old)
+            self.schedules.pop(old, None)
+            self.agents.remove(old)
+        self.agents.append(merged)
+        self.statistics.merged += 1
+        return merged
+
+    def _split_up(self, merged: Agent, agents: list[Agent]) -> None:
+        """Undo a merger."""
+        for agent in agents:
+            self.pools[agent] = self._parts.pop(agent)
+            self.agents.append(agent)
+        del self.pools[merged]
+        self.agents.remove(merged)
+        self.statistics.merged -= 1
 
     # ---- timing ------------------------------------------------------------------------------
 
