@@ -43,7 +43,7 @@ class PathPool:
         self.paths: list[AgentPath] = []
 
     def add(
-        self, others: Mapping[str, Array | None], seconds: float, *, detour: bool = False
+        self, others: Mapping[str, Array | None], seconds: float, *, detour: bool = False, patient: bool = False
     ) -> tuple[AgentPath | None, str]:
         """Look for one more path.
 
@@ -51,6 +51,7 @@ class PathPool:
             others: Moving arms of the problem that it has to avoid, each in a posture (nq,).
             seconds: When to give up [s].
             detour: Whether it has to go through a random configuration.
+            patient: Whether to use all of the time; else a hard search is given up soon.
 
         Returns:
             The path, which is part of the pool now, or None and why there is none.
@@ -60,7 +61,8 @@ class PathPool:
         if detour and via is None:
             return None, "no random configuration is free"
         legs = [question] if via is None else _split(question, via)
-        budget = Budget(min(_SECONDS, max(seconds, 1e-3)), _ITERATIONS * len(self.agent.arms))
+        seconds = max(seconds, 1e-3)
+        budget = Budget(seconds) if patient else Budget(min(_SECONDS, seconds), _ITERATIONS * len(self.agent.arms))
         points: list[Array] = []
         for leg in legs:
             result = plan(leg, budget=budget, rng=self._rng)

@@ -10,21 +10,22 @@ group of up to four arms that still has no schedule are planned as one.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_generator
+from rr1plan.checks import Seed, as_generator, finite_number
+from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.interaction import arms_in_reach, interaction_groups
 from rr1plan.multi.preflight import MARGINS, preflight
 from rr1plan.multi.prioritized import PrioritizedPlanner, Statistics
 from rr1plan.multi.schedule import Schedule
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
-from rr1plan.planning import Budget, PlanStatus, Progress, ProgressCallback, check_question
+from rr1plan.planning import Budget, PlanStatus, ProgressCallback, check_question
 from rr1plan.problem import Problem
 from rr1plan.trajectory import Trajectory
 
@@ -125,62 +126,63 @@ def plan_many_arms(
             the problem, or 2 mm where it has none).
         budget: When to stop (default: 10 s); of iterations only the seconds count.
         rng: Seed; where time does not run out the same seed gives the same motion.
-        progress: Called before each group; False cancels.
+        progress: Called about ten times a second; False cancels.
 
     Returns:
         The motion, or why there is none: INVALID_START or INVALID_GOAL with the links that touch and how deep, or
         TIMEOUT with the arms that have no schedule, and those among which they have none.
 
     Raises:
-        InputError: no problem, or a scene that cannot be checked.
+        InputError: no problem, a margin below zero, or a scene that cannot be checked.
     """
-    began = time.perf_counter()
     check_question(problem, budget, progress)
+    watch = Stopwatch((budget or Budget()).seconds, progress)
     generator = as_generator(rng)
-    deadline = began + (budget or Budget()).seconds
-    largest = (problem.margin or MARGINS[0]) if margin is None else margin
+    largest = finite_number("margin", (problem.margin or MARGINS[0]) if margin is None else margin)
+    if largest < 0.0:
+        raise InputError(f"margin is {largest}, expected a distance >= 0")
     near = arms_in_reach(problem.scene, problem.arms, largest)
     found = preflight(problem, near, largest, generator)
     if found.problem is None:
         assert found.status is not None, "a problem without an answer has a status"
-        return ManyArmsResult(found.status, found.reason, seconds=time.perf_counter() - began)
+        return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
     groups: list[GroupResult] = []
     planners: list[PrioritizedPlanner] = []
-    names = interaction_groups(near)
-    for number, arms in enumerate(names):
-        seconds = time.perf_counter() - began
-        if progress is not None and progress(Progress("plan", seconds, number / len(names))) is False:
-            reason = "the progress callback returned False"
-            return ManyArmsResult(PlanStatus.CANCELLED, reason, groups=tuple(groups), seconds=seconds)
-        agents = [Agent(found.problem, [arm]) for arm in arms]
+    for arms in interaction_groups(near):
         # Numbers of their own, so that a group is planned the same whatever the others are.
         numbers = np.random.default_rng(generator.integers(2**63))
-        planner = PrioritizedPlanner(agents, near, found.margins, numbers, deadline)
-        solved = planner.run()
-        if solved:
-            planner.improve(_IMPROVEMENTS)
-        reason = "" if solved else planner.reason
-        used = time.perf_counter() - began - seconds
-        groups.append(GroupResult(arms, planner.stage, used, reason, planner.statistics))
-        planners.append(planner)
-    seconds = time.perf_counter() - began
+        agents = [Agent(found.problem, [arm]) for arm in arms]
+        planners.append(PrioritizedPlanner(agents, near, found.margins, numbers, watch))
+        groups.append(_solve(planners[-1], arms, watch))
+    if watch.cancelled:
+        reason = "the progress callback returned False"
+        return ManyArmsResult(PlanStatus.CANCELLED, reason, groups=tuple(groups), seconds=watch.seconds)
     unsolved = [group for group in groups if not group.solved]
     if unsolved:
-        reason = f"not found in {seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
-        return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=seconds)
+        reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
+        return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
     schedules = [schedule for planner in planners for schedule in planner.schedules.values()]
-    trajectory = merged_trajectory(problem, schedules)
     return ManyArmsResult(
         PlanStatus.SOLVED,
-        trajectory=trajectory,
+        trajectory=merged_trajectory(problem, schedules),
         paths=_paths_by_arm(problem, schedules),
         groups=tuple(groups),
-        seconds=time.perf_counter() - began,
+        seconds=watch.seconds,
         makespan=max((s.arrival for s in schedules), default=0.0),
         lower_bound=max((planner.lower_bound() for planner in planners), default=0.0),
         path_length=math.fsum(s.length for s in schedules),
         waiting=math.fsum(s.waiting for s in schedules),
     )
+
+
+def _solve(planner: PrioritizedPlanner, arms: tuple[str, ...], watch: Stopwatch) -> GroupResult:
+    """Schedule a group, and make its makespan shorter."""
+    began = watch.seconds
+    solved = planner.run()
+    if solved:
+        planner.improve(_IMPROVEMENTS)
+    reason = "" if solved else planner.reason
+    return GroupResult(arms, planner.stage, watch.seconds - began, reason, planner.statistics)
 
 
 def merged_trajectory(problem: Problem, schedules: list[Schedule]) -> Trajectory:

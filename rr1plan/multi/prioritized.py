@@ -26,6 +26,7 @@ from rr1plan.multi.placed_path import placed_configuration
 from rr1plan.multi.preflight import MARGINS, affordable_margin
 from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.multi.schedule import Schedule, extended
+from rr1plan.multi.stopwatch import Stopwatch
 
 # Distances to keep between agents beyond the padding [m]: the largest that their starts and their goals have.
 _MARGINS = (*MARGINS, 0.0)
@@ -69,7 +70,7 @@ class PrioritizedPlanner:
         near: Arms that can meet each arm.
         margins: Distance that each arm keeps from what stands still, beyond the padding [m].
         rng: Where random numbers come from.
-        deadline: When to give up (`time.perf_counter`).
+        watch: Says when to give up.
 
     Attributes:
         schedules: Of the agents that have one.
@@ -84,9 +85,9 @@ class PrioritizedPlanner:
         near: Mapping[str, frozenset[str]],
         margins: Mapping[str, float],
         rng: np.random.Generator,
-        deadline: float,
+        watch: Stopwatch,
     ) -> None:
-        self._near, self._margins, self._rng, self._deadline = near, margins, rng, deadline
+        self._near, self._margins, self._rng, self._watch = near, margins, rng, watch
         self.agents = list(agents)
         self.pools: dict[Agent, PathPool] = {}
         self.schedules: dict[Agent, Schedule] = {}
@@ -112,7 +113,7 @@ class PrioritizedPlanner:
         if 1 < len(waiting) <= _PLANNED_AS_ONE and self._solve_few(waiting):
             waiting = []
         while waiting:
-            if time.perf_counter() > self._deadline:
+            if not self._watch.goes_on():
                 self.reason = self._blocked_by(waiting)
                 return False
             agent = waiting.pop(0)
@@ -151,7 +152,7 @@ class PrioritizedPlanner:
         for _ in range(rounds):
             last = max(self.agents, key=lambda agent: self.schedules[agent].arrival)
             limit = self.makespan
-            if limit <= self.lower_bound() * (1.0 + _GOOD_ENOUGH) or time.perf_counter() > self._deadline:
+            if limit <= self.lower_bound() * (1.0 + _GOOD_ENOUGH) or not self._watch.goes_on():
                 break
             before = dict(self.schedules)
             path = self.schedules[last].path
@@ -195,7 +196,7 @@ class PrioritizedPlanner:
             margin = affordable_margin(agent, np.concatenate([goals[arm] for arm in agent.arms]), margin)
         pool = PathPool(agent, margin, self._rng)
         began = time.perf_counter()
-        path, reason = pool.add({}, self._deadline - time.perf_counter())
+        path, reason = pool.add({}, self._watch.left, patient=len(agent.arms) == 1)
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
         if path is None:
@@ -214,7 +215,7 @@ class PrioritizedPlanner:
                 break
         tries = 0
         while (best is None or best.arrival > limit) and tries < detours:
-            if len(self.pools[agent].paths) >= _MOST_PATHS or time.perf_counter() > self._deadline:
+            if len(self.pools[agent].paths) >= _MOST_PATHS or not self._watch.goes_on():
                 break
             tries += 1
             made = self._detour(agent)
@@ -243,7 +244,7 @@ class PrioritizedPlanner:
         for other, q in standing.items():
             if self._leaves_ends_free(agent, other, q):
                 postures.update(self._split(other, q))
-        path, _ = self.pools[agent].add(postures, self._deadline - began, detour=number >= 3 or not postures)
+        path, _ = self.pools[agent].add(postures, self._watch.left, detour=number >= 3 or not postures)
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
         self.statistics.detours += 1
@@ -283,7 +284,7 @@ class PrioritizedPlanner:
         others = self._others(agent)
         best: tuple[float, Schedule, list[Agent]] | None = None
         for path in self.pools[agent].paths:
-            if time.perf_counter() > self._deadline:
+            if not self._watch.goes_on():
                 return None
             for victims in self._candidates(path, others):
                 cost = sum(1.0 + self._evicted[v] for v in victims)
