@@ -3,7 +3,7 @@
     python hatch_build.py
 
 The compiler is `ziglang`, a wheel that needs nothing else on the machine, or that of the environment variable CC. One
-library is made for each level of the processor, and the right one is chosen at run time (`rr1plan/kernels/library.py`).
+library is made for each level of the processor, and `rr1plan/kernels/planner_kernels.py` chooses at run time.
 The planners' kernels are also compiled to a WebAssembly module, `core.wasm`, which only pages need. That is always done
 by ziglang, because few other compilers have the target. With CC set and no ziglang that works, a warning says that the
 module is not built.
@@ -43,6 +43,13 @@ WASM = (
 CORE = ROOT / "rr1plan/kernels/built/core.wasm"
 VARIANTS = {"x86_64": ("x86_64_v2", "x86_64_v3", "x86_64_v4"), "aarch64": ("aarch64",)}
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
+# What wheels call processors where that is not what compilers do.
+_TAGS = {
+    ("darwin", "x86_64"): "x86_64",
+    ("darwin", "aarch64"): "arm64",
+    ("win32", "x86_64"): "amd64",
+    ("win32", "aarch64"): "arm64",
+}
 # Of the systems: what the compiler calls them, the suffix of a library, the platform of a wheel.
 _SYSTEMS = {
     "linux": ("linux-gnu.2.17", ".so", "manylinux_2_17_{}"),
@@ -52,8 +59,8 @@ _SYSTEMS = {
 
 
 def _binding_sources() -> ModuleType:
-    """`rr1plan.binding.sources`, without the package, whose requirements are not there while it is built."""
-    spec = importlib.util.spec_from_file_location("_sources", ROOT / "rr1plan/binding/sources.py")
+    """`rr1plan.binding.c_sources`, without the package, whose requirements are not there while it is built."""
+    spec = importlib.util.spec_from_file_location("_sources", ROOT / "rr1plan/binding/c_sources.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -152,7 +159,7 @@ def build_all(warn: Callable[[str], object]) -> list[Path]:
 
 def wheel_tag() -> str:
     """The tag of a wheel with these libraries: any Python, this platform."""
-    processor = {"darwin": platform.machine(), "win32": "amd64"}.get(sys.platform, machine())
+    processor = machine() if sys.platform == "linux" else _TAGS[sys.platform, machine()]
     form = "linux_{}" if own_compiler() and sys.platform == "linux" else _SYSTEMS[sys.platform][2]
     return f"py3-none-{form.format(processor)}"
 

@@ -1,12 +1,17 @@
-"""Do the compiled kernels answer as Coal does? Random configurations and edges of several robots, one by one.
+"""Do the compiled kernels answer as Coal does? Random configurations and edges, of several robots and of many arms.
 
     python benchmarks/agreement.py --panda panda.urdf --folder ROBOTS
+    python benchmarks/agreement.py --robot crowds --configurations 100000 --edges 10000
+
+The scenes (`clutter.py`) have every kind of shape, padding, margins, held things; "crowds" are those of 2 to 16 arms,
+down to 0.35 m apart, all moving or some, alike or of several robots.
 
 Configurations: the kernel's answer against Coal's. Edges: what the kernel calls free is proven free by Coal alone
-(`coal_proof.py`); where it finds a contact, Coal has to find one at that configuration. An answer may differ where
-the least distance lies within `BAND` of the padding, which is proven and counted as grazing; any other difference is
-printed whole, and the exit code is 1. "narrow" counts free edges on which something passes within Coal's own error;
-all samples of them are free. On "undecided" ones so many samples were that Coal's proof was given up.
+(`coal_proof.py`); where it finds a contact, Coal has to find one at that configuration. Every `_EVERY_JUDGED`th edge is
+asked of the referee too. An answer may differ where the least distance lies within `BAND` of the padding, which is
+proven and counted as grazing; any other difference is printed whole, and the exit code is 1. "narrow" counts free edges
+on which something passes within Coal's own error; all samples of them are free. On "undecided" ones so many samples
+were that Coal's proof was given up.
 """
 
 from __future__ import annotations
@@ -21,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from clutter import box_of, cluttered_scenes, find_urdf
+from clutter import Crowd, box_of, cluttered_scenes, crowds, find_urdf
 from coal_proof import CoalProof, PlainCoal
 from shared import Clock, console, heading, make_parser, pin_to_core, save, table, track
 
@@ -29,7 +34,7 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import CONTACT, FREE, EdgeKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
+from rr1plan.collision.tables.edge_tables import build_edge_tables
 
 # Motions that pass nearer than this are refused by design [m].
 TOLERANCE = 1e-6
@@ -38,15 +43,18 @@ BAND = 2e-6
 _CHUNK = 2000
 _CHUNK_OF_EDGES = 200
 _EVERY_PLAIN = 500
-_EDGES = ("free", "proven", "narrow", "undecided", "contact confirmed", "grazing", "different")
+_EVERY_JUDGED = 5
+_MOST_PAIRS = 20_000
+_EDGES = ("free", "proven", "narrow", "undecided", "contact confirmed", "judged", "grazing", "different")
 ROBOTS = ("planar2r", "rr1", "panda", "ur5")
+CROWDS = "crowds"
 # Those that do not ship, and their files in the package example-robot-data.
 FOREIGN = {"panda": "panda.urdf", "ur5": "ur5_robot.urdf"}
 
 
 @dataclass
 class Tally:
-    """What came of the questions in one scene."""
+    """Results of the checks in one scene."""
 
     robot: str
     scene: str
@@ -62,26 +70,33 @@ class Tally:
 
 
 class Comparison:
-    """One scene: the kernels, Coal, and what they said so far."""
+    """Comparison of the kernels with Coal in one scene."""
 
-    def __init__(self, robot: str, name: str, scene: rp.Scene) -> None:
-        self.tally = Tally(robot, name)
-        self.checker = CollisionChecker(scene)
+    def __init__(self, robot: str, crowd: Crowd) -> None:
+        self.tally = Tally(robot, crowd.name)
+        self.scene, self.margin = crowd.scene, crowd.margin
+        self.checker = CollisionChecker(crowd.scene, crowd.arms, margin=crowd.margin)
         tables = build_edge_tables(self.checker, self.checker.tables, TOLERANCE)
         self.kernel = EdgeKernel(tables, self.checker.exact_kernel, self.checker.nq, TOLERANCE)
         self.exact = self.checker
-        self.plain = PlainCoal(scene)
+        # Coal's pairs through Pinocchio need 20 kB each.
+        self.is_large = len(self.checker.solid_pairs) > _MOST_PAIRS
+        self.plain = PlainCoal(crowd.scene, crowd.arms, crowd.margin)
         self.proof = CoalProof(self.checker)
         self.low, self.high = box_of(self.checker.limits)
+        self.chunks = (
+            max(1, _CHUNK // len(self.checker.arms) ** 2),
+            max(1, _CHUNK_OF_EDGES // len(self.checker.arms) ** 2),
+        )
 
     def configurations(self, rng: np.random.Generator, count: int) -> None:
-        """Ask about random configurations."""
+        """Check random configurations."""
         tally, clock = self.tally.configurations, self.tally.clock
-        q = rng.uniform(self.low, self.high, (count, self.checker.nq))
+        q = np.array([self._sample(rng) for _ in range(count)])
         with clock.stage("configurations, kernel"):
             quick = self._certify(q, q)[0] == FREE
         with clock.stage("configurations, Coal"):
-            sure = np.array([self.checker.is_free_slowly(one) for one in q])
+            sure = np.array([self.is_free_by_coal(one) for one in q])
         tally.update(asked=count, free=int(sure.sum()))
         for i in np.flatnonzero(quick != sure):
             self._differ(tally, q[i], q[i], q[i], f"Coal: {'free' if sure[i] else 'a contact'}")
@@ -91,7 +106,7 @@ class Comparison:
                 self._differ(tally, one, one, one, "Coal through numpy and through Pinocchio differ")
 
     def random_edges(self, rng: np.random.Generator, count: int) -> None:
-        """Ask about random edges that begin at free configurations."""
+        """Check random edges from free configurations."""
         begins, ends = self._draw(rng, count)
         tally, clock = self.tally.edges, self.tally.clock
         with clock.stage("edges, kernel"):
@@ -108,13 +123,21 @@ class Comparison:
             self._differ(
                 tally, begins[i], ends[i], spot, f"the exact kernel alone: {'free' if exact[i] else 'not free'}"
             )
+        # The referee keeps the scene's padding only.
+        for i in range(0, count if self.margin == 0.0 else 0, _EVERY_JUDGED):
+            with clock.stage("edges, referee"):
+                self._ask_referee(begins[i], ends[i], status[i] == FREE, float(where[i]))
+
+    def is_free_by_coal(self, q: Array) -> bool:
+        """Coal's answer about a configuration."""
+        return self.plain.is_free(q) if self.is_large else self.checker.is_free_slowly(q)
 
     def _judge(self, q0: Array, q1: Array, status: int, where: float) -> None:
-        """What Coal makes of the kernel's answer about an edge."""
+        """Compare the kernel's result for an edge with Coal's."""
         tally = self.tally.edges
         if status != FREE:
             q = q0 + where * (q1 - q0)
-            if self.checker.is_free_slowly(q):
+            if self.is_free_by_coal(q):
                 self._differ(
                     tally, q0, q1, q, f"the kernel: {'contact' if status == CONTACT else 'too near'}; Coal: free there"
                 )
@@ -127,25 +150,51 @@ class Comparison:
             return
         self._differ(tally, q0, q1, q0 + where * (q1 - q0), f"the kernel: free; Coal: {verdict}")
 
+    def _ask_referee(self, q0: Array, q1: Array, free: bool, where: float) -> None:
+        """What the referee makes of an edge."""
+        path = rp.Path(self.checker.joint_names, np.array([q0, q1]))
+        report = rp.certify_path(path, self.scene, clearance=False)
+        self.tally.edges["judged"] += 1
+        if report.certified == free:
+            return
+        if free:
+            where = max(0.0, report.violations[0].time or 0.0) / max(report.duration, 1e-300)
+        told = "free" if report.certified else report.violations[0].message
+        self._differ(self.tally.edges, q0, q1, q0 + where * (q1 - q0), f"the kernel: {free=}; the referee: {told}")
+
     def _differ(self, tally: Counter[str], q0: Array, q1: Array, q: Array, what: str) -> None:
         """Count an answer that differs: as grazing if that is proven, else as a difference."""
         bracket = self.plain.bracket(q)
-        told = {"robot": self.tally.robot, "scene": self.tally.scene, "what": what, "pair": bracket.pair}
-        told |= {"at least": bracket.lower, "at most": bracket.upper, "begin": q0.tolist(), "end": q1.tolist()}
-        told |= {"q": q.tolist()}
+        record = {"robot": self.tally.robot, "scene": self.tally.scene, "what": what, "pair": bracket.pair}
+        record |= {"at least": bracket.lower, "at most": bracket.upper, "begin": q0.tolist(), "end": q1.tolist()}
+        record |= {"q": q.tolist()}
         if bracket.lower >= -BAND and bracket.upper <= BAND:
             tally["grazing"] += 1
-            self.tally.grazing.append(told)
+            self.tally.grazing.append(record)
         else:
             tally["different"] += 1
-            self.tally.differences.append(told)
+            self.tally.differences.append(record)
+
+    def _sample(self, rng: np.random.Generator) -> Array:
+        """A random configuration; each of several arms is drawn between its configuration in the scene and any other.
+
+        Many arms that go anywhere would nearly always touch.
+        """
+        q = rng.uniform(self.low, self.high)
+        arms = self.checker.arms
+        if len(arms) == 1:
+            return q
+        shares = {arm: rng.uniform() ** 2 * (rng.uniform() < 0.7) for arm in arms}
+        share = np.array([shares[name.split("/", 1)[0]] for name in self.checker.joint_names])
+        stand = self.scene.configuration(arms)
+        return np.asarray(stand + share * (q - stand))
 
     def _draw(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Free begins, and ends 0.02 to 1.5 rad (or m) from them within the limits."""
         free: list[Array] = []
         while len(free) < count:
-            q = rng.uniform(self.low, self.high)
-            if self.checker.is_free_slowly(q):
+            q = self._sample(rng)
+            if self.is_free_by_coal(q):
                 free.append(q)
         begins = np.array(free)
         steps = rng.normal(size=begins.shape)
@@ -177,7 +226,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = make_parser("Compiled answers against Coal's", "agreement")
-    parser.add_argument("--robot", nargs="+", choices=ROBOTS, default=list(ROBOTS), help="robots to ask about")
+    subjects = (*ROBOTS, CROWDS)
+    parser.add_argument("--robot", nargs="+", choices=subjects, default=list(subjects), help="robots to ask about")
+    parser.add_argument("--scenes", help="those of which the name contains this")
     for name in FOREIGN:
         parser.add_argument(
             f"--{name}", type=Path, help="its URDF, an SRDF beside it (default: that of example-robot-data)"
@@ -190,16 +241,11 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _compare(name: str, args: argparse.Namespace) -> list[Tally]:
-    robot = _load(name, args)
-    if robot is None:
-        console.print(f"{name} is left out: no file; see --help", highlight=False)
-        return []
-    scenes = [*cluttered_scenes(robot, args.seed), *_shipped(name)]
-    parts = [Comparison(name, *scene) for scene in scenes]
-    work = [*_shares(parts, "configurations", args.configurations, _CHUNK)]
-    work += _shares(parts, "random_edges", args.edges, _CHUNK_OF_EDGES)
-    rng, begun = np.random.default_rng([args.seed, ROBOTS.index(name)]), time.monotonic()
-    # In any order, so that what is asked before the time is over is spread over all scenes.
+    parts = [Comparison(name, crowd) for crowd in _scenes(name, args) if (args.scenes or "") in crowd.name]
+    work = [*_shares(parts, "configurations", args.configurations, 0)]
+    work += _shares(parts, "random_edges", args.edges, 1)
+    rng, begun = np.random.default_rng([args.seed, (*ROBOTS, CROWDS).index(name)]), time.monotonic()
+    # Shuffled, so that the checks within the time limit are spread over all scenes.
     for k in track(rng.permutation(len(work)).tolist(), name):
         part, question, count = work[k]
         getattr(part, question)(rng, count)
@@ -208,13 +254,26 @@ def _compare(name: str, args: argparse.Namespace) -> list[Tally]:
     return [part.tally for part in parts]
 
 
-def _shares(parts: list[Comparison], question: str, total: int, chunk: int) -> Iterator[tuple[Comparison, str, int]]:
+def _shares(parts: list[Comparison], question: str, total: int, kind: int) -> Iterator[tuple[Comparison, str, int]]:
     """The questions to each scene, in chunks."""
     for i, part in enumerate(parts):
         left = total * (i + 1) // len(parts) - total * i // len(parts)
         while left > 0:
-            yield part, question, min(chunk, left)
-            left -= chunk
+            yield part, question, min(part.chunks[kind], left)
+            left -= part.chunks[kind]
+
+
+def _scenes(name: str, args: argparse.Namespace) -> Iterator[Crowd]:
+    if name == CROWDS:
+        others = rp.load_robot("planar2r"), _load("panda", args)
+        yield from crowds(rp.load_robot("rr1"), [robot for robot in others if robot is not None], args.seed)
+        return
+    robot = _load(name, args)
+    if robot is None:
+        console.print(f"{name} is left out: no file; see --help", highlight=False)
+        return
+    for scene in (*cluttered_scenes(robot, args.seed), *_shipped(name)):
+        yield Crowd(*scene)
 
 
 def _load(name: str, args: argparse.Namespace) -> rp.Robot | None:
@@ -228,7 +287,7 @@ def _load(name: str, args: argparse.Namespace) -> rp.Robot | None:
 
 
 def _shipped(name: str) -> Iterator[tuple[str, rp.Scene]]:
-    """Shipped scenes of a robot, but for the one with twelve arms."""
+    """Shipped scenes of a robot, except the one with twelve arms."""
     for scene in rp.scene_names():
         if scene.startswith(f"{name}_") and scene != "rr1_twelve":
             yield scene, rp.load_scene(scene)
@@ -244,6 +303,7 @@ def _tables(tallies: Sequence[Tally]) -> list[str]:
         "narrow",
         "undecided",
         "contact confirmed",
+        "asked of the referee",
         "grazing",
         "different",
     ]

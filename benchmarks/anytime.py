@@ -1,11 +1,11 @@
-"""How short a path is that a planner has after 10, 100 and 1000 ms: ours, and OMPL's optimizing ones.
+"""Path length after 10, 100 and 1000 ms: the anytime planner and OMPL's optimizing planners.
 
     python benchmarks/anytime.py [PROBLEMS.json.gz --robot panda.urdf]
 
-All have our certified edges, so what differs is the search. Beside them RRT-Connect with one round of shortcuts, which
-ends when it ends. Budgets are CPU time: planners look at a clock that stands still while others use the core. A
-length is told as a multiple of the shortest that anyone found for that problem; where a
-planner has no path its length is endless, also in the median. Problems whose straight line is free are left out.
+All planners use the same certified edges and differ in the search only. The baseline is RRT-Connect with one round of
+shortcuts, without a budget. Budgets are CPU time: planners read a clock of the process's CPU time. Lengths
+are multiples of the shortest length found for a problem by any planner, infinite without a path, also in the
+median. Problems whose straight line is free are omitted.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from shared import heading, make_parser, number, pin_to_core, save, table, track
 
 import rr1plan as rp
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
 from rr1plan.planners import planner_table
+from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
 
 _BASELINE = "rrt_connect + shorten"
 
@@ -70,7 +70,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--srdf", type=Path, help="their robot's SRDF (default: beside the URDF)")
     names = [row.name for row in planner_table() if row.optimizing]
     parser.add_argument("--planners", nargs="+", default=names, help="names of planners")
-    parser.add_argument("--scenes", nargs="*", default=_scenes(), help="shipped scenes whose queries are asked")
+    parser.add_argument("--scenes", nargs="*", default=_scenes(), help="shipped scenes whose queries are planned")
     parser.add_argument("--milliseconds", type=float, nargs="+", default=[10.0, 100.0, 1000.0], help="budgets")
     parser.add_argument("--repeats", type=int, default=1, help="seeds for each problem")
     parser.add_argument("--every", type=int, default=1, help="take every n-th query of the scenes")
@@ -79,7 +79,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _scenes() -> list[str]:
-    """All that ship with a path for one arm, or two."""
+    """Shipped scenes with a feasible query for one or two arms."""
     return [name for name in rp.scene_names() if name not in ("planar2r_no_path", "rr1_twelve")]
 
 
@@ -113,7 +113,7 @@ def _cpu_clock() -> Iterator[None]:
 
 
 def _run(name: str, problem: str, question: rp.Problem, seed: int, budgets: Sequence[float]) -> list[Run]:
-    """A call for each budget; the baseline is asked once, and has its path when it is done."""
+    """One call per budget; the baseline is run once, without a budget."""
     if name != _BASELINE:
         return [Run(name, problem, seed, b, _solve(name, question, seed, b)) for b in budgets]
     began = time.perf_counter()
@@ -125,17 +125,17 @@ def _run(name: str, problem: str, question: rp.Problem, seed: int, budgets: Sequ
 def _solve(name: str, problem: rp.Problem, seed: int, seconds: float) -> float:
     """Length of the path [rad]."""
     if name != _BASELINE:
-        result = rp.plan(problem, name, rp.Budget(seconds=seconds), seed)
+        result = rp.plan(problem, planner=name, budget=rp.Budget(seconds=seconds), rng=seed)
         return np.inf if result.path is None else result.path.length
-    result = rp.plan(problem, "rrt_connect", rp.Budget(seconds=seconds), seed)
+    result = rp.plan(problem, planner="rrt_connect", budget=rp.Budget(seconds=seconds), rng=seed)
     if result.path is None:
         return np.inf
     with checker_from_pool(problem.scene, problem.arms) as motion:
-        return rp.shorten(result.path, motion, rng=seed).length
+        return rp.shorten(result.path, problem.scene, checker=motion, rng=seed).length
 
 
 def _shortest(runs: Sequence[Run]) -> dict[str, float]:
-    """The shortest length anyone found, by problem."""
+    """The shortest length found by any planner, by problem."""
     best: dict[str, float] = {}
     for r in runs:
         best[r.problem] = min(best.get(r.problem, np.inf), r.length)

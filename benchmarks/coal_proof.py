@@ -1,34 +1,50 @@
-"""What Coal alone says of configurations and edges, without the package's compiled kernels.
+"""Checks of configurations and edges by Coal alone, without the package's compiled kernels.
 
-`PlainCoal` places every shape by the robot's own numpy kinematics and asks Coal for each pair; where an answer
-depends on the last micrometer, it brackets the distance between points that are in both bodies and a plane between
-them. `CoalProof` proves edges free: when joint i turns by d_i, no distance of two bodies changes by more than the sum
-of d_i times how far anything is from the axis of i, so bodies that Coal finds farther apart than that stay apart on the
+`PlainCoal` places every shape by the robot's own numpy kinematics and asks Coal for each pair whose balls meet; where
+an answer depends on the last micrometer, it brackets the distance between points that are in both bodies and a plane
+between them. A concave mesh is its triangles to Coal, and rays decide what is inside. `CoalProof` proves edges free:
+when joint i turns by d_i, no distance of two bodies changes by more than the sum of d_i times how far anything is from
+the axis of i, over the joints of their arms, so bodies that Coal finds farther apart than that stay apart on the
 interval (Schwarzer, Saha, Latombe 2005).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import coal
 import numpy as np
+from clutter import box_of
+from numpy.typing import NDArray
+from opinions import link_frames
 from scipy.optimize import minimize, nnls
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.coal_pairs import CoalPairs
-from rr1plan.collision.solids import coal_geometry, is_concave, obstacle_pieces, occupied_cells
+from rr1plan.collision.convex.convex_bodies import (
+    coal_geometry,
+    is_concave,
+    obstacle_pieces,
+    occupied_cells,
+    solid_pieces,
+)
 from rr1plan.transforms import inverse
 
 # Coal may overstate a distance of round bodies by this much [m].
 COAL_ERROR = 2e-5
 # Intervals on which nothing moves farther than this are not halved [m].
 FINEST = 5e-6
-_WIDEST = 0.2
+_WIDEST = 0.4
 _MOST = 400_000
+_CHUNK = 20_000
+# A ray that passes an edge of a triangle nearer than this share of the triangle's size decides nothing.
+_BESIDE_EDGE = 1e-9
 
 
 # ---- configurations ------------------------------------------------------------------------------
@@ -46,68 +62,236 @@ class Bracket:
     pair: tuple[str, str]
 
 
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A convex shape or a surface, at a place in the frame of a link or the world."""
+
+    element: str
+    frame: str
+    place: Array
+    shape: Any
+
+    def ball(self) -> tuple[Array, float]:
+        """Center in its own frame and radius of a ball around it [m]."""
+        vertices = getattr(self.shape, "vertices", None)
+        if vertices is None:
+            return np.zeros(3), _extent(np.eye(4), self.shape)
+        center = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+        return center, float(np.linalg.norm(vertices - center, axis=1).max())
+
+
 class PlainCoal:
-    """A scene's shapes in Coal, placed by numpy."""
+    """A scene's shapes in Coal, placed by numpy.
 
-    def __init__(self, scene: rp.Scene) -> None:
-        self._scene = scene
-        self._parts = {name: self._pieces(name) for name in scene.element_names}
-        self._pairs = [(a, b, scene.padding_of(a, b)) for a, b in scene.checked_pairs]
+    Args:
+        scene: The scene.
+        arms: The arms that move (default: all); the others stand where the scene has them.
+        margin: Distance to keep beyond the padding between elements that move against each other [m].
 
-    def _pieces(self, name: str) -> list[tuple[str, Array, Any]]:
-        scene = self._scene
-        if name in scene.attachments:
-            held = scene.attachments[name]
-            frame, geometries, place = f"{held.arm}/{held.link}", held.geometries, held.pose
-        elif name in scene.obstacles:
-            frame, geometries, place = "", scene.obstacles[name].geometries, scene.obstacles[name].pose
-        else:
-            arm, link = name.split("/", 1)
-            frame, geometries, place = name, scene.arms[arm].robot.link(link).collisions, np.eye(4)
-        return [(frame, place @ g.pose @ move, shape) for g in geometries for move, shape in _convex(g.shape)]
+    Attributes:
+        parts: Convex shapes and surfaces, all that there is.
+        index: Pairs of them that must not touch, shape (m, 2).
+        padding: Distance to keep between each, the margin included [m], shape (m,).
+        moves: Which of them move against each other, shape (m,).
+    """
 
-    def _placed(self, q: Array) -> dict[str, list[tuple[Array, Any]]]:
-        frames = {"": np.eye(4), **self._scene.link_poses(self._scene.split(q))}
-        return {name: [(frames[f] @ T, shape) for f, T, shape in parts] for name, parts in self._parts.items()}
+    def __init__(self, scene: rp.Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> None:
+        self._scene, self._arms = scene, scene.arm_names(arms)
+        self.parts = [part for name in scene.element_names for part in self._pieces(name)]
+        self._frames = list(dict.fromkeys(part.frame for part in self.parts))
+        self._frame_of = np.array([self._frames.index(part.frame) for part in self.parts])
+        self._places = np.array([part.place for part in self.parts])
+        balls = [part.ball() for part in self.parts]
+        self._centers, self._radii = np.array([c for c, _ in balls]), np.array([r for _, r in balls])
+        numbers: dict[str, list[int]] = {}
+        for i, part in enumerate(self.parts):
+            numbers.setdefault(part.element, []).append(i)
+        pairs = [(i, j, scene.padding_of(a, b)) for a, b in scene.checked_pairs for i in numbers[a] for j in numbers[b]]
+        self.index = np.array([(i, j) for i, j, _ in pairs], np.int64).reshape(-1, 2)
+        self.moves = self._moves()
+        self.padding = np.array([padding for *_, padding in pairs]) + margin * self.moves
 
     def is_free(self, q: Array) -> bool:
         """No pair is nearer than its padding."""
-        placed, request = self._placed(q), coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
-        for a, b, padding in self._pairs:
-            request.security_margin = padding
-            for A, one in placed[a]:
-                for B, two in placed[b]:
-                    things = coal_geometry(one), _transform(A), coal_geometry(two), _transform(B)
-                    if coal.collide(*things, request, coal.CollisionResult()):
-                        return False
-        return True
+        placed = self.placed(q[None])[0]
+        gaps = self.ball_gaps(self.ball_centers(placed)[self.index])
+        return not any(self.touches(k, placed) for k in np.argsort(gaps)[: np.count_nonzero(gaps <= 0.0)])
 
     def bracket(self, q: Array) -> Bracket:
         """Proven bounds of the least distance beyond the padding."""
-        placed, found = self._placed(q), Bracket(np.inf, np.inf, ("", ""))
-        for a, b, padding in self._pairs:
-            for A, one in placed[a]:
-                for B, two in placed[b]:
-                    lower, upper = (bound - padding for bound in bounds_of(one, A, two, B))
-                    pair = (a, b) if upper < found.upper else found.pair
-                    found = Bracket(min(lower, found.lower), min(upper, found.upper), pair)
+        placed, found = self.placed(q[None])[0], Bracket(np.inf, np.inf, ("", ""))
+        gaps = self.ball_gaps(self.ball_centers(placed)[self.index])
+        for k in np.argsort(gaps):
+            if gaps[k] > found.upper:
+                break
+            i, j = self.index[k]
+            one, two = self.parts[i], self.parts[j]
+            lower, upper = (b - self.padding[k] for b in bounds_of(one.shape, placed[i], two.shape, placed[j]))
+            pair = (one.element, two.element) if upper < found.upper else found.pair
+            found = Bracket(min(lower, found.lower), min(upper, found.upper), pair)
         return found
 
+    def _pieces(self, name: str) -> list[Part]:
+        scene = self._scene
+        if name in scene.obstacles:
+            thing = scene.obstacles[name]
+            shapes = [(thing.pose @ g.pose, one) for g in thing.geometries for one in obstacle_pieces(g.shape)]
+            frame = ""
+        elif name in scene.attachments:
+            held = scene.attachments[name]
+            frame = f"{held.arm}/{held.link}"
+            shapes = [(held.pose @ g.pose, one) for g in held.geometries for one in solid_pieces(g.shape)]
+        else:
+            arm, link = name.split("/", 1)
+            links = scene.arms[arm].robot.link(link).collisions
+            frame, shapes = name, [(g.pose, one) for g in links for one in solid_pieces(g.shape)]
+        plain = [(place @ move, one) for place, shape in shapes for move, one in _plain(shape)]
+        return [Part(name, frame, place, one) for place, one in plain]
 
-def _convex(shape: Any) -> list[tuple[Array, Any]]:
-    """A shape as convex ones, each with its pose.
+    def placed(self, q: Array) -> Array:
+        """The pose of every part at configurations (n, nq), shape (n, parts, 4, 4)."""
+        scene, first, poses = self._scene, 0, {"": np.broadcast_to(np.eye(4), (len(q), 4, 4))}
+        for name, arm in scene.arms.items():
+            own = np.broadcast_to(arm.q, (len(q), arm.robot.nq))
+            if name in self._arms:
+                own, first = q[:, first : first + arm.robot.nq], first + arm.robot.nq
+            poses |= {f"{name}/{link}": arm.base @ T for link, T in link_frames(arm.robot, own).items()}
+        return np.asarray(np.stack([poses[name] for name in self._frames], axis=1)[:, self._frame_of] @ self._places)
 
-    Raises:
-        ValueError: a concave mesh; Coal's distances to triangles are not bracketed here.
+    def _moves(self) -> NDArray[np.bool_]:
+        """Which pairs move against each other: those whose relative pose differs between two random configurations."""
+        low, high = box_of(self._scene.limits(self._arms))
+        draws = np.random.default_rng(0).uniform(low, high, (2, len(low)))
+        i, j = self.index.T
+        one, two = (np.linalg.inv(placed[i]) @ placed[j] for placed in self.placed(draws))
+        return np.asarray(np.abs(one - two).max(axis=(1, 2), initial=0.0) > 1e-9)
+
+    def ball_centers(self, placed: Array) -> Array:
+        """Centers of the balls around parts that are placed so (..., parts, 4, 4) [m], shape (..., parts, 3)."""
+        return np.asarray((placed[..., :3, :3] @ self._centers[:, :, None])[..., 0] + placed[..., :3, 3])
+
+    def ball_gaps(self, centers: Array, pairs: NDArray[np.int64] | slice = slice(None)) -> Array:
+        """Distance of the balls around each of some pairs beyond their padding [m], below zero where they overlap.
+
+        Args:
+            centers: Where both balls of each are, shape (n, 2, 3).
+            pairs: The pairs, shape (n,).
+        """
+        apart = np.linalg.norm(centers[:, 0] - centers[:, 1], axis=1)
+        return np.asarray(apart - self._radii[self.index[pairs]].sum(axis=1) - self.padding[pairs])
+
+    def touches(self, k: int, placed: Array, beyond: float = 0.0) -> bool:
+        """Whether a pair is nearer than this beyond its padding [m]; the parts are at `placed` (parts, 4, 4)."""
+        (i, j), padding = self.index[k], float(self.padding[k]) + beyond
+        one, two, A, B = self.parts[i].shape, self.parts[j].shape, placed[i], placed[j]
+        if isinstance(one, Surface):
+            one, two, A, B = two, one, B, A
+        if isinstance(two, Surface):
+            # Coal's test of triangles overlooks shallow contacts; its distance does not.
+            gap = _coal_distance(one, A, two, B).min_distance
+            return bool(gap <= padding) or two.holds(_point_of(one, inverse(B) @ A))
+        request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
+        request.security_margin = padding
+        things = _in_coal(one), _transform(A), _in_coal(two), _transform(B)
+        return bool(coal.collide(*things, request, coal.CollisionResult()))
+
+
+# ---- shapes ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Triangle:
+    """A triangle; its corners [m], shape (3, 3)."""
+
+    vertices: Array
+
+
+class Surface:
+    """A concave mesh of an obstacle: its triangles, and the inside of its closed parts.
+
+    Args:
+        mesh: The mesh.
     """
+
+    def __init__(self, mesh: rp.Mesh) -> None:
+        self.vertices = mesh.vertices
+        self.corners = mesh.vertices[mesh.faces]
+        self._closed = [self.corners[part] for part in _closed_parts(mesh)]
+        self._directions = np.random.default_rng(0).normal(size=(50, 3))
+        self.coal = coal.BVHModelOBBRSS()
+        points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        points.extend(list(self.corners.reshape(-1, 3)))
+        faces.extend([coal.Triangle(3 * i, 3 * i + 1, 3 * i + 2) for i in range(len(self.corners))])
+        self.coal.beginModel(len(faces), len(points))
+        self.coal.addSubModel(points, faces)
+        self.coal.endModel()
+
+    def holds(self, point: Array) -> bool:
+        """Whether a point in the mesh's frame is inside a closed part: a ray leaves that an odd number of times."""
+        return any(self._crossings(part, point) % 2 for part in self._closed)
+
+    def _crossings(self, corners: Array, point: Array) -> int:
+        a, b, c = (corners[:, k] - point for k in range(3))
+        for direction in self._directions:
+            # The volumes that the ray spans with the edges have one sign where it passes within.
+            volumes = np.array([np.cross(x, y) @ direction for x, y in ((a, b), (b, c), (c, a))])
+            scale = np.linalg.norm(volumes, axis=0)
+            within = (volumes > 0.0).all(axis=0) | (volumes < 0.0).all(axis=0)
+            beside = np.abs(volumes).min(axis=0) <= _BESIDE_EDGE * scale
+            ahead = np.einsum("ij,ij->i", a, np.cross(b - a, c - a)) * volumes.sum(axis=0) > 0.0
+            if not (beside & ahead).any():
+                return int(np.count_nonzero(within & ahead))
+        raise RuntimeError("every ray passes an edge")
+
+
+def _closed_parts(mesh: rp.Mesh) -> list[NDArray[np.int64]]:
+    """The triangles of each connected part whose every edge has two triangles."""
+    edges = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    _, edge, sharing = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    owner, edge = np.repeat(np.arange(len(mesh.faces)), 3), edge.ravel()
+    beside = coo_matrix((np.ones(len(owner)), (owner, edge))).tocsr()
+    count, part = connected_components(beside @ beside.T, directed=False)
+    is_open = np.bincount(part[owner], weights=sharing[edge] != 2, minlength=count) > 0
+    return [np.flatnonzero(part == k) for k in np.flatnonzero(~is_open)]
+
+
+_surface = lru_cache(maxsize=64)(Surface)
+
+
+def _plain(shape: Any) -> list[tuple[Array, Any]]:
+    """A shape as convex ones or a surface, each with its pose."""
     if not isinstance(shape, rp.PointCloud):
-        pieces = obstacle_pieces(shape)
-        if any(is_concave(piece) for piece in pieces):
-            raise ValueError("a mesh that is not convex has no convex parts that are the same solid")
-        return [(np.eye(4), piece) for piece in pieces]
+        return [(np.eye(4), _surface(shape) if is_concave(shape) else shape)]
     cell, poses = rp.Box((shape.resolution,) * 3), np.tile(np.eye(4), (len(centers := occupied_cells(shape)), 1, 1))
     poses[:, :3, 3] = centers
     return [(pose, cell) for pose in poses]
+
+
+def _in_coal(shape: Any) -> Any:
+    if isinstance(shape, Surface):
+        return shape.coal
+    return _flat(shape) if isinstance(shape, Triangle) else coal_geometry(shape)
+
+
+def _flat(triangle: Triangle) -> Any:
+    """A triangle as a convex body without volume: Coal cannot measure `TriangleP` against capsules."""
+    corners, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    corners.extend(list(triangle.vertices))
+    faces.extend([coal.Triangle(0, 1, 2), coal.Triangle(0, 2, 1)])
+    return coal.Convex(corners, faces)
+
+
+def _coal_distance(one: Any, A: Array, two: Any, B: Array) -> Any:
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.gjk_tolerance, request.enable_signed_distance = 1e-10, True
+    coal.distance(_in_coal(one), _transform(A), _in_coal(two), _transform(B), request, result)
+    return result
+
+
+def _point_of(shape: Any, T: Array) -> Array:
+    """A point of a convex shape at T."""
+    own = shape.vertices[0] if isinstance(shape, rp.Mesh) else np.zeros(3)
+    return np.asarray(T[:3, :3] @ own + T[:3, 3])
 
 
 def _transform(T: Array) -> coal.Transform3s:
@@ -122,9 +306,12 @@ def bounds_of(one: Any, A: Array, two: Any, B: Array) -> tuple[float, float]:
         normal = B[:3, :3] @ np.array(two.normal)
         gap = normal @ (A[:3, 3] - B[:3, 3]) - two.offset - support(one, -A[:3, :3].T @ normal)
         return float(gap), float(gap)
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    request.gjk_tolerance, request.enable_signed_distance = 1e-10, True
-    distance = coal.distance(coal_geometry(one), _transform(A), coal_geometry(two), _transform(B), request, result)
+    if isinstance(one, Surface):
+        one, A, two, B = two, B, one, A
+    if isinstance(two, Surface):
+        return _bounds_of_surface(one, A, two, B)
+    result = _coal_distance(one, A, two, B)
+    distance = result.min_distance
     ends = np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
     upper = min(
         float(np.linalg.norm(a - b) + outside(one, A, a) + outside(two, B, b))
@@ -140,6 +327,22 @@ def bounds_of(one: Any, A: Array, two: Any, B: Array) -> tuple[float, float]:
     if abs(distance) < 1e-3:
         best = minimize(overlap, best / np.linalg.norm(best), method="Nelder-Mead", options={"xatol": 1e-12}).x
     return -overlap(best), upper
+
+
+def _bounds_of_surface(one: Any, A: Array, surface: Surface, B: Array) -> tuple[float, float]:
+    """The same of a convex shape and a surface: those of its triangles, nearest balls first."""
+    if surface.holds(_point_of(one, inverse(B) @ A)):
+        return -np.inf, 0.0
+    centers = surface.corners.mean(axis=1)
+    radii = np.linalg.norm(surface.corners - centers[:, None], axis=2).max(axis=1)
+    gaps = np.linalg.norm(centers @ B[:3, :3].T + B[:3, 3] - A[:3, 3], axis=1) - radii - _extent(np.eye(4), one)
+    lower = upper = np.inf
+    for k in np.argsort(gaps):
+        if gaps[k] > upper:
+            break
+        bounds = bounds_of(one, A, Triangle(surface.corners[k]), B)
+        lower, upper = min(lower, bounds[0]), min(upper, bounds[1])
+    return lower, upper
 
 
 def support(shape: Any, d: Array) -> float:
@@ -179,55 +382,77 @@ def outside(shape: Any, T: Array, point: Array) -> float:
 
 
 class CoalProof:
-    """Edges proven free by Coal's answers at the middles of intervals, halved until these suffice.
+    """Edges proven free by Coal's answers at the middles of intervals, halved until these suffice, pair by pair.
 
     Args:
-        checker: The collision checker whose Coal is asked.
+        checker: The collision checker whose scene, moving arms and margin are taken.
     """
 
     def __init__(self, checker: CollisionChecker) -> None:
-        self._checker = checker
-        self._swings = swings(checker.scene)
-        self._margins = _WIDEST * 0.5 ** np.arange(1 + int(np.ceil(np.log2(_WIDEST / FINEST))))
-        self._pairs = [
-            CoalPairs(checker.model, checker.solids, checker.solid_pairs, checker.solid_padding + margin + COAL_ERROR)
-            for margin in self._margins
-        ]
+        scene, self._arms = checker.scene, checker.arms
+        self._plain = PlainCoal(scene, checker.arms, checker.margin)
+        self._swings = swings(scene, checker.arms)
+        self._column_arm = np.array([name.split("/", 1)[0] for name in checker.joint_names])
+        arm_of = np.array([scene.owner(part.element) or "" for part in self._plain.parts])
+        self._pair_arms = arm_of[self._plain.index]
         self.asked = 0
 
     def judge(self, q0: Array, q1: Array) -> tuple[str, float]:
-        """What Coal makes of a straight edge, and where that is.
+        """Coal's verdict on a straight edge, and its position.
 
-        "free": proven. "contact": Coal finds one there. "narrow": proven, but for places where something is
-        within Coal's error; there all samples at `FINEST` are free. "undecided": too many samples would be needed.
+        Returns:
+            "free", "contact", "narrow" (no sample touches, but something passes nearer than `COAL_ERROR`), or
+            "undecided" (no sample has touched so far); and where (0..1).
         """
-        travel = float(self._swings @ np.abs(q1 - q0))
-        left, narrow, asked = [(0.5, 0.5)], -1.0, 0
-        while left:
-            middle, half = left.pop()
-            moved = travel * half
-            if moved <= _WIDEST:
+        plain, travel, asked = self._plain, self._travel(q1 - q0), 0
+        found, half = ("free", 0.0), 0.5
+        pairs, middles = np.arange(len(plain.index)), np.full(len(plain.index), 0.5)
+        # Intervals of one length after the other; of each, the pairs that are open there.
+        while len(pairs):
+            times, which = np.unique(middles, return_inverse=True)
+            placed = plain.placed(q0 + times[:, None] * (q1 - q0))
+            centers = plain.ball_centers(placed)
+            moved = travel[pairs] * half
+            open_ = []
+            for chunk in np.array_split(np.arange(len(pairs)), 1 + len(pairs) // _CHUNK):
+                both = centers[which[chunk, None], plain.index[pairs[chunk]]]
+                near = plain.ball_gaps(both, pairs[chunk]) <= moved[chunk] + COAL_ERROR
+                open_ += chunk[near].tolist()
+            left = []
+            for n in open_:
+                k, poses = int(pairs[n]), placed[which[n]]
+                if moved[n] > _WIDEST:
+                    left.append(n)
+                    continue
                 asked += 1
-                q = q0 + middle * (q1 - q0)
-                pairs = self._pairs[int(np.searchsorted(-self._margins, -moved, side="right")) - 1]
-                pairs.place(q)
-                if not pairs.any_touches():
+                if not plain.touches(k, poses, moved[n] + COAL_ERROR if plain.moves[k] else 0.0):
                     continue
-                if not self._checker.is_free(q):
-                    return "contact", middle
-                if moved < FINEST:
-                    narrow = middle
-                    continue
-                if asked > _MOST:
-                    return "undecided", middle
-            left += [(middle - 0.5 * half, 0.5 * half), (middle + 0.5 * half, 0.5 * half)]
+                if plain.touches(k, poses):
+                    return "contact", float(middles[n])
+                if moved[n] < FINEST:
+                    found = "narrow", float(middles[n])
+                else:
+                    left.append(n)
+            if asked > _MOST:
+                return "undecided", 0.5
+            half *= 0.5
+            pairs = np.repeat(pairs[left], 2)
+            middles = np.add.outer(middles[left], [-half, half]).ravel()
         self.asked += asked
-        return ("free", 0.0) if narrow < 0.0 else ("narrow", narrow)
+        return found
+
+    def _travel(self, step: Array) -> Array:
+        """How far any point of either part of each pair can get on an edge, together [m], shape (m,)."""
+        far = np.abs(step) * self._swings
+        total = {arm: float(far[self._column_arm == arm].sum()) for arm in self._arms}
+        one, two = (np.array([total.get(arm, 0.0) for arm in arms]) for arms in self._pair_arms.T)
+        same = self._pair_arms[:, 0] == self._pair_arms[:, 1]
+        return np.asarray(np.where(same, one, one + two))
 
 
-def swings(scene: rp.Scene) -> Array:
+def swings(scene: rp.Scene, arms: Sequence[str] | None = None) -> Array:
     """How far any point can be from the axis of the joints of each column of q [m], 1 for one that slides."""
-    return np.concatenate([_arm_swings(scene, name) for name in scene.arms])
+    return np.concatenate([_arm_swings(scene, name) for name in scene.arm_names(arms)])
 
 
 def _arm_swings(scene: rp.Scene, name: str) -> Array:
@@ -272,6 +497,8 @@ def _extent(T: Array, shape: Any) -> float:
             far = float(np.hypot(radius, length / 2))
         case rp.Capsule(radius, length):
             far = radius + length / 2
+        case rp.HalfSpace():
+            return float(np.inf)
         case _:
             return float(np.linalg.norm(shape.vertices @ T[:3, :3].T + T[:3, 3], axis=1).max())
     return float(np.linalg.norm(T[:3, 3])) + far

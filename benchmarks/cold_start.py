@@ -1,4 +1,4 @@
-"""How long a new process takes until it is of use: import, first plan, the command line.
+"""Time of a new process for the import, the first plan, and the command line.
 
     python benchmarks/cold_start.py [--count 9]
 
@@ -40,11 +40,11 @@ motion = rp.plan_motion(problem, rng=0)
 lap("first plan")
 rp.plan_motion(problem, rng=0)
 lap("second plan")
-assert motion.solved, motion
+assert motion.valid, motion
 print(json.dumps(stages))
 """
 # Only up to the result of the first plan, without the second.
-_FIRST = "import rr1plan as rp; assert rp.plan_motion(next(iter(rp.load_problems({scene!r}).values())), rng=0).solved"
+_FIRST = "import rr1plan as rp; assert rp.plan_motion(next(iter(rp.load_problems({scene!r}).values())), rng=0).valid"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

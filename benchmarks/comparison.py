@@ -1,4 +1,4 @@
-"""What several planners did with the same problems: tables in Markdown, figures for JSON."""
+"""Results of several planners on the same problems: tables in Markdown, data for JSON."""
 
 from __future__ import annotations
 
@@ -79,8 +79,8 @@ class Run:
     def to_dict(self) -> dict[str, Any]:
         """Its figures, without the motions."""
         answers = [{k: v for k, v in a.items() if k not in KINDS} for a in self.answers]
-        for told, own in zip(answers, self.answers, strict=True):
-            told |= {f"length {k}": _length(own[k]) for k in ("raw", "path") if k in own}
+        for entry, own in zip(answers, self.answers, strict=True):
+            entry |= {f"length {k}": _length(own[k]) for k in ("raw", "path") if k in own}
         times = {
             column: {word: quantile(found, share) for word, share in QUANTILES.items()}
             for column in COLUMNS

@@ -2,7 +2,7 @@
 
     python benchmarks/cspace_cells.py [--resolution 360]
 
-The picture is computed block-wise; here plain Coal is asked for every cell's center and every pair of shapes.
+The picture is computed block-wise; here Coal alone checks every cell's center and every pair of shapes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from shared import Clock, heading, make_parser, number, pin_to_core, save, table
 
 import rr1plan as rp
 from rr1plan.checks import Array
-from rr1plan.playback.cspace_grid import CSpaceGrid
+from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
 
 
 def main(argv: Sequence[str] | None = None) -> int:

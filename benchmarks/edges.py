@@ -1,4 +1,4 @@
-"""How long a certified straight edge takes: by spheres first, and by the exact kernel alone.
+"""Time of a certified straight edge: by spheres first, and by the exact kernel alone.
 
     python benchmarks/edges.py [PROBLEMS.json.gz --robot panda.urdf] [--every 30]
 
@@ -19,8 +19,8 @@ import numpy as np
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import FREE, EdgeKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
 
 _TOLERANCE = 1e-6
 

@@ -25,9 +25,9 @@ from shared import heading, make_parser, number, pin_to_core, save, spread, tabl
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.kinematics import Kinematics
-from rr1plan.planners.goals import GoalSearch
-from rr1plan.problem import PoseGoal, Problem
+from rr1plan.model import Kinematics
+from rr1plan.planners.goal_configurations import GoalSearch
+from rr1plan.scene.problem import PoseGoal, Problem
 
 _STARTS = 200
 _STEPS, _LENGTH, _DAMPING = 100, 0.5, 1e-6

@@ -1,4 +1,4 @@
-"""The whole line on one problem, stage by stage: plan, shorten, retime, validate, replay.
+"""All stages on one problem: plan, shorten, retime, validate, replay.
 
 The order and the margins are those of `rr1plan.plan_motion`; here every stage has a clock of CPU time.
 """
@@ -19,7 +19,7 @@ STAGES = ("set up", "plan", "shorten", "retime", "validate")
 
 @dataclass
 class Outcome:
-    """What came of one problem."""
+    """Result of one problem."""
 
     name: str
     clock: Clock = field(default_factory=Clock)
@@ -75,7 +75,7 @@ def run_line(
     seconds: float = 10.0,
     replay: bool = False,
 ) -> Outcome:
-    """Answer a problem as `plan_motion` does, each stage under a clock."""
+    """Solve a problem like `plan_motion`, with the CPU time of each stage."""
     out = Outcome(name)
     margin = find_margin(out, problem, margin)
     roomy = find_path(out, problem, seed, planner=planner, margin=margin, seconds=seconds)
@@ -100,7 +100,7 @@ def find_path(
     out.status, out.reason, out.raw = result.status.value, result.reason, result.path
     if out.raw is not None:
         with checker_from_pool(problem.scene, problem.arms, roomy.margin) as motions, out.clock.stage("shorten"):
-            out.path = rp.shorten(out.raw, motions, rng=seed)
+            out.path = rp.shorten(out.raw, problem.scene, checker=motions, rng=seed)
     return roomy
 
 
@@ -111,7 +111,7 @@ def time_motion(out: Outcome, problem: rp.Problem, roomy: rp.Problem) -> None:
     with checker_from_pool(problem.scene, problem.arms, roomy.margin) as motions:
         for out.retiming in ("blend", "stop"):
             with out.clock.stage("retime"):
-                out.trajectory = rp.retime(out.path, problem.scene, out.retiming, checker=motions)
+                out.trajectory = rp.retime(out.path, problem.scene, method=out.retiming, checker=motions)
             with out.clock.stage("validate"):
                 out.report = rp.validate(out.trajectory, problem.scene, problem)
             if out.report.valid:
@@ -125,14 +125,14 @@ def _plan(
     for m in (margin, 0.0):
         with clock.stage("set up"):
             roomy = problem.with_margin(m)
-            rp.set_up(roomy)
+            rp.warm_up(roomy)
         with clock.stage("plan"):
-            result = rp.plan(roomy, planner, budget, seed)
+            result = rp.plan(roomy, planner=planner, budget=budget, rng=seed)
         if result.status not in (rp.PlanStatus.INVALID_GOAL, rp.PlanStatus.INFEASIBLE):
             break
     return result, roomy, m
 
 
 def warm_up() -> None:
-    """Load what is loaded once."""
+    """Load modules and kernels."""
     run_line("warm up", rp.load_problems("rr1_table")["reach_over_crate"], 0, replay=True)

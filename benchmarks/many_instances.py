@@ -1,10 +1,10 @@
-"""How cost and memory grow with the arms in a scene: RR1 on a grid, 0.8 m apart.
+"""Time and memory by the number of arms in a scene: RR1 on a grid with a spacing of 0.8 m.
 
     python benchmarks/many_instances.py [--arms 4 16 64 100 256 1000] [--columns plan motion referee edge]
 
-Each figure is a process of its own. `plan`: the first question about one arm among others that stand still, up to the
-timed trajectory; `motion`: the same with its proof. Once in a process that has answered one question about a lone arm
-before, once in one that has not. `referee`: a motion of 1.5 s of all arms is proven. `edge`: a straight edge of all
+Each figure is measured in a separate process. `plan`: the first query for one arm among static ones, up to the
+timed trajectory; `motion`: the same with its proof. Once in a process that has planned for a single arm
+before, once in a new one. `referee`: a motion of 1.5 s of all arms is proven. `edge`: a straight edge of all
 arms is certified, on a grid and in a row, and its cost fitted to the arms and the pairs of arms that can meet.
 """
 
@@ -87,7 +87,7 @@ def _tasks(args: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _ask(task: Mapping[str, Any], limit: float) -> dict[str, Any]:
-    """What a process of its own measures, or the reason why it did not."""
+    """The measurement of a separate process, or the reason why it failed."""
     command = [sys.executable, str(Path(__file__).resolve()), "--child", json.dumps(dict(task))]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=limit)
@@ -100,14 +100,14 @@ def _ask(task: Mapping[str, Any], limit: float) -> dict[str, Any]:
 
 
 def _memory() -> float:
-    """The most memory that this process has had [MB]."""
+    """Peak memory of this process [MB]."""
     scale = 1e6 if sys.platform == "darwin" else 1e3
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / scale
 
 
 def _scene(count: int, layout: str = "grid") -> rp.Scene:
     rows = max(k for k in range(1, math.isqrt(count) + 1) if count % k == 0) if layout == "grid" else 1
-    return rp.place_grid(rp.load_robot("rr1"), rows, count // rows, _SPACING)
+    return rp.place_grid(rp.load_robot("rr1"), rows, count // rows, spacing=_SPACING)
 
 
 # ---- what is measured ----------------------------------------------------------------------------
@@ -133,7 +133,7 @@ def _time_question(task: Mapping[str, Any], progress: Callable[[Any], bool] | No
     begin = time.perf_counter()
     motion = answer(problem, rng=task["seed"], progress=progress)
     seconds = time.perf_counter() - begin
-    found = motion.solved if progress is None else motion.seconds.get("retime", 0.0) > 0.0
+    found = motion.valid if progress is None else motion.seconds.get("retime", 0.0) > 0.0
     return {"seconds": seconds, "stages": dict(motion.seconds), "found": found}
 
 
@@ -180,7 +180,7 @@ def _time_edge(task: Mapping[str, Any]) -> dict[str, Any]:
     scene = _scene(task["arms"], task["layout"])
     begin = time.perf_counter()
     checker = rp.CollisionChecker(scene)
-    checker.set_up()
+    checker.warm_up()
     made = time.perf_counter() - begin
     q0, q1 = _edge(scene, task["seed"])
     halved = 0
@@ -236,14 +236,14 @@ def _tables(results: Sequence[Mapping[str, Any]], fit: Mapping[str, float]) -> l
         ("referee", None): f"proof of {_DURATION} s of all arms",
     }
     counts = sorted({r["arms"] for r in results})
-    for what, unit in (("seconds", "ms"), ("memory", "MB")):
+    for quantity, unit in (("seconds", "ms"), ("memory", "MB")):
         rows = []
         for (column, warm), name in names.items():
             own = {r["arms"]: r for r in results if r["column"] == column and r.get("warm") == warm}
             if own:
-                scale = 1e3 if what == "seconds" else 1.0
-                rows.append([name, *(_cell(own.get(n), what, scale) for n in counts)])
-            if own and what == "seconds" and warm is not False and column in _GOALS:
+                scale = 1e3 if quantity == "seconds" else 1.0
+                rows.append([name, *(_cell(own.get(n), quantity, scale) for n in counts)])
+            if own and quantity == "seconds" and warm is not False and column in _GOALS:
                 rows.append(["goal", *(number(1e3 * _GOALS[column].get(n, np.nan)) for n in counts)])
         if rows:
             parts.append(table([f"arms in the scene [{unit}]", *counts], rows))

@@ -1,7 +1,7 @@
-"""OMPL with Pinocchio's collision checks, as one joins them in a script of one's own; see `worker.py`.
+"""OMPL with Pinocchio's collision checks in a Python script; see `worker.py`.
 
-States are checked through Pinocchio's naive broad phase, the fastest of its ways for some thirty bodies;
-edges at the step of `STEP`. There is no retiming in it.
+States are checked by Pinocchio's naive broad phase, its fastest for about thirty bodies;
+edges at steps of `STEP`. There is no retiming.
 """
 
 from __future__ import annotations

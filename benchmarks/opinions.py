@@ -1,8 +1,8 @@
-"""Second and third opinions on a motion: sampled at a millimeter, asked of Coal and of python-fcl.
+"""Independent collision checks of a motion, sampled at a millimeter, by Coal and python-fcl.
 
-Nothing here is rr1plan's kinematics or collision checking. Frames come from a plain product of
-the description's transforms, many samples at once. Two bodies whose oriented boxes are apart (separating
-axes, Gottschalk, Lin, Manocha 1996) are apart; every other pair goes to the library at every sample.
+This module does not use rr1plan's kinematics or collision checking. Frames are products of
+the description's transforms, vectorized over samples. Pairs of bodies with disjoint oriented boxes (separating
+axes, Gottschalk, Lin, Manocha 1996) are free; all other pairs are checked by the library at every sample.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ class Bodies:
         self.moving = [
             _body(f"{self.arm}/{link.name}", g.shape, g.pose) for link in self.robot.links for g in link.collisions
         ]
-        self.resting = [
+        self.fixed = [
             _body(name, g.shape, thing.pose @ g.pose)
             for name, thing in scene.obstacles.items()
             for g in thing.geometries
         ]
-        self.all = [*self.moving, *self.resting]
+        self.all = [*self.moving, *self.fixed]
         index: dict[str, list[int]] = {}
         for i, body in enumerate(self.all):
             index.setdefault(body.element, []).append(i)
@@ -55,10 +55,10 @@ class Bodies:
 
     def frames(self, q: Array) -> Array:
         """T_world_body of all bodies at configurations q (n, nq), shape (n, bodies, 4, 4)."""
-        links = _link_frames(self.robot, q)
+        links = link_frames(self.robot, q)
         moving = [self.base @ links[b.element.split("/", 1)[1]] @ b.local for b in self.moving]
-        resting = [np.broadcast_to(b.local, (len(q), 4, 4)) for b in self.resting]
-        return np.stack([*moving, *resting], axis=1)
+        fixed = [np.broadcast_to(b.local, (len(q), 4, 4)) for b in self.fixed]
+        return np.stack([*moving, *fixed], axis=1)
 
     def candidates(self, frames: Array) -> tuple[Array, Array]:
         """Samples and pairs whose boxes meet, as two arrays of indices."""
@@ -92,7 +92,7 @@ def _body(element: str, shape: Any, local: Array) -> Body:
     return Body(element, shape, np.array(local), center, half)
 
 
-def _link_frames(robot: rp.Robot, q: Array) -> dict[str, Array]:
+def link_frames(robot: rp.Robot, q: Array) -> dict[str, Array]:
     """T_base_link of every link, each (n, 4, 4); Rodrigues' formula for every joint."""
     fixed = robot.joint_values(q[0])
     frames = {robot.base: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
@@ -115,7 +115,7 @@ def _link_frames(robot: rp.Robot, q: Array) -> dict[str, Array]:
 
 
 def boxes_meet(turn_a: Array, half_a: Array, turn_b: Array, half_b: Array, offset: Array) -> Array:
-    """Whether boxes meet, by their fifteen separating axes, shape (n,); touching counts as meeting."""
+    """Whether boxes intersect or touch, by their fifteen separating axes, shape (n,)."""
     relative = np.einsum("nji,njk->nik", turn_a, turn_b)
     shift = np.einsum("nji,nj->ni", turn_a, offset)
     size = np.abs(relative) + 1e-9
@@ -211,7 +211,7 @@ class FclOpinion:
     name = "FCL"
 
     def __init__(self, bodies: Sequence[Body]) -> None:
-        self._things = [fcl.CollisionObject(_fcl_shape(b.shape)) for b in bodies]
+        self._things = [fcl.CollisionObject(fcl_shape(b.shape)) for b in bodies]
         self._request = fcl.CollisionRequest()
 
     def touch(self, a: int, Ta: Array, b: int, Tb: Array) -> bool:
@@ -221,7 +221,7 @@ class FclOpinion:
         return bool(fcl.collide(self._things[a], self._things[b], self._request, fcl.CollisionResult()) > 0)
 
 
-def _fcl_shape(shape: Any) -> Any:
+def fcl_shape(shape: Any) -> Any:
     match shape:
         case rp.Box(size):
             return fcl.Box(*size)

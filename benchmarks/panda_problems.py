@@ -1,16 +1,16 @@
-"""The same problems for rr1plan and its peers: solved, clean, and how fast.
+"""Success, collisions and times of rr1plan and its peers on the same problems.
 
     python benchmarks/panda_problems.py PROBLEMS.json.gz --robot panda.urdf [--peers FOLDER]
     python benchmarks/panda_problems.py --scene rr1_table rr1_shelf [--peers FOLDER]
 
-Problems are MotionBenchMaker's, or the queries of scenes that ship with rr1plan. Every one goes through rr1plan's
-whole line (RRT-Connect, shortening, retiming, the referee), and with `--peers` through every other planner that can be
-installed with pip, each in an environment of its own in that folder, on the same core, with the same convex
-hulls. Each problem is asked several times, with a seed of its own each: a planner's first answer in a scene has cold
-caches, the next ones have not, and all of them count. Each answer is shortened, timed and proven before the next
-question; with `--order paths` a problem's paths are planned and shortened one after the other, and then its motions
-timed and proven. The raw path, the short path and the timed motion of the first answer are sampled so finely that no
-point of the robot moves more than a millimeter, and every sample is asked of Coal and of python-fcl.
+Problems are MotionBenchMaker's, or the queries of scenes that ship with rr1plan. Every problem runs through all stages
+of rr1plan (RRT-Connect, shortening, retiming, the referee), and with `--peers` through every other planner that can be
+installed with pip, each in a separate environment in that folder, on the same core, with the same convex
+hulls. Each problem is planned several times, with different seeds: a planner's first query in a scene has cold
+caches, later ones do not, and all of them count. Each path is shortened, timed and validated before the next
+query; with `--order paths` a problem's paths are planned and shortened one after the other, and then its motions
+timed and validated. The raw path, the short path and the timed motion of the first run are sampled so finely that no
+point of the robot moves more than a millimeter, and every sample is checked by Coal and python-fcl.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from plain import describe_changes, describe_problem, settle
 from shared import STAGE_HEADER, heading, make_parser, number, pin_to_core, save, spread, stage_rows, table, track
 
 import rr1plan as rp
-from rr1plan.formats.motion_bench import problem_set_joints, read_problem_set
+from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
 
 _STEP = 0.002  # of the samples whose speed and acceleration are looked at [s]
 _REFERENCE = peers.PEERS[0].name
@@ -95,7 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--srdf", type=Path, help="its SRDF (default: beside the URDF)")
     parser.add_argument("--scene", nargs="+", default=[], help="shipped scenes of one arm, in place of a file")
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem")
-    parser.add_argument("--seeds", type=int, default=5, help="how often each problem is asked")
+    parser.add_argument("--seeds", type=int, default=5, help="number of runs of each problem")
     parser.add_argument("--order", choices=("each", "paths"), default="each", help="prove each motion, or paths first")
     parser.add_argument("--planner", default="rrt_connect", help="a name of planner_names()")
     parser.add_argument("--margin", type=float, default=0.002, help="distance to keep while planning [m]")
@@ -178,12 +178,12 @@ def _ask_peers(args: argparse.Namespace, problems: Mapping[str, rp.Problem], see
                 continue
             note = "; ".join([peer.note, *changes])
             try:
-                told = [
+                descriptions = [
                     {"name": name, "seed": 1 + seeds[name], **describe_problem(problem, Path(folder))}
                     for name, problem in problems.items()
                 ]
                 python = peers.interpreter(peer, args.peers, given)
-                runs.append(Run(peer.name, peers.ask(peer, python, told, args.seconds), note))
+                runs.append(Run(peer.name, peers.ask(peer, python, descriptions, args.seconds), note))
             except (peers.PeerMissing, rp.InputError) as error:
                 runs.append(Run(peer.name, [], note, skipped=str(error)))
     return runs

@@ -1,7 +1,7 @@
-"""Other planners as workers, each in a virtual environment of its own that is made when there is none.
+"""Other planners as workers, each in a separate virtual environment that is created if missing.
 
-A worker is a script beside this file that speaks the protocol of `worker.py`. It is asked one problem after
-another, each under a time limit: a worker that does not answer in time, or dies, is ended and started afresh.
+A worker is a script in this folder with the protocol of `worker.py`. It solves one problem after
+another, each under a time limit: a worker that does not respond in time, or dies, is terminated and restarted.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ class Peer:
     """A planner to compare with.
 
     Args:
-        name: How reports call it.
+        name: Name in reports.
         environment: Name of its virtual environment; peers may share one.
         packages: What pip installs there. Empty: it cannot be installed by pip alone.
         worker: The script that answers for it.
-        options: What its worker is told.
-        note: What a reader of its figures has to know.
+        options: Options of its worker.
+        note: Note for readers of its results.
     """
 
     name: str
@@ -73,7 +73,7 @@ PEERS = (
         note="bidirectional RRT-Connect, its other defaults; timed to rest at every waypoint",
     ),
     Peer("MPlib 0.2.1", "mplib", ("mplib==0.2.1",), "mplib_worker.py", note="the defaults of its `plan_qpos`"),
-    Peer("VAMP", "vamp", (), "vamp_worker.py", note="plans for spheres of its own, not for the hulls; no retiming"),
+    Peer("VAMP", "vamp", (), "vamp_worker.py", note="plans for its built-in spheres, not for the hulls; no retiming"),
 )
 
 
@@ -124,14 +124,14 @@ def _install(peer: Peer, place: Path, python: Path) -> None:
 
 
 def _clean() -> dict[str, str]:
-    """An environment in which a worker sees its own packages only, and starts no threads of its own."""
+    """Environment variables that restrict a worker to its packages and to one thread."""
     clean = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
     return clean | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MPLCONFIGDIR": tempfile.gettempdir()}
 
 
 def _last_line(text: str) -> str:
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[-1] if lines else "it told nothing"
+    return lines[-1] if lines else "it printed nothing"
 
 
 def ask(peer: Peer, python: Path, problems: Sequence[Mapping[str, Any]], seconds: float) -> list[dict[str, Any]]:
@@ -141,7 +141,7 @@ def ask(peer: Peer, python: Path, problems: Sequence[Mapping[str, Any]], seconds
         peer: The peer.
         python: The interpreter that can import it.
         problems: Each with its name, seed, ends, obstacles and robot.
-        seconds: What the peer is told to spend on one search; three times that, and a minute, is waited for.
+        seconds: Time limit of one search [s]; the worker is terminated after three times that plus a minute.
 
     Raises:
         PeerMissing: it does not start, or finds no path for any problem.
@@ -156,9 +156,9 @@ def ask(peer: Peer, python: Path, problems: Sequence[Mapping[str, Any]], seconds
 def _answers(
     peer: Peer, python: Path, problems: Sequence[Mapping[str, Any]], seconds: float, limit: float
 ) -> Iterator[dict[str, Any]]:
-    told = track(problems, peer.name)
+    remaining = track(problems, peer.name)
     first = True
-    problem = next(told, None)
+    problem = next(remaining, None)
     while problem is not None:
         with running(peer, python, seconds) as worker:
             if first:
@@ -166,7 +166,7 @@ def _answers(
                 first = False
             while problem is not None and worker.alive:
                 yield worker.ask(problem, limit)
-                problem = next(told, None)
+                problem = next(remaining, None)
 
 
 @contextmanager
@@ -190,8 +190,8 @@ class Worker:
     Args:
         python: The interpreter that can import the peer.
         peer: The peer.
-        seconds: What it is told to spend on one search.
-        errors: An open file for what it has to say to people.
+        seconds: Time limit of one search [s].
+        errors: An open file for its standard error.
 
     Raises:
         PeerMissing: it does not start.

@@ -11,7 +11,7 @@ from comparison import KINDS, WORDS, Run, quantile
 from shared import mark_powers, number
 
 _COLORS = ("#c8102e", "#1f4e79", "#6fa0cc", "#d98e04", "#4f8f5b", "#7d5a99", "#6b6b6b", "#2aa6a1")
-# So that curves are told apart without colors, too.
+# Line styles distinguish curves without colors.
 _DASHES, _MARKS = ("-", "-", (0, (5, 1.5)), (0, (1, 1)), "-."), "osD^vP*X"
 _INK, _FAINT = "#222222", "#8a8a8a"
 _TINTS = {"raw": 0.35, "path": 0.65, "timed": 1.0}

@@ -1,8 +1,8 @@
-"""Problems in plain words, which every planner understands: a URDF of convex shapes, obstacles, two configurations.
+"""Problems in a form that all planners support: a URDF of convex shapes, obstacles, two configurations.
 
-Held and mimicking joints are written as fixed ones, meshes as STL files, a capsule as a cylinder and two
-balls, a half-space as a slab beyond the arm's reach: all planners get the very same bodies and the same pairs to check.
-A joint that turns without end is told as one of one turn, from -pi to pi, as peers treat the former in as many ways.
+Held and mimic joints are written as fixed ones, meshes as STL files, a capsule as a cylinder and two
+spheres, a half-space as a slab beyond the arm's reach: all planners get the same bodies and pairs to check.
+A continuous joint is limited to one turn, from -pi to pi, because peers treat continuous joints differently.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def settle(problem: rp.Problem, seed: int) -> rp.Problem:
     settled = rp.Problem(scene, {arm: problem.start}, goals)
     if len(goals[arm]) == 1 and isinstance(goals[arm][0], rp.JointGoal):
         return settled
-    found = rp.plan(settled, "rrt_connect", rp.Budget(seconds=10.0), np.random.default_rng(seed))
+    found = rp.plan(settled, planner="rrt_connect", budget=rp.Budget(seconds=10.0), rng=np.random.default_rng(seed))
     if found.path is None:
         raise rp.InputError(f"no configuration for the goal of scene {scene.name!r}: {found.status.value}")
     return rp.Problem(scene, {arm: problem.start}, {arm: rp.JointGoal(found.path.waypoints[-1])})
@@ -63,18 +63,18 @@ def _slab(geometry: Geometry) -> Geometry:
 
 
 def describe_problem(problem: rp.Problem, folder: Path) -> dict[str, Any]:
-    """What a peer is told of a problem, all places in the frame of the arm's base; see `worker.py`.
+    """The description of a problem for a peer, with poses in the frame of the arm's base; see `worker.py`.
 
     Args:
-        problem: One arm that moves, with one goal configuration.
-        folder: Where the robot's files are written, or have been.
+        problem: One moving arm, with one goal configuration.
+        folder: Folder of the robot's files, written if missing.
 
     Raises:
-        InputError: it cannot be said so plainly; the message tells why.
+        InputError: an unsupported problem; the message gives the reason.
     """
     scene = problem.scene
     if len(scene.arms) > 1:
-        raise rp.InputError(f"{len(scene.arms)} arms in the scene; the peers are asked about one")
+        raise rp.InputError(f"{len(scene.arms)} arms in the scene; the peers support one")
     if scene.padding or scene.pair_padding or scene.attachments:
         raise rp.InputError("the scene has paddings or attached objects")
     (arm,) = scene.arms
@@ -85,7 +85,7 @@ def describe_problem(problem: rp.Problem, folder: Path) -> dict[str, Any]:
     checked = {frozenset(pair) for pair in scene.checked_pairs}
     links = [f"{arm}/{link.name}" for link in scene.arms[arm].robot.links if link.collisions]
     base = inverse(scene.arms[arm].base)
-    told = [
+    obstacles = [
         {"name": f"{name}.{i}", "kind": kind, "size": size, "pose": (base @ T).tolist()}
         for name, own in parts.items()
         for i, (kind, size, T) in enumerate(own)
@@ -97,18 +97,18 @@ def describe_problem(problem: rp.Problem, folder: Path) -> dict[str, Any]:
         if frozenset((link, name)) not in checked
         for i in range(len(own))
     ]
-    apart = [[a.split("/", 1)[1], b.split("/", 1)[1]] for a, b in combinations(links, 2) if {a, b} not in checked]
-    robot = write_robot(scene.arms[arm].robot, apart, folder)
+    unchecked = [[a.split("/", 1)[1], b.split("/", 1)[1]] for a, b in combinations(links, 2) if {a, b} not in checked]
+    robot = write_robot(scene.arms[arm].robot, unchecked, folder)
     endless = scene.arms[arm].robot.continuous > 0.0
     ends = {"start": _in_one_turn(problem.start, endless), "goal": _in_one_turn(goals[0].q, endless)}
-    return {"robot": robot, "obstacles": told, "may_touch": free, **ends}
+    return {"robot": robot, "obstacles": obstacles, "may_touch": free, **ends}
 
 
 def describe_changes(problem: rp.Problem) -> str:
-    """What a peer is told otherwise than it is and may make a difference; empty if there is nothing."""
+    """Simplifications for peers that may affect results; empty if there are none."""
     robots = [problem.scene.arms[arm].robot for arm in problem.arms]
     names = [name for robot in robots for name in np.array(robot.joint_names)[robot.continuous > 0.0]]
-    return f"told that {', '.join(names)} turn from -pi to pi, not without end" if names else ""
+    return f"{', '.join(names)} turn from -pi to pi, not continuously" if names else ""
 
 
 def _in_one_turn(q: Array, endless: Array) -> list[float]:
@@ -145,14 +145,14 @@ def _simple(g: Geometry) -> list[tuple[str, list[float], Array]]:
 # ---- a robot ---------------------------------------------------------------------------------------
 
 
-def write_robot(robot: Robot, apart: Sequence[Sequence[str]], folder: Path) -> dict[str, Any]:
-    """Write a robot's URDF, SRDF and hulls into a folder of its own; tells where they are."""
+def write_robot(robot: Robot, unchecked: Sequence[Sequence[str]], folder: Path) -> dict[str, Any]:
+    """Write a robot's URDF, SRDF and hulls to a folder; return their paths."""
     place = folder / robot.content_hash[:16]
     urdf, srdf = place / f"{robot.name}.urdf", place / f"{robot.name}.srdf"
     if not urdf.exists():
         place.mkdir(parents=True)
         ElementTree.ElementTree(_urdf(robot, place)).write(urdf)
-        ElementTree.ElementTree(_srdf(robot, apart)).write(srdf)
+        ElementTree.ElementTree(_srdf(robot, unchecked)).write(srdf)
     return {
         "name": robot.name,
         "urdf": str(urdf),
@@ -231,18 +231,18 @@ def _add_shape(element: ElementTree.Element, kind: str, size: list[float], stl: 
 
 
 def _write_hull(mesh: rp.Mesh, file: Path) -> None:
-    """The hull twice: one peer looks for it beside the mesh, under a name of its own."""
+    """Write the hull twice, because one peer expects it next to the mesh under another name."""
     hull = trimesh.Trimesh(mesh.vertices, mesh.faces).convex_hull
     for name in (file.name, f"{file.name}.convex.stl"):
         hull.export(file.with_name(name))
 
 
-def _srdf(robot: Robot, apart: Sequence[Sequence[str]]) -> ElementTree.Element:
+def _srdf(robot: Robot, unchecked: Sequence[Sequence[str]]) -> ElementTree.Element:
     top = ElementTree.Element("robot", name=robot.name)
     group = ElementTree.SubElement(top, "group", name="arm")
     tip = robot.joint(robot.joint_names[-1]).child
     ElementTree.SubElement(group, "chain", base_link=robot.base, tip_link=tip)
-    for a, b in apart:
+    for a, b in unchecked:
         ElementTree.SubElement(top, "disable_collisions", link1=a, link2=b, reason="Never")
     return top
 

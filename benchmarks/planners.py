@@ -2,9 +2,9 @@
 
     python benchmarks/planners.py [--seconds 2]
 
-Planners that stop at their first path are timed to it. Optimising planners use the whole budget: what is
-told is when they had their first path and what it cost at the end. The cost is the length of the
-path before any shortening, as a multiple of the shortest path anyone found for that query.
+Planners that stop at their first path are timed until it is found. Optimizing planners use the whole budget: the tables
+list the time of their first path and the final cost. The cost is the length of the
+path before shortening, as a multiple of the shortest path found for that query by any planner.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def _arguments(argv: Sequence[str] | None) -> Any:
     parser = make_parser("All planners on the queries of the shipped scenes", "planners")
     names = [row.name for row in planner_table() if row.name != "cartesian"]
     parser.add_argument("--planners", nargs="+", default=names, help="names of planners")
-    parser.add_argument("--scenes", nargs="+", default=_scenes(), help="scenes whose queries are asked")
+    parser.add_argument("--scenes", nargs="+", default=_scenes(), help="scenes whose queries are planned")
     parser.add_argument("--seconds", type=float, default=2.0, help="budget of each run [s of wall time]")
     parser.add_argument("--repeats", type=int, default=1, help="seeds for each query")
     parser.add_argument("--every", type=int, default=1, help="take every n-th query")
@@ -70,13 +70,13 @@ def _arguments(argv: Sequence[str] | None) -> Any:
 
 
 def _scenes() -> list[str]:
-    """All that ship, but for the one without a path and the one with twelve arms."""
+    """All shipped scenes except the one without a path and the one with twelve arms."""
     return [name for name in rp.scene_names() if name not in ("planar2r_no_path", "rr1_twelve")]
 
 
 def _run(planner: str, query: str, problem: rp.Problem, seed: int, seconds: float) -> Run:
     began = time.process_time()
-    result = rp.plan(problem, planner, rp.Budget(seconds=seconds), seed)
+    result = rp.plan(problem, planner=planner, budget=rp.Budget(seconds=seconds), rng=seed)
     cpu = time.process_time() - began
     first = result.cost_history[0][0] if result.cost_history else np.inf
     length = np.inf if result.path is None else result.path.length

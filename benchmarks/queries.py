@@ -71,7 +71,7 @@ class Drawer:
         scene = rp.load_scene(scene_name)
         for name, arm in scene.arms.items():
             scene = scene.with_robot(name, arm.robot.with_limits(limits))
-        # The postures of the file may lie outside these limits; every arm moves, so they do not matter.
+        # The configurations of the file may lie outside these limits; every arm moves, so they do not matter.
         self.scene, self.scene_name, self.limits = scene, scene_name, limits
         self._motions = rp.CollisionChecker(scene)
         self._checker = self._motions

@@ -68,8 +68,8 @@ def place(scene: core.Scene, problem: dict[str, Any]) -> None:
         kind, shape = SHAPES[obstacle["kind"]]
         T = np.array(obstacle["pose"], order="F")
         getattr(scene, f"add{kind}Geometry")(obstacle["name"], "universe", shape(*obstacle["size"]), T, COLOR)
-    apart = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
-    scene.setCollisions([*apart, *map(tuple, problem["may_touch"])], False)
+    unchecked = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
+    scene.setCollisions([*unchecked, *map(tuple, problem["may_touch"])], False)
 
 
 if __name__ == "__main__":

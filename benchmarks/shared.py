@@ -18,7 +18,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from rr1plan.kernels.library import LIBRARY
+from rr1plan.kernels.planner_kernels import LIBRARY
 
 console = Console(stderr=True)
 _PACKAGES = ("rr1plan", "numpy", "pin", "coal", "ompl", "mujoco", "python-fcl")

@@ -12,9 +12,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from rr1plan.library import load_scene
-from rr1plan.loading import load_motion
-from rr1plan.playback import save_html, screenshot
+from rr1plan import save_html, screenshot
+from rr1plan.load_motion import load_motion
+from rr1plan.scene.model_library import load_scene
 
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parent / "examples"
@@ -33,12 +33,12 @@ def main() -> None:
             print(f"{example.name}", flush=True)
             subprocess.run([sys.executable, str(example)], cwd=work, check=True, stdout=subprocess.DEVNULL)
         for page in sorted(work.glob("*.html")):
-            screenshot(page, gallery / f"{page.stem}.png", SIZE, time=_moment(work, page))
+            screenshot(gallery / f"{page.stem}.png", page, size=SIZE, time=_moment(work, page))
         for picture in sorted(work.glob("*.png")):
             shutil.copy(picture, gallery / f"{picture.stem}-figure.png")
         for name in SCENES:
             page = save_html(work / f"{name}.html", load_scene(name))
-            screenshot(page, gallery / f"{name}.png", SIZE, bare=True)
+            screenshot(gallery / f"{name}.png", page, size=SIZE, bare=True)
 
 
 def _moment(work: Path, page: Path) -> float | None:

@@ -10,7 +10,7 @@ problem = rp.Problem(scene, start="home", goal=rp.PoseGoal("tool", [-0.30, 0.25,
 motion = rp.plan_motion(problem, rng=0)
 print(motion)
 
-replay = rp.playback.simulate(motion.trajectory, scene)
+replay = rp.simulate(motion.trajectory, scene)
 print(replay)
 
 # motion.show().wait() opens the same page live, until it is closed; this one plays offline, in any browser.

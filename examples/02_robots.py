@@ -13,8 +13,8 @@ print(f"{robot.name}: joints {', '.join(robot.joint_names)}; tool {robot.tool}")
 for preset in robot.presets:
     print(f"  {preset}: at most {robot.with_limits(preset).limits.velocity.round(3)} rad/s")
 
-# The gripper is held, not planned for: open it and the collision shapes follow.
-print("fingers open at", dict(robot.with_held("open").held))
+# The gripper is locked, not planned for: open it and the collision shapes follow.
+print("fingers open at", dict(robot.with_locked_joints("open").locked_joints))
 
 # A robot of your own: the reader is strict, and says what it does not like and where.
 Path("two_links.urdf").write_text("""

@@ -9,8 +9,8 @@ empty = rp.Scene(name="workbench").with_arm("arm", robot)
 
 scene = (
     empty.with_obstacle("ground", rp.HalfSpace((0, 0, 1), 0.0), color=(0.85, 0.85, 0.83, 1))
-    .with_obstacle("crate", rp.Box((0.16, 0.05, 0.32)), [-0.33, 0.15, 0.16], (0.29, 0.48, 0.65, 1))
-    .with_obstacle("ball", rp.Sphere(0.05), [-0.30, -0.24, 0.05], (0.85, 0.70, 0.29, 1))
+    .with_obstacle("crate", rp.Box((0.16, 0.05, 0.32)), [-0.33, 0.15, 0.16], color=(0.29, 0.48, 0.65, 1))
+    .with_obstacle("ball", rp.Sphere(0.05), [-0.30, -0.24, 0.05], color=(0.85, 0.70, 0.29, 1))
     .with_obstacle("post", rp.Capsule(0.03, 0.3), [-0.05, 0.45, 0.18])
 )
 # A scanned surface: each point is a small cube of an octree.

@@ -10,7 +10,7 @@ motion = rp.plan_motion(problem, rng=0)
 limits = scene.limits()
 
 for method in ("blend", "stop", "ruckig"):
-    trajectory = rp.retime(motion.path, scene, method, checker=rp.CollisionChecker(scene))
+    trajectory = rp.retime(motion.path, scene, method=method, checker=rp.CollisionChecker(scene))
     times = np.linspace(trajectory.start_time, trajectory.end_time, 2000)
     velocity = (np.abs(trajectory(times, 1)) / limits.velocity).max()
     acceleration = (np.abs(trajectory(times, 2)) / limits.acceleration).max()

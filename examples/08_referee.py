@@ -13,5 +13,5 @@ print(rp.validate(motion.trajectory.stretched(0.5), scene, problem), "\n")
 # ... or puts a ball in the way after it was planned.
 arm = next(iter(scene.arms))
 halfway = motion.trajectory(0.5 * motion.trajectory.duration)
-where = scene.with_posture(arm, halfway).link_poses()[f"{arm}/tool"][:3, 3]
+where = scene.with_configuration(arm, halfway).link_poses()[f"{arm}/tool"][:3, 3]
 print(rp.validate(motion.trajectory, scene.with_obstacle("late_ball", rp.Sphere(0.03), where), problem))

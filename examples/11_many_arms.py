@@ -23,5 +23,5 @@ print(f"{len(scene.arms)} arms; {len(moves)} move, {len(together.joint_names)} j
 report = rp.validate(together, scene)
 print(report)
 print(rp.simulate(together, scene))
-print(rp.save_html("11_many_arms.html", scene, together, report=report))
+print(rp.save_html("11_many_arms.html", scene, trajectory=together, report=report))
 print(rp.save_motion("11_many_arms.json", scene, trajectory=together, report=report))

@@ -5,9 +5,9 @@ import rr1plan as rp
 for name in ("planar2r_path", "planar2r_no_path"):
     problem = next(iter(rp.load_problems(name).values()))
     # Short edges make a tree that shows how it grew; by default they are longer, and few.
-    planner = rp.make_planner("rrt_connect", tree=True, range=0.15)
-    result = planner.plan(problem, rp.Budget(iterations=1500), rng=14)
-    picture = rp.cspace(problem.scene, problem, result)
+    planner = rp.RrtConnect(range=0.15, tree=True)
+    result = planner.plan(problem, budget=rp.Budget(iterations=1500), rng=14)
+    picture = rp.cspace(problem.scene, problem, result=result)
     print(f"{name}: the planner says {result.status.value}")
     print(picture)
     print(picture.save_png(f"12_{name}.png"))

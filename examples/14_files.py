@@ -16,7 +16,7 @@ print("proven again:", bool(again))
 # Does it survive a change of the cell?
 arm = next(iter(scene.arms))
 halfway = motion.trajectory(0.5 * motion.trajectory.duration)
-where = scene.with_posture(arm, halfway).link_poses()[f"{arm}/tool"][:3, 3]
+where = scene.with_configuration(arm, halfway).link_poses()[f"{arm}/tool"][:3, 3]
 changed = rp.load_motion(file, scene.with_obstacle("late_ball", rp.Sphere(0.03), where))
 print(f"there: {changed.report!r}; what differs: {', '.join(changed.changes)}")
 

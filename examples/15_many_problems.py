@@ -19,7 +19,7 @@ def main():
     for place, motion in zip(places, motions, strict=True):
         if isinstance(motion, rp.PlanFailure):  # it raised, or its process died
             print(np.round(place, 2), motion.error, "-", motion.reason)
-        elif motion.solved:
+        elif motion.valid:
             print(np.round(place, 2), f"{motion.trajectory.duration:.2f} s")
         else:
             print(np.round(place, 2), motion.status.value, "-", motion.result.reason)

@@ -23,5 +23,5 @@ for level in range(3):
     inside = np.linalg.norm(corners[:, None] - centers, axis=2) <= radii
     print(f"level {level}: {inside.any(axis=1).sum()} of 8 corners are inside")
 
-print("page:", motion.save_html("16_spheres.html", spheres=True, title="Spheres that contain"))
+print("page:", motion.save_html("16_spheres.html", options=rp.ViewOptions(spheres=True, title="Spheres that contain")))
 motion.save("16_spheres.json")

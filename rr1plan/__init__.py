@@ -1,4 +1,4 @@
-"""rr1plan: certified motion planning for robot arms, from a question to a replayed, visible motion.
+"""rr1plan: certified motion planning for robot arms.
 
     import rr1plan as rp
 
@@ -8,8 +8,8 @@
     print(motion.report)
     motion.show().wait()
 
-Every name below is loaded on first use, so `import rr1plan` stays light: it does not even import `typing`, because the
-command line cannot answer Ctrl-C before it is done.
+All names below are imported lazily. `import rr1plan` does not even import `typing`, because the
+command line cannot handle Ctrl-C before it is done.
 """
 
 from __future__ import annotations
@@ -17,103 +17,139 @@ from __future__ import annotations
 import sys
 import time
 
-from rr1plan.imports import import_clock
+from rr1plan.import_clock import import_clock
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    import typing
-
-    from rr1plan import multi as multi
-    from rr1plan import playback as playback
-    from rr1plan import retiming as retiming
     from rr1plan import transforms as transforms
+    from rr1plan.batch import Answer as Answer
     from rr1plan.batch import PlanFailure as PlanFailure
     from rr1plan.batch import plan_many as plan_many
+    from rr1plan.checks import Array as Array
+    from rr1plan.checks import Seed as Seed
     from rr1plan.collision import CollisionChecker as CollisionChecker
     from rr1plan.collision import Contact as Contact
     from rr1plan.collision import ElementCover as ElementCover
     from rr1plan.collision import FirstContact as FirstContact
     from rr1plan.collision import Nearest as Nearest
     from rr1plan.collision import cover_with_spheres as cover_with_spheres
+    from rr1plan.collision.edge_kernel import EdgeCounters as EdgeCounters
     from rr1plan.errors import BackendError as BackendError
     from rr1plan.errors import CancelledError as CancelledError
     from rr1plan.errors import FormatError as FormatError
     from rr1plan.errors import InputError as InputError
+    from rr1plan.errors import InstallationError as InstallationError
     from rr1plan.errors import MissingPackageError as MissingPackageError
     from rr1plan.errors import NoPlanError as NoPlanError
+    from rr1plan.errors import PlannerError as PlannerError
     from rr1plan.errors import RetimingError as RetimingError
     from rr1plan.errors import Rr1PlanError as Rr1PlanError
     from rr1plan.errors import UnknownNameError as UnknownNameError
-    from rr1plan.formats.convex_pieces import convex_pieces as convex_pieces
-    from rr1plan.formats.csv_files import load_csv as load_csv
-    from rr1plan.formats.csv_files import save_csv as save_csv
-    from rr1plan.formats.meshes import load_mesh as load_mesh
-    from rr1plan.formats.plan_files import save_motion as save_motion
-    from rr1plan.formats.point_files import load_point_cloud as load_point_cloud
-    from rr1plan.formats.ros_files import load_joint_trajectory as load_joint_trajectory
-    from rr1plan.formats.srdf_proposal import propose_never_collide as propose_never_collide
-    from rr1plan.kinematics import IkResult as IkResult
-    from rr1plan.kinematics import Kinematics as Kinematics
-    from rr1plan.kinematics import copies_within_limits as copies_within_limits
-    from rr1plan.kinematics import solve_ik as solve_ik
-    from rr1plan.library import installed_robot_names as installed_robot_names
-    from rr1plan.library import load_problems as load_problems
-    from rr1plan.library import load_robot as load_robot
-    from rr1plan.library import load_scene as load_scene
-    from rr1plan.library import robot_names as robot_names
-    from rr1plan.library import save_scene as save_scene
-    from rr1plan.library import scene_names as scene_names
-    from rr1plan.limits import Limits as Limits
-    from rr1plan.loading import load_motion as load_motion
+    from rr1plan.export.csv_files import load_csv as load_csv
+    from rr1plan.export.csv_files import save_csv as save_csv
+    from rr1plan.export.plan_files import save_motion as save_motion
+    from rr1plan.export.robot_formats import save_mjcf as save_mjcf
+    from rr1plan.export.robot_formats import save_rosbag as save_rosbag
+    from rr1plan.export.ros_trajectories import load_joint_trajectory as load_joint_trajectory
+    from rr1plan.load_motion import load_motion as load_motion
+    from rr1plan.model import IkResult as IkResult
+    from rr1plan.model import Kinematics as Kinematics
+    from rr1plan.model import copies_within_limits as copies_within_limits
+    from rr1plan.model import solve_ik as solve_ik
     from rr1plan.multi import place_grid as place_grid
     from rr1plan.multi import place_ring as place_ring
     from rr1plan.path import Path as Path
     from rr1plan.pipeline import MotionPlan as MotionPlan
     from rr1plan.pipeline import plan_motion as plan_motion
-    from rr1plan.pipeline import set_up as set_up
+    from rr1plan.pipeline import warm_up as warm_up
+    from rr1plan.planners import AnytimePlanner as AnytimePlanner
+    from rr1plan.planners import CartesianPlanner as CartesianPlanner
+    from rr1plan.planners import OmplPlanner as OmplPlanner
     from rr1plan.planners import Roadmap as Roadmap
-    from rr1plan.planners import make_planner as make_planner
+    from rr1plan.planners import RoadmapPlanner as RoadmapPlanner
+    from rr1plan.planners import RrtConnect as RrtConnect
     from rr1plan.planners import plan as plan
     from rr1plan.planners import planner_names as planner_names
+    from rr1plan.planners import register_planner as register_planner
     from rr1plan.planners.shortcut import shorten as shorten
     from rr1plan.planning import Budget as Budget
+    from rr1plan.planning import Planner as Planner
     from rr1plan.planning import PlanResult as PlanResult
     from rr1plan.planning import PlanStatus as PlanStatus
-    from rr1plan.playback import cspace as cspace
-    from rr1plan.playback import save_html as save_html
-    from rr1plan.playback import screenshot as screenshot
-    from rr1plan.playback import show as show
-    from rr1plan.playback import simulate as simulate
-    from rr1plan.problem import JointGoal as JointGoal
-    from rr1plan.problem import PoseGoal as PoseGoal
-    from rr1plan.problem import Problem as Problem
-    from rr1plan.problem import RegionGoal as RegionGoal
+    from rr1plan.planning import SearchTree as SearchTree
+    from rr1plan.playback.cspace.configuration_space import CSpace as CSpace
+    from rr1plan.playback.cspace.configuration_space import cspace as cspace
+    from rr1plan.playback.cspace.cspace_decomposition import Decomposition as Decomposition
+    from rr1plan.playback.cspace.cspace_grid import CSpaceGrid as CSpaceGrid
+    from rr1plan.playback.cspace.search_trees import DrawnTree as DrawnTree
+    from rr1plan.playback.simulation.replay import Replay as Replay
+    from rr1plan.playback.simulation.replay import ReplayContact as ReplayContact
+    from rr1plan.playback.simulation.simulation import simulate as simulate
+    from rr1plan.playback.viewer import Panel as Panel
+    from rr1plan.playback.viewer import Viewer as Viewer
+    from rr1plan.playback.viewer import ViewOptions as ViewOptions
+    from rr1plan.playback.viewer import pack_array as pack_array
+    from rr1plan.playback.viewer import save_html as save_html
+    from rr1plan.playback.viewer import screenshot as screenshot
+    from rr1plan.playback.viewer import show as show
+    from rr1plan.progress import Progress as Progress
+    from rr1plan.progress import ProgressCallback as ProgressCallback
     from rr1plan.report import Margin as Margin
     from rr1plan.report import Report as Report
     from rr1plan.report import Violation as Violation
     from rr1plan.retiming import point_to_point as point_to_point
     from rr1plan.retiming import retime as retime
     from rr1plan.retiming import retiming_names as retiming_names
+    from rr1plan.retiming.path_blends import CurveChecker as CurveChecker
+    from rr1plan.robot import Color as Color
+    from rr1plan.robot import Geometry as Geometry
+    from rr1plan.robot import Inertial as Inertial
+    from rr1plan.robot import Joint as Joint
+    from rr1plan.robot import Link as Link
+    from rr1plan.robot import Mimic as Mimic
     from rr1plan.robot import Robot as Robot
+    from rr1plan.robot.contact_bands import ContactBand as ContactBand
+    from rr1plan.robot.disabled_collisions import PairProposal as PairProposal
+    from rr1plan.robot.disabled_collisions import propose_disabled_collisions as propose_disabled_collisions
+    from rr1plan.robot.joint_limits import Limits as Limits
     from rr1plan.scene import Arm as Arm
+    from rr1plan.scene import Attachment as Attachment
+    from rr1plan.scene import Obstacle as Obstacle
     from rr1plan.scene import Scene as Scene
     from rr1plan.scene import scene_differences as scene_differences
+    from rr1plan.scene.model_library import installed_robot_names as installed_robot_names
+    from rr1plan.scene.model_library import load_problems as load_problems
+    from rr1plan.scene.model_library import load_robot as load_robot
+    from rr1plan.scene.model_library import load_scene as load_scene
+    from rr1plan.scene.model_library import robot_names as robot_names
+    from rr1plan.scene.model_library import save_scene as save_scene
+    from rr1plan.scene.model_library import scene_names as scene_names
+    from rr1plan.scene.problem import Goal as Goal
+    from rr1plan.scene.problem import JointGoal as JointGoal
+    from rr1plan.scene.problem import PoseGoal as PoseGoal
+    from rr1plan.scene.problem import Problem as Problem
+    from rr1plan.scene.problem import RegionGoal as RegionGoal
     from rr1plan.shapes import Box as Box
     from rr1plan.shapes import Capsule as Capsule
     from rr1plan.shapes import Cylinder as Cylinder
     from rr1plan.shapes import HalfSpace as HalfSpace
     from rr1plan.shapes import Mesh as Mesh
     from rr1plan.shapes import PointCloud as PointCloud
+    from rr1plan.shapes import Shape as Shape
     from rr1plan.shapes import Sphere as Sphere
+    from rr1plan.shapes.convex_decomposition import convex_pieces as convex_pieces
+    from rr1plan.shapes.mesh_files import load_mesh as load_mesh
+    from rr1plan.shapes.point_cloud_files import load_point_cloud as load_point_cloud
     from rr1plan.trajectory import Trajectory as Trajectory
     from rr1plan.validation import certify_path as certify_path
     from rr1plan.validation import validate as validate
 
 __version__ = "0.1.0"
 
-# A name here and a line above; a test holds the two together.
+# A test checks that these names and the imports above agree.
 _EXPORTS = {
-    "rr1plan.batch": ("PlanFailure", "plan_many"),
+    "rr1plan.batch": ("Answer", "PlanFailure", "plan_many"),
+    "rr1plan.checks": ("Array", "Seed"),
     "rr1plan.collision": (
         "CollisionChecker",
         "Contact",
@@ -122,26 +158,30 @@ _EXPORTS = {
         "Nearest",
         "cover_with_spheres",
     ),
+    "rr1plan.collision.edge_kernel": ("EdgeCounters",),
     "rr1plan.errors": (
         "BackendError",
         "CancelledError",
         "FormatError",
         "InputError",
+        "InstallationError",
         "MissingPackageError",
         "NoPlanError",
+        "PlannerError",
         "RetimingError",
         "Rr1PlanError",
         "UnknownNameError",
     ),
-    "rr1plan.formats.csv_files": ("load_csv", "save_csv"),
-    "rr1plan.formats.meshes": ("load_mesh",),
-    "rr1plan.formats.convex_pieces": ("convex_pieces",),
-    "rr1plan.formats.plan_files": ("save_motion",),
-    "rr1plan.formats.point_files": ("load_point_cloud",),
-    "rr1plan.formats.ros_files": ("load_joint_trajectory",),
-    "rr1plan.formats.srdf_proposal": ("propose_never_collide",),
-    "rr1plan.kinematics": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
-    "rr1plan.library": (
+    "rr1plan.robot.contact_bands": ("ContactBand",),
+    "rr1plan.shapes.convex_decomposition": ("convex_pieces",),
+    "rr1plan.export.csv_files": ("load_csv", "save_csv"),
+    "rr1plan.shapes.mesh_files": ("load_mesh",),
+    "rr1plan.export.plan_files": ("save_motion",),
+    "rr1plan.shapes.point_cloud_files": ("load_point_cloud",),
+    "rr1plan.export.ros_trajectories": ("load_joint_trajectory",),
+    "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
+    "rr1plan.model": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
+    "rr1plan.scene.model_library": (
         "installed_robot_names",
         "load_problems",
         "load_robot",
@@ -150,44 +190,62 @@ _EXPORTS = {
         "save_scene",
         "scene_names",
     ),
-    "rr1plan.limits": ("Limits",),
-    "rr1plan.loading": ("load_motion",),
+    "rr1plan.robot.joint_limits": ("Limits",),
+    "rr1plan.load_motion": ("load_motion",),
     "rr1plan.multi": ("place_grid", "place_ring"),
     "rr1plan.path": ("Path",),
-    "rr1plan.pipeline": ("MotionPlan", "plan_motion", "set_up"),
-    "rr1plan.planners": ("Roadmap", "make_planner", "plan", "planner_names"),
+    "rr1plan.pipeline": ("MotionPlan", "plan_motion", "warm_up"),
+    "rr1plan.planners": (
+        "AnytimePlanner",
+        "CartesianPlanner",
+        "OmplPlanner",
+        "Roadmap",
+        "RoadmapPlanner",
+        "RrtConnect",
+        "plan",
+        "planner_names",
+        "register_planner",
+    ),
     "rr1plan.planners.shortcut": ("shorten",),
-    "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus"),
-    "rr1plan.playback": ("cspace", "save_html", "screenshot", "show", "simulate"),
-    "rr1plan.problem": ("JointGoal", "PoseGoal", "Problem", "RegionGoal"),
+    "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus", "Planner", "SearchTree"),
+    "rr1plan.playback.cspace.configuration_space": ("CSpace", "cspace"),
+    "rr1plan.playback.cspace.cspace_decomposition": ("Decomposition",),
+    "rr1plan.playback.cspace.cspace_grid": ("CSpaceGrid",),
+    "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
+    "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact"),
+    "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
+    "rr1plan.playback.simulation.simulation": ("simulate",),
+    "rr1plan.playback.viewer": ("Panel", "ViewOptions", "Viewer", "pack_array", "save_html", "screenshot", "show"),
+    "rr1plan.scene.problem": ("Goal", "JointGoal", "PoseGoal", "Problem", "RegionGoal"),
+    "rr1plan.progress": ("Progress", "ProgressCallback"),
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
-    "rr1plan.robot": ("Robot",),
-    "rr1plan.scene": ("Arm", "Scene", "scene_differences"),
-    "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Sphere"),
+    "rr1plan.retiming.path_blends": ("CurveChecker",),
+    "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
+    "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
+    "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
     "rr1plan.trajectory": ("Trajectory",),
     "rr1plan.validation": ("certify_path", "validate"),
 }
-_SUBMODULES = ("multi", "playback", "retiming", "transforms")
+_SUBMODULES = ("transforms",)
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 
 __all__ = ["__version__", *_SUBMODULES, *_HOME]
 
+if not TYPE_CHECKING:  # so that a type checker refuses names that are not above
 
-def __getattr__(name: str) -> typing.Any:
-    """Load a public name on first use."""
-    if name not in _SUBMODULES and name not in _HOME:
-        raise AttributeError(f"module 'rr1plan' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
-    from importlib import import_module
+    def __getattr__(name: str) -> object:
+        """Load a public name on first use."""
+        if name not in _SUBMODULES and name not in _HOME:
+            raise AttributeError(f"module 'rr1plan' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
+        from importlib import import_module
 
-    began = time.perf_counter()
-    if name in _SUBMODULES:
-        value: typing.Any = import_module(f"rr1plan.{name}")
-    else:
-        value = getattr(import_module(_HOME[name]), name)
-    import_clock.seconds += time.perf_counter() - began
-    globals()[name] = value
-    return value
+        began = time.perf_counter()
+        module = import_module(_HOME.get(name, f"rr1plan.{name}"))
+        value = module if name in _SUBMODULES else getattr(module, name)
+        import_clock.seconds += time.perf_counter() - began
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

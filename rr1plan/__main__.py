@@ -8,12 +8,12 @@ import time
 
 from rr1plan.interrupts import INTERRUPTED, leaving_at_once
 
-# The interpreter's own start, which hardly waits, is counted by its processor time.
+# The start-up of the interpreter is measured by its processor time, which is close to its wall time.
 _STARTED = time.perf_counter() - time.process_time()
 
 
 def main() -> None:
-    """Run the command line and leave with its exit code."""
+    """Run the command line and exit with its code."""
     try:
         with leaving_at_once():
             import gc
@@ -22,17 +22,17 @@ def main() -> None:
             from rr1plan.cli import run
 
         for stream in (sys.stdout, sys.stderr):
-            # A terminal without a character shows its code.
+            # A terminal that cannot encode a character shows its escape code.
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")
         code = run(sys.argv[1:], _STARTED)
     except KeyboardInterrupt:
-        # Ctrl-C between the two that handle it.
+        # Ctrl-C between two handlers.
         code = INTERRUPTED
-    # Nothing is left to interrupt but the interpreter's end, which would answer with a traceback.
+    # Ctrl-C during the interpreter's shutdown would print a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    # Else the interpreter looks through all objects of all libraries before it ends, for a quarter of a second.
-    # OMPL's binding prints what is left then as leaks, so it is left to be collected.
+    # Otherwise the interpreter collects the objects of all libraries at shutdown, for a quarter of a second.
+    # OMPL's binding reports remaining objects as leaks, so they are collected.
     if "ompl" not in sys.modules:
         gc.freeze()
     sys.exit(code)

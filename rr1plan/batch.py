@@ -1,9 +1,9 @@
-"""Many problems at once, over processes: seeds of their own, answers in order, no answer lost.
+"""Batches of problems over processes, with separate seeds and ordered results.
 
-Problem i gets the i-th seed of `problem_seeds(rng, n)`, whoever works on it, so the answers do not depend
-on how many workers there are. Consecutive problems travel together, so what they share (a scene)
-travels once. When a worker process dies, the problems it may have had are asked again, each
-alone, and only the one that kills its process again is lost.
+Problem i gets the i-th seed of `problem_seeds(rng, n)`, so results do not depend
+on the number of workers. Consecutive problems are sent in chunks, so that shared values (a scene)
+are pickled once. If a worker process dies, the problems of its chunks are planned again, each
+alone, and only a problem that kills its process again fails.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import math
 import os
+import pickle
 import signal
 import time
 from collections import deque
@@ -40,10 +41,10 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import BackendError, InputError
 from rr1plan.pipeline import MotionPlan
-from rr1plan.planners import planner_names
-from rr1plan.planning import Budget, PlanResult, Progress, ProgressCallback
-from rr1plan.problem import Problem
+from rr1plan.planners import chosen_planner, is_own
+from rr1plan.planning import Budget, Planner, PlanResult, Progress, ProgressCallback
 from rr1plan.retiming import retiming_names
+from rr1plan.scene.problem import Problem
 
 logger = logging.getLogger(__name__)
 
@@ -51,19 +52,19 @@ _T = TypeVar("_T")
 _CHUNKS_PER_WORKER = 4
 _LONGEST_CHUNK = 32
 _MOST_WORKERS = 10_000
-# How often processes of our own are looked at [s].
+# Polling interval of worker processes [s].
 _POLL = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlanFailure(Value):
-    """What stands in the place of an answer: the problem raised, its process died, or the batch was cancelled.
+    """Result of a problem that raised, whose process died, or that was cancelled.
 
     Args:
-        problem: The question.
+        problem: The problem.
         error: Name of the exception.
-        reason: What it said.
-        details: Its traceback in the process it came from, if there is one.
+        reason: Its message.
+        details: Its traceback in the worker process, if there is one.
     """
 
     problem: Problem
@@ -72,8 +73,13 @@ class PlanFailure(Value):
     details: str = ""
 
     @property
-    def solved(self) -> bool:
-        """Always False; mirrors `MotionPlan.solved`."""
+    def found(self) -> bool:
+        """Always False; mirrors `MotionPlan.found` and `PlanResult.found`."""
+        return False
+
+    @property
+    def valid(self) -> bool:
+        """Always False; mirrors `MotionPlan.valid`."""
         return False
 
     def __bool__(self) -> bool:
@@ -89,46 +95,46 @@ def plan_many(
     *,
     executor: Executor | None = None,
     workers: int | None = None,
-    rng: Seed = None,
     full: bool = True,
-    planner: str = "rrt_connect",
+    planner: str | Planner = "rrt_connect",
     retiming: str = "blend",
     budget: Budget | None = None,
+    rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> list[Answer]:
-    """Answer many problems at once, each as `plan_motion` (or `plan`) does alone.
+    """Solve many problems in parallel, each like `plan_motion` (or `plan`).
 
-    Without an executor the processes are spawned here, so a script has to guard its main part with
+    Without an executor this spawns processes, so a script has to guard its main part with
     `if __name__ == "__main__":`. Ctrl-C stops the processes within about a
     tenth of a second of planning.
 
     Args:
-        problems: The questions. Those about one scene should share one `Scene` value and follow each other.
-        executor: Who works instead: any `concurrent.futures.Executor`, e.g. that of a Dask client
+        problems: The problems. Those in one scene should share one `Scene` object and be consecutive.
+        executor: Any `concurrent.futures.Executor` to use instead, e.g. of a Dask client
             (`client.get_executor()`) or of mpi4py. It is not shut down.
         workers: How many processes (default: the processors this process may use); with an executor, how
             many it has.
-        rng: Seed of all; problem i is asked with seed i of `problem_seeds(rng, n)`.
         full: Plan, shorten, retime and validate, as `plan_motion`; or only plan, as `plan`.
-        planner: A name of `planner_names()`.
+        planner: A name of `planner_names()`, or an instance of `Planner`, which is sent to the processes by pickle.
         retiming: A name of `retiming_names()`.
         budget: When the planner has to stop, for each problem (default: 10 s).
+        rng: Seed of all; problem i is asked with seed i of `problem_seeds(rng, n)`.
         progress: Called for each problem that is done, with the fraction that is; it may return False to cancel. With
             an executor it learns of problems when the whole chunk that they travel in is done.
 
     Returns:
-        The answers in the order of the problems: a `MotionPlan` (or `PlanResult` if not `full`), or a
-        `PlanFailure` where the problem raised, its process died, or the batch was cancelled.
+        The results in the order of the problems: a `MotionPlan` (or `PlanResult` if not `full`), or a
+        `PlanFailure` if the problem raised, its process died, or the batch was cancelled.
 
     Raises:
         UnknownNameError: no such planner or retiming.
-        InputError: something that is not a problem, no worker, a seed below zero.
+        InputError: something that is not a problem, no worker, a seed below zero, a planner that cannot be pickled.
         BackendError: the processes do not even start.
         KeyboardInterrupt: Ctrl-C, after the processes have ended.
     """
     settings = Settings(
         full,
-        known_name("planner", planner, planner_names()),
+        _sent_planner(planner, executor),
         known_name("retiming", retiming, retiming_names()),
         budget,
     )
@@ -152,11 +158,31 @@ def plan_many(
 
 
 def problem_seeds(rng: Seed, count: int) -> list[int]:
-    """The seeds `plan_many` asks its problems with; the first ones do not depend on how many there are."""
+    """The seeds of the problems of `plan_many`; seed i does not depend on `count`."""
     sequence = as_generator(rng).bit_generator.seed_seq
     if not isinstance(sequence, np.random.SeedSequence):
         raise InputError(f"rng has a seed of kind {type(sequence).__name__}, expected numpy's SeedSequence")
     return [int(child.generate_state(1, np.uint64)[0]) for child in sequence.spawn(count)]
+
+
+def _sent_planner(planner: str | Planner, executor: Executor | None) -> str | Planner:
+    """What processes are told to plan with: names that are known everywhere, or the planner itself.
+
+    Raises:
+        InputError: a planner that cannot be sent.
+    """
+    chosen = chosen_planner(planner)
+    if isinstance(planner, str) and is_own(planner):
+        return planner
+    if executor is None:
+        try:
+            pickle.dumps(chosen)
+        except Exception as error:
+            raise InputError(
+                f"planner {chosen.name!r} cannot be sent to other processes: {error}; "
+                "define its class in a module, and keep what cannot be pickled out of it"
+            ) from error
+    return chosen
 
 
 def _checked(problems: Iterable[Problem], executor: Executor | None, workers: int | None) -> list[Problem]:
@@ -172,7 +198,7 @@ def _checked(problems: Iterable[Problem], executor: Executor | None, workers: in
 
 
 def _processors() -> int:
-    """How many processors this process may use."""
+    """Number of processors available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -182,10 +208,10 @@ def _chunks(tasks: Sequence[Task], workers: int) -> list[list[Task]]:
 
 
 class _Board:
-    """The answers so far.
+    """The results so far.
 
     Attributes:
-        ended: A byte for each problem, 1 when it has ended; processes set those whose answers they still hold.
+        ended: A byte for each problem, 1 if it has ended; processes set it before they return the result.
     """
 
     def __init__(self, problems: list[Problem], progress: ProgressCallback | None) -> None:
@@ -198,7 +224,7 @@ class _Board:
         self._started = time.perf_counter()
 
     def note(self, index: int, answer: Any) -> None:
-        """Take the answer to a problem; a plan gets back the very problem that was asked."""
+        """Store the result of a problem, with its pickled copy of the problem replaced by the original."""
         if isinstance(answer, MotionPlan):
             answer = replace(answer, problem=self.problems[index])
         elif isinstance(answer, Raised):
@@ -208,7 +234,7 @@ class _Board:
         self.report()
 
     def report(self) -> None:
-        """Report each problem that has ended since the last time."""
+        """Report each problem that has ended since the last call."""
         ended = bytes(self.ended).count(1)
         while self.progress is not None and self._reported < ended and not self.cancelled:
             self._reported += 1
@@ -217,7 +243,7 @@ class _Board:
             self.cancelled = self.progress(Progress("plan_many", seconds, done)) is False
 
     def answers(self) -> list[Answer]:
-        """All answers in order; whoever has none was cancelled."""
+        """All results in order; problems without one were cancelled."""
         none = Raised("Cancelled", "the batch was cancelled before this problem was done")
         return [self._answers[i] if i in self._answers else PlanFailure(p, *none) for i, p in enumerate(self.problems)]
 
@@ -225,9 +251,9 @@ class _Board:
 def _work_off(
     executor: Executor, chunks: deque[list[Task]], settings: Settings, board: _Board, at_once: int
 ) -> list[Task]:
-    """Have the chunks worked off, `at_once` of them at a time; tasks lost with a broken executor are returned.
+    """Process all chunks, `at_once` of them at a time; return the tasks lost with a broken executor.
 
-    A chunk that cannot travel is tried again problem by problem.
+    A chunk that cannot be pickled is tried again problem by problem.
     """
     pending: dict[Future[list[Any]], list[Task]] = {}
     lost: list[Task] = []
@@ -255,9 +281,9 @@ def _work_off(
 
 
 def _keep_ended(pending: dict[Future[list[Any]], list[Task]], board: _Board) -> None:
-    """Note the answers that were reported before the batch was cancelled; their chunks end at once now."""
+    """Store the results that were reported before the batch was cancelled; their chunks end at once."""
     for future, chunk in pending.items():
-        with suppress(Exception):  # a chunk without answers: it was not begun, or its process died
+        with suppress(Exception):  # a chunk without results: it was not started, or its process died
             if not future.cancel():
                 for task, answer in zip(chunk, future.result(), strict=True):
                     if board.ended[task.number]:
@@ -265,7 +291,7 @@ def _keep_ended(pending: dict[Future[list[Any]], list[Task]], board: _Board) -> 
 
 
 def _take(future: Future[list[Any]], chunk: list[Task], chunks: deque[list[Task]], board: _Board) -> list[Task]:
-    """Note the answers of a chunk; its tasks come back if they were lost."""
+    """Store the results of a chunk; return its tasks if they were lost."""
     try:
         answers = future.result()
     except BrokenExecutor:
@@ -282,7 +308,7 @@ def _take(future: Future[list[Any]], chunk: list[Task], chunks: deque[list[Task]
 
 
 def _work_in_processes(chunks: list[list[Task]], settings: Settings, board: _Board, workers: int) -> None:
-    """Work off all chunks in processes of our own; those lost with a process are asked again, each alone."""
+    """Process all chunks in spawned processes; tasks lost with a process are repeated, each alone."""
     left = deque(chunks)
     while left and not board.cancelled:
         with _pool(workers, board) as pool:
@@ -298,10 +324,10 @@ def _work_in_processes(chunks: list[list[Task]], settings: Settings, board: _Boa
 
 
 class _Pool(ProcessPoolExecutor):
-    """Its processes, which start as tasks are submitted, are deaf to Ctrl-C from the first instruction on.
+    """A pool whose processes, started as tasks are submitted, ignore Ctrl-C from their first instruction on.
 
     Attributes:
-        stop: The event that tells them to end.
+        stop: The event that ends the processes.
     """
 
     stop: Event
@@ -313,7 +339,7 @@ class _Pool(ProcessPoolExecutor):
 
 @contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """Keep Ctrl-C for the end of the block; processes that are started in it inherit the mask."""
+    """Defer Ctrl-C to the end of the block; processes started in it inherit the signal mask."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -326,7 +352,7 @@ def _interrupts_blocked() -> Iterator[None]:
 
 @contextmanager
 def _pool(workers: int, board: _Board) -> Iterator[Executor]:
-    """Spawned processes that are up; at the end they are told to stop, and waited for."""
+    """A pool of running processes; at the end they are stopped and joined."""
     context = get_context("spawn")
     stop = context.Event()
     pool = _Pool(workers, mp_context=context, initializer=begin_worker, initargs=(stop, board.ended))
@@ -341,7 +367,7 @@ def _pool(workers: int, board: _Board) -> Iterator[Executor]:
             ) from error
         yield pool
     finally:
-        # A process that is still starting needs what this one would take away with its end.
+        # A process that is still starting needs resources that end with this process.
         with _interrupts_blocked():
             stop.set()
             pool.shutdown(wait=True, cancel_futures=True)

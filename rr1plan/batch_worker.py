@@ -1,4 +1,4 @@
-"""What a process of a batch does: answers problems one after the other, and sends back what was raised as text."""
+"""Worker processes of a batch: solve problems in sequence, and return exceptions as text."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from typing import Any, NamedTuple
 
 from rr1plan.pipeline import plan_motion
 from rr1plan.planners import plan
-from rr1plan.planning import Budget, Progress
-from rr1plan.problem import Problem
+from rr1plan.planning import Budget, Planner, Progress
+from rr1plan.scene.problem import Problem
 
 
 class Settings(NamedTuple):
-    """What every problem of a batch has in common."""
+    """Settings common to all problems of a batch."""
 
     full: bool
-    planner: str
+    planner: str | Planner
     retiming: str
     budget: Budget | None
 
 
 class Task(NamedTuple):
-    """One problem of a batch, where it stands there, and its seed."""
+    """One problem of a batch, its index, and its seed."""
 
     number: int
     problem: Problem
@@ -31,7 +31,7 @@ class Task(NamedTuple):
 
 
 class Raised(NamedTuple):
-    """An exception as text: not every exception can travel."""
+    """An exception as text, because not every exception can be pickled."""
 
     error: str
     reason: str
@@ -44,18 +44,18 @@ def raised(error: BaseException) -> Raised:
 
 
 _should_stop: Callable[[], bool] = bool
-"""Whether the process that spawned this one wants it to end."""
+"""Event set by the parent process to end this one."""
 
 
 _ended: Any = None
-"""A byte for each problem of the batch, shared with the process that spawned this one; 1 when it has an answer."""
+"""A byte for each problem of the batch, shared with the parent process; 1 if it has ended."""
 
 
 def begin_worker(stop: Any, ended: Any) -> None:
-    """Prepare a process of a batch.
+    """Initialize a process of a batch.
 
     Args:
-        stop: The event that tells it to end.
+        stop: The event that ends the process.
         ended: Shared bytes, one for each problem, which are set as the problems end.
     """
     global _should_stop, _ended
@@ -69,7 +69,7 @@ def _go_on(progress: Progress) -> bool:
 
 
 def run_chunk(chunk: list[Task], settings: Settings) -> list[Any]:
-    """Answers, or what was raised, one for each task."""
+    """Results or exceptions, one for each task."""
     answers = []
     for task in chunk:
         answers.append(_run(task, settings))
@@ -83,7 +83,7 @@ def _run(task: Task, settings: Settings) -> Any:
         return Raised("Cancelled", "the batch was cancelled before this problem was done")
     try:
         if not settings.full:
-            return plan(task.problem, settings.planner, settings.budget, task.seed, _go_on)
+            return plan(task.problem, planner=settings.planner, budget=settings.budget, rng=task.seed, progress=_go_on)
         return plan_motion(
             task.problem,
             planner=settings.planner,

@@ -1,4 +1,4 @@
-"""Border checks: public functions call these once, private functions trust."""
+"""Validation of arguments of public functions; private functions do not repeat it."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.errors import shown as shown
 
 Array = NDArray[np.float64]
-# Beyond this [m] distances are no longer good to a micrometer, and Coal gives wrong ones (or none).
+# Beyond this [m] distances are less accurate than a micrometer, and Coal returns wrong ones (or none).
 FARTHEST = 1e4
 # A whole turn [rad], rounded up.
 _TURN = 6.2832
-# What a message asks where angles are too large for radians.
+# Hint in messages about angles that are too large for radians.
 DEGREES = "(angles are in radians: are these degrees?)"
-# Of one part of a path, and of a path [bytes], on all common file systems.
+# Limits of common file systems for one part of a path, and for a path [bytes].
 _LONGEST_NAME = 255
 _LONGEST_PATH = 4095
-# In a repr: numbers or names of a list, entries of other lists.
+# Most entries in a repr: numbers or names of a list, entries of other lists.
 _MOST_NUMBERS, _MOST_ENTRIES = 8, 2
 Seed = np.random.Generator | int | None
 
 
 def _in_brief(value: Any) -> str:
-    """A field of a value, in a line."""
+    """One-line repr of a field."""
     if isinstance(value, np.ndarray):
         if value.ndim == 1 and value.size <= _MOST_NUMBERS:
             return "[" + ", ".join(f"{number:.6g}" for number in value.tolist()) + "]"
@@ -63,7 +63,7 @@ def number_array(name: str, value: Any) -> Array:
     """
     try:
         if np.asarray(value).dtype.kind in "USmM" or isinstance(value, np.ma.MaskedArray):
-            raise TypeError("text, a time or a masked value is no number, though numpy reads it as one")
+            raise TypeError("text, a time or a masked value is not a number, although NumPy converts it")
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError, Warning) as error:
         raise InputError(f"{name} is not an array of numbers: {shown(value)}") from error
@@ -71,7 +71,7 @@ def number_array(name: str, value: Any) -> Array:
 
 
 def shape_of(value: Any) -> tuple[int, ...]:
-    """The shape of an array or a nest of lists; () of anything else."""
+    """The shape of an array or nested lists; () for anything else."""
     try:
         return np.shape(value)
     except ValueError:
@@ -82,8 +82,8 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     """A new float64 array of `value`, checked for shape and finiteness.
 
     Args:
-        name: How the message calls it.
-        value: Anything numpy can turn into numbers.
+        name: Name of the value, for messages.
+        value: Anything NumPy can convert to numbers.
         shape: Expected shape; None stands for any length.
 
     Raises:
@@ -104,10 +104,10 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
 
 
 def near_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
-    """`finite_array` of lengths, coordinates or angles [m or rad], none beyond 10 km.
+    """`finite_array` of lengths, coordinates or angles [m or rad] of at most 1e4 (10 km).
 
     Raises:
-        InputError: not numbers, wrong shape, not finite, or farther than that.
+        InputError: not numbers, wrong shape, not finite, or too large.
     """
     array = finite_array(name, value, shape)
     farthest = float(np.abs(array).max(initial=0.0))
@@ -117,7 +117,7 @@ def near_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
 
 
 def turn_angles(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
-    """`finite_array` of angles of a rotation [rad], none beyond a whole turn.
+    """`finite_array` of angles of a rotation [rad] within one turn.
 
     Raises:
         InputError: not numbers, wrong shape, not finite, or beyond a turn: degrees, most likely.
@@ -136,7 +136,7 @@ def finite_number(name: str, value: Any) -> float:
     Raises:
         InputError: not a number, NaN or infinite.
     """
-    # Nearly every number is this, and an array of one takes longer than all else that is done with it.
+    # Fast path for floats: converting to an array would dominate the time of most callers.
     if type(value) is float and math.isfinite(value):
         return value
     return float(finite_array(name, value, ()))
@@ -164,10 +164,10 @@ def positive_length(name: str, value: Any) -> float:
 
 
 def of_kind(name: str, value: Any, kind: type, *, optional: bool = False) -> None:
-    """Refuse a value that is not of a kind, nor None where it is optional.
+    """Require a value of a type, or None if it is optional.
 
     Raises:
-        InputError: it is of another.
+        InputError: another type.
     """
     if not isinstance(value, kind) and not (optional and value is None):
         raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}")
@@ -177,7 +177,7 @@ def whole_number(name: str, value: Any, least: int, most: int) -> int:
     """`value` as an int within bounds.
 
     Raises:
-        InputError: not a whole number, or out of bounds.
+        InputError: not an integer, or out of bounds.
     """
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= most:
         raise InputError(f"{name} is {shown(value)}, expected a whole number from {least} to {most}")
@@ -188,7 +188,7 @@ def true_or_false(name: str, value: Any) -> bool:
     """`value` as a bool.
 
     Raises:
-        InputError: something else, even 0 or 1.
+        InputError: not a bool; 0 and 1 are rejected too.
     """
     if not isinstance(value, bool | np.bool_):
         raise InputError(f"{name} is {shown(value)}, expected True or False")
@@ -196,22 +196,22 @@ def true_or_false(name: str, value: Any) -> bool:
 
 
 def check_text(name: str, value: Any) -> None:
-    """Refuse what is not text.
+    """Require text.
 
     Raises:
-        InputError: something else, or text that cannot be encoded.
+        InputError: not text, or text that cannot be encoded.
     """
     if not isinstance(value, str):
         raise InputError(f"{name} is {shown(value)}, expected text")
     if not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
-        raise InputError(f"{name} is {shown(value)}, which has half a character in it")
+        raise InputError(f"{name} is {shown(value)}, which contains a lone surrogate")
 
 
 def check_callback(name: str, value: Any) -> None:
-    """Refuse what is neither a function nor None.
+    """Require a function or None.
 
     Raises:
-        InputError: something else.
+        InputError: neither.
     """
     if value is not None and not callable(value):
         raise InputError(f"{name} is {shown(value)}, expected a function")
@@ -221,7 +221,7 @@ def items_of(name: str, value: Any, kind: str) -> tuple[Any, ...]:
     """The items of a list, a tuple or another iterable that is not text.
 
     Raises:
-        InputError: text, or nothing that can be iterated.
+        InputError: text, or not iterable.
     """
     try:
         if not isinstance(value, str | bytes | Mapping):
@@ -232,11 +232,11 @@ def items_of(name: str, value: Any, kind: str) -> tuple[Any, ...]:
 
 
 def file_path(value: Any) -> Path:
-    """`value` as a path that a file system can hold.
+    """`value` as a path that is valid on common file systems.
 
     Raises:
-        InputError: neither text nor a path, with a NUL or a character that no file name can have in it, a name
-            beyond 255 bytes or a path beyond 4095.
+        InputError: neither text nor a path, an invalid character, a name longer than 255 bytes or a path longer
+            than 4095.
     """
     if not isinstance(value, str | os.PathLike) or not isinstance(os.fspath(value), str):
         raise InputError(f"file name is {shown(value)}, expected text or a path")
@@ -254,10 +254,10 @@ def file_path(value: Any) -> Path:
 
 
 def resolved_path(value: Any) -> Path:
-    """`file_path`, absolute and without symbolic links; a loop of links stays, and cannot be opened later.
+    """`file_path`, absolute and with symbolic links resolved, except for a loop of links, which cannot be opened.
 
     Raises:
-        InputError: as `file_path`.
+        InputError: as in `file_path`.
     """
     return Path(os.path.realpath(file_path(value)))
 
@@ -266,7 +266,7 @@ def known_name(kind: str, name: str, known: Iterable[str]) -> str:
     """`name`, if it is one of `known`.
 
     Raises:
-        UnknownNameError: it is not; the message lists the near ones.
+        UnknownNameError: it is not; the message suggests similar names.
     """
     names = tuple(known)
     if not isinstance(name, str) or name not in names:
@@ -275,7 +275,7 @@ def known_name(kind: str, name: str, known: Iterable[str]) -> str:
 
 
 def counted(number: int, noun: str, plural: str | None = None) -> str:
-    """A number with its noun: "1 waypoint", "2 waypoints"; `plural` where that takes no s alone."""
+    """A number with its noun: "1 waypoint", "2 waypoints"; `plural` for irregular plurals."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
@@ -286,9 +286,9 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 
 class Value:
-    """Base of our immutable dataclasses: read-only arrays and mappings, after pickling too, and a repr of one line.
+    """Base of immutable dataclasses: read-only arrays and mappings, after pickling too, and a one-line repr.
 
-    The decorator of a subclass says `repr=False`, as it would make a repr of its own.
+    Decorate subclasses with `repr=False`, so that dataclass does not replace the repr.
     """
 
     def __repr__(self) -> str:
@@ -297,12 +297,12 @@ class Value:
         return f"{type(self).__name__}({', '.join(entries)})"
 
     def __getstate__(self) -> dict[str, Any]:
-        """The fields alone, without what was cached beside them."""
+        """The fields, without cached properties."""
         fields = self.__dataclass_fields__  # type: ignore[attr-defined]  # every subclass is a dataclass
         return {n: dict(v) if isinstance(v, MappingProxyType) else v for n, v in self.__dict__.items() if n in fields}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """The fields again, frozen as they were."""
+        """Restore the fields as read-only values."""
         for name, value in state.items():
             for array in value.values() if isinstance(value, dict) else (value,):
                 if isinstance(array, np.ndarray):

@@ -1,4 +1,4 @@
-"""Every exception rr1plan raises on purpose, in one tree.
+"""The exceptions of rr1plan.
 
     Rr1PlanError
     ├── InputError (ValueError)       a wrong call: says what, got, expected, what to try
@@ -9,9 +9,10 @@
     ├── CancelledError                a progress callback ended work that has no answer without its end
     ├── MissingPackageError (ImportError)   an optional package; names the extra to install
     ├── InstallationError (ImportError)     a part of rr1plan that the build makes is missing or broken
+    ├── PlannerError                  a planner of the caller's own raised something, or its answer is none
     └── BackendError                  a library failed in a way we did not foresee
 
-"No answer" is a value (`PlanResult.status`), a wrong call is an exception.
+A failed search is a value (`PlanResult.status`), an invalid argument is an exception.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _LONGEST_SHOWN = 80  # [characters]
 
 
 def shown(value: object) -> str:
-    """A value as messages show it: its repr, cut where it is long, or its type where it has none."""
+    """A value for messages: its repr, truncated if it is long, or its type if it has none."""
     try:
         text = repr(value)
     except Exception:  # an int of 5,000 digits, a list 3,000 deep, an object of a caller's own class
@@ -32,22 +33,22 @@ def shown(value: object) -> str:
 
 
 class Rr1PlanError(Exception):
-    """Base of everything rr1plan raises on purpose."""
+    """Base of all exceptions of rr1plan."""
 
 
 class InputError(Rr1PlanError, ValueError):
-    """A wrong call: the message names the thing, what was got and what was expected."""
+    """An invalid argument: the message names it, what was got and what was expected."""
 
 
 class UnknownNameError(InputError):
-    """A name nobody knows.
+    """An unknown name.
 
     Args:
-        kind: What the name should have named, e.g. "joint".
-        name: The name that was given.
-        known: All names that would have been right.
-        advice: What else to try, a sentence.
-        near: Those of them that may be meant (default: those that are spelled nearly alike).
+        kind: Kind of the name, e.g. "joint".
+        name: The unknown name.
+        known: All known names.
+        advice: A hint, in a sentence.
+        near: Known names to suggest (default: those with similar spelling).
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class UnknownNameError(InputError):
         self.name = name
         self.known = tuple(known)
         if near is None:
-            # Loaded in every process otherwise, and few make mistakes.
+            # Imported lazily, because it is rarely needed.
             import difflib
 
             near = difflib.get_close_matches(name[:200], self.known, n=3, cutoff=0.5) if isinstance(name, str) else []
@@ -68,12 +69,12 @@ class UnknownNameError(InputError):
 
 
 class FormatError(InputError):
-    """A file that cannot be read as what it claims to be.
+    """A malformed file.
 
     Args:
-        message: What is wrong, and what to try.
-        file: The file, when there is one.
-        line: The line [1-based], when it is known.
+        message: The error, and what to try.
+        file: The file, if there is one.
+        line: The line [1-based], if it is known.
     """
 
     def __init__(self, message: str, file: str | Path | None = None, line: int | None = None) -> None:
@@ -84,34 +85,38 @@ class FormatError(InputError):
 
 
 class NoPlanError(Rr1PlanError):
-    """Raised by `path_or_raise` when there is no path; the message is the planner's reason."""
+    """There is no path; the message is the planner's reason."""
+
+
+class PlannerError(Rr1PlanError):
+    """A planner of the caller's own raised something, or returned a path that is no answer to the problem."""
 
 
 class RetimingError(Rr1PlanError):
-    """A path that cannot be given times under the limits; names the joint or the place."""
+    """A path that cannot be timed under the limits; the message names the joint or the waypoints."""
 
 
 class CancelledError(Rr1PlanError):
-    """A progress callback returned False, and the work it ended has no answer without its end."""
+    """A progress callback returned False and cancelled work without partial results."""
 
 
 class MissingPackageError(Rr1PlanError, ImportError):
     """An optional package is not installed.
 
     Args:
-        package: The package that is missing.
-        extra: The rr1plan extra that brings it, when there is one.
-        purpose: What it is needed for.
+        package: The missing package.
+        extra: The extra of rr1plan that installs it, if there is one.
+        purpose: The feature that needs it.
     """
 
     def __init__(self, package: str, purpose: str, extra: str | None = None) -> None:
-        what = f"rr1plan[{extra}]" if extra else package
-        super().__init__(f"{purpose} needs the package {package!r}; try: pip install '{what}'")
+        requirement = f"rr1plan[{extra}]" if extra else package
+        super().__init__(f"{purpose} needs the package {package!r}; try: pip install '{requirement}'")
 
 
 class InstallationError(Rr1PlanError, ImportError):
-    """A part of rr1plan that its build makes is missing, or does not fit the rest; says how to build it."""
+    """A compiled part of rr1plan is missing or of another version; the message says how to build it."""
 
 
 class BackendError(Rr1PlanError):
-    """A library failed in a way we did not foresee; raised `from` the original."""
+    """An unexpected failure of a library, raised `from` the original exception."""

@@ -1,7 +1,7 @@
-"""Ctrl-C while the command line and its libraries are loaded: the process ends at once, with one line.
+"""Ctrl-C during the import of the command line and its libraries: the process exits with one line.
 
-Nothing of the user's is half done then, and some libraries turn a KeyboardInterrupt into other errors, or abort. This
-module is imported before all others, so it imports little itself.
+No work is lost at that time, and some libraries turn a KeyboardInterrupt into other errors, or abort. This
+module is imported before all others, so it imports few modules.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ def leave(*_: object) -> None:
     """End the process with exit code 130 and a line on stderr."""
     try:
         if sys.stderr is not None:
-            # A bar may have hidden the cursor.
+            # A progress bar may have hidden the cursor.
             line = ("\x1b[?25h" if sys.stderr.isatty() else "") + "rr1plan: interrupted\n"
             os.write(sys.stderr.fileno(), line.encode())
     finally:
-        # Also where nothing can be written.
+        # Exit even if writing fails.
         os._exit(INTERRUPTED)
 
 
 class leaving_at_once:
-    """Context in which Ctrl-C ends the process; without effect where it is ignored, and in other threads."""
+    """Context in which Ctrl-C exits the process; no effect if SIGINT is ignored, or in other threads."""
 
     def __enter__(self) -> None:
         self._before: Any = signal.getsignal(signal.SIGINT)
@@ -42,7 +42,7 @@ class leaving_at_once:
 
 
 def _set_handler(handler: Any) -> bool:
-    """Handle Ctrl-C; False outside of the main thread, the only one in which Python handles signals."""
+    """Set the handler of SIGINT; False outside the main thread, where Python does not allow it."""
     try:
         signal.signal(signal.SIGINT, handler)
     except ValueError:

@@ -1,14 +1,16 @@
-"""A path: waypoints in joint space, straight lines between them, no time."""
+"""Paths: waypoints in joint space joined by straight lines, without time."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     Array,
@@ -32,7 +34,7 @@ def check_joint_names(joint_names: Any) -> tuple[str, ...]:
     """Column names as a tuple of distinct strings.
 
     Raises:
-        InputError: not strings, or one of them twice.
+        InputError: not strings, or a duplicate.
     """
     names = items_of("joint_names", joint_names, "names")
     if not all(isinstance(name, str) and name for name in names):
@@ -58,6 +60,10 @@ class Path(Value):
     joint_names: tuple[str, ...]
     waypoints: Array
 
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, joint_names: Sequence[str], waypoints: ArrayLike) -> None: ...
+
     def __post_init__(self) -> None:
         names = check_joint_names(self.joint_names)
         waypoints = near_array("waypoints", self.waypoints, (None, len(names)))
@@ -68,11 +74,11 @@ class Path(Value):
 
     @classmethod
     def trusted(cls, joint_names: tuple[str, ...], waypoints: Array) -> Path:
-        """A path that is known to be one: nothing is checked, and nobody else may write the waypoints.
+        """A path from validated arguments, without checks or copies; the caller must not keep `waypoints`.
 
         Args:
-            joint_names: Of a checked path, problem or checker.
-            waypoints: New and finite, shape (n, nq), n >= 1.
+            joint_names: Names from a validated path, problem or checker.
+            waypoints: New array of finite values, shape (n, nq), n >= 1.
         """
         path = object.__new__(cls)
         path.__dict__.update(joint_names=joint_names, waypoints=read_only(waypoints))
@@ -91,7 +97,7 @@ class Path(Value):
         return math.fsum(map(math.dist, points[1:], points))
 
     def allclose(self, other: Path, atol: float = 1e-12) -> bool:
-        """The same joints and the same waypoints within `atol` [rad]."""
+        """Whether joints are the same and waypoints agree within `atol` [rad]."""
         of_kind("other", other, Path)
         atol = finite_number("atol", atol)
         return (

@@ -1,14 +1,14 @@
-"""What every planner takes and gives."""
+"""Interface of all planners: Budget, Progress, PlanResult, Planner."""
 
 from __future__ import annotations
 
 import math
 import numbers
 import sys
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, Seed, Value, check_callback, counted, of_kind, shown
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
-from rr1plan.problem import Problem
+from rr1plan.progress import Progress as Progress
+from rr1plan.progress import ProgressCallback as ProgressCallback
+from rr1plan.scene.problem import Problem
 
 _MOST_ITERATIONS = 2**62  # kernels count in 64 bits
 
@@ -24,7 +26,7 @@ _MOST_ITERATIONS = 2**62  # kernels count in 64 bits
 class PlanStatus(Enum):
     """How a planning query ended."""
 
-    SOLVED = "solved"
+    FOUND = "found"
     TIMEOUT = "timeout"
     INVALID_START = "invalid_start"
     INVALID_GOAL = "invalid_goal"
@@ -34,7 +36,7 @@ class PlanStatus(Enum):
 
 @dataclass(frozen=True)
 class Budget:
-    """When a planner has to stop, whichever comes first.
+    """Limits after which a planner stops, whichever is reached first.
 
     Args:
         seconds: Wall time [s], above zero (inf: no limit).
@@ -42,7 +44,7 @@ class Budget:
             alone (seconds=inf) makes a plan reproducible to the byte.
 
     Raises:
-        InputError: a budget of zero or less, NaN, or no limit at all.
+        InputError: a budget of zero or less, NaN, or neither limit.
     """
 
     seconds: float = 10.0
@@ -65,23 +67,9 @@ def _is_above_zero(value: Any, kind: type[Any]) -> bool:
     return isinstance(value, kind) and not isinstance(value, bool) and bool(value > 0)
 
 
-@dataclass(frozen=True)
-class Progress:
-    """What a planner says while it works: seconds so far, fraction of the budget used, best cost so far."""
-
-    stage: str
-    seconds: float
-    fraction: float
-    best_cost: float | None = None
-
-
-# It may return False to cancel the search.
-ProgressCallback = Callable[[Progress], bool | None]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class SearchTree(Value):
-    """What a planner explored: configurations (n, nq) and edges between them (m, 2)."""
+    """The graph a planner explored: configurations (n, nq) and edges as vertex indices (m, 2)."""
 
     vertices: Array
     edges: NDArray[np.int64]
@@ -89,19 +77,19 @@ class SearchTree(Value):
 
 @dataclass(frozen=True, eq=False)
 class PlanResult:
-    """The answer of a planner.
+    """Result of a planner.
 
     Args:
-        status: How it ended; a path exists exactly for SOLVED.
+        status: How it ended; a path exists exactly for FOUND.
         path: The path, every edge certified free, start exact, end at a goal; or None.
         reason: Why there is none, in words (which links touch what, which joint is out by how much).
         planner: Name of the planner.
-        seed: Seed that gives this answer again under the same budget of iterations.
+        seed: Seed that reproduces this result under the same budget of iterations.
         seconds: Wall time [s].
         iterations: Termination checks made.
         edges_checked: Edges given to the collision checker.
         cost_history: (seconds, path length) whenever the best path improved.
-        tree: What was explored, when asked for.
+        tree: The explored graph, if requested.
     """
 
     status: PlanStatus
@@ -122,19 +110,19 @@ class PlanResult:
         return f"PlanResult({self.planner}, {self.status.value}: {said})"
 
     @property
-    def solved(self) -> bool:
+    def found(self) -> bool:
         """There is a path."""
-        return self.status is PlanStatus.SOLVED
+        return self.status is PlanStatus.FOUND
 
     def __bool__(self) -> bool:
-        """The same as `solved`."""
-        return self.solved
+        """The same as `found`."""
+        return self.found
 
     def path_or_raise(self) -> Path:
         """The path.
 
         Raises:
-            NoPlanError: there is none; the message is the reason.
+            NoPlanError: no path was found; the message is the reason.
         """
         if self.path is None:
             raise NoPlanError(f"{self.planner}: {self.status.value}: {self.reason}")
@@ -143,7 +131,7 @@ class PlanResult:
 
 @dataclass(frozen=True)
 class PlannerInfo:
-    """A row of the table of planners: name, one line about it, whether it improves its path until the budget ends."""
+    """Name and one-line description of a planner, and whether it improves its path until the budget ends."""
 
     name: str
     description: str
@@ -151,7 +139,7 @@ class PlannerInfo:
 
 
 def check_question(problem: Any, budget: Any, progress: Any) -> None:
-    """Refuse what is no question to a planner.
+    """Check the types of a planner's arguments.
 
     Args:
         problem: Expected to be a `Problem`.
@@ -159,7 +147,7 @@ def check_question(problem: Any, budget: Any, progress: Any) -> None:
         progress: A `ProgressCallback` or None.
 
     Raises:
-        InputError: one of them is something else.
+        InputError: an argument of another type.
     """
     if not isinstance(problem, Problem):
         of_kind("problem", problem, Problem)
@@ -168,20 +156,40 @@ def check_question(problem: Any, budget: Any, progress: Any) -> None:
     check_callback("progress", progress)
 
 
-class Planner(Protocol):
-    """Settings in the constructor, data in the verb."""
+class Planner(ABC):
+    """A planner: settings in the constructor, the problem in `plan`. Derive from it to bring your own.
 
-    @property
-    def name(self) -> str:
-        """Name in the table of planners."""
-        ...
+    A planner keeps no state that changes its answers: the same problem, seed and budget of iterations give the same
+    path. Pass an instance wherever a planner's name is taken, or make it known by a name with `register_planner`.
 
+    Attributes:
+        name: What results and messages call it; one line.
+        keeps_shape: The shape of its paths is part of the answer, as a straight line of the tool is: `plan_motion` does
+            not shorten them.
+    """
+
+    name: str
+    keeps_shape: bool = False
+
+    @abstractmethod
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
-        """Answer a problem; see `rr1plan.plan`."""
-        ...
+        """Answer a problem.
+
+        `rr1plan.plan` checks what a planner of yours returns: a `PlanResult` whose path, if the status is `FOUND`,
+        starts at `problem.start`, ends at a goal, and has edges that are free by `CollisionChecker(problem.scene,
+        problem.arms, margin=problem.margin)`.
+
+        Args:
+            problem: The question.
+            budget: When to stop; None: the default `Budget()`.
+            rng: Generator or seed of everything random.
+            progress: Called about ten times a second with a `Progress`; when it returns False, the status is
+                `CANCELLED`.
+        """

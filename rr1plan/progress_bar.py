@@ -1,4 +1,4 @@
-"""A bar on stderr while something takes long: on a terminal only, and one at a time."""
+"""Progress bars on stderr: on a terminal only, one at a time."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ class Advance(Protocol):
     """What moves a bar."""
 
     def __call__(self, fraction: float, what: str = "") -> None:
-        """Show the fraction done, and what is being done where that is said."""
+        """Show the fraction done, and the current task if given."""
         ...
 
 
 class _Terminal:
-    """Whether something draws on it."""
+    """Whether a bar is drawn on the terminal."""
 
     taken = False
 
 
 @contextmanager
 def taken_terminal() -> Iterator[None]:
-    """Within the block the library draws no bars: the caller has the terminal."""
+    """Suppress the library's bars within the block, for callers that use the terminal."""
     before, _Terminal.taken = _Terminal.taken, True
     try:
         yield
@@ -35,7 +35,7 @@ def taken_terminal() -> Iterator[None]:
 
 @contextmanager
 def progress_bar(text: str, console: Any) -> Iterator[Advance]:
-    """Draw a bar on a rich console; yields a function that takes the fraction done."""
+    """Draw a bar on a rich console; yields a function of the fraction done."""
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=24), TimeElapsedColumn())
@@ -50,7 +50,7 @@ def progress_bar(text: str, console: Any) -> Iterator[Advance]:
 
 @contextmanager
 def library_bar(text: str) -> Iterator[Advance]:
-    """The same on stderr for work that nobody watches; no bar in a pipe, beside another one, or in a worker process."""
+    """Draw a bar on stderr; none in a pipe, next to another one, or in a worker process."""
     is_worker = multiprocessing.parent_process() is not None
     if _Terminal.taken or is_worker or sys.stderr is None or not sys.stderr.isatty():
         yield no_progress
@@ -62,4 +62,4 @@ def library_bar(text: str) -> Iterator[Advance]:
 
 
 def no_progress(fraction: float, what: str = "") -> None:
-    """Progress that nobody sees."""
+    """Ignore progress."""

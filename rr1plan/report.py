@@ -1,4 +1,4 @@
-"""What an independent check found: violations, margins, and what was not checked."""
+"""Reports of the referee: violations, margins, and rules that were not checked."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ _KINDS: tuple[str, ...] = get_args(ViolationKind)
 
 @dataclass(frozen=True)
 class Violation:
-    """One way in which a motion is not what it should be.
+    """A rule that a trajectory violates.
 
     Args:
-        kind: Which rule is broken.
-        subject: The joint ("arm/joint",) or the pair ("arm/link", "obstacle") it is about.
-        time: When it is worst [s], or None when no time applies.
-        value: What was found, in the unit of the rule; for a collision the clearance, minus the depth [m].
-        limit: What was allowed, in the unit of the rule.
-        message: The same in words.
+        kind: The violated rule.
+        subject: The joint ("arm/joint",) or the pair ("arm/link", "obstacle").
+        time: Time of the worst violation [s], or None if no time applies.
+        value: Worst value, in the unit of the rule; for a collision the signed distance, negative in penetration [m].
+        limit: Allowed value, in the unit of the rule.
+        message: Description for people.
     """
 
     kind: ViolationKind
@@ -52,13 +52,13 @@ class Violation:
 
 @dataclass(frozen=True)
 class Margin:
-    """How near a motion comes to one of its limits.
+    """Distance of a trajectory to one of its limits.
 
     Args:
-        value: A clearance [m], or the ratio of a limit that is used (1 is the limit).
+        value: A clearance [m], or the ratio to the limit (1 is the limit).
         unit: "m", or "" for a ratio.
-        subject: The joint or the pair where it is tightest.
-        time: When it is tightest [s], or None when no time applies.
+        subject: The joint or the pair with the smallest margin.
+        time: Time of the smallest margin [s], or None if no time applies.
     """
 
     value: float
@@ -80,17 +80,17 @@ class Report(Value):
     """The referee's verdict on one trajectory.
 
     Args:
-        violations: All that was found, worst of each kind and subject.
-        margins: What is left up to each limit, by name: "clearance", "clearance_start" and
+        violations: The worst violation of each kind and subject.
+        margins: Margin to each limit, by name: "clearance", "clearance_start" and
             "clearance_end" to obstacles and other arms, "self_clearance" between the links of one arm
-            and what it holds [m], both with the bound that is proven ("clearance_proven",
+            and its held objects [m], both with their proven lower bounds ("clearance_proven",
             "self_clearance_proven"); "position", "velocity", "acceleration", "jerk" and "torque" as
-            the ratio used (1 is the limit). Where one of the two clearances is a contact, the other
-            is left out.
+            the ratio to the limit (1 is the limit). If one of the two clearances is a contact, the other
+            is omitted.
         checked: The rules that were checked.
-        not_checked: The rules that were not, each with the reason.
-        duration: Length of the motion [s].
-        statistics: Counts of the work done.
+        not_checked: The rules that were not checked, each with the reason.
+        duration: Duration of the trajectory [s].
+        statistics: Counters of the checks.
     """
 
     violations: tuple[Violation, ...]
@@ -106,12 +106,12 @@ class Report(Value):
 
     @property
     def valid(self) -> bool:
-        """Nothing that was checked is broken."""
+        """Whether no checked rule is violated."""
         return not self.violations
 
     @property
     def certified(self) -> bool:
-        """Valid, and the continuous-time collision certificate was among the checks."""
+        """Whether the trajectory is valid and the continuous-time collision certificate was checked."""
         return self.valid and "collision" in self.checked
 
     def __bool__(self) -> bool:
@@ -139,7 +139,7 @@ class Report(Value):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain values, for JSON."""
+        """The report as JSON values."""
         return {
             "valid": self.valid,
             "certified": self.certified,
@@ -166,7 +166,7 @@ class Report(Value):
 
     @staticmethod
     def from_dict(data: Any) -> Report:
-        """The report that `to_dict` wrote.
+        """Inverse of `to_dict`.
 
         Raises:
             FormatError: a key that is missing, unknown or of the wrong type, a number that is not
@@ -185,7 +185,7 @@ class Report(Value):
         )
         for name in ("valid", "certified"):
             if given[name] is not getattr(report, name):
-                raise FormatError(f"report says {name} = {given[name]!r}, but what it holds says otherwise")
+                raise FormatError(f"report has {name} = {given[name]!r}, which contradicts its other entries")
         return report
 
 
@@ -217,46 +217,46 @@ def _margin(name: str, data: Any) -> Margin:
     )
 
 
-def _fields(what: str, data: Any, keys: tuple[str, ...]) -> Mapping[str, Any]:
-    given = _mapping(what, data)
+def _fields(name: str, data: Any, keys: tuple[str, ...]) -> Mapping[str, Any]:
+    given = _mapping(name, data)
     if set(given) != set(keys):
         wrong = sorted(set(given) ^ set(keys))
-        raise FormatError(f"{what} has the wrong keys ({', '.join(map(repr, wrong))}), expected {', '.join(keys)}")
+        raise FormatError(f"{name} has the wrong keys ({', '.join(map(repr, wrong))}), expected {', '.join(keys)}")
     return given
 
 
-def _mapping(what: str, data: Any) -> Mapping[str, Any]:
+def _mapping(name: str, data: Any) -> Mapping[str, Any]:
     if not isinstance(data, Mapping) or not all(isinstance(key, str) for key in data):
-        raise FormatError(f"{what} is {type(data).__name__}, expected a mapping with text keys")
+        raise FormatError(f"{name} is {type(data).__name__}, expected a mapping with text keys")
     return data
 
 
-def _list(what: str, data: Any) -> list[Any]:
+def _list(name: str, data: Any) -> list[Any]:
     if not isinstance(data, list):
-        raise FormatError(f"{what} is {type(data).__name__}, expected a list")
+        raise FormatError(f"{name} is {type(data).__name__}, expected a list")
     return data
 
 
-def _text(what: str, data: Any) -> str:
+def _text(name: str, data: Any) -> str:
     if not isinstance(data, str):
-        raise FormatError(f"{what} is {shown(data)}, expected text")
+        raise FormatError(f"{name} is {shown(data)}, expected text")
     return data
 
 
-def _texts(what: str, data: Any) -> tuple[str, ...]:
-    return tuple(_text(what, item) for item in _list(what, data))
+def _texts(name: str, data: Any) -> tuple[str, ...]:
+    return tuple(_text(name, item) for item in _list(name, data))
 
 
 def _time(data: Any) -> float | None:
     return None if data is None else _number("time", data)
 
 
-def _number(what: str, data: Any) -> float:
+def _number(name: str, data: Any) -> float:
     try:
-        # A whole number may be beyond all floats.
+        # An int may exceed the range of floats.
         number = float(data) if isinstance(data, int | float) and not isinstance(data, bool) else math.nan
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise FormatError(f"{what} is {shown(data)}, expected a finite number")
+        raise FormatError(f"{name} is {shown(data)}, expected a finite number")
     return number

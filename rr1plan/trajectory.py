@@ -1,17 +1,19 @@
-"""A trajectory: a piecewise polynomial in time, on one clock for all its arms.
+"""Trajectories: piecewise polynomials in time, with common breaks for all arms.
 
-Everything a retiming produces is exactly a piecewise polynomial (straight lines and parabolic
-blends under a constant path acceleration, Ruckig's cubic phases), so nothing is lost by
-storing just that, limits can be checked between samples, and merging arms is arithmetic.
+All retiming methods produce exact piecewise polynomials (straight lines and parabolic blends under a
+constant path acceleration, Ruckig's cubic phases). Limits can therefore be checked between samples, and
+trajectories of several arms can be merged exactly.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     Array,
@@ -35,7 +37,7 @@ _MOST_DERIVATIVE = 100
 class Trajectory(Value):
     """Position as a function of time: q(t) = sum_k coefficients[i, k] (t - breaks[i])^k on piece i.
 
-    Outside its time span a trajectory rests at its ends (rates are zero there).
+    Outside its time span a trajectory is constant (derivatives are zero).
 
     Args:
         joint_names: Name of each column, "arm/joint", length nq.
@@ -45,12 +47,16 @@ class Trajectory(Value):
             (1, degree + 1, nq) for a duration of zero.
 
     Raises:
-        InputError: shapes that do not fit, NaN, a clock that does not strictly increase.
+        InputError: inconsistent shapes, NaN, breaks that do not strictly increase.
     """
 
     joint_names: tuple[str, ...]
     breaks: Array
     coefficients: Array
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, joint_names: Sequence[str], breaks: ArrayLike, coefficients: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         names = check_joint_names(self.joint_names)
@@ -74,9 +80,9 @@ class Trajectory(Value):
 
     @classmethod
     def trusted(cls, joint_names: tuple[str, ...], breaks: Array, coefficients: Array) -> Trajectory:
-        """A trajectory of values that are known to be right: nothing is checked or copied, the arrays become read-only.
+        """A trajectory from validated arguments, without checks or copies; the arrays become read-only.
 
-        For code that has just made the arrays; see the class for what they must be.
+        The caller must not keep the arrays; see the class for their shapes.
         """
         made = object.__new__(cls)
         values = (
@@ -89,11 +95,11 @@ class Trajectory(Value):
         return made
 
     @staticmethod
-    def rest(joint_names: tuple[str, ...], q: Any, start: float = 0.0, duration: float = 0.0) -> Trajectory:
+    def rest(joint_names: tuple[str, ...], q: ArrayLike, *, start: float = 0.0, duration: float = 0.0) -> Trajectory:
         """Standing still at q (nq,) for `duration` [s].
 
         Raises:
-            InputError: shapes that do not fit, not finite, a duration below zero.
+            InputError: inconsistent shapes, not finite, a duration below zero.
         """
         names = check_joint_names(joint_names)
         q = finite_array("q", q, (len(names),))
@@ -102,23 +108,28 @@ class Trajectory(Value):
         return Trajectory(names, np.array(breaks), q[None, None, :])
 
     @staticmethod
-    def from_samples(times: Any, q: Any, qd: Any = None, qdd: Any = None, *, joint_names: Any) -> Trajectory:
+    def from_samples(
+        joint_names: Sequence[str],
+        times: ArrayLike,
+        q: ArrayLike,
+        qd: ArrayLike | None = None,
+        qdd: ArrayLike | None = None,
+    ) -> Trajectory:
         """A motion through samples, as a ROS joint trajectory controller interpolates them.
 
-        What the samples carry decides what lies between them: positions alone, straight lines (velocity jumps at each
-        sample, which the referee reports); velocities too, cubics; accelerations too, quintics. `degree` of the result
-        says which.
+        Positions alone are joined by straight lines (velocity jumps at each sample, which the referee reports),
+        positions and velocities by cubics, positions, velocities and accelerations by quintics; see `degree`.
 
         Args:
+            joint_names: Name of each column, "arm/joint", length nq.
             times: Strictly increasing [s], shape (n,), n >= 1.
             q: Positions [rad or m], shape (n, nq).
             qd: Velocities [rad/s or m/s], shape (n, nq), or None.
             qdd: Accelerations [rad/s² or m/s²], shape (n, nq), or None.
-            joint_names: Name of each column, "arm/joint", length nq.
 
         Raises:
-            InputError: shapes that do not fit, numbers that are not finite, times that do not increase, samples so
-                close together that rates between them overflow, or accelerations without velocities.
+            InputError: inconsistent shapes, numbers that are not finite, times that do not increase, samples so
+                close together that derivatives between them overflow, or accelerations without velocities.
         """
         names = check_joint_names(joint_names)
         times = finite_array("times", times, (None,))
@@ -145,7 +156,7 @@ class Trajectory(Value):
 
     @staticmethod
     def merge(*parts: Trajectory) -> Trajectory:
-        """One trajectory of all the joints of `parts` on their common clock; who is done rests.
+        """One trajectory with the joints of all `parts`, each constant outside its own time span.
 
         Raises:
             InputError: no parts, or a joint in two of them.
@@ -160,7 +171,7 @@ class Trajectory(Value):
         return Trajectory(names, breaks, np.concatenate([part._on(breaks, degree) for part in parts], axis=2))
 
     def select(self, arm: str) -> Trajectory:
-        """The part of one arm, on the same clock.
+        """The columns of one arm, with the same breaks.
 
         Raises:
             UnknownNameError: no column belongs to that arm.
@@ -170,7 +181,7 @@ class Trajectory(Value):
         return Trajectory(tuple(self.joint_names[i] for i in columns), self.breaks, self.coefficients[:, :, columns])
 
     def stretched(self, factor: float) -> Trajectory:
-        """The same motion, `factor` times as long (rates fall by factor, factor², factor³)."""
+        """The same motion, `factor` times as long (derivatives are divided by factor, factor², factor³)."""
         factor = positive_number("factor", factor)
         powers = factor ** -np.arange(self.coefficients.shape[1])
         start = self.breaks[0]
@@ -186,7 +197,7 @@ class Trajectory(Value):
 
     @property
     def arms(self) -> tuple[str, ...]:
-        """Names of the arms that have columns here, in order."""
+        """Names of the arms, in the order of their columns."""
         return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
 
     @property
@@ -209,13 +220,13 @@ class Trajectory(Value):
         """Time from start to end [s]."""
         return self.end_time - self.start_time
 
-    def __call__(self, t: Any, derivative: int = 0) -> Array:
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
         """Position (or a derivative of it) at time t.
 
         Args:
             t: Time [s], a number or an array of any shape.
-            derivative: 0 position, 1 velocity, 2 acceleration, 3 jerk. At a break the piece that
-                begins there is used (the last piece at the end).
+            derivative: 0 position, 1 velocity, 2 acceleration, 3 jerk. At a break, the piece that
+                begins there is evaluated (the last piece at the end).
 
         Returns:
             Shape (*t.shape, nq) [rad/s^derivative].
@@ -262,7 +273,7 @@ class Trajectory(Value):
         return times, self(times)
 
     def allclose(self, other: Trajectory, atol: float = 1e-12) -> bool:
-        """The same joints, clock and polynomials within `atol`."""
+        """Whether joints are the same, and breaks and coefficients agree within `atol`."""
         of_kind("other", other, Trajectory)
         atol = finite_number("atol", atol)
         return (
@@ -274,7 +285,7 @@ class Trajectory(Value):
         )
 
     def _on(self, breaks: Array, degree: int) -> Array:
-        """Coefficients re-expanded on a finer clock that holds all of ours, shape (m, degree, nq)."""
+        """Coefficients on a refinement of `self.breaks`, shape (m, degree, nq)."""
         starts = breaks[:-1] if len(breaks) > 1 else breaks
         out = np.zeros((len(starts), degree, len(self.joint_names)))
         inside = (starts >= self.breaks[0]) & (starts < self.breaks[-1])
@@ -290,7 +301,7 @@ class Trajectory(Value):
 
 
 def _interpolate(h: Array, rows: list[Array]) -> Array:
-    """Coefficients between samples h (m, 1) [s] apart, of degree 1, 3 or 5 by how many derivatives there are."""
+    """Coefficients between samples at steps of h (m, 1) [s]: degree 1, 3 or 5 for 1, 2 or 3 arrays in `rows`."""
     q0, q1 = rows[0][:-1], rows[0][1:]
     if len(rows) == 1:
         return np.stack([q0, (q1 - q0) / h], axis=1)

@@ -1,14 +1,13 @@
 """Rigid transforms as read-only 4x4 arrays, quaternions as wxyz.
 
-`T_world_tool` maps tool coordinates to world coordinates. Another quaternion order lives
-inside the one adapter that needs it.
+`T_world_tool` maps tool coordinates to world coordinates. Other quaternion orders are converted
+in the module that needs them.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, finite_array, finite_number, near_array, read_only, shape_of, turn_angles
 from rr1plan.errors import InputError
@@ -36,7 +35,7 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     )
 
 
-def rotation_about(axis: Array, angle: float) -> Array:
+def rotation_about(axis: ArrayLike, angle: float) -> Array:
     """Rotation matrix about a unit axis (3,) by an angle [rad] (Rodrigues), shape (3, 3).
 
     Raises:
@@ -48,11 +47,11 @@ def rotation_about(axis: Array, angle: float) -> Array:
     return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K))
 
 
-def unit_quaternion(wxyz: Any) -> Array:
-    """A quaternion wxyz of norm 1, shape (4,); one that has it to rounding is kept to the bit.
+def unit_quaternion(wxyz: ArrayLike) -> Array:
+    """A quaternion wxyz normalized to 1, shape (4,); unchanged if its norm is 1 up to rounding.
 
     Raises:
-        InputError: not four finite numbers, or a norm too near zero to have a direction.
+        InputError: not four finite numbers, or a norm too close to zero.
     """
     q = finite_array("quaternion wxyz", wxyz, (4,))
     norm = float(np.linalg.norm(q))
@@ -61,11 +60,11 @@ def unit_quaternion(wxyz: Any) -> Array:
     return read_only(q if abs(norm - 1.0) < 1e-15 else q / norm)
 
 
-def rotation_from_quaternion(wxyz: Any) -> Array:
+def rotation_from_quaternion(wxyz: ArrayLike) -> Array:
     """Rotation matrix of a quaternion wxyz, normalized first, shape (3, 3).
 
     Raises:
-        InputError: not four finite numbers, or a norm too near zero to have a direction.
+        InputError: not four finite numbers, or a norm too close to zero.
     """
     w, x, y, z = unit_quaternion(wxyz)
     return np.array(
@@ -103,8 +102,10 @@ def quaternion_from_rotation(R: Array) -> Array:
     return np.asarray(-q if q[0] < 0 else q)
 
 
-def pose(xyz: Any = (0.0, 0.0, 0.0), *, rpy: Any = None, quaternion: Any = None) -> Array:
-    """A transform from a position and one of the two ways to write a rotation.
+def pose(
+    xyz: ArrayLike = (0.0, 0.0, 0.0), *, rpy: ArrayLike | None = None, quaternion: ArrayLike | None = None
+) -> Array:
+    """A transform from a position and roll, pitch, yaw or a quaternion.
 
     Args:
         xyz: Position [m], shape (3,).
@@ -128,8 +129,8 @@ def pose(xyz: Any = (0.0, 0.0, 0.0), *, rpy: Any = None, quaternion: Any = None)
     return read_only(T)
 
 
-def as_pose(value: Any, name: str = "pose") -> Array:
-    """A checked read-only transform from a (4, 4) array, a position (3,) or None (identity).
+def as_pose(value: ArrayLike | None, name: str = "pose") -> Array:
+    """A validated read-only transform from a (4, 4) array, a position (3,) or None (identity).
 
     Raises:
         InputError: another shape, not finite, not a rigid transform, or farther than 10 km.
@@ -147,7 +148,7 @@ def as_pose(value: Any, name: str = "pose") -> Array:
 
 
 def _is_rotation(R: Array) -> bool:
-    """Orthonormal and no mirror; entries beyond 1 are refused first, as their products may overflow."""
+    """Whether R is orthonormal with determinant 1; entries beyond 1 are tested first, because products may overflow."""
     return bool(np.abs(R).max() < 2.0 and np.abs(R @ R.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(R) > 0.0)
 
 

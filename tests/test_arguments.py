@@ -11,6 +11,7 @@ import enum
 import inspect
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +100,7 @@ def calls(folder: Path) -> dict[str, Call]:
     q, T, names, budget = np.zeros(2), transforms.identity(), scene.joint_names(), rp.Budget(0.2)
     cover = next(iter(rp.cover_with_spheres(robot).values()))
     base, link = (f"arm/{robot.links[k].name}" for k in (0, 1))
-    rp.save_motion(folder / "m.json", scene, path, trajectory)
+    rp.save_motion(folder / "m.json", scene, path=path, trajectory=trajectory)
     rp.save_csv(folder / "t.csv", trajectory)
     rp.save_scene(folder / "s.toml", scene)
     (folder / "j.yaml").write_text(
@@ -111,13 +112,18 @@ def calls(folder: Path) -> dict[str, Call]:
     mesh = rp.load_mesh(folder / "a.stl")
     shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
     live = {"port": None, "open_browser": False, "quiet": True}
-    viewer = rp.show(scene, open_browser=False, quiet=True)
     picture = rp.cspace(scene, problem, resolution=8)
-    result = motion.result
     pose_goal = rp.PoseGoal("tool", [0.3, 0.2, 0.0])
 
     def shown_page(**options: Any) -> None:
         rp.show(**options).close()
+
+    def shown_picture(**options: Any) -> None:
+        picture.show(**options).close()
+
+    def in_viewer(verb: str, **options: Any) -> None:
+        with rp.show(scene, open_browser=False, quiet=True) as viewer:
+            getattr(viewer, verb)(**options)
 
     def registered(**options: Any) -> None:
         before = dict(planners._registered)
@@ -150,7 +156,7 @@ def calls(folder: Path) -> dict[str, Call]:
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"q0": q, "q1": q + 0.1})
             for verb in ("edge_is_free", "edge_is_free_slowly", "first_contact")
         },
-        "CollisionChecker.is_free_but_for": (checker.is_free_but_for, {"q": q, "arms": frozenset({"arm"})}),
+        "CollisionChecker.is_free_ignoring": (checker.is_free_ignoring, {"q": q, "arms": frozenset({"arm"})}),
         "CollisionChecker.path_is_free": (checker.path_is_free, {"waypoints": [q, q + 0.1]}),
         **{
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
@@ -179,7 +185,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"file": folder / "o.json", "scene": scene, "embed": False}
             | dict.fromkeys(("path", "trajectory", "report", "problem")),
         ),
-        "propose_never_collide": (rp.propose_never_collide, {"robot": robot, "samples": 3, "rng": 0}),
+        "propose_disabled_collisions": (rp.propose_disabled_collisions, {"robot": robot, "samples": 3, "rng": 0}),
         "Kinematics": (rp.Kinematics, {"scene_or_robot": scene, "arms": None}),
         "Kinematics.for_arm": (kinematics.for_arm, {"arm": None}),
         "Kinematics.frame": (kinematics.frame, {"frame": "tool"}),
@@ -234,7 +240,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"problem": problem, "planner": "rrt_connect", "retiming": "blend", "shorten": True, "margin": 0.002}
             | {"torque_limits": False, "budget": budget, "rng": 0, "progress": None},
         ),
-        "set_up": (rp.set_up, {"problem": problem, "progress": None}),
+        "warm_up": (rp.warm_up, {"problem": problem, "progress": None}),
         "Roadmap": (rp.Roadmap, {"scene": scene, "arms": None, "samples": 5}),
         "Roadmap.grow": (rp.Roadmap(scene, samples=5).grow, {"samples": 1}),
         "Roadmap.plan": (
@@ -311,7 +317,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Robot.joint_values": (robot.joint_values, {"q": q}),
         "Robot.link": (robot.link, {"name": robot.links[0].name}),
         "Robot.link_poses": (robot.link_poses, {"q": q}),
-        "Robot.with_held": (robot.with_held, {"values": {}}),
+        "Robot.with_locked_joints": (robot.with_locked_joints, {"values": {}}),
         "Robot.with_limits": (robot.with_limits, {"limits": robot.limits}),
         "Arm": (rp.Arm, {"robot": robot, "base": T, "q": "home"}),
         "Scene": (
@@ -327,7 +333,7 @@ def calls(folder: Path) -> dict[str, Call]:
         },
         "Scene.attach": (scene.attach, {"obstacle": "box", "arm": None, "link": None, "touch": (), "pose": None}),
         "Scene.detach": (scene.attach("box").detach, {"name": "box"}),
-        "Scene.link_poses": (scene.link_poses, {"postures": {"arm": q}}),
+        "Scene.link_poses": (scene.link_poses, {"configurations": {"arm": q}}),
         "Scene.may_touch": (scene.may_touch, {"a": "box", "b": link}),
         "Scene.only_arm": (scene.only_arm, {"name": None}),
         "Scene.owner": (scene.owner, {"element": "box"}),
@@ -340,7 +346,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"name": "o", "shape": rp.Sphere(0.1), "pose": None, "color": None},
         ),
         "Scene.with_padding": (scene.with_padding, {"distance": 0.01, "a": None, "b": None}),
-        "Scene.with_posture": (scene.with_posture, {"name": "arm", "q": q}),
+        "Scene.with_configuration": (scene.with_configuration, {"name": "arm", "q": q}),
         "Scene.with_robot": (scene.with_robot, {"name": "arm", "robot": robot}),
         "Scene.without_arm": (scene.without_arm, {"name": "arm"}),
         "Scene.without_obstacle": (scene.without_obstacle, {"name": "box"}),
@@ -378,6 +384,32 @@ def calls(folder: Path) -> dict[str, Call]:
             {"trajectory": trajectory, "scene": scene, "problem": None, "torque_limits": False}
             | {"jerk_limits": False, "clearance": True, "clearance_tolerance": 2e-4, "progress": None},
         ),
+        "ViewOptions": (
+            rp.ViewOptions,
+            {"title": "x", "view": None, "spheres": False, "panels": (), "play": True},
+        ),
+        "Viewer.load": (partial(in_viewer, "load"), {"scene": scene} | shown),
+        "Viewer.update": (partial(in_viewer, "update"), {"q": q}),
+        "Viewer.seek": (partial(in_viewer, "seek"), {"t": 0.0}),
+        "Viewer.set_speed": (partial(in_viewer, "set_speed"), {"speed": 1.0}),
+        **{
+            f"CSpaceGrid.{verb}": (getattr(picture.grid, verb), {"q": q})
+            for verb in ("cell", "component_of", "holds", "why_not_free", "wrapped")
+        },
+        **{
+            f"CSpaceGrid.{verb}": (getattr(picture.grid, verb), {"a": q, "b": q})
+            for verb in ("connected", "shortest_path")
+        },
+        "CSpace.figure": (picture.figure, {"width": 13.0}),
+        **{
+            f"CSpace.save_{kind}": (getattr(picture, f"save_{kind}"), {"file": folder / f"o.{kind}"})
+            for kind in ("svg", "pdf")
+        },
+        "CSpace.save": (picture.save, {"file": folder / "o.svg"}),
+        "CSpace.save_png": (picture.save_png, {"file": folder / "o.png", "dpi": 20}),
+        "CSpace.save_html": (picture.save_html, {"file": folder / "o.html", "trajectory": None, "options": None}),
+        "CSpace.show": (shown_picture, live | {"trajectory": None, "options": None}),
+        "CSpace.with_result": (picture.with_result, {"result": motion.result}),
         "save_mjcf": (rp.save_mjcf, {"file": folder / "o.xml", "scene": scene}),
         "save_rosbag": (
             rp.save_rosbag,
@@ -407,8 +439,9 @@ _NOT_CALLED = {
     *("PlanFailure", "Contact", "ElementCover", "FirstContact", "Nearest", "IkResult", "MotionPlan", "PlanResult"),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
     *("CSpace", "CSpaceGrid", "Decomposition", "DrawnTree", "Replay", "ReplayContact", "ContactBand", "PairProposal"),
-    *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan", "Geometry", "Inertial", "Joint", "Link"),
-    "Mimic",
+    *("CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
+    *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
+    *("PairProposal.get", "Geometry", "Inertial", "Joint", "Joint.motion", "Link", "Mimic", "Attachment", "Obstacle"),
 }
 
 
@@ -444,8 +477,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
 
 
 NAMES = sorted(
-    {name for name, function in public_functions() if takes_arguments(function)} - _NOT_CALLED
-    | {"Trajectory.__call__"}
+    {name for name, function in public_functions() if takes_arguments(function)} - _NOT_CALLED | {"Trajectory.__call__"}
 )
 
 
@@ -480,7 +512,7 @@ def test_every_argument_is_checked(name: str, table: dict[str, Call]) -> None:
 
 
 # A class is a function too, and what a function of the caller's raises is raised.
-_CALLBACKS = ("progress", "accept")
+_CALLBACKS = ("progress", "accept", "factory")
 
 
 def refusal_of(function: Callable[..., Any], arguments: dict[str, Any]) -> str | None:

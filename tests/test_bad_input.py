@@ -47,7 +47,7 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "budget_fraction": (lambda s: rp.Budget(1, 1.5), rp.InputError, "1.5 iterations"),
     "budget_true": (lambda s: rp.Budget(1, True), rp.InputError, "True iterations"),
     "budget_number": (lambda s: rp.plan(rp.Problem(s, "home", "zero"), budget=5), rp.InputError, "expected a Budget"),
-    "planner_none": (lambda s: rp.plan(rp.Problem(s, "home", "zero"), None), rp.InputError, "planner"),
+    "planner_none": (lambda s: rp.plan(rp.Problem(s, "home", "zero"), planner=None), rp.InputError, "planner"),
     "far_pose": (lambda s: rp.PoseGoal("tool", [1e300, 0, 0]), rp.InputError, "goal position"),
     "far_obstacle": (lambda s: s.with_obstacle("box", BOX, [1e10, 0, 0]), rp.InputError, "at most 10000"),
     "huge_box": (lambda s: rp.Box((1e7, 1, 1)), rp.InputError, "box size"),
@@ -74,12 +74,12 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "far_waypoint": (lambda s: rp.Path(s.joint_names(), [[1e300, 0]]), rp.InputError, "waypoints"),
     "validate_no_problem": (lambda s: rp.validate(resting(s, 1.0), s, 3), rp.InputError, "expected Problem"),
     "certify_number": (lambda s: rp.certify_path(3, s), rp.InputError, "expected Path"),
-    "planner_of_text": (lambda s: rp.make_planner("rrt").plan("x"), rp.InputError, "expected Problem"),
-    "line_of_nothing": (lambda s: rp.make_planner("cartesian").plan(None), rp.InputError, "expected Problem"),
+    "planner_of_text": (lambda s: rp.OmplPlanner("rrt").plan("x"), rp.InputError, "expected Problem"),
+    "line_of_nothing": (lambda s: rp.CartesianPlanner().plan(None), rp.InputError, "expected Problem"),
     "page_of_text": (lambda s: rp.save_html("a.html", "rr1"), rp.InputError, "expected Scene"),
     "page_of_nothing": (lambda s: rp.show(None), rp.InputError, "expected Scene"),
     "page_of_a_path": (
-        lambda s: rp.save_html("a.html", s, rp.Path(s.joint_names(), [[0, 0]])),
+        lambda s: rp.save_html("a.html", s, trajectory=rp.Path(s.joint_names(), [[0, 0]])),
         rp.InputError,
         "expected Trajectory",
     ),
@@ -92,7 +92,7 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     ),
     "retiming_number": (lambda s: rp.plan_motion(rp.Problem(s, "home", "zero"), retiming=3), rp.InputError, "retiming"),
     "joints_number": (lambda s: rp.load_robot("rr1", joints=3), rp.InputError, "joints is 3"),
-    "panels_number": (lambda s: rp.save_html("a.html", s, panels=3), rp.InputError, "panels"),
+    "panels_number": (lambda s: rp.save_html("a.html", s, options=rp.ViewOptions(panels=3)), rp.InputError, "panels"),
     "folders_text": (lambda s: rp.load_robot("rr1", package_dirs="here"), rp.InputError, "list of folders"),
 }
 
@@ -115,10 +115,10 @@ FILE_VERBS: dict[str, Callable[[Any, rp.Scene], Any]] = {
     "save_csv": lambda f, s: rp.save_csv(f, resting(s, 1.0)),
     "save_scene": lambda f, s: rp.save_scene(f, s),
     "save_html": lambda f, s: rp.save_html(f, s),
-    "save_mjcf": lambda f, s: rp.playback.save_mjcf(f, s),
-    "save_rosbag": lambda f, s: rp.playback.save_rosbag(f, resting(s, 1.0)),
-    "screenshot_of": lambda f, s: rp.screenshot(f, "a.png"),
-    "screenshot_to": lambda f, s: rp.screenshot("a.html", f),
+    "save_mjcf": lambda f, s: rp.save_mjcf(f, s),
+    "save_rosbag": lambda f, s: rp.save_rosbag(f, resting(s, 1.0)),
+    "screenshot_of": lambda f, s: rp.screenshot("a.png", f),
+    "screenshot_to": lambda f, s: rp.screenshot(f, "a.html"),
 }
 
 
@@ -185,5 +185,5 @@ def test_a_seed_and_iterations_give_the_same_motion_in_two_processes() -> None:
 
 def test_a_motion_of_nothing_is_solved_at_once(scene: rp.Scene) -> None:
     motion = rp.plan_motion(rp.Problem(scene, np.zeros(2), np.zeros(2)), rng=0)
-    assert motion.solved
+    assert motion.valid
     assert motion.trajectory.duration == 0.0

@@ -57,7 +57,7 @@ def paths(answers):
 
 def test_answers_are_in_order_and_those_of_planning_alone(problems):
     answers = rp.plan_many(problems, executor=InLine(), rng=3, budget=BUDGET)
-    assert all(isinstance(a, rp.MotionPlan) and a.solved for a in answers)
+    assert all(isinstance(a, rp.MotionPlan) and a.valid for a in answers)
     for problem, seed, answer in zip(problems, problem_seeds(3, 5), answers, strict=True):
         assert answer.problem is problem
         alone = rp.plan_motion(problem, rng=seed, budget=BUDGET)
@@ -83,7 +83,7 @@ def test_a_problem_that_kills_its_process_is_the_only_one_lost(problems):
     killer = Killer(problems[0].scene, np.zeros(2), rp.JointGoal(np.ones(2)))
     asked = [problems[0], killer, *problems[1:3]]
     answers = rp.plan_many(asked, workers=1, rng=0, full=False, budget=BUDGET)
-    assert [a.solved for a in answers] == [True, False, True, True]
+    assert [a.found for a in answers] == [True, False, True, True]
     assert isinstance(answers[1], PlanFailure)
     assert answers[1].problem is killer
     assert "died" in answers[1].reason
@@ -102,13 +102,13 @@ def test_a_process_that_is_interrupted_while_it_starts_goes_on(tmp_path):
         "    print(*(answer.status.value for answer in rp.plan_many([problem], workers=1, rng=0, full=False)))\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "solved\n", "")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "found\n", "")
 
 
 def test_plans_pickle(problems):
     motion = rp.plan_motion(problems[0], rng=0, budget=BUDGET)
     again = pickle.loads(pickle.dumps(motion))
-    assert again.solved
+    assert again.valid
     assert again.trajectory.allclose(motion.trajectory, atol=0.0)
     assert not again.path.waypoints.flags.writeable
     assert str(again.report) == str(motion.report)
@@ -126,14 +126,14 @@ def test_consecutive_problems_travel_together_and_their_scene_once(problems):
 def test_what_raises_stands_in_its_place(problems, monkeypatch):
     planned = batch_worker.plan
 
-    def fail(problem, *arguments):
+    def fail(problem, **settings):
         if problem is problems[2]:
             raise rp.RetimingError("no time today")
-        return planned(problem, *arguments)
+        return planned(problem, **settings)
 
     monkeypatch.setattr(batch_worker, "plan", fail)
     answers = rp.plan_many(problems, executor=InLine(), rng=0, full=False, budget=BUDGET)
-    assert [a.solved for a in answers] == [True, True, False, True, True]
+    assert [a.found for a in answers] == [True, True, False, True, True]
     failure = answers[2]
     assert isinstance(failure, PlanFailure)
     assert (failure.problem, failure.error, failure.reason) == (problems[2], "RetimingError", "no time today")
@@ -157,7 +157,7 @@ def test_what_cannot_travel_is_lost_alone(problems):
             return super().submit(function, chunk, settings)
 
     answers = rp.plan_many(problems * 2, executor=Picky(), workers=1, rng=0, full=False, budget=BUDGET)
-    assert [i for i, a in enumerate(answers) if not a.solved] == [3]
+    assert [i for i, a in enumerate(answers) if not a.found] == [3]
     assert answers[3].error == "PicklingError"
 
 

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
-from rr1plan.contact_rules import RuleContent, rules_of
-from rr1plan.library import load_scene
-from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
+from rr1plan.scene.contact_rules import RuleContent, rules_of
+from rr1plan.scene.model_library import load_scene
 from rr1plan.shapes import Sphere
 from rr1plan.transforms import identity
 
@@ -83,7 +83,7 @@ def test_of_arms_and_obstacles_that_meet_the_tables_are_the_same(allowed, specia
     for (a, b), distance in special:
         scene = scene.with_padding(distance, a, b)
     names = scene.element_names
-    arms = tuple((name, arm.robot.base, frozenset(arm.robot.never_collide)) for name, arm in scene.arms.items())
+    arms = tuple((name, arm.robot.base, frozenset(arm.robot.disabled_collisions)) for name, arm in scene.arms.items())
     held = tuple((name, thing.arm, thing.link, thing.touch) for name, thing in scene.attachments.items())
     owners = tuple(scene.owner(name) for name in names)
     # Names that are no elements, and pairs of what is not there, do no harm.

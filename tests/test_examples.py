@@ -84,7 +84,7 @@ def samples_are_free_and_the_certificate_finds_the_contact(said: str, _: Path) -
 
 
 def planners_differ_in_cost_and_optimizing_ones_improve(said: str, _: Path) -> None:
-    lengths = {name: float(length) for name, length in re.findall(r"^(\w+) +solved .* length (\S+) rad$", said, re.M)}
+    lengths = {name: float(length) for name, length in re.findall(r"^(\w+) +found .* length (\S+) rad$", said, re.M)}
     assert set(lengths) == {"rrt_connect", "bkpiece1", "prm", "bit_star", "anytime"}
     assert len(set(lengths.values())) == len(lengths)
     assert max(lengths["bit_star"], lengths["anytime"]) < min(lengths["rrt_connect"], lengths["bkpiece1"])
@@ -153,7 +153,7 @@ def six_of_twelve_arms_move_together(said: str, folder: Path) -> None:
 
 def one_lesson_has_a_path_and_the_other_has_none(said: str, folder: Path) -> None:
     path, no_path = said.split("planar2r_no_path:")
-    assert "planar2r_path: the planner says solved" in path
+    assert "planar2r_path: the planner says found" in path
     assert "No path exists" not in path
     assert "the planner says timeout" in no_path
     assert "No path exists: start and goal are free, but in different components" in no_path

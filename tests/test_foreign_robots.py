@@ -36,7 +36,7 @@ def test_a_foreign_robot_goes_the_whole_line(name: str, foreign_robots: Path, tm
             scene = blocked
             break
     motion = rp.plan_motion(rp.Problem(scene, "home", [rp.PoseGoal("tool", pose), rp.JointGoal(goal)]), rng=0)
-    assert motion.solved, str(motion)
+    assert motion.valid, str(motion)
     moved = np.abs(np.diff(motion.path.waypoints, axis=0)).sum(axis=0)
     assert (moved < 2 * np.pi).all()
     replay = rp.simulate(motion.trajectory, scene)

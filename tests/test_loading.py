@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 import rr1plan as rp
-from rr1plan.formats.plan_files import save_path, save_trajectory
+from rr1plan.export.plan_files import save_path, save_trajectory
 from rr1plan.robot import Geometry
 from rr1plan.scene import Attachment
 
@@ -48,7 +48,7 @@ def test_a_loaded_motion_is_what_planning_gave(motion: rp.MotionPlan, file: Path
     assert again.scene.content_hash == motion.scene.content_hash
     assert again.changes == ()
     assert again.problem is not None
-    assert again.status is rp.PlanStatus.SOLVED
+    assert again.status is rp.PlanStatus.FOUND
     assert again.save_html(tmp_path / "again.html").stat().st_size > 10_000
     with again.show(open_browser=False, quiet=True) as viewer:
         assert viewer.url.startswith("http")
@@ -58,7 +58,14 @@ def test_a_loaded_motion_is_what_planning_gave(motion: rp.MotionPlan, file: Path
 
 def test_a_verdict_in_the_file_is_not_taken_over(motion: rp.MotionPlan, tmp_path: Path) -> None:
     fast = motion.trajectory.stretched(0.2)
-    file = rp.save_motion(tmp_path / "m.json", motion.scene, motion.path, fast, motion.report, motion.problem)
+    file = rp.save_motion(
+        tmp_path / "m.json",
+        motion.scene,
+        path=motion.path,
+        trajectory=fast,
+        report=motion.report,
+        problem=motion.problem,
+    )
     assert not rp.load_motion(file)
 
 
@@ -74,7 +81,7 @@ def test_a_changed_scene_judges_the_motion_and_says_what_differs(motion: rp.Moti
     assert "obstacle 'late' is new" in str(judged)
     away = rp.load_motion(file, scene.with_obstacle("late", rp.Sphere(0.02), (5, 5, 5)))
     assert away
-    slow = scene.arms["arm"].robot.with_limits(scene.arms["arm"].robot.limits.scaled(0.5))
+    slow = scene.arms["arm"].robot.with_limits(scene.arms["arm"].robot.limits.scaled(velocity=0.5))
     judged = rp.load_motion(file, scene.with_robot("arm", slow))
     assert {v.kind for v in judged.report.violations} == {"velocity"}
     (change,) = judged.changes
@@ -104,7 +111,7 @@ def test_a_scene_that_cannot_be_checked_is_the_fault_of_the_file_that_holds_it(
 ) -> None:
     plate = Attachment((Geometry("plate", rp.HalfSpace()),), "arm", "link1", np.eye(4))
     scene = replace(motion.scene, attachments={"plate": plate})
-    file = rp.save_motion(tmp_path / "m.json", scene, motion.path, motion.trajectory)
+    file = rp.save_motion(tmp_path / "m.json", scene, path=motion.path, trajectory=motion.trajectory)
     with pytest.raises(rp.FormatError, match=r"m.json: cannot be judged in its own scene: 'plate' moves"):
         rp.load_motion(file)
     assert rp.load_motion(file, motion.scene).changes == ("held object 'plate' is gone",)

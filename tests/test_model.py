@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.limits import Limits
-from rr1plan.model import SceneModel
+from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot import Geometry, Inertial, Joint, Link, Mimic, Robot
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Arm, Scene
 from rr1plan.shapes import Box, HalfSpace, Sphere
 from rr1plan.transforms import pose
@@ -44,8 +44,8 @@ def odd_robot():
         joint_names=("slide", "turn", "lean"),
         limits=Limits(np.array([-0.2, -np.inf, -2.0]), np.array([0.4, np.inf, 2.0]), n, n, n, n),
         configurations={"home": [0.0, 0.0, 0.0]},
-        held={"grip": 0.4},
-        never_collide=frozenset(),
+        locked_joints={"grip": 0.4},
+        disabled_collisions=frozenset(),
         tool="d",
     )
 
@@ -55,7 +55,7 @@ def odd_scene():
     scene = Scene(
         {
             "left": Arm(robot, pose([1.0, 0.0, 0.0], rpy=[0.1, 0.2, 0.3]), [0.1, 4.0, -0.5]),
-            "right": Arm(robot.with_held({"grip": 0.9}), pose([-1.0, 0.5, 0.0]), [0.3, -0.2, 1.0]),
+            "right": Arm(robot.with_locked_joints({"grip": 0.9}), pose([-1.0, 0.5, 0.0]), [0.3, -0.2, 1.0]),
         }
     )
     scene = scene.with_obstacle("floor", HalfSpace()).with_obstacle("ball", Sphere(0.1), [0.0, 0.0, 2.0])
@@ -117,7 +117,7 @@ def test_shapes_ride_on_the_joint_that_carries_their_element():
     poses["ball"] = poses["right/e"] @ scene.attachments["ball"].pose
     held = model.geometries_of("ball", scene.attachments["ball"].geometries)
     standing = model.geometries_of("floor", scene.obstacles["floor"].geometries)
-    hung = (*model.skeleton.link_geometries, *held, *standing)
+    hung = (*model.arm_model.link_geometries, *held, *standing)
     assert {e.element for e in hung} == set(scene.element_names)
     for e in hung:
         actual = data.oMi[e.joint].homogeneous @ e.placement
@@ -154,6 +154,6 @@ def test_unknown_names_get_the_near_ones():
 
 def test_a_joint_nobody_drives_is_refused():
     robot = odd_robot()
-    loose = Robot(**{n: getattr(robot, n) for n in robot.__dataclass_fields__} | {"held": {}})
-    with pytest.raises(InputError, match=r"'grip'.*neither planned nor held"):
+    loose = Robot(**{n: getattr(robot, n) for n in robot.__dataclass_fields__} | {"locked_joints": {}})
+    with pytest.raises(InputError, match=r"'grip'.*neither planned nor locked"):
         SceneModel(Scene({"a": Arm(loose)}))

@@ -22,7 +22,8 @@ def problem() -> rp.Problem:
 
 def test_a_motion_is_certified_and_every_stage_has_its_time(problem: rp.Problem) -> None:
     found = rp.plan_motion(problem, rng=0)
-    assert found.solved
+    assert found.found
+    assert found.valid
     assert found.report.certified
     # The first question of a process has imports before.
     assert [name for name in found.seconds if name != "imports"] == ["set up", "plan", "shorten", "retime", "validate"]
@@ -33,16 +34,16 @@ def test_a_motion_is_certified_and_every_stage_has_its_time(problem: rp.Problem)
 def test_a_scene_is_set_up_once(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = rp.Scene(arms=problem.scene.arms, obstacles=problem.scene.obstacles)
     fresh = rp.Problem(scene, problem.start, dict(problem.goal))
-    rp.set_up(fresh)
+    rp.warm_up(fresh)
     made = []
     monkeypatch.setattr(checkers, "build_edge_tables", lambda *_: made.append(None))
-    assert rp.plan(fresh, rng=0).solved
+    assert rp.plan(fresh, rng=0).found
     assert made == []
     with pytest.raises(rp.InputError, match="problem is of type Scene"):
-        rp.set_up(scene)
+        rp.warm_up(scene)
 
 
-@pytest.mark.parametrize("retiming", rp.retiming.retiming_names())
+@pytest.mark.parametrize("retiming", rp.retiming_names())
 def test_every_retiming_can_end_the_line_and_is_held_to_what_it_claims(problem: rp.Problem, retiming: str) -> None:
     report = rp.plan_motion(problem, retiming=retiming, rng=0).report
     assert report.certified
@@ -68,12 +69,12 @@ def test_every_planner_keeps_the_margin_of_a_question(planner: str) -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
     scene = scene.with_obstacle("post", rp.Sphere(0.05), [0.55, 0.0, 0.0]).with_padding(0.01)
     problem = rp.Problem(scene, [0.7, 0.9], [-0.7, -0.9]).with_margin(0.1)
-    path = rp.plan(problem, planner, rp.Budget(seconds=3.0), rng=0).path
+    path = rp.plan(problem, planner=planner, budget=rp.Budget(seconds=3.0), rng=0).path
     assert path is not None
     wide = rp.CollisionChecker(scene.with_margin(0.1))
     assert all(wide.edge_is_free(a, b) for a, b in pairwise(path.waypoints))
     # A wider one has no such path: the margin counts.
-    refused = rp.plan(problem.with_margin(0.5), planner, rp.Budget(seconds=0.3), rng=0)
+    refused = rp.plan(problem.with_margin(0.5), planner=planner, budget=rp.Budget(seconds=0.3), rng=0)
     assert refused.status is rp.PlanStatus.INVALID_START
 
 
@@ -107,7 +108,7 @@ def test_a_margin_is_one_that_the_goal_has_too() -> None:
     assert 0.25 * clearance < affordable_margin(one, margin) <= 0.5 * clearance
     assert affordable_margin(rp.Problem(scene, "home", [rp.JointGoal(near), rp.JointGoal("home")]), margin) == margin
     motion = rp.plan_motion(one, margin=margin, rng=0)
-    assert motion.solved
+    assert motion.valid
     assert motion.margin == affordable_margin(one, margin)
 
 
@@ -120,7 +121,7 @@ def test_a_margin_counts_what_the_arm_can_never_reach() -> None:
     assert 0.2 < clearance < 0.41
     assert affordable_margin(problem, 0.8 * clearance) == pytest.approx(0.4 * clearance)
     assert affordable_margin(problem, 1.5 * clearance) == pytest.approx(0.375 * clearance)
-    assert rp.plan_motion(problem, margin=1.5 * clearance, rng=0).solved
+    assert rp.plan_motion(problem, margin=1.5 * clearance, rng=0).valid
 
 
 def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
@@ -132,21 +133,21 @@ def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
     assert 0.01 < clear < 0.15
     for problem in (rp.Problem(scene, [2.0, 0.5], near), rp.Problem(scene, [2.0, 0.5], near).with_margin(0.2)):
         motion = rp.plan_motion(problem, margin=0.2, rng=0)
-        assert motion.solved
+        assert motion.valid
         assert motion.margin == 0.0
 
 
 def test_setting_up_is_not_at_the_expense_of_the_budget(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is made once may take longer than a budget: tables of a new scene, code that is not compiled yet."""
-    make = rp.CollisionChecker.set_up
+    make = rp.CollisionChecker.warm_up
 
     def slowly(checker: rp.CollisionChecker) -> None:
         time.sleep(0.8)
         make(checker)
 
-    monkeypatch.setattr(rp.CollisionChecker, "set_up", slowly)
+    monkeypatch.setattr(rp.CollisionChecker, "warm_up", slowly)
     result = rp.plan(problem, budget=rp.Budget(seconds=0.7), rng=0)
-    assert result.solved
+    assert result.found
     assert result.seconds < 0.7
 
 
@@ -158,7 +159,7 @@ began = time.perf_counter()
 problem = rp.load_problems("planar2r_path")["to_a_point"]
 first = rp.plan_motion(problem, rng=0)
 wall = time.perf_counter() - began
-rp.playback.simulate
+rp.simulate
 second = rp.plan_motion(problem, rng=0)
 print(*first.seconds, sep=",")
 print(*second.seconds, sep=",")
@@ -183,11 +184,11 @@ def test_all_stages_are_reported_and_can_be_cancelled() -> None:
 
         motion = rp.plan_motion(problem, rng=0, progress=progress)
         assert motion.status is rp.PlanStatus.CANCELLED
-        assert not motion.solved
+        assert not motion.valid
         assert motion.result.reason == f"cancelled before stage {last!r}"
         assert heard[-1] == last
     motion = rp.plan_motion(problem, rng=0, progress=lambda progress: heard.append(progress.stage))
-    assert motion.solved
+    assert motion.valid
     assert [stage for stage in heard if stage in ("shorten", "retime", "validate")][-3:] == [
         "shorten",
         "retime",

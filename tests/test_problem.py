@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal, frame_link
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
+from rr1plan.scene.problem import JointGoal, PoseGoal, Problem, RegionGoal, frame_link
 from rr1plan.transforms import pose, quaternion_from_rotation, rotation_from_rpy
 
 Q = [0.1, 0.0, -0.2, 0.0, 0.4, 0.3]
@@ -24,7 +24,7 @@ def one(rr1: Robot) -> Scene:
 
 @pytest.fixture
 def two(rr1: Robot) -> Scene:
-    return Scene().with_arm("left", rr1, (0, 0.4, 0)).with_arm("right", rr1, (0, -0.4, 0), Q)
+    return Scene().with_arm("left", rr1, (0, 0.4, 0)).with_arm("right", rr1, (0, -0.4, 0), q=Q)
 
 
 @pytest.mark.parametrize("start", [None, "home", Q, np.array(Q), tuple(Q), {"arm": Q}, {"arm": "home"}, {}])

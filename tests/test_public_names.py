@@ -1,8 +1,13 @@
-"""The public names: all load, none is missing, and importing the package loads nothing heavy."""
+"""The public names: all load, their types are public too, and importing the package loads nothing heavy."""
 
 import ast
+import dataclasses
+import enum
+import inspect
 import subprocess
 import sys
+import typing
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -23,6 +28,12 @@ def test_typed_imports_are_the_lazy_names() -> None:
     assert typed | {"__version__"} == set(rr1plan.__all__)
 
 
+def test_a_name_has_one_home() -> None:
+    """What is public is in `rr1plan` itself, not in a package below it too."""
+    assert [name for name in rr1plan.__all__ if inspect.ismodule(getattr(rr1plan, name))] == ["transforms"]
+    assert "rr1plan.playback" not in rr1plan._EXPORTS
+
+
 def test_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'plam_motion'"):
         _ = rr1plan.plam_motion
@@ -33,3 +44,134 @@ def test_import_loads_nothing_heavy() -> None:
     code = f"import sys, rr1plan; print([m for m in '{heavy}'.split() if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+# ---- signatures ---------------------------------------------------------------------------------
+
+
+def public_callables() -> Iterator[tuple[str, typing.Any]]:
+    """Functions, constructors, methods and properties by the name that users write."""
+    for name in rr1plan.__all__:
+        value = getattr(rr1plan, name)
+        if inspect.isfunction(value):
+            yield name, value
+        elif inspect.isclass(value) and not issubclass(value, Exception | enum.Enum):
+            yield name, value
+            ours = [base for base in value.__mro__ if base.__module__.startswith("rr1plan")]
+            for verb, raw in ((verb, raw) for base in reversed(ours) for verb, raw in vars(base).items()):
+                if verb.startswith("_"):
+                    continue
+                raw = getattr(raw, "__func__", raw)
+                raw = getattr(raw, "fget", None) or getattr(raw, "func", None) or raw
+                if inspect.isfunction(raw):
+                    yield f"{name}.{verb}", raw
+
+
+CALLABLES = dict(public_callables())
+# JSON-like data, which has no other type.
+_UNTYPED = {
+    *("Panel", "Replay", "Replay.to_dict", "Report.to_dict", "Report.from_dict", "pack_array", "PairProposal.get"),
+    *("PairProposal.keys", "PairProposal.items", "PairProposal.values"),
+}
+# For other modules of the package: they lead to its tables, and no page of the documentation names them.
+_INTERNAL = {
+    *(f"CollisionChecker.{name}" for name in ("context", "exact_kernel", "model", "solids", "tables")),
+    *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding"),
+}
+# Those of data classes are their fields.
+_MOST_PARAMETERS = 10
+
+
+def annotations(function: typing.Any) -> Iterator[str]:
+    signature = inspect.signature(function)
+    for parameter in signature.parameters.values():
+        if parameter.annotation is not inspect.Parameter.empty:
+            yield str(parameter.annotation)
+    if signature.return_annotation is not inspect.Signature.empty and not inspect.isclass(function):
+        yield str(signature.return_annotation)
+
+
+@pytest.mark.parametrize("name", sorted(set(CALLABLES) - _UNTYPED - _INTERNAL - {"CurveChecker"}))
+def test_no_signature_hides_its_types(name: str) -> None:
+    function = CALLABLES[name]
+    assert not [text for text in annotations(function) if "Any" in text]
+    kinds = [p.kind for p in inspect.signature(function).parameters.values()]
+    assert inspect.Parameter.VAR_KEYWORD not in kinds
+    assert dataclasses.is_dataclass(function) or len(kinds) <= _MOST_PARAMETERS
+
+
+@pytest.mark.parametrize("name", sorted(set(CALLABLES) - _INTERNAL))
+def test_the_types_of_signatures_are_public(name: str) -> None:
+    """Every class of ours that an annotation names, itself or through an alias, is a public name."""
+    function = CALLABLES[name]
+    module = sys.modules[getattr(inspect.unwrap(function), "__module__", "rr1plan")]
+    for text in annotations(function):
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Name):
+                known = getattr(module, node.id, getattr(rr1plan, node.id, None))
+                for kind in classes_in(known):
+                    assert getattr(rr1plan, kind.__name__, None) is kind, f"{text}: {kind.__name__}"
+
+
+def classes_in(kind: typing.Any) -> Iterator[type]:
+    """The classes of ours in a type."""
+    if inspect.isclass(kind) and kind.__module__.startswith("rr1plan"):
+        yield kind
+    for part in typing.get_args(kind):
+        yield from classes_in(part)
+
+
+# ---- a type checker ------------------------------------------------------------------------------
+
+SCRIPT = """
+import numpy as np
+import rr1plan as rp
+
+scene = rp.load_scene("rr1_table").with_obstacle("ball", rp.Sphere(0.1), [0.1, 0.2, 0.3])
+problem = rp.Problem(scene, start="home", goal=rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
+motion: rp.MotionPlan = rp.plan_motion(problem, planner=rp.RrtConnect(range=0.5), rng=0)
+waypoints: rp.Array = rp.Path(("arm/joint",), [[0.0], [1.0]]).waypoints
+free: bool = rp.CollisionChecker(scene).is_free([0.0] * 6)
+several = rp.Problem(scene, None, {"rr1": [rp.JointGoal("zero"), rp.JointGoal(np.zeros(6))]})
+
+
+class Mine(rp.Planner):
+    name = "mine"
+
+    def plan(
+        self,
+        problem: rp.Problem,
+        *,
+        budget: rp.Budget | None = None,
+        rng: rp.Seed = None,
+        progress: rp.ProgressCallback | None = None,
+    ) -> rp.PlanResult:
+        return rp.PlanResult(rp.PlanStatus.TIMEOUT, None)
+
+
+rp.plan(problem, planner=Mine())
+rp.register_planner("mine", Mine)
+motion.show(options=rp.ViewOptions(view="top"), quiet=True).wait()
+"""
+WRONG = {
+    "rp.plan_motoin(problem)": "attr-defined",
+    "rp.playback.simulate": "attr-defined",
+    "rp.plan(problem, 'rrt_connect')": "call-arg",
+    "rp.plan(problem, planner=Mine)": "arg-type",
+    "rp.simulate(scene, motion.trajectory)": "arg-type",
+    "motion.show(view='top')": "call-arg",
+    "motion.solved": "attr-defined",
+}
+
+
+def test_a_type_checker_knows_the_names_and_refuses_misspelt_ones(tmp_path: Path) -> None:
+    pytest.importorskip("mypy")
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT + "\n".join(WRONG) + "\n")
+    command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--hide-error-context"]
+    command += ["--cache-dir", str(tmp_path / "cache"), "--follow-imports", "silent", str(script)]
+    said = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path).stdout.splitlines()
+    first = SCRIPT.count("\n") + 1
+    errors = [line for line in said if ": error:" in line]
+    found = {(int(e.split(":")[1]), e.rsplit("[", 1)[1].rstrip("]")) for e in errors}
+    assert found == {(first + i, code) for i, code in enumerate(WRONG.values())}, "\n".join(said)

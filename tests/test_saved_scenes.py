@@ -33,14 +33,14 @@ def crane(tmp_path: Path) -> Path:
 def test_a_scene_of_shipped_robots_is_saved_and_loaded_by_public_names(tmp_path: Path) -> None:
     scene = rp.load_scene("rr1_pair").with_obstacle("post", rp.Cylinder(0.02, 0.3), [0.5, 0.5, 0.15])
     problems = rp.load_problems("rr1_pair")
-    file = rp.save_scene(tmp_path / "cell.toml", scene, problems)
+    file = rp.save_scene(tmp_path / "cell.toml", scene, problems=problems)
     assert rp.load_scene(file).content_hash == scene.content_hash
     assert set(rp.load_problems(file)) == set(problems)
 
 
 def test_a_robot_from_a_file_is_found_again_with_its_joints_and_tool(tmp_path: Path, crane: Path) -> None:
     robot = rp.load_robot(crane, joints=["fold"], tool="jib")
-    scene = rp.Scene().with_arm("crane", robot, (0, 0, 1), [0.3])
+    scene = rp.Scene().with_arm("crane", robot, (0, 0, 1), q=[0.3])
     read = rp.load_scene(rp.save_scene(tmp_path / "cell.toml", scene))
     assert read.content_hash == scene.content_hash
     assert read.arms["crane"].robot.tool == "jib"
@@ -71,17 +71,17 @@ def test_a_mesh_file_becomes_one_shape(tmp_path: Path) -> None:
     file = tmp_path / "corner.obj"
     corners = "v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nv 0.2 0.2 0.2\n"
     file.write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 5\nf 3 4 5\nf 4 2 5\n")
-    shape = rp.load_mesh(file, 0.5)
+    shape = rp.load_mesh(file, scale=0.5)
     assert len(shape.faces) == 6
     assert shape.vertices.max() == 1.0
     assert not shape.convex
-    hull = rp.load_mesh(file, (0.5, 0.5, 0.5), hull=True)
+    hull = rp.load_mesh(file, scale=(0.5, 0.5, 0.5), hull=True)
     assert hull.convex
     assert len(hull.vertices) == 4
     np.testing.assert_allclose(hull.vertices.max(axis=0), shape.vertices.max(axis=0))
     assert rp.Scene().with_obstacle("part", hull).obstacles["part"].geometries[0].shape is hull
     for wrong in (0.0, np.nan, "1", (1.0, 2.0), (1.0, 0.0, 1.0), None):
         with pytest.raises(rp.InputError, match="scale"):
-            rp.load_mesh(file, wrong)
+            rp.load_mesh(file, scale=wrong)
     with pytest.raises(rp.FormatError, match="no such file"):
         rp.load_mesh(tmp_path / "none.stl")

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.srdf_proposal import LinkBodies, propose_never_collide
-from rr1plan.library import models_folder, robot_folder, robot_names
+from rr1plan.robot.disabled_collisions import LinkBodies, propose_disabled_collisions
+from rr1plan.scene.model_library import models_folder, robot_folder, robot_names
 
 RATES = ("velocity", "acceleration", "jerk", "effort")
 
@@ -42,7 +42,7 @@ def test_its_limits_are_finite_in_every_preset(shipped: rp.Robot) -> None:
 
 def test_its_configurations_are_free_and_within_the_limits_and_home_within_all(shipped: rp.Robot) -> None:
     bodies = LinkBodies(shipped)
-    pairs = [pair for pair in bodies.pairs if pair not in shipped.never_collide]
+    pairs = [pair for pair in bodies.pairs if pair not in shipped.disabled_collisions]
     for q in shipped.configurations.values():
         assert ((q >= shipped.limits.lower) & (q <= shipped.limits.upper)).all()
         assert not bodies.touching(shipped.joint_values(q), pairs)
@@ -51,9 +51,9 @@ def test_its_configurations_are_free_and_within_the_limits_and_home_within_all(s
 
 
 def test_pairs_switched_off_are_neighbors_or_never_meet(shipped: rp.Robot) -> None:
-    proposed = propose_never_collide(shipped, 1500, rng=0)
+    proposed = propose_disabled_collisions(shipped, samples=1500, rng=0)
     fingers = frozenset(("finger_link", "opposite_finger_link"))
-    assert shipped.never_collide - {fingers} <= set(proposed)
+    assert shipped.disabled_collisions - {fingers} <= set(proposed)
 
 
 def test_every_moving_link_weighs_something_and_every_link_with_mass_can_be(shipped: rp.Robot) -> None:
@@ -111,7 +111,7 @@ def test_rr1s_tool_is_where_its_twins_is(rr1: rp.Robot, q: list[float], xyz: lis
 
 
 def test_rr1s_tool_looks_out_of_the_hand_and_along_the_fingers_travel(rr1: rp.Robot) -> None:
-    closed, opened = (rr1.with_held(name).link_poses("home") for name in ("closed", "open"))
+    closed, opened = (rr1.with_locked_joints(name).link_poses("home") for name in ("closed", "open"))
     T, hand = closed["tool"], closed["hand_link"]
     out = (T[:3, 3] - hand[:3, 3]) / np.linalg.norm(T[:3, 3] - hand[:3, 3])
     assert np.allclose(T[:3, 2], out, atol=1e-12)
@@ -160,16 +160,16 @@ def test_rr1s_motors_can_do_what_the_sim_limits_ask(rr1: rp.Robot) -> None:
 
 def test_rr1s_upper_arm_and_forearm_are_checked_because_they_can_touch(rr1: rp.Robot) -> None:
     pair = frozenset(("upper_arm_link", "forearm_link"))
-    assert pair not in rr1.never_collide
+    assert pair not in rr1.disabled_collisions
     assert LinkBodies(rr1).touching(rr1.joint_values(np.array([0, 0, -1.4, 1.5, 1.0, 0])), [pair]) == {pair}
 
 
 def test_rr1s_fingers_open_wide_and_meet_when_closed(rr1: rp.Robot) -> None:
     pair = frozenset(("finger_link", "opposite_finger_link"))
     bodies = LinkBodies(rr1)
-    assert not bodies.touching(rr1.with_held("open").joint_values(rr1.home), [pair])
-    assert bodies.touching(rr1.with_held("closed").joint_values(rr1.home), [pair])
-    assert pair in rr1.never_collide
+    assert not bodies.touching(rr1.with_locked_joints("open").joint_values(rr1.home), [pair])
+    assert bodies.touching(rr1.with_locked_joints("closed").joint_values(rr1.home), [pair])
+    assert pair in rr1.disabled_collisions
 
 
 def test_rr1_is_orange_with_dark_motors_and_aluminium(rr1: rp.Robot) -> None:

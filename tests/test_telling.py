@@ -44,7 +44,7 @@ def test_every_public_value_shows_itself_in_a_line(motion: rp.MotionPlan) -> Non
         checker.first_contact(start, start + 1.5),
         *rp.cover_with_spheres(checker.scene).values(),
         rp.simulate(motion.trajectory, motion.problem.scene, mode="kinematic"),
-        rp.plan(motion.problem, rp.make_planner("rrt_connect", tree=True), rng=0).tree,
+        rp.plan(motion.problem, planner=rp.RrtConnect(tree=True), rng=0).tree,
         rp.cspace(rp.load_scene("planar2r_path"), resolution=12),
     ]
     for value in values:
@@ -141,11 +141,6 @@ def test_rotations_in_degrees_are_recognized_wherever_they_are_read(tmp_path: Pa
     robot.write_text(BENT.format(origin='<origin rpy="0 0 90"/>'))
     with pytest.raises(rp.FormatError, match=rf"bent.urdf:\d: .*rpy is \[0, 0, 90\] rad.*{DEGREES}"):
         rp.load_robot(robot)
-    arm = rp.load_robot("planar2r")
-    with pytest.raises(rp.InputError, match=f"yaw is 90 rad.*{DEGREES}"):
-        rp.place_grid(arm, 1, 2, 3.0, yaw=90)
-    with pytest.raises(rp.InputError, match=f"start_angle is 45 rad.*{DEGREES}"):
-        rp.place_ring(arm, 2, 3.0, start_angle=45)
 
 
 def test_a_rotation_by_a_whole_turn_is_no_degrees(tmp_path: Path) -> None:
@@ -153,4 +148,3 @@ def test_a_rotation_by_a_whole_turn_is_no_degrees(tmp_path: Path) -> None:
     assert abs(turned[0, 0] - rp.transforms.pose(rpy=(0, 0, 3.2))[0, 0]) < 1e-6
     (tmp_path / "bent.urdf").write_text(BENT.format(origin='<origin rpy="0 0 -4.712389"/>'))
     assert rp.load_robot(tmp_path / "bent.urdf").nq == 1
-    assert len(rp.place_ring(rp.load_robot("planar2r"), 3, 3.0, start_angle=6.0).arms) == 3

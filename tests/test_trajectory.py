@@ -191,7 +191,7 @@ def test_numbers_that_are_none_are_named(wrong: Any) -> None:
         ("dt", moving.sample),
         ("derivative", lambda value: moving(0.5, value)),
         ("q", lambda value: Trajectory.rest(("a/x",), value)),
-        ("duration", lambda value: Trajectory.rest(("a/x",), [0.0], 0.0, value)),
+        ("duration", lambda value: Trajectory.rest(("a/x",), [0.0], start=0.0, duration=value)),
         ("joint_names", lambda value: Trajectory(value, [0.0, 1.0], [[[0.0], [1.0]]])),
     ):
         if name == "joint_names" and isinstance(wrong, list | dict):
@@ -219,7 +219,7 @@ def test_samples_are_met_with_all_they_carry_and_scipy_agrees_between_them(carri
     rng = np.random.default_rng(carried)
     times = np.cumsum(rng.uniform(0.05, 1.0, 6))
     samples = [rng.normal(size=(6, 3)) for _ in range(carried)]
-    made = Trajectory.from_samples(times, *samples, joint_names=("a/x", "a/y", "b/z"))
+    made = Trajectory.from_samples(("a/x", "a/y", "b/z"), times, *samples)
     assert made.degree == 2 * carried - 1
     for order, values in enumerate(samples):
         np.testing.assert_allclose(made(times[:-1], order), values[:-1], atol=1e-12)
@@ -231,7 +231,7 @@ def test_samples_are_met_with_all_they_carry_and_scipy_agrees_between_them(carri
 
 
 def test_one_sample_is_a_motion_of_no_duration() -> None:
-    still = Trajectory.from_samples([2.0], [[0.5]], [[0.0]], [[0.0]], joint_names=["a/x"])
+    still = Trajectory.from_samples(["a/x"], [2.0], [[0.5]], [[0.0]], [[0.0]])
     assert still.duration == 0.0
     np.testing.assert_array_equal(still(2.0), [0.5])
 
@@ -253,4 +253,4 @@ def test_one_sample_is_a_motion_of_no_duration() -> None:
 )
 def test_samples_that_make_no_motion_are_refused(samples: tuple[Any, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        Trajectory.from_samples(*samples, joint_names=["a/x"])
+        Trajectory.from_samples(["a/x"], *samples)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.playback.replay import Replay, ReplayContact
+from rr1plan.playback.simulation.replay import Replay, ReplayContact
 
 
 @pytest.fixture(scope="module")

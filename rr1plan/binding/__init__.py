@@ -1,5 +1,5 @@
-"""How Python calls kernels in C: sources read for their declarations, memory handed over, libraries loaded.
+"""Calls from Python to kernels in C: parsing of declarations, passing of memory, loading of libraries.
 
-The kernels of the planners (`rr1plan/kernels`) and the referee's own (`rr1plan/validation/kernels`) share this, and no
-source.
+The kernels of the planners (`rr1plan/kernels`) and of the referee (`rr1plan/validation/kernels`) share this binding,
+but no sources.
 """

@@ -1,11 +1,11 @@
 """Structs and arrays as one block of bytes that a WebAssembly module can load at any address.
 
-An image is a line of JSON and then the memory. `core.js` reads it.
+An image is a line of JSON followed by the memory. `core.js` reads it.
 
-- `digest`: of the declarations (`KernelSources.declarations`); a module of other declarations refuses the image.
-- `size`: bytes of the whole block; those behind the memory that the image contains are zero.
-- `pointers`: offsets of all pointers, of four bytes, which hold offsets from the begin of the block.
-- `roots`: kind, offset and count of each thing that was given a name.
+- `digest`: of the declarations (`KernelSources.declarations`); a module with other declarations rejects the image.
+- `size`: bytes of the whole block; bytes after the stored memory are zero.
+- `pointers`: offsets of all four-byte pointers, which contain offsets from the beginning of the block.
+- `roots`: type, offset and count of each named root.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from rr1plan.binding.memory import CStruct, address_of
-from rr1plan.binding.sources import KernelSources
+from rr1plan.binding.c_memory import CStruct, address_of
+from rr1plan.binding.c_sources import KernelSources
 
 # Vectors of eight numbers have 64 bytes.
 _ALIGNMENT = 64
@@ -29,17 +29,17 @@ Root = CStruct | tuple[str, NDArray[Any]]
 
 
 def memory_image(sources: KernelSources, **roots: Root) -> bytes:
-    """Copy structs, arrays, and all that their pointers lead to.
+    """Copy structs, arrays, and all targets of their pointers.
 
-    Memory to which several pointers lead is copied once. Equal memory gives equal bytes.
+    Memory with several pointers to it is copied once. Equal memory gives equal bytes.
 
     Args:
-        sources: Where all types are declared.
-        **roots: What gets a name in the image.
+        sources: Sources that declare all types.
+        **roots: Named structs and arrays of the image.
 
     Raises:
-        TypeError: an array that is not of its type; a pointer to memory that is neither a root nor known to a
-            `CStruct`, or to the middle of an item; or two arrays of which each has a part of the other.
+        TypeError: an array of another type than declared; a pointer to memory that is neither a root nor a target
+            of a `CStruct`, or to the middle of an item; or two arrays that overlap partially.
     """
     regions: dict[int, _Region] = {}
     named = {name: _collect(sources, root, regions) for name, root in roots.items()}
@@ -55,12 +55,12 @@ def memory_image(sources: KernelSources, **roots: Root) -> bytes:
 
 @dataclass(frozen=True)
 class _Region:
-    """Memory of one kind.
+    """Contiguous items of one type.
 
     Args:
         kind: The C type of its items.
-        address: Where it is.
-        data: What it contains.
+        address: Its address.
+        data: Its content.
     """
 
     kind: str
@@ -69,12 +69,12 @@ class _Region:
 
     @property
     def end(self) -> int:
-        """The address behind it."""
+        """The address after its last byte."""
         return self.address + len(self.data)
 
 
 def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) -> tuple[str, int, int]:
-    """Add a root, and what is behind its pointers, to the regions by address; kind, address and count of the root."""
+    """Add a root and all targets of its pointers to `regions` by address; type, address and count of the root."""
     kind, given = (root.name, root) if isinstance(root, CStruct) else root
     address = address_of(sources, given, kind)
     data = bytes(given.value) if isinstance(given, CStruct) else given.tobytes()
@@ -89,15 +89,15 @@ def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) ->
 
 
 class _Memory:
-    """Regions one behind the other, as WebAssembly has them; those that are zero come last and are left out.
+    """Concatenated regions in the layout of WebAssembly; regions of zeros come last and are not stored.
 
     Args:
-        sources: Where the types are declared.
-        regions: By address.
+        sources: Sources that declare the types.
+        regions: Regions by address.
 
     Attributes:
         data: The memory up to the end of the last region that is not zero.
-        size: Bytes of all.
+        size: Bytes of all regions.
         pointers: Offsets of all pointers that are not null.
     """
 
@@ -107,7 +107,7 @@ class _Memory:
         self._addresses = [region.address for region in self._sorted]
         self._offsets: dict[int, int] = {}
         self.size = 0
-        # In the order in which they were found, which does not depend on where they are.
+        # In order of discovery, which does not depend on addresses.
         whole = set(self._addresses)
         kept = sorted((r for r in regions.values() if r.address in whole), key=lambda region: not any(region.data))
         for region in kept:
@@ -122,15 +122,15 @@ class _Memory:
                 self._append(region.kind, region.data)
 
     def offset(self, address: int, kind: str, name: str) -> int:
-        """Where the memory at an address is in the image.
+        """Offset in the image of the memory at an address.
 
         Args:
             address: The address.
             kind: The C type there.
-            name: What leads there, for errors.
+            name: Name of the pointer, for errors.
 
         Raises:
-            TypeError: it is in no region, or in the middle of an item with pointers.
+            TypeError: the address is in no region, or in the middle of an item with pointers.
         """
         index = bisect_right(self._addresses, address) - 1
         region = self._sorted[max(index, 0)]
@@ -145,7 +145,7 @@ class _Memory:
         return self._offsets[region.address] + inside
 
     def _append(self, kind: str, data: bytes) -> None:
-        """Append items, their pointers as offsets."""
+        """Append items, with pointers converted to offsets."""
         if not self._has_pointers(kind):
             self.data += data
             return

@@ -190,7 +190,7 @@ def _cspace(parser: Parser) -> None:
 
 def _robots(parser: Parser) -> None:
     parser.add_argument(
-        "robot", metavar="ROBOT", nargs="?", help="a shipped or installed robot, or a URDF or xacro file"
+        "robot", metavar="ROBOT", nargs="?", help="a shipped or installed robot, or a URDF, xacro or MJCF file"
     )
 
 
@@ -205,13 +205,13 @@ def _no_options(parser: Parser) -> None:
 # Of each command: "module.function" under `rr1plan.cli`, loaded when it is run; help; examples; its options.
 _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]] = {
     "demo": (
-        "showing.demo",
+        "view.demo",
         "plan, prove, replay and show a motion of RR1 among clutter",
         ("rr1plan demo", "rr1plan demo --scene rr1_window --query through --output window"),
         _demo,
     ),
     "plan": (
-        "planning.plan",
+        "plan.plan",
         "plan a motion and prove it",
         (
             "rr1plan plan rr1_table",
@@ -223,7 +223,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         _plan,
     ),
     "validate": (
-        "motions.validate",
+        "saved_motions.validate",
         "check a saved motion with the referee",
         (
             "rr1plan validate motion.json",
@@ -233,19 +233,19 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         _validate,
     ),
     "play": (
-        "motions.play",
+        "saved_motions.play",
         "replay a saved motion in MuJoCo",
         ("rr1plan play motion.json", "rr1plan play motion.json --mode kinematic"),
         _play,
     ),
     "view": (
-        "showing.view",
+        "view.view",
         "look at a scene or a saved motion in the browser",
         ("rr1plan view rr1_shelf", "rr1plan view motion.json --html motion.html"),
         _view,
     ),
     "cspace": (
-        "showing.cspace",
+        "view.cspace",
         "draw the configuration space of two joints, and prove or answer a query in it",
         (
             "rr1plan cspace planar2r_path",
@@ -255,19 +255,25 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         _cspace,
     ),
     "robots": (
-        "looking.robots",
+        "info.robots",
         "list the robots, or describe one",
-        ("rr1plan robots", "rr1plan robots --quiet", "rr1plan robots rr1", "rr1plan robots arm.urdf"),
+        (
+            "rr1plan robots",
+            "rr1plan robots --quiet",
+            "rr1plan robots rr1",
+            "rr1plan robots arm.urdf",
+            "rr1plan robots arm.xml",
+        ),
         _robots,
     ),
     "scenes": (
-        "looking.scenes",
+        "info.scenes",
         "list the scenes, or describe one",
         ("rr1plan scenes", "rr1plan scenes rr1_table", "rr1plan scenes cell.toml"),
         _scenes,
     ),
     "doctor": (
-        "looking.doctor",
+        "info.doctor",
         "show versions, and what is missing",
         ("rr1plan doctor", "rr1plan doctor --json"),
         _no_options,

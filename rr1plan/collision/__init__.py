@@ -1,8 +1,8 @@
 """Exact answers about configurations (Coal), certified answers about motions."""
 
-from rr1plan.collision.answers import Contact, Nearest
 from rr1plan.collision.checker import CollisionChecker, FirstContact
-from rr1plan.collision.covers import ElementCover, cover_with_spheres
+from rr1plan.collision.results import Contact, Nearest
+from rr1plan.collision.sphere_covers import ElementCover, cover_with_spheres
 
 __all__ = [
     "CollisionChecker",

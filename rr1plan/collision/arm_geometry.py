@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.solids import is_concave, solid_pieces
+from rr1plan.collision.convex.convex_bodies import is_surfaceless, solid_pieces
 from rr1plan.errors import InputError
+from rr1plan.model.arm_model import ArmModel, Body, ElementGeometry, arm_model_of, hang
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Attachment, Scene
-from rr1plan.shapes import HalfSpace, PointCloud, Shape
-from rr1plan.skeleton import Body, ElementGeometry, Skeleton, hang, skeleton_of
+from rr1plan.shapes import Shape
 
 _INTS = NDArray[np.int64]
 Pieces = Callable[[Shape], tuple[Shape, ...]]
@@ -47,7 +47,7 @@ class ArmGeometry:
     """The solids of an arm's links and held objects.
 
     Args:
-        skeleton: The arm alone, its base at the origin.
+        arm_model: The arm alone, its base at the origin.
         solids: Its solids, those of links first; their elements are names of links and of held objects.
         link_solids: How many of them are of links.
         chains: Every set of joints that moves a solid, root first: those that a column of q drives. The first is empty.
@@ -57,7 +57,7 @@ class ArmGeometry:
         kept: Tables that were made of it.
     """
 
-    skeleton: Skeleton
+    arm_model: ArmModel
     solids: tuple[Solid, ...]
     link_solids: int
     chains: tuple[tuple[int, ...], ...]
@@ -101,30 +101,30 @@ def arm_geometry(arm: Arm, attachments: Mapping[str, Attachment]) -> ArmGeometry
 
 @lru_cache(maxsize=128)
 def _arm_geometry(content: _Content) -> ArmGeometry:
-    skeleton = arm_skeleton(content.arm.robot)
-    links = solids_of(replace(g, element=g.element[len(_PREFIX) :]) for g in skeleton.link_geometries)
-    held = solids_of(g for name, thing in content.attachments.items() for g in _held(skeleton, name, thing))
+    arm_model = model_of_robot(content.arm.robot)
+    links = solids_of(replace(g, element=g.element[len(_PREFIX) :]) for g in arm_model.link_geometries)
+    held = solids_of(g for name, thing in content.attachments.items() for g in _held(arm_model, name, thing))
     solids = (*links, *held)
     above: list[tuple[int, ...]] = [()]
-    for joint in range(1, len(skeleton.model.parents)):
-        driven = skeleton.columns[joint - 1] >= 0 and skeleton.gains[joint - 1] != 0.0
-        above.append(above[skeleton.model.parents[joint]] + ((joint,) if driven else ()))
+    for joint in range(1, len(arm_model.model.parents)):
+        driven = arm_model.columns[joint - 1] >= 0 and arm_model.gains[joint - 1] != 0.0
+        above.append(above[arm_model.model.parents[joint]] + ((joint,) if driven else ()))
     number = {chain: i for i, chain in enumerate(dict.fromkeys([(), *(above[s.joint] for s in solids)]))}
     groups = np.array([number[above[s.joint]] for s in solids], dtype=np.int64)
     sets = [frozenset(chain) for chain in number]
     # Two chains run together from the root until they part.
     shared = np.array([[len(a & b) for b in sets] for a in sets], dtype=np.int64)
-    kinds = surfaceless(solids)
-    return ArmGeometry(skeleton, solids, len(links), tuple(number), read_only(groups), read_only(shared), kinds)
+    kinds = tuple(is_surfaceless(solid.shape) for solid in solids)
+    return ArmGeometry(arm_model, solids, len(links), tuple(number), read_only(groups), read_only(shared), kinds)
 
 
-def arm_skeleton(robot: Robot) -> Skeleton:
+def model_of_robot(robot: Robot) -> ArmModel:
     """The Pinocchio model of a robot alone, its base at the origin and its planning joints free."""
-    return skeleton_of(Scene({_ARM: Arm(robot)}), (_ARM,))
+    return arm_model_of(Scene({_ARM: Arm(robot)}), (_ARM,))
 
 
-def _held(skeleton: Skeleton, name: str, thing: Attachment) -> tuple[ElementGeometry, ...]:
-    link = skeleton.bodies[_PREFIX + thing.link]
+def _held(arm_model: ArmModel, name: str, thing: Attachment) -> tuple[ElementGeometry, ...]:
+    link = arm_model.bodies[_PREFIX + thing.link]
     return hang(name, Body(link.joint, read_only(link.placement @ thing.pose)), thing.geometries)
 
 
@@ -134,17 +134,16 @@ def solids_of(geometries: Iterable[ElementGeometry], pieces: Pieces = solid_piec
     Raises:
         InputError: a shape that cannot be made solid.
     """
-    return [Solid(g.element, piece, g.joint, g.placement) for g in geometries for piece in _pieces(g, pieces)]
+    return [
+        Solid(g.element, piece, g.joint, g.placement)
+        for g in geometries
+        for piece in pieces_of(g.element, g.geometry.shape, pieces)
+    ]
 
 
-def _pieces(geometry: ElementGeometry, pieces: Pieces) -> tuple[Shape, ...]:
+def pieces_of(element: str, shape: Shape, pieces: Pieces) -> tuple[Shape, ...]:
     """The solids of a shape; errors name its element."""
     try:
-        return pieces(geometry.geometry.shape)
+        return pieces(shape)
     except InputError as error:
-        raise InputError(f"shape of {geometry.element!r}: {error}") from error
-
-
-def surfaceless(solids: Iterable[Solid]) -> tuple[bool, ...]:
-    """Which solids are half-spaces, point clouds or concave meshes: distances are measured to them, not from them."""
-    return tuple(isinstance(solid.shape, HalfSpace | PointCloud) or is_concave(solid.shape) for solid in solids)
+        raise InputError(f"shape of {element!r}: {error}") from error

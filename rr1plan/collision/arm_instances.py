@@ -73,8 +73,8 @@ class _Content:
 def _arm_instances(content: _Content) -> ArmInstances:
     geometries = content.geometries
     bases = np.array([np.frombuffer(base).reshape(4, 4) for base in content.bases]).reshape(-1, 4, 4)
-    joints = _first([len(g.skeleton.model.parents) - 1 for g in geometries])
-    columns = _first([len(g.skeleton.joint_names) for g in geometries])
+    joints = _first([len(g.arm_model.model.parents) - 1 for g in geometries])
+    columns = _first([len(g.arm_model.joint_names) for g in geometries])
     groups, chains = [np.zeros(0, np.int64)], [()]
     shared = np.zeros((1 + sum(len(g.chains) - 1 for g in geometries),) * 2, np.int64)
     for geometry, first in zip(geometries, joints.tolist(), strict=True):

@@ -7,21 +7,35 @@ padding is not proven, so it is refused.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from rr1plan.checks import FARTHEST, Array, Value, finite_array, finite_number, of_kind, positive_number, read_only
-from rr1plan.collision.coal_checker import CoalChecker
+from rr1plan.checks import (
+    FARTHEST,
+    Array,
+    Value,
+    finite_array,
+    finite_number,
+    known_name,
+    of_kind,
+    positive_number,
+    read_only,
+)
+from rr1plan.collision.coal_checker import CoalChecker, checked_margin
+from rr1plan.collision.collision_geometry import geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
+from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
+from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs, shared_structs
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene
+from rr1plan.transforms import as_pose
 
 TOLERANCE = 1e-6
 _NEAR = 1e-9  # a gap that counts as one [m]
@@ -89,7 +103,70 @@ class CollisionChecker(CoalChecker):
         """What has been done so far, by compiled planners too."""
         return self._kernel.done
 
-    def set_up(self) -> None:
+    def keep_margin(self, margin: float) -> None:
+        """Change the margin in place, which keeps the tables.
+
+        Args:
+            margin: Distance to keep beyond the scene's padding [m].
+
+        Raises:
+            InputError: below zero, or so large or small that the set of nearby elements changes.
+        """
+        margin = checked_margin(margin)
+        if margin == self.margin:
+            return
+        if geometry_distance(self._scene, margin) != self.distance:
+            raise InputError(f"a margin of {margin:g} m needs another checker than one of {self.margin:g} m; make one")
+        self._keep_margin(margin)
+        self._without.clear()
+        if "_kernel" in self.__dict__:
+            kernel = self._kernel
+            kernel.use_padding(padded_pairs(self.geometry, self.solid_padding, self.tolerance, kernel.rest))
+
+    def move_obstacle(self, name: str, pose: Any) -> None:
+        """Move an obstacle in place: only its rows of the collision tables are rewritten.
+
+        Answers equal those of a new checker of the changed scene. In scenes of more than 64 obstacles, of which some
+        may be left out because they are out of reach, all tables are rebuilt.
+
+        Args:
+            name: The obstacle.
+            pose: T_world_object: (4, 4), or a position (3,) [m].
+
+        Raises:
+            UnknownNameError: no such obstacle.
+            InputError: no pose.
+        """
+        known_name("obstacle", name, self._scene.obstacles)
+        T = as_pose(pose)
+        if len(self._scene.obstacles) > FEW_OBSTACLES:
+            self._begin_anew(self.scene.with_obstacle_at(name, T))
+            return
+        kernel, tables = self._kernel, self.tables
+        kernel.move_object(self.object_numbers[name], T)
+        self.fixed.place_bodies(tables.body_values, tables.poses, tables.centers)
+        self._moved[name] = T
+        self._without.clear()
+        self._forget_places()
+
+    @cached_property
+    def object_numbers(self) -> Mapping[str, int]:
+        """The object index of each obstacle for `rr1_move_object`, which pages call; empty above 64 obstacles.
+
+        The kernel updates pairs that involve a moving arm; it does not check contacts with arms that stand still.
+        """
+        names = self._scene.obstacles if len(self._scene.obstacles) <= FEW_OBSTACLES else ()
+        first = len(self.arms) + len(self.geometry.obstacles) - len(names)
+        return {name: first + i for i, name in enumerate(names)}
+
+    def _begin_anew(self, scene: Scene) -> None:
+        """Rebuild the checker for another scene; only `edges_checked` is kept."""
+        arms, margin, tolerance, edges = self.arms, self.margin, self.tolerance, self.edges_checked
+        self.__dict__.clear()
+        CollisionChecker.__init__(self, scene, arms, margin=margin, tolerance=tolerance)
+        self.edges_checked = edges
+
+    def warm_up(self) -> None:
         """Build the collision tables, which the first query needs."""
         _ = self.context, self.static_is_free
 
@@ -117,9 +194,10 @@ class CollisionChecker(CoalChecker):
 
     def _make_kernel(self, exact: ExactKernel) -> EdgeKernel:
         tables = build_edge_tables(self, self.tables, self.tolerance)
-        return EdgeKernel(tables, exact, self.nq, self.tolerance)
+        known = {"fixed": self.fixed.struct, **shared_structs(self.geometry, tables, self.tolerance)}
+        return EdgeKernel(tables, exact, self.nq, self.tolerance, known=known)
 
-    def is_free(self, q: Any) -> bool:
+    def is_free(self, q: ArrayLike) -> bool:
         """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.
 
         Args:
@@ -132,7 +210,7 @@ class CollisionChecker(CoalChecker):
         status = self._certify(q, q)[0]
         return status == FREE or (status != CONTACT and self.is_free_slowly(q))
 
-    def is_free_but_for(self, q: Any, arms: frozenset[str]) -> bool:
+    def is_free_ignoring(self, q: ArrayLike, arms: frozenset[str]) -> bool:
         """The same, but that pairs do not count in which some arms have a part; nothing is nearer than a nanometer.
 
         Args:
@@ -159,7 +237,7 @@ class CollisionChecker(CoalChecker):
             self._without[arms] = ExactKernel(tables, self.nq)
         return self._without[arms]
 
-    def edge_is_free(self, q0: Any, q1: Any) -> bool:
+    def edge_is_free(self, q0: ArrayLike, q1: ArrayLike) -> bool:
         """Every configuration on the straight line from q0 to q1 is free.
 
         Args:
@@ -173,7 +251,7 @@ class CollisionChecker(CoalChecker):
         self.edges_checked += 1
         return self._certify(q0, q1)[0] == FREE
 
-    def edge_is_free_slowly(self, q0: Any, q1: Any) -> bool:
+    def edge_is_free_slowly(self, q0: ArrayLike, q1: ArrayLike) -> bool:
         """The answer of `edge_is_free`, by the exact kernel alone; it is what tests hold that to.
 
         Args:
@@ -186,7 +264,7 @@ class CollisionChecker(CoalChecker):
         q0, q1 = self.checked(q0), self.checked(q1)
         return self._certify_exactly(np.array([q0, q1 - q0]), 1.0)[0] == FREE
 
-    def path_is_free(self, waypoints: Any) -> bool:
+    def path_is_free(self, waypoints: Path | ArrayLike) -> bool:
         """Every edge between consecutive waypoints is free; a single waypoint is an edge of length zero.
 
         Args:
@@ -211,7 +289,7 @@ class CollisionChecker(CoalChecker):
             raise InputError(f"the path's joints are {', '.join(path.joint_names)}, expected {', '.join(names)}")
         return path.waypoints[:, [path.joint_names.index(name) for name in names]]
 
-    def polynomial_is_free(self, coefficients: Any, duration: float) -> bool:
+    def polynomial_is_free(self, coefficients: ArrayLike, duration: float) -> bool:
         """Every configuration on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, is free.
 
         Args:
@@ -227,7 +305,7 @@ class CollisionChecker(CoalChecker):
         self.edges_checked += 1
         return self.static_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
 
-    def polynomial_is_free_slowly(self, coefficients: Any, duration: float) -> bool:
+    def polynomial_is_free_slowly(self, coefficients: ArrayLike, duration: float) -> bool:
         """The answer of `polynomial_is_free`, by the exact kernel alone; it is what tests hold that to.
 
         Args:
@@ -239,7 +317,7 @@ class CollisionChecker(CoalChecker):
         """
         return self._certify_exactly(*self._checked_curve(coefficients, duration))[0] == FREE
 
-    def first_contact(self, q0: Any, q1: Any) -> FirstContact | None:
+    def first_contact(self, q0: ArrayLike, q1: ArrayLike) -> FirstContact | None:
         """Where the straight line from q0 to q1 first touches something, or None when it is free.
 
         Args:
@@ -264,7 +342,7 @@ class CollisionChecker(CoalChecker):
                 blocked, pair = middle, found
         return FirstContact(free, read_only(q0 + free * (q1 - q0)), self._names(pair))
 
-    def _checked_curve(self, coefficients: Any, duration: float) -> tuple[Array, float]:
+    def _checked_curve(self, coefficients: ArrayLike, duration: float) -> tuple[Array, float]:
         curve = finite_array("coefficients", coefficients, (None, self.nq))
         duration = finite_number("duration", duration)
         if len(curve) == 0 or duration < 0.0:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from rr1plan.collision.checker import CollisionChecker
+from rr1plan.collision.collision_geometry import geometry_distance
 from rr1plan.scene import Scene
 
 _POOL = "collision checkers"
@@ -50,12 +51,14 @@ def acquire_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> Colli
     """
     # Appending to a list and popping from it are atomic.
     try:
-        idle: list[CollisionChecker] = scene.kept[_POOL, arms, margin]
-        return idle.pop()
+        idle: list[CollisionChecker] = scene.kept[_POOL, arms, geometry_distance(scene, margin)]
+        checker = idle.pop()
     except (KeyError, IndexError):
         return CollisionChecker(scene, arms, margin=margin)
+    checker.keep_margin(margin)
+    return checker
 
 
 def release_checker(checker: CollisionChecker) -> None:
     """Put a checker back into the pool of its scene."""
-    checker.scene.kept.setdefault((_POOL, checker.arms, checker.margin), []).append(checker)
+    checker.scene.kept.setdefault((_POOL, checker.arms, checker.distance), []).append(checker)

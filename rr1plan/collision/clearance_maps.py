@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_instances import ArmInstances
-from rr1plan.collision.arm_tables import ArmTables, arm_tables, chain_reach, joint_motion
+from rr1plan.collision.convex.mesh_trees import NO_MESHES
 from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
-from rr1plan.collision.kernel_tables import ExactTables
-from rr1plan.collision.mesh_trees import NO_MESHES
-from rr1plan.formats.cache import cache_key, load_cached, store_cached
-from rr1plan.kept import kept_in
-from rr1plan.kernels.library import constants, load_library
+from rr1plan.collision.tables.arm_tables import ArmTables, arm_tables, chain_reach, joint_motion
+from rr1plan.collision.tables.kernel_tables import ExactTables
+from rr1plan.files.disk_cache import cache_key, load_cached, store_cached
+from rr1plan.kernels.planner_kernels import constants, load_library
+from rr1plan.object_cache import kept_in
 
 _INTS = NDArray[np.int64]
 # Gaps up to these are told apart [m]; a map takes the least that the padding allows.
@@ -220,7 +220,7 @@ def _between(pair: _Pair) -> _Between | None:
     columns = tuple(sorted({int(tables.joints[j, 2]) for chain in chains for j in chain}))
     if len(columns) > 2:
         return None
-    limits = geometry.skeleton.limits
+    limits = geometry.arm_model.limits
     ends = np.array([_range(float(limits.lower[c]), float(limits.upper[c])) for c in (columns[0], columns[-1])])
     arrays = _two_bodies(tables, pair.solids, chains, columns)
     return _Between(columns, ends, arrays, cache_key(f"{CELLS}", ends, *arrays[:10]))

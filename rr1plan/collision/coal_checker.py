@@ -9,28 +9,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from math import isfinite
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, finite_array, finite_number, items_of, of_kind, read_only, whole_number
-from rr1plan.collision.answers import Contact, Nearest
 from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.coal_pairs import CoalPairs
-from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry
+from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry, geometry_distance
 from rr1plan.collision.edge_kernel import ExactKernel
-from rr1plan.collision.exact_tables import build_static_tables, build_tables
-from rr1plan.collision.kernel_tables import ExactTables
-from rr1plan.collision.standing_contacts import standing_contacts
+from rr1plan.collision.results import Contact, Nearest
 from rr1plan.collision.static_pairs import StaticPairs, measure_static
+from rr1plan.collision.stationary_contacts import ROUNDING, stationary_contacts
+from rr1plan.collision.tables.exact_tables import build_static_tables, build_tables
+from rr1plan.collision.tables.kernel_tables import ExactTables
+from rr1plan.collision.tables.obstacle_tables import FixedSolids, fixed_links
 from rr1plan.errors import InputError
-from rr1plan.limits import Limits
-from rr1plan.model import SceneModel
+from rr1plan.model.scene_model import SceneModel
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
-
-# Rounding of a gap that the kernel computed is far below this [m].
-_ROUNDING = 1e-9
 
 
 class CoalChecker:
@@ -44,8 +42,9 @@ class CoalChecker:
         margin: Distance to keep beyond the scene's padding between elements that move against each other [m].
 
     Attributes:
-        scene, arms: As given; arms in the order of the scene.
-        geometry: The solids of the moving arms and of all that can come near them, and their pairs.
+        arms: As given, in the order of the scene.
+        distance: What is proven to stay farther than this from every moving arm is left out [m].
+        pair_tables: The pairs of solids.
         solid_pairs: Pairs of solids [index] whose relative pose depends on q, shape (m, 2).
         solid_owner: For each of those the index in `pairs`, shape (m,).
         padding: The scene's padding of each of `pairs` [m], shape (n_pairs,).
@@ -58,21 +57,53 @@ class CoalChecker:
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None, *, margin: float = 0.0) -> None:
         of_kind("scene", scene, Scene)
-        self.scene = scene
+        self._scene = scene
+        self._moved: dict[str, Array] = {}
         # A second time, as a scene may have no arms at all.
         self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
-        self.margin = checked_margin(margin)
-        self._use(collision_geometry(scene, self.arms, self.margin))
+        margin = checked_margin(margin)
+        self._use(collision_geometry(scene, self.arms, geometry_distance(scene, margin)), margin)
 
-    def _use(self, geometry: CollisionGeometry) -> None:
+    def _use(self, geometry: CollisionGeometry, margin: float) -> None:
         scene = self.scene
-        self.geometry = geometry
+        self._geometry: CollisionGeometry | None = geometry
+        self.distance, self.pair_tables = geometry.distance, geometry.pairs
         self.solid_pairs: NDArray[np.int64] = geometry.pairs.moving
         self.solid_owner: NDArray[np.int64] = geometry.pairs.moving_owner
         self.padding: Array = read_only(geometry.rules.paddings(scene.padding, scene.pair_padding))
-        self.solid_padding: Array = read_only(self.padding[self.solid_owner] + self.margin)
+        self._bare_padding: Array = self.padding[self.solid_owner]
+        self._kept_padding: Array = self._bare_padding + margin
+        self.solid_padding: Array = read_only(self._kept_padding.view())
+        self.margin = margin
         self.joint_names: tuple[str, ...] = scene.joint_names(self.arms)
         self.nq = len(self.joint_names)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, with all obstacles where they have been moved."""
+        for name in list(self._moved):
+            self._scene = self._scene.with_obstacle_at(name, self._moved.pop(name))
+        return self._scene
+
+    @property
+    def geometry(self) -> CollisionGeometry:
+        """The solids of the moving arms and of all that can come near them, and their pairs."""
+        if self._geometry is None:
+            self._geometry = collision_geometry(self.scene, self.arms, self.distance)
+        return self._geometry
+
+    def _forget_places(self) -> None:
+        """Drop cached values that depend on obstacle poses, except the kernels' tables."""
+        self._geometry = None
+        for name in ("_left_out", "_whole", "_moving", "_standing", "_static", "static_is_free"):
+            self.__dict__.pop(name, None)
+
+    def _keep_margin(self, margin: float) -> None:
+        """Change the margin; the geometry must be the same for both."""
+        np.add(self._bare_padding, margin, out=self._kept_padding)
+        self.margin = margin
+        for name in ("_left_out", "_whole", "_moving"):
+            self.__dict__.pop(name, None)
 
     # ---- what it is about ----------------------------------------------------------------
 
@@ -104,7 +135,7 @@ class CoalChecker:
     @cached_property
     def static_is_free(self) -> bool:
         """No two elements collide that do not move against each other, those of arms that stand still included."""
-        own = self._static_clearance(_ROUNDING) >= _ROUNDING or not self._static.touching
+        own = self._static_clearance(ROUNDING) >= ROUNDING or not self._static.touching
         return own and not self._standing
 
     @property
@@ -113,7 +144,7 @@ class CoalChecker:
         own = dict.fromkeys(self.pairs[owner] for owner, *_ in self._static.touching)
         return (*own, *((contact.a, contact.b) for contact in self._standing))
 
-    def limit_violations(self, q: Any) -> tuple[tuple[str, float], ...]:
+    def limit_violations(self, q: ArrayLike) -> tuple[tuple[str, float], ...]:
         """Joints outside their position limits, each with how far [rad or m].
 
         Raises:
@@ -123,13 +154,13 @@ class CoalChecker:
         excess = np.maximum(self.limits.lower - q, q - self.limits.upper)
         return tuple((self.joint_names[j], float(excess[j])) for j in np.flatnonzero(excess > 0.0))
 
-    def within_limits(self, q: Any) -> bool:
+    def within_limits(self, q: ArrayLike) -> bool:
         """Every joint is within its position limits; `limit_violations` says which are not."""
         return not self.limit_violations(q)
 
     # ---- one configuration ---------------------------------------------------------------
 
-    def is_free_slowly(self, q: Any) -> bool:
+    def is_free_slowly(self, q: ArrayLike) -> bool:
         """The answer of `is_free`, by Coal alone; tests hold that to it.
 
         Args:
@@ -141,7 +172,7 @@ class CoalChecker:
         moving = self._placed(q)
         return self.static_is_free and not moving.any_touches()
 
-    def contacts(self, q: Any) -> tuple[Contact, ...]:
+    def contacts(self, q: ArrayLike) -> tuple[Contact, ...]:
         """All pairs of elements that touch or are nearer than their padding, the deepest first.
 
         Args:
@@ -164,7 +195,7 @@ class CoalChecker:
         own = [Contact(*self.pairs[k], depth, read_only(point)) for k, (depth, point) in ordered]
         return tuple(sorted([*own, *self._standing], key=lambda contact: -contact.depth))
 
-    def distances(self, q: Any) -> Array:
+    def distances(self, q: ArrayLike) -> Array:
         """Distance of every checked pair [m], negative where they overlap, shape (n_pairs,).
 
         Args:
@@ -177,7 +208,7 @@ class CoalChecker:
         np.minimum.at(out, self.solid_owner, self.solid_distances(q))
         return out
 
-    def nearest(self, q: Any) -> Nearest:
+    def nearest(self, q: ArrayLike) -> Nearest:
         """The nearest of all checked pairs.
 
         Args:
@@ -196,7 +227,7 @@ class CoalChecker:
         distance, a, b = self._moving.distance(i)
         return Nearest(distance, self.pairs[self.solid_owner[i]], read_only(a), read_only(b))
 
-    def clearance(self, q: Any, most: float = np.inf) -> float:
+    def clearance(self, q: ArrayLike, most: float = np.inf) -> float:
         """The least distance of any checked pair beyond its padding [m], `most` at most.
 
         Where elements overlap it is below zero, and no more than that. It comes from the compiled kernel, which can
@@ -214,7 +245,7 @@ class CoalChecker:
         least = self.exact_kernel.least_clearance(q, self._static_clearance(most))
         return least if least <= self._left_out else self._whole.clearance(q, most)
 
-    def moving_clearance(self, q: Any, most: float = np.inf) -> float:
+    def moving_clearance(self, q: ArrayLike, most: float = np.inf) -> float:
         """Like `clearance`, of the pairs that move against each other.
 
         Args:
@@ -232,8 +263,14 @@ class CoalChecker:
     # ---- for the kernels -----------------------------------------------------------
 
     @cached_property
+    def fixed(self) -> FixedSolids:
+        """The links and obstacles that do not move, as compiled code puts them in place."""
+        links, bodies = fixed_links(self.geometry.instances), len(self.geometry.instances.groups)
+        return FixedSolids([*links, *self.geometry.obstacles], bodies, len(links))
+
+    @cached_property
     def tables(self) -> ExactTables:
-        """What the exact kernel knows of the pairs that move, with its scratch memory."""
+        """What the exact kernel knows of the pairs that move."""
         return build_tables(self)
 
     @cached_property
@@ -241,7 +278,7 @@ class CoalChecker:
         """The exact kernel of those pairs."""
         return ExactKernel(self.tables, self.nq)
 
-    def solid_distances(self, q: Any, pairs: NDArray[np.intp] | None = None) -> Array:
+    def solid_distances(self, q: ArrayLike, pairs: NDArray[np.intp] | None = None) -> Array:
         """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,).
 
         Raises:
@@ -255,7 +292,7 @@ class CoalChecker:
             whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return np.array([placed.distance(int(i))[0] for i in numbers])
 
-    def solid_distance(self, q: Any, pair: int) -> float:
+    def solid_distance(self, q: ArrayLike, pair: int) -> float:
         """Distance of one pair in `solid_pairs` [m], negative where they overlap.
 
         Raises:
@@ -264,7 +301,7 @@ class CoalChecker:
         whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return self._placed(q).distance(pair)[0]
 
-    def checked(self, q: Any) -> Array:
+    def checked(self, q: ArrayLike) -> Array:
         """The configuration q as an array of finite numbers, shape (nq,).
 
         Raises:
@@ -285,14 +322,14 @@ class CoalChecker:
     def _whole(self) -> CoalChecker:
         """A checker of the same arms that leaves nothing out."""
         other = CoalChecker(self.scene, self.arms, margin=self.margin)
-        other._use(collision_geometry(self.scene, self.arms, np.inf))
+        other._use(collision_geometry(self.scene, self.arms, np.inf), self.margin)
         return other
 
     @cached_property
     def _moving(self) -> CoalPairs:
         return CoalPairs(self.model, self.solids, self.solid_pairs, self.solid_padding)
 
-    def _placed(self, q: Any) -> CoalPairs:
+    def _placed(self, q: ArrayLike) -> CoalPairs:
         """Coal's view of the pairs that move, at q."""
         q = self.checked(q)
         self._moving.place(q)
@@ -300,11 +337,11 @@ class CoalChecker:
 
     @cached_property
     def _standing(self) -> tuple[Contact, ...]:
-        return standing_contacts(self.scene, self.arms)
+        return stationary_contacts(self.scene, self.arms) if len(self.arms) < len(self._scene.arms) else ()
 
     def _static_clearance(self, most: float) -> float:
         """The least distance beyond their padding of pairs that do not move against each other [m], `most` at most."""
-        if len(self.geometry.pairs.static) == 0:
+        if len(self.pair_tables.static) == 0:
             return most
         tables = build_static_tables(self)
         if tables is None:
@@ -314,7 +351,7 @@ class CoalChecker:
 
     @cached_property
     def _static(self) -> StaticPairs:
-        index, owner = self.geometry.pairs.static, self.geometry.pairs.static_owner
+        index, owner = self.pair_tables.static, self.pair_tables.static_owner
         if len(index) == 0:
             return StaticPairs(read_only(np.full(len(self.pairs), np.inf)))
         padding = self.padding[owner]
@@ -335,6 +372,6 @@ def checked_margin(margin: float) -> float:
     return margin
 
 
-def _is_plain(q: Any, length: int) -> TypeGuard[Array]:
+def _is_plain(q: ArrayLike, length: int) -> TypeGuard[Array]:
     """A vector of this length as compiled kernels take it."""
     return type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (length,) and bool(q.flags.c_contiguous)

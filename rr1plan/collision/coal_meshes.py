@@ -9,7 +9,7 @@ import coal
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.collision.mesh_trees import orientations_of
+from rr1plan.collision.convex.mesh_trees import orientations_of
 from rr1plan.shapes import Mesh
 
 # Far below a micrometer, as a share of a mesh's size.

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.coal_meshes import holds_point
-from rr1plan.collision.solids import coal_geometry, is_concave, occupied_cells
-from rr1plan.model import SceneModel
+from rr1plan.collision.convex.convex_bodies import coal_geometry, is_concave, occupied_cells
+from rr1plan.model.scene_model import SceneModel
 from rr1plan.shapes import HalfSpace, Mesh, PointCloud, Shape
 
 # Coal's distances of cylinders are this sharp, not 1e-5 m as with its own default.

@@ -10,6 +10,7 @@ place, and the pairs by all scenes that differ only in where things are.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -22,12 +23,12 @@ from numpy.typing import NDArray
 from rr1plan.checks import read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
-from rr1plan.collision.obstacle_geometry import obstacle_geometry, standing_geometry
-from rr1plan.collision.reach import Near, find_near
-from rr1plan.contact_rules import ContactRules, RuleContent, rules_of
+from rr1plan.collision.obstacle_geometry import obstacle_geometry, stationary_arm_geometry
+from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError
-from rr1plan.kept import kept_in
+from rr1plan.object_cache import kept_in
 from rr1plan.scene import Attachment, Scene
+from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
 
 _INTS = NDArray[np.int64]
 
@@ -41,6 +42,7 @@ class CollisionGeometry:
         distance: What is proven to stay farther than this from every moving arm is left out [m].
 
     Attributes:
+        distance: As given.
         instances: The moving arms.
         obstacles: Solids that do not move: of arms that stand still, then of obstacles.
         rules: Which elements must not touch; its `names` are the elements.
@@ -57,22 +59,27 @@ class CollisionGeometry:
         all_obstacles = {name: obstacle_geometry(name, obstacle) for name, obstacle in scene.obstacles.items()}
         near = find_near(scene, geometries, tuple(all_obstacles.values()), arms, distance)
         self._arms = arms
+        self.distance = distance
         self.least_gap = near.least_gap
         self.instances = arm_instances([geometries[a] for a in arms], [scene.arms[a].base for a in arms])
         standing = tuple(
-            standing_geometry(name, geometries[name], scene.arms[name].base, scene.arms[name].q) for name in near.arms
+            stationary_arm_geometry(name, geometries[name], scene.arms[name].base, scene.arms[name].q)
+            for name in near.arms
         )
         obstacles = tuple(all_obstacles[name] for name in near.obstacles)
         self.obstacles = (*standing, *obstacles)
         self.rules = _rules(scene, near, arms)
         moving = chain.from_iterable(g.elements(a) for a, g in zip(arms, self.instances.geometries, strict=True))
         still = chain.from_iterable(geometries[name].elements(name) for name in near.arms)
-        owners = [*moving, *still, *(name for name, o in zip(near.obstacles, obstacles, strict=True) for _ in o.solids)]
+        owners = [
+            *moving,
+            *still,
+            *(name for name, o in zip(near.obstacles, obstacles, strict=True) for _ in o.rows.shapes),
+        ]
         number = {name: i for i, name in enumerate(self.rules.names)}
         elements = np.array([number[name] for name in owners], np.int64)
-        kinds = tuple(kind for thing in self.obstacles for kind in thing.surfaceless)
+        kinds = tuple(kind for thing in self.obstacles for kind in thing.rows.surfaceless)
         self.pairs = _solid_pairs(_PairContent(self.instances, self.rules, elements.tobytes(), kinds))
-        self.kept: dict[str, Any] = {}
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
@@ -112,7 +119,7 @@ def _rules(scene: Scene, near: Near, moving: Sequence[str]) -> ContactRules:
         RuleContent(
             tuple(name for name, _ in owners),
             tuple(owner for _, owner in owners),
-            tuple((a, scene.arms[a].robot.base, frozenset(scene.arms[a].robot.never_collide)) for a in arms),
+            tuple((a, scene.arms[a].robot.base, frozenset(scene.arms[a].robot.disabled_collisions)) for a in arms),
             tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
             frozenset(both for both in scene.allowed if both <= names),
             near.near_pairs,
@@ -205,19 +212,22 @@ _NEAR = 0.05
 _STEP = 0.1
 
 
-def collision_geometry(scene: Scene, arms: tuple[str, ...], margin: float) -> CollisionGeometry:
+def geometry_distance(scene: Scene, margin: float) -> float:
+    """How near things have to be to be part of a geometry that serves a margin beyond a scene's padding [m]."""
+    greatest = max((scene.padding, *scene.pair_padding.values())) + margin
+    return _STEP * math.ceil((greatest + _NEAR) / _STEP)
+
+
+def collision_geometry(scene: Scene, arms: tuple[str, ...], distance: float) -> CollisionGeometry:
     """The geometry of a scene and its moving arms, which is kept with the scene.
 
     Args:
         scene: The scene.
         arms: The arms that move, in the order of the scene.
-        margin: Distance to keep beyond its padding [m]; infinite: leave nothing out.
+        distance: See `geometry_distance`; infinite: leave nothing out.
     """
-    greatest = max((scene.padding, *scene.pair_padding.values())) + margin
-    distance = _STEP * np.ceil((greatest + _NEAR) / _STEP)
-    kept = scene.kept_for_any_padding
-    key = ("collision geometry", arms, float(distance))
-    return kept_in(kept, key, lambda: CollisionGeometry(scene, arms, float(distance)))
+    key = ("collision geometry", arms, distance)
+    return kept_in(scene.kept_for_any_padding, key, lambda: CollisionGeometry(scene, arms, distance))
 
 
 def geometries_of(scene: Scene) -> Mapping[str, ArmGeometry]:

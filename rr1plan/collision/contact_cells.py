@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.coal_checker import CoalChecker
-from rr1plan.collision.inner_distance import Interior, interior_of
-from rr1plan.model import SceneModel
-from rr1plan.skeleton import joint_twist
+from rr1plan.collision.convex.interior_depth import Interior, interior_of
+from rr1plan.model.arm_model import joint_twist
+from rr1plan.model.scene_model import SceneModel
 
 _SLACK = 1e-6  # [m]; the motion checker takes gaps below as much for contacts
 _ROUNDS = 12

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.kernel_tables import EdgeTables, ExactTables
-from rr1plan.kernels.library import CStruct, address_of, constants, load_library, slab, zeroed
-from rr1plan.kernels.wasm import memory_image
+from rr1plan.collision.tables.kernel_tables import EdgeTables, ExactTables, PaddedPairs
+from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load_library
+from rr1plan.kernels.wasm_core import memory_image
+from rr1plan.object_cache import kept_in
 
 # Intervals of one edge, and those left open, that are kept before the whole edge goes to the exact kernel.
 _INTERVALS = 512
 # Pairs and intervals that the exact kernel keeps open at once, at least; a power of two.
 _QUEUE = 1 << 15
+# Scratch memory that is written before it is read.
+_LISTS = (
+    "near_obstacles", "near_spheres", "mesh_spheres", "near_groups", "near_bodies", "candidates", "intervals", "open",
+)  # fmt: skip
 # Coefficients of a curve there is room for until a longer one comes.
 _TERMS = 8
 
@@ -79,22 +85,23 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue:
         queue: Pairs and intervals that can be open at once, a power of two (default: enough for curves).
     """
     queue = queue or max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length())
-    return CStruct(
-        "ExactScratch",
-        joint_poses=tables.joint_poses.copy(),
-        poses=tables.poses.copy(),
-        centers=tables.centers.copy(),
-        directions=np.zeros((len(tables.pairs), 3)),
-        travel=np.zeros((len(tables.bodies), len(tables.joints) + 1)),
-        travel_stride=len(tables.joints) + 1,
-        coefficients=np.zeros((terms, columns)),
-        coefficient_rows=terms,
-        q=np.zeros(columns),
-        reach=np.zeros(columns),
-        placed_at=np.zeros(len(tables.bodies), np.int64),
-        queue=zeroed("OpenInterval", queue),
-        queue_size=queue,
+    stride = len(tables.joints) + 1
+    scratch = CStruct("ExactScratch", travel_stride=stride, coefficient_rows=terms, queue_size=queue)
+    scratch.give_room(
+        joint_poses=len(tables.joints),
+        poses=len(tables.bodies),
+        centers=len(tables.bodies),
+        directions=len(tables.pairs),
+        travel=len(tables.bodies) * stride,
+        coefficients=terms * columns,
+        q=columns,
+        reach=columns,
+        placed_at=len(tables.bodies),
     )
+    scratch.give_room(unset=True, queue=queue)
+    for name, start in (("joint_poses", tables.joint_poses), ("poses", tables.poses), ("centers", tables.centers)):
+        scratch.part(name).view(np.float64)[:] = start
+    return scratch
 
 
 class ExactKernel:
@@ -120,7 +127,9 @@ class ExactKernel:
         return clearance
 
 
-def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: float) -> CStruct:
+def scene_struct(
+    tables: EdgeTables, exact: CStruct, columns: int, tolerance: float, known: Mapping[str, CStruct] | None = None
+) -> CStruct:
     """A scene's tables as C reads them.
 
     Args:
@@ -128,9 +137,38 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         exact: What the exact kernel knows of the same pairs.
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
+        known: Structs that exist already, by field: `fixed`, needed to move obstacles; `arm` and `pairs`, which scenes
+            share (the padding of the pairs is replaced).
     """
+    obstacles = CStruct(
+        "ObstacleTables",
+        count=len(tables.obstacles),
+        kinds=tables.obstacles,
+        shapes=tables.obstacle_values,
+        boxes=tables.boxes,
+        core=tables.core_of,
+    )
+    known = {} if known is None else known
+    pairs = known["pairs"] if "pairs" in known else pair_struct(tables)
+    return CStruct(
+        "SceneTables",
+        arm=known["arm"] if "arm" in known else arm_struct(tables),
+        obstacles=obstacles,
+        pairs=pairs.copied(padding=tables.padding, pair_count=len(tables.padding)),
+        exact=exact,
+        column_count=columns,
+        margin=float(tables.margins[0]),
+        max_padding=float(tables.margins[1]),
+        bare_margin=float(tables.margins[2]),
+        tolerance=tolerance,
+        **({"fixed": known["fixed"]} if "fixed" in known else {}),
+    )
+
+
+def arm_struct(tables: EdgeTables) -> CStruct:
+    """What moves, and cores, as C reads them."""
     depths, blocks, reach = _chain_tables(tables)
-    arm = CStruct(
+    return CStruct(
         "ArmGeometry",
         joint_count=len(tables.joints),
         body_count=len(tables.bodies),
@@ -140,6 +178,7 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         placements=tables.joint_values,
         bodies=tables.bodies,
         groups=tables.groups,
+        group_boxes=tables.group_boxes,
         spheres=tables.spheres,
         chain=tables.chain,
         depths=depths,
@@ -152,38 +191,27 @@ def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, tolerance: fl
         blocks=tables.blocks,
         lowest=tables.lowest.view(np.uint64),
     )
-    obstacles = CStruct(
-        "ObstacleTables",
-        count=len(tables.obstacles),
-        kinds=tables.obstacles,
-        shapes=tables.obstacle_values,
-        boxes=tables.boxes,
-        core=tables.core_of,
-    )
-    pairs = CStruct(
-        "PairTables",
-        pair_count=len(tables.padding),
-        body_pair_count=len(tables.body_pairs),
-        group_pair_count=len(tables.group_pairs),
-        padding=tables.padding,
-        obstacle_pair=tables.pair_of,
-        obstacle_blocks=tables.obstacle_blocks,
-        first_block=tables.first_block,
-        body_pairs=tables.body_pairs,
-        group_pairs=tables.group_pairs,
-        map_ranges=tables.map_ranges,
-        maps=tables.maps,
-    )
+
+
+def padded_struct(pairs: PaddedPairs) -> CStruct:
+    """The struct of pairs that are shared, made once."""
+    return kept_in(pairs.kept, "struct", lambda: pair_struct(pairs))
+
+
+def pair_struct(pairs: EdgeTables | PaddedPairs) -> CStruct:
+    """Pairs as C reads them, without their paddings."""
     return CStruct(
-        "SceneTables",
-        arm=arm,
-        obstacles=obstacles,
-        pairs=pairs,
-        exact=exact,
-        column_count=columns,
-        margin=float(tables.margins[0]),
-        max_padding=float(tables.margins[1]),
-        tolerance=tolerance,
+        "PairTables",
+        body_pair_count=len(pairs.body_pairs),
+        obstacle_pair=pairs.pair_of,
+        obstacle_blocks=pairs.obstacle_blocks,
+        first_obstacle_block=pairs.first_obstacle_block,
+        group_blocks=pairs.group_blocks,
+        first_group_block=pairs.first_group_block,
+        body_pairs=pairs.body_pairs,
+        group_pairs=pairs.group_pairs,
+        map_ranges=pairs.map_ranges,
+        maps=pairs.maps,
     )
 
 
@@ -221,32 +249,35 @@ def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
     rows = int((tables.groups[:, 5] - tables.groups[:, 4]).max(initial=0)) + 1
     stride = _whole_lanes(len(tables.groups))
     largest = int((tables.groups[:, 3] - tables.groups[:, 2]).max(initial=0))
-    bodies, obstacles, groups = len(tables.bodies), len(tables.obstacles), len(tables.groups)
-    memory = slab(
-        joint_motions=("JointMotion", len(tables.joints)),
-        curve=("double", 3 * columns),
-        speeds=("double", rows * stride),
-        accelerations=("double", rows * stride),
-        group_boxes=("Box", groups),
-        group_ready=("int64_t", groups),
-        placed_batch=("int64_t", bodies),
-        group_lanes=("uint64_t", bodies),
-        frames=("FrameLanes", len(tables.joints)),
-        spheres=("SphereLanes", len(tables.spheres)),
+    bodies, obstacles = len(tables.bodies), len(tables.obstacles)
+    scratch = CStruct("Scratch", bound_rows=rows, interval_size=_INTERVALS, exact=exact)
+    scratch.give_room(
+        joint_motions=len(tables.joints),
+        curve=3 * columns,
+        speeds=rows * stride,
+        accelerations=rows * stride,
+        group_boxes=6 * stride,
+        placed_batch=bodies,
+        group_lanes=bodies,
+        frames=len(tables.joints),
+        spheres=len(tables.spheres),
+        seeds=len(tables.padding),
+    )
+    scratch.give_room(
+        unset=True,
         # One more than there are: what is not kept is written behind the last.
-        near_obstacles=("Near", obstacles + 1),
-        near_spheres=("Near", len(tables.spheres) + 1),
-        mesh_spheres=("MeshSphere", len(tables.spheres)),
-        near_groups=("int64_t", len(tables.group_pairs) + 1),
-        near_bodies=("NearBody", largest * max(largest, obstacles) + 1),
-        candidates=("Candidate", len(tables.padding) + 1),
-        seeds=("DirectionSeed", len(tables.padding)),
-        intervals=("Interval", _INTERVALS),
-        open=("OpenInterval", _INTERVALS),
+        near_obstacles=obstacles + 1,
+        near_spheres=len(tables.spheres) + 1,
+        mesh_spheres=len(tables.spheres),
+        near_groups=len(tables.group_pairs) + 1,
+        near_bodies=largest * max(largest, obstacles) + 1,
+        candidates=len(tables.padding) + 1,
+        intervals=_INTERVALS,
+        open=_INTERVALS,
     )
     # The world's frame; all others are placed for every batch.
-    memory["frames"].view(np.float64).reshape(len(tables.joints), 18, 8)[0, [0, 4, 8]] = 1.0
-    return CStruct("Scratch", **memory, bound_rows=rows, interval_size=_INTERVALS, exact=exact)
+    scratch.part("frames").view(np.float64).reshape(len(tables.joints), 18, 8)[0, [0, 4, 8]] = 1.0
+    return scratch
 
 
 class EdgeKernel:
@@ -258,17 +289,24 @@ class EdgeKernel:
         columns: Number of columns of q.
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
         library: The compiled kernels (default: the fastest ones this processor can run).
+        known: Structs that are known, see `scene_struct`.
 
     Attributes:
         context: Addresses of the scene's tables and of the scratch memory, as the kernels of planners take them.
     """
 
     def __init__(
-        self, tables: EdgeTables, exact: ExactKernel, columns: int, tolerance: float, library: ctypes.CDLL | None = None
+        self,
+        tables: EdgeTables,
+        exact: ExactKernel,
+        columns: int,
+        tolerance: float,
+        library: ctypes.CDLL | None = None,
+        known: Mapping[str, CStruct] | None = None,
     ) -> None:
         self._library = library or load_library()
         self._exact = exact
-        self._scene = scene_struct(tables, exact.struct, columns, tolerance)
+        self._scene = scene_struct(tables, exact.struct, columns, tolerance, known)
         self._scratch = edge_scratch(tables, exact.scratch, columns)
         self.context = self._scene.address, self._scratch.address
         self._ends = np.zeros((2, columns))
@@ -281,6 +319,31 @@ class EdgeKernel:
         """What has been done so far."""
         done = self._scratch.value.done
         return EdgeCounters(done.edges, done.exact_edges, done.configurations, done.gaps)
+
+    @property
+    def rest(self) -> float:
+        """What must be left of a gap beyond everything else for a proof [m]."""
+        rest: float = self._scene.value.margin
+        return rest
+
+    def use_padding(self, pairs: PaddedPairs) -> None:
+        """Use another padding, after the padding array of the tables was changed in place.
+
+        Args:
+            pairs: The same pairs with clearance maps for it.
+        """
+        padding = self._scene.part("pairs").part("padding")
+        self._scene.set(pairs=padded_struct(pairs).copied(padding=padding, pair_count=len(padding)))
+        self._scene.set(max_padding=pairs.greatest)
+
+    def move_object(self, number: int, pose: Array) -> None:
+        """Move an object of the `FixedSolids` and update all tables.
+
+        Args:
+            number: The object [index].
+            pose: T_world_object, shape (4, 4).
+        """
+        self._library.rr1_move_object(*self.context, number, pose)
 
     def certify_edge(self, q0: Array, q1: Array) -> Answer:
         """Certify the straight line between two configurations; shapes and numbers have been checked.
@@ -338,11 +401,15 @@ class EdgeKernel:
 
     def memory_image(self) -> bytes:
         """The scene's tables and the scratch memory for `core.wasm`, named `scene` and `scratch`."""
+        for scratch, names in ((self._scratch, _LISTS), (self._exact.scratch, ("queue",))):
+            for name in names:
+                scratch.part(name)[:] = 0
         return memory_image(scene=self._scene, scratch=self._scratch)
 
     def scratch_bytes(self) -> bytes:
         """All directions and frames that the last calls left behind, to compare libraries by."""
-        return b"".join(part.tobytes() for part in (*self._scratch.arrays, *self._exact.scratch.arrays))
+        parts = {**self._scratch.targets, **self._exact.scratch.targets}
+        return b"".join(part.tobytes() for name, part in parts.items() if name not in (*_LISTS, "queue", "exact"))
 
     def _answer(self, status: int) -> Answer:
         result = self._scratch.value.result

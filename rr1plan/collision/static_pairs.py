@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.answers import Nearest
 from rr1plan.collision.coal_pairs import CoalPairs
+from rr1plan.collision.results import Nearest
 
 _NONE = Nearest(np.inf, (), read_only(np.zeros(3)), read_only(np.zeros(3)))
 

@@ -1,4 +1,4 @@
-// The angle of a point in the upper half plane, from one source for all targets.
+// The angle of a point in the upper half plane, with the same rounding on all targets.
 //
 // With u = tan of an angle within pi / 8 of zero and z = u^2, atan u = u - u z P(z); P interpolates its function at
 // eleven Chebyshev nodes in z, computed in 60 digits, and is off by 5e-18 at most.

@@ -1,6 +1,6 @@
-// Memory for arrays whose size is only known while a kernel runs: taken one after the other from one block.
+// Arena allocator for arrays whose size is only known at run time.
 //
-// The kernels allocate nothing themselves. When the block is used up, a kernel returns ARENA_FULL and its caller repeats
+// Kernels do not allocate memory. If the block is used up, a kernel returns ARENA_FULL and its caller repeats
 // the call with a larger one.
 #ifndef RR1_ARENA_H
 #define RR1_ARENA_H

@@ -38,6 +38,12 @@ typedef struct {
     int64_t last_link;
 } Group;
 
+// The box around all of a group, in the joint's axes, from the center of its ball [m].
+typedef struct {
+    double low[3];
+    double high[3];
+} GroupBox;
+
 // LANES groups that follow each other. The joints that carry any of them lie in a range.
 typedef struct {
     int64_t first_joint;
@@ -91,6 +97,7 @@ typedef struct {
     const JointPlacement *placements;
     const Body *bodies;
     const Group *groups;
+    const GroupBox *group_boxes;
     const LinkSphere *spheres;
     const int64_t *chain;  // joints above each group, root first
     const int64_t *depths;  // of each joint: how many driven joints are above it

@@ -1,11 +1,11 @@
 // The shortest free path along a roadmap.
 //
-// An edge is checked only when it is part of the shortest path that may be free, and the answer is remembered (Bohlin and
-// Kavraki, Path planning using lazy PRM, 2000). So the result is the shortest path along free edges, whatever was checked
-// before. Columns that wrap around are unrolled along it.
+// An edge is checked only when it is part of the shortest path that may be free, and the result is stored (Bohlin and
+// Kavraki, Path planning using lazy PRM, 2000). So the result is the shortest path along free edges, independent of
+// earlier checks. Columns that wrap around are unrolled along it.
 #include "roadmap.h"
 
-// A binary heap of vertices, the one of least cost on top; `place` is where each vertex was put last.
+// A binary heap of vertices by cost, least first; `place` is the last index of each vertex in the heap.
 typedef struct {
     int64_t *vertices, *place, count;
     const double *costs;
@@ -16,7 +16,7 @@ INLINE void heap_put(VertexHeap *heap, int64_t i, int64_t v) {
     heap->place[v] = i;
 }
 
-// Put v where it belongs between place i of the heap and the top.
+// Sift v up from index i of the heap.
 static void heap_raise(VertexHeap *heap, int64_t i, int64_t v) {
     while (i > 0) {
         int64_t above = (i - 1) / 2;
@@ -27,7 +27,7 @@ static void heap_raise(VertexHeap *heap, int64_t i, int64_t v) {
     heap_put(heap, i, v);
 }
 
-// Take the vertex of least cost.
+// Remove the vertex of least cost.
 static int64_t heap_pop(VertexHeap *heap) {
     int64_t top = heap->vertices[0], size = --heap->count, v = heap->vertices[size], i = 0;
     while (2 * i + 1 < size) {
@@ -81,7 +81,7 @@ static int64_t shortest_path(const RoadmapGraph *graph, int64_t start, int64_t *
                 heap.place[w] = -1;
             }
             int64_t place = heap.place[w];
-            // A vertex that was taken from the heap may be put on it again.
+            // A removed vertex may be inserted again.
             if (place < 0 || place >= heap.count || heap.vertices[place] != w) place = heap.count++;
             best[w] = length;
             via[w] = h;
@@ -106,9 +106,9 @@ static void unroll_path(const RoadmapGraph *graph, const int64_t *steps, int64_t
     }
 }
 
-// Whether a path is free; its edges are checked in its own direction, and the answers remembered.
+// Whether a path is free; its edges are checked in the direction of the path, and the results are stored.
 //
-// `recheck`: also edges that are known to be free, since an edge a whole turn away is another one.
+// `recheck`: also check edges that are known to be free, because a copy shifted by a whole turn is another edge.
 static int roadmap_path_is_free(RoadmapGraph *graph, const int64_t *steps, int64_t rows, const double *path, int recheck,
                                 const SceneTables *scene, Scratch *scratch) {
     int64_t nq = graph->column_count;
@@ -130,8 +130,8 @@ static int roadmap_path_is_free(RoadmapGraph *graph, const int64_t *steps, int64
 // The shortest free path from an attached start to the nearest of its goals, which are all later vertices; at most
 // `attempts` paths are tried.
 //
-// `begin` is the start itself, not wrapped. `path` takes the waypoints, shape (vertex_count + 1, nq), `rows` their number.
-// Returns ASTAR_FOUND, ASTAR_NONE (there is no path), or ASTAR_GOING (all that were tried are blocked).
+// `begin` is the start, not wrapped. Writes the waypoints to `path`, shape (vertex_count + 1, nq), their number to
+// `rows`. Returns ASTAR_FOUND, ASTAR_NONE (there is no path), or ASTAR_GOING (all paths tried are blocked).
 EXPORT int64_t rr1_find_roadmap_path(RoadmapGraph *graph, int64_t start, const double *begin, int64_t attempts,
                                      double *path, int64_t *rows, const SceneTables *scene, Scratch *scratch) {
     int64_t *steps = graph->indices + 3 * graph->capacity;

@@ -1,11 +1,12 @@
-// Polylines with rounded corners, and the fastest motion along all of one.
+// Parabolic blends of polylines, and their time-optimal parameterization.
 //
 // Around a corner p with unit directions d0 and d1 the polyline is replaced, from r before p to r behind it, by the
 // parabola p - r d0 + s d0 + s^2 (d1 - d0) / (4 r), 0 <= s <= 2 r.
 #include "path_curve.h"
 
-// A grid is fine enough when one twice as coarse costs less than MIN_REFINEMENT_GAIN of the time, the looseness is below
-// MAX_LOOSENESS, velocity exceeds its limits by less than MAX_OVERRUN, and it has enough intervals for the first to tell.
+// A grid is fine enough when one twice as coarse costs less than MIN_REFINEMENT_GAIN of the time, the looseness is
+// below MAX_LOOSENESS, velocity exceeds its limits by less than MAX_OVERRUN, and it has enough intervals for the first
+// to tell.
 #define MIN_REFINEMENT_GAIN 0.0015
 #define MAX_LOOSENESS 0.004
 #define MAX_OVERRUN 0.001
@@ -23,10 +24,11 @@ static double unit_direction(const double *a, const double *b, int64_t nq, doubl
     return length;
 }
 
-// How far before and behind each waypoint its blend may reach, shape (count,); 0 at both ends, and for a stop.
+// Largest blend size of each waypoint, the distance before and behind it, shape (count,); 0 at both ends, and for a
+// stop.
 //
-// No two waypoints in a row are equal. Two directions whose sum is shorter than `reversal` reverse the motion, which stops
-// there. `smallest` is the fraction of the whole length below which there is no blend.
+// Consecutive waypoints are distinct. The motion stops where it reverses: the sum of both unit directions is shorter
+// than `reversal`. Blends below a fraction `smallest` of the whole length are dropped.
 EXPORT void rr1_largest_blends(const double *points, int64_t count, int64_t nq, double max_size, double reversal,
                                double smallest, double *sizes) {
     double before[nq], behind[nq], total = 0.0;
@@ -62,11 +64,11 @@ EXPORT void rr1_blend(const double *points, int64_t nq, double size, double *out
     write_blend(points + nq, before, behind, size, nq, out);
 }
 
-// The pieces of a rounded polyline; how many.
+// Write the pieces of a rounded polyline; their number.
 //
-// `sizes`: how far before and behind each waypoint its blend reaches, 0 for a stop. What is left of an edge is dropped if
-// it is below a fraction `tolerance` of it. `lengths`, shape (2 count,), and `coefficients`, shape (2 count, 3, nq), take
-// the pieces, `before` how many come before the blend of each waypoint, shape (count,).
+// `sizes`: blend size of each waypoint, 0 for a stop. The remainder of an edge is dropped if it is below a fraction
+// `tolerance` of the edge. Writes `lengths`, shape (2 count,), `coefficients`, shape (2 count, 3, nq), and `before`,
+// the number of pieces before the blend of each waypoint, shape (count,).
 EXPORT int64_t rr1_round_corners(const double *points, const double *sizes, int64_t count, int64_t nq, double tolerance,
                                  double *lengths, double *coefficients, int64_t *before) {
     double unit[nq], next[nq];
@@ -118,10 +120,10 @@ static double stopping_duration(const double *points, int64_t first, int64_t las
     return total;
 }
 
-// The fastest motion along a curve from rest to rest, taken from the arena; 0 where that is used up.
+// Time-optimal motion along a curve from rest to rest, in memory of the arena; 0 if that is used up.
 //
-// The grid is halved until that gains next to nothing, some joint is close to a limit nearly always, and velocity exceeds
-// its limits by little between the places where it is limited. The motion is then stretched by what it exceeds them.
+// The grid is halved until the gain is negligible, some joint is close to a limit nearly always, and velocity exceeds
+// its limits only slightly between constrained points. The motion is then stretched to satisfy the limits.
 static int time_within(const PathCurve *curve, const RateLimits *limits, double step, Arena *arena, TimedPieces *timed) {
     int64_t nq = curve->column_count;
     Grid grid, fine;
@@ -153,7 +155,7 @@ static int time_within(const PathCurve *curve, const RateLimits *limits, double 
     return 1;
 }
 
-// Append the pieces of one motion to another; 0 where there is no room.
+// Append the pieces of one motion to another; 0 if the capacity is exceeded.
 static int append_pieces(TimedPieces *all, const TimedPieces *more, int64_t nq) {
     if (all->count + more->count > all->capacity) return 0;
     for (int64_t i = 0; i < more->count; i++) all->durations[all->count + i] = more->durations[i];
@@ -169,11 +171,11 @@ static double total_duration(const TimedPieces *timed) {
     return total;
 }
 
-// The fastest motion along a rounded polyline, shape (count, nq), with stops where it is not rounded.
+// Time-optimal motion along a rounded polyline, shape (count, nq), with stops at corners without a blend.
 //
-// Where rounded corners are slower than a stop at each of them, it stops there. `sizes` and `tolerance`: see
+// If rounded corners are slower than a stop at each of them, it stops there. `sizes` and `tolerance`: see
 // rr1_round_corners; `step`: see make_grid. `timed` takes the pieces. Returns TIMED_BENT if some piece is a parabola in
-// joint space, else TIMED_STRAIGHT; ARENA_FULL where the arena or `timed` is too small; or -3 - k where no speed is left
+// joint space, else TIMED_STRAIGHT; ARENA_FULL if the arena or `timed` is too small; or -3 - k if no speed is feasible
 // before waypoint k.
 EXPORT int64_t rr1_time_polyline(const double *points, const double *sizes, int64_t count, int64_t nq,
                                  const RateLimits *limits, double step, double tolerance, Arena *arena,

@@ -15,35 +15,34 @@ INLINE void place_box(int64_t group, double h, const SceneTables *scene, Scratch
     const f64x8 *center = scratch->spheres[ball].center;
     double reach = scene->arm->spheres[ball].radius + scene->margin + scene->max_padding;
     f64x8 ends[6] = {center[0], center[1], center[2], -center[0], -center[1], -center[2]};
-    store_lanes(scratch->group_boxes[group].ends, min_of_each(ends) - (h * scratch->speeds[group] + reach));
-    scratch->group_ready[group] = 0;
+    f64x8 low = min_of_each(ends) - (h * scratch->speeds[group] + reach);
+    double *box = scratch->group_boxes + group;
+    int64_t stride = scene->arm->group_stride;
+    for (int k = 0; k < 3; k++) {
+        box[k * stride] = low[k];
+        box[(3 + k) * stride] = -low[3 + k];
+    }
 }
 
-// Make velocity and travel of the ball around a group known, in the first batch.
-INLINE void ready_group(int64_t group, f64x8 h, const SceneTables *scene, Scratch *scratch) {
-    if (scratch->group_ready[group]) return;
-    scratch->group_ready[group] = 1;
-    place_travel(ball_of_group(group, scene->arm), h, scene, scratch);
-    // A single body's ball is the group's.
-    const Group *of = &scene->arm->groups[group];
-    if (of->last_body - of->first_body == 1) scratch->placed_batch[of->first_body] = -1;
+// The box around a group on the whole edge.
+typedef struct {
+    double low[3];
+    double high[3];
+} Box;
+
+INLINE Box box_of(int64_t group, const SceneTables *scene, const Scratch *scratch) {
+    const double *ends = scratch->group_boxes + group;
+    int64_t n = scene->arm->group_stride;
+    return (Box){{ends[0], ends[n], ends[2 * n]}, {ends[3 * n], ends[4 * n], ends[5 * n]}};
 }
 
-// Bits of the LANES obstacles from one on whose boxes meet a box; of those that are not proven apart.
-INLINE uint64_t boxes_near(const Box *box, int64_t first, const ObstacleTables *obstacles) {
-    const double *low = obstacles->boxes + first, *high = low + 3 * obstacles->count, *ends = box->ends;
-    int64_t n = obstacles->count;
-    i64x8 apart = (load_lanes(low) >= -ends[3]) | (load_lanes(low + n) >= -ends[4]) |
-                  (load_lanes(low + 2 * n) >= -ends[5]) | (load_lanes(high) <= ends[0]) |
-                  (load_lanes(high + n) <= ends[1]) | (load_lanes(high + 2 * n) <= ends[2]);
-    return bits_of(~apart);
-}
-
-// 1 if the boxes around two groups have nothing in common: a low end of one is above the high end of the other.
-INLINE int boxes_apart(const Box *a, const Box *b) {
-    f64x8 one = load_lanes(a->ends), two = load_lanes(b->ends);
-    i64x8 above = one > -__builtin_shufflevector(two, two, 3, 4, 5, 0, 1, 2, 6, 7);
-    return (bits_of(above) & 0x3f) != 0;
+// Bits of those of a block whose boxes, in rows of `n` numbers, are not proven apart from a box.
+INLINE uint64_t boxes_near(Box box, const NearBlock *block, const double *boxes, int64_t n) {
+    const double *low = boxes + block->first, *high = low + 3 * n;
+    i64x8 apart = (load_lanes(low) >= box.high[0]) | (load_lanes(low + n) >= box.high[1]) |
+                  (load_lanes(low + 2 * n) >= box.high[2]) | (load_lanes(high) <= box.low[0]) |
+                  (load_lanes(high + n) <= box.low[1]) | (load_lanes(high + 2 * n) <= box.low[2]);
+    return bits_of(~apart) & (uint64_t)block->lanes;
 }
 
 // Report a contact, in the first of the lanes.
@@ -90,16 +89,18 @@ INLINE int64_t add_candidate(int64_t count, const NearBody *near, f64x8 h, const
 // List the obstacles that the ball around a group may come too near, and in which lanes; how many.
 INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     SphereRef ball = ball_of_group(g, scene->arm);
+    int alone = scene->arm->groups[g].last_body - scene->arm->groups[g].first_body == 1;
     int64_t count = 0;
-    const Box *box = &scratch->group_boxes[g];
+    Box box = box_of(g, scene, scratch);
     const PairTables *pairs = scene->pairs;
-    for (int64_t k = pairs->first_block[g]; k < pairs->first_block[g + 1]; k++) {
-        int64_t block = pairs->obstacle_blocks[k];
-        uint64_t near = boxes_near(box, block, scene->obstacles);
-        if (near) ready_group(g, h, scene, scratch);
+    for (int64_t k = pairs->first_obstacle_block[g]; k < pairs->first_obstacle_block[g + 1]; k++) {
+        const NearBlock *block = &pairs->obstacle_blocks[k];
+        uint64_t near = boxes_near(box, block, scene->obstacles->boxes, scene->obstacles->count);
         for (; near; near &= near - 1) {
-            int64_t o = block + first_bit(near);
+            int64_t o = block->first + first_bit(near);
             uint64_t lanes = lanes_near_obstacle(ball, o, scene->max_padding, ALL_LANES, h, scene, scratch);
+            // A single body's spheres are next.
+            if (lanes && !alone) lanes = lanes_near_box(g, o, scene->max_padding, lanes, h, scene, scratch);
             scratch->near_obstacles[count] = (Near){o, lanes};
             count += lanes != 0;
         }
@@ -112,7 +113,7 @@ INLINE int64_t list_body_obstacles(int64_t g, int64_t listed, f64x8 h, const Sce
     const Group *group = &scene->arm->groups[g];
     int alone = group->last_body - group->first_body == 1;
     int64_t count = 0;
-    for (int64_t b = group->first_body; b < group->last_body; b++) ready_ball(b, 1, h, scene, scratch);
+    for (int64_t b = group->first_body; b < group->last_body; b++) ready_ball(b, 1, scene, scratch);
     for (int64_t b = group->first_body; b < group->last_body; b++) {
         const int64_t *pairs = scene->pairs->obstacle_pair + b * scene->obstacles->count;
         SphereRef ball = ball_around(&scene->arm->bodies[b]);
@@ -156,7 +157,7 @@ INLINE void list_bodies(int64_t group, int64_t other, int64_t shared, uint64_t l
     const ArmGeometry *arm = scene->arm;
     SphereRef ball = ball_of_group(other, arm);
     for (int64_t b = arm->groups[group].first_body; b < arm->groups[group].last_body; b++) {
-        ready_ball(b, 1, h, scene, scratch);
+        ready_ball(b, 1, scene, scratch);
         scratch->group_lanes[b] =
             lanes_near_sphere(ball_around(&arm->bodies[b]), ball, shared, lanes, scene->max_padding, h, scene, scratch);
     }
@@ -170,16 +171,16 @@ INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTabl
     if (groups->map >= 0 && map_is_free(groups->map, groups->first, 0.0, 1.0, scene, scratch)) return 0;
     uint64_t near = ALL_LANES;
     if (pairs > 1) {
-        ready_group(groups->group, h, scene, scratch);
-        ready_group(groups->other, h, scene, scratch);
         near = lanes_near_sphere(ball_of_group(groups->group, arm), ball_of_group(groups->other, arm), shared,
                                  ALL_LANES, scene->max_padding, h, scene, scratch);
         if (near == 0) return 0;
     }
-    // Where there are more pairs than bodies, each body against the other group first.
+    // Where there are more pairs than bodies, the boxes around both groups, and each body against the other group first.
     int64_t bodies = group->last_body - group->first_body + other->last_body - other->first_body;
     int by_body = pairs > bodies;
     if (by_body) {
+        near = lanes_near_boxes(groups->group, groups->other, shared, near, scene->max_padding, h, scene, scratch);
+        if (near == 0) return 0;
         list_bodies(groups->group, groups->other, shared, near, h, scene, scratch);
         list_bodies(groups->other, groups->group, shared, near, h, scene, scratch);
     }
@@ -188,8 +189,8 @@ INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTabl
         uint64_t lanes = by_body ? near & scratch->group_lanes[pair->body] & scratch->group_lanes[pair->other] : near;
         if (lanes == 0) continue;
         if (pair->map >= 0 && map_is_free(pair->map, m, 0.0, 1.0, scene, scratch)) continue;
-        ready_ball(pair->body, 1, h, scene, scratch);
-        ready_ball(pair->other, 1, h, scene, scratch);
+        ready_ball(pair->body, 1, scene, scratch);
+        ready_ball(pair->other, 1, scene, scratch);
         lanes = lanes_near_sphere(ball_around(&arm->bodies[pair->body]), ball_around(&arm->bodies[pair->other]), shared,
                                   lanes, scene->pairs->padding[pair->pair], h, scene, scratch);
         scratch->near_bodies[count] = (NearBody){pair->body, pair->other, pair->pair, m, lanes};
@@ -198,17 +199,29 @@ INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTabl
     return count;
 }
 
+// List the pairs of groups whose boxes meet; how many.
+INLINE int64_t list_group_pairs(const SceneTables *scene, Scratch *scratch) {
+    const PairTables *pairs = scene->pairs;
+    int64_t count = 0;
+    for (int64_t g = 0; g < scene->arm->group_count; g++) {
+        Box box = box_of(g, scene, scratch);
+        for (int64_t k = pairs->first_group_block[g]; k < pairs->first_group_block[g + 1]; k++) {
+            const NearBlock *block = &pairs->group_blocks[k];
+            uint64_t near = boxes_near(box, block, scratch->group_boxes, scene->arm->group_stride);
+            for (; near; near &= near - 1) {
+                uint64_t before = (uint64_t)block->lanes & ((near & -near) - 1);
+                scratch->near_groups[count++] = block->pair + __builtin_popcountll(before);
+            }
+        }
+    }
+    return count;
+}
+
 // Add the body pairs that neither maps nor spheres prove apart on the whole edge; -1 for a contact.
 NOINLINE int64_t meet_bodies(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {
-    const PairTables *pairs = scene->pairs;
-    int64_t groups = 0;
-    for (int64_t f = 0; f < pairs->group_pair_count; f++) {
-        const GroupPair *pair = &pairs->group_pairs[f];
-        scratch->near_groups[groups] = f;
-        groups += !boxes_apart(&scratch->group_boxes[pair->group], &scratch->group_boxes[pair->other]);
-    }
+    int64_t groups = list_group_pairs(scene, scratch);
     for (int64_t g = 0; g < groups; g++) {
-        int64_t listed = list_body_pairs(&pairs->group_pairs[scratch->near_groups[g]], h, scene, scratch);
+        int64_t listed = list_body_pairs(&scene->pairs->group_pairs[scratch->near_groups[g]], h, scene, scratch);
         for (int64_t n = 0; n < listed; n++) {
             count = add_candidate(count, &scratch->near_bodies[n], h, scene, scratch);
             if (count < 0) return -1;
@@ -222,11 +235,11 @@ INLINE uint64_t lanes_near(const Candidate *candidate, uint64_t lanes, int64_t b
                            const SceneTables *scene, Scratch *scratch) {
     const Body *body = &scene->arm->bodies[candidate->body];
     double padding = scene->pairs->padding[candidate->pair];
-    ready_ball(candidate->body, batch, h, scene, scratch);
+    ready_ball(candidate->body, batch, scene, scratch);
     if (candidate->body_pair < 0)
         return lanes_near_obstacle(ball_around(body), candidate->other, padding, lanes, h, scene, scratch);
     int64_t shared = scene->pairs->body_pairs[candidate->body_pair].shared;
-    ready_ball(candidate->other, batch, h, scene, scratch);
+    ready_ball(candidate->other, batch, scene, scratch);
     return lanes_near_sphere(ball_around(body), ball_around(&scene->arm->bodies[candidate->other]), shared, lanes,
                              padding, h, scene, scratch);
 }

@@ -1,4 +1,4 @@
-// Forward kinematics of a chain, its distance from a target, and the derivative of that by the joints.
+// Forward kinematics of a chain, its pose error, and the Jacobian of the error.
 #include "arc_tangent.h"
 #include "chain.h"
 #include "sine.h"
@@ -9,7 +9,7 @@ typedef struct {
     double origin[3];
 } ChainPose;
 
-// Cosine from which on the axis of a rotation is taken from the symmetric part of its matrix.
+// Cosine below which the axis of a rotation is computed from the symmetric part of its matrix.
 #define NEAR_HALF_TURN -0.9
 
 // World poses of all joints at q, and of the frame as the last one.
@@ -78,7 +78,7 @@ static void rotation_error(const ChainPose *pose, const IkTarget *target, double
 
 // Error of the frame at q: position [m], then rotation times the weight of the target; its squared norm.
 //
-// `poses` is filled with those of the chain.
+// Writes the poses of the chain to `poses`.
 static double ik_error(const Chain *chain, const IkTarget *target, const double *q, ChainPose *poses, double error[6]) {
     place_chain(chain, q, poses);
     const ChainPose *pose = &poses[chain->joint_count];
@@ -99,8 +99,8 @@ static double ik_error(const Chain *chain, const IkTarget *target, const double 
     return square;
 }
 
-// Derivative of the error by each column of q, shape (nq, 6), at the configuration of `poses`; how many entries of the
-// error count.
+// Jacobian of the error by column of q, shape (nq, 6), at the configuration of `poses`; the number of entries of the
+// error in use.
 static int ik_jacobian(const Chain *chain, const IkTarget *target, const ChainPose *poses, const double error[6],
                        int64_t nq, double (*jacobian)[6]) {
     double weight = target->weight;
@@ -153,7 +153,7 @@ EXPORT void rr1_chain_errors(const Chain *chain, const IkTarget *target, const d
     errors[1] = target->weight > 0.0 ? sqrt_number(e[3] * e[3] + e[4] * e[4] + e[5] * e[5]) / target->weight : 0.0;
 }
 
-// The error at q, shape (6,), and its derivative by each column of q, shape (nq, 6); how many of its entries count.
+// The error at q, shape (6,), and its Jacobian by column of q, shape (nq, 6); the number of its entries in use.
 EXPORT int64_t rr1_chain_jacobian(const Chain *chain, const IkTarget *target, const double *q, int64_t nq,
                                   double error[6], double (*jacobian)[6]) {
     ChainPose poses[chain->joint_count + 1];

@@ -1,17 +1,16 @@
-// A chain of joints that moves a frame, where the frame has to get, and a search for the configurations that bring it
-// there.
+// A kinematic chain, the target of its frame, and a search for inverse kinematics solutions.
 #ifndef RR1_CHAIN_H
 #define RR1_CHAIN_H
 
 #include <stdint.h>
 
-// A driven joint of a chain; its own axis is z.
+// A driven joint of a chain; its axis is z.
 typedef struct {
     int64_t prismatic;
     int64_t column;  // of q
 } ChainJoint;
 
-// Where a joint's frame is in the one before at zero; the value of the joint is gain q[column] + offset.
+// Pose of a joint relative to the previous joint at zero; the value of the joint is gain q[column] + offset.
 typedef struct {
     double rotation[9];  // row by row
     double origin[3];    // [m]
@@ -25,19 +24,19 @@ typedef struct {
     int64_t joint_count;
 } Chain;
 
-// The frame's origin has to be in a box, a point if its corners agree.
+// Target of a frame: a box for its origin (a point if the corners agree), and a rotation.
 typedef struct {
     double lower[3];     // [m]
     double upper[3];     // [m]
     double rotation[9];  // row by row
-    double weight;       // length that counts like a radian [m]; 0: any rotation will do
+    double weight;       // weight of the orientation error [m/rad]; 0: free orientation
 } IkTarget;
 
 typedef struct {
     const Chain *chain;
     const IkTarget *target;
-    // Of each column of q, shape (nq,): limits, box of random starts, whether whole turns lead to the same place, and
-    // the configuration whose nearest copy of a solution is taken.
+    // Per column of q, shape (nq,): limits, box of random starts, whether values are equivalent modulo 2 pi, and
+    // the configuration nearest to which a copy of a solution is chosen.
     const double *lower;
     const double *upper;
     const double *corner;
@@ -53,7 +52,7 @@ typedef struct {
     double *solutions;             // distinct ones so far, with room for one more, shape (solution_count + 1, nq)
     int64_t solution_count;
     int64_t starts;          // so far
-    double *nearest;         // where a descent came nearest to the target, shape (nq,)
+    double *nearest;         // configuration with the smallest error so far, shape (nq,)
     double nearest_squared;  // squared error there
     double *memory;          // nq numbers and those of a descent, see `rr1_descent_memory`
 } IkSearch;

@@ -6,7 +6,7 @@ INLINE int is_within(const double *lower, const double *upper, const double *q, 
     return inside;
 }
 
-// Bring row `last` to its place among the rows before it, which are sorted by their distance from the start.
+// Insert row `last` into the rows before it, which are sorted by distance from the start.
 static void sort_in(double *rows, int64_t last, const double *start, int64_t nq) {
     for (int64_t k = last; k > 0; k--) {
         double *before = rows + (k - 1) * nq, *after = rows + k * nq, squares[2] = {0.0, 0.0};
@@ -26,8 +26,8 @@ static void sort_in(double *rows, int64_t last, const double *start, int64_t nq)
 // The number of valid goals, 0 if the start is invalid; `visible` becomes the first of the nearest STRAIGHT_LINES goals
 // that is joined to the start by a free straight line, -1 if there is none.
 //
-// Bounds are infinite for joints that wrap. The first rows of `near` become the valid goals, nearest to the start first;
-// of copies a whole turn apart the nearest one. Shapes (nq,) and (goal_count, nq).
+// Bounds are infinite for joints that wrap. The first rows of `near` become the valid goals, nearest to the start
+// first; of copies a whole turn apart the nearest one. Shapes (nq,) and (goal_count, nq).
 EXPORT int64_t rr1_check_endpoints(const double *start, const double *goals, int64_t goal_count, const double *lower,
                                    const double *upper, double *near, int64_t *visible, const SceneTables *scene,
                                    Scratch *scratch) {

@@ -6,7 +6,7 @@
 //     scratch.result.fraction                          // fields of structs, as the C headers have them
 //
 // The module contains the declarations of all structs, constants and functions, made from the C headers
-// (`binding/sources.py`). Nothing of them is repeated here.
+// (`binding/c_sources.py`). Nothing of them is repeated here.
 
 // Views of numbers, and how many each item has.
 const NUMBERS = {

@@ -160,55 +160,27 @@ INLINE Vec8 velocity_at(int64_t joint, int64_t sphere, const Scratch *scratch) {
     };
 }
 
-// A sphere in a body, or a ball around a body or a group, whose velocity is kept. Compilers know which it is.
+// A sphere in a body, or a ball around a body or a group.
 typedef struct {
     int64_t group;
     int64_t index;
-    int is_ball;
 } SphereRef;
 
-INLINE SphereRef sphere_in(const Body *body, int64_t index) { return (SphereRef){body->group, index, 0}; }
+INLINE SphereRef sphere_in(const Body *body, int64_t index) { return (SphereRef){body->group, index}; }
 
-INLINE SphereRef ball_around(const Body *body) { return (SphereRef){body->group, body->first_sphere, 1}; }
+INLINE SphereRef ball_around(const Body *body) { return (SphereRef){body->group, body->first_sphere}; }
 
 INLINE SphereRef ball_of_group(int64_t group, const ArmGeometry *arm) {
-    return (SphereRef){group, arm->groups[group].ball, 1};
+    return (SphereRef){group, arm->groups[group].ball};
 }
 
 INLINE Vec8 velocity_of(SphereRef sphere, const SceneTables *scene, const Scratch *scratch) {
-    const f64x8 *kept = scratch->spheres[sphere.index].velocity;
-    if (sphere.is_ball) return (Vec8){kept[0], kept[1], kept[2]};
     return velocity_at(scene->arm->groups[sphere.group].joint, sphere.index, scratch);
 }
 
-// Velocity and travel of the ball around a group or a body, whose place is known.
-INLINE void place_travel(SphereRef ball, f64x8 h, const SceneTables *scene, Scratch *scratch) {
-    SphereLanes *sphere = &scratch->spheres[ball.index];
-    Vec8 v = velocity_at(scene->arm->groups[ball.group].joint, ball.index, scratch);
-    sphere->velocity[0] = v.x;
-    sphere->velocity[1] = v.y;
-    sphere->velocity[2] = v.z;
-    f64x8 travel = sqrt_lanes(vec8_dot(v, v)) * h * SLACK + h * h * (0.5 * scratch->accelerations[ball.group]);
-    sphere->travel = min_lanes(travel, h * scratch->speeds[ball.group]);
-}
-
-// Place, velocity and travel of the ball around a body.
-INLINE void place_ball(int64_t body, f64x8 h, const SceneTables *scene, Scratch *scratch) {
-    const Body *of = &scene->arm->bodies[body];
-    place_centers(of->joint, of->first_sphere, of->first_sphere + 1, scene, scratch);
-    place_travel(ball_around(of), h, scene, scratch);
-}
-
-// Places and travels of the spheres of a body whose ball is placed.
-INLINE void place_spheres(int64_t body, f64x8 h, const SceneTables *scene, Scratch *scratch) {
-    const Body *of = &scene->arm->bodies[body];
-    int64_t ball = of->first_sphere;
-    place_centers(of->joint, ball + 1, of->last_sphere, scene, scratch);
-    const f64x8 *w = scratch->frames[of->joint].angular;
-    // None moves faster than the ball's center and the turn about that.
-    f64x8 turn = sqrt_lanes(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * h * SLACK;
-    f64x8 travel = scratch->spheres[ball].travel;
-    f64x8 most = h * scratch->speeds[of->group];
-    for (int64_t i = ball + 1; i < of->last_sphere; i++)
-        scratch->spheres[i].travel = min_lanes(travel + turn * scene->arm->spheres[i].apart, most);
+// A bound of how far a sphere gets from its place in either half of its interval [m].
+INLINE f64x8 travel_of(SphereRef sphere, f64x8 h, const SceneTables *scene, const Scratch *scratch) {
+    Vec8 v = velocity_of(sphere, scene, scratch);
+    f64x8 travel = sqrt_lanes(vec8_dot(v, v)) * h * SLACK + h * h * (0.5 * scratch->accelerations[sphere.group]);
+    return min_lanes(travel, h * scratch->speeds[sphere.group]);
 }

@@ -1,8 +1,8 @@
-// Inverse kinematics: descents within joint limits from many starts.
+// Multi-start inverse kinematics: descents within joint limits.
 //
-// Each step of a descent (Levenberg-Marquardt) solves (J^T J + mu I) d = -J^T e over the joints that are free to move: a
-// joint at its limit that the gradient pushes outward is left out, the step is clipped to the box, mu falls when the error
-// does and rises when it does not. For the damping see Sugihara, Solvability-unconcerned inverse kinematics by the
+// Each step of a descent (Levenberg-Marquardt) solves (J^T J + mu I) d = -J^T e over the free joints: a
+// joint at a limit with an outward gradient is fixed, the step is clipped to the limits, mu decreases with the error
+// and increases otherwise. For the damping see Sugihara, Solvability-unconcerned inverse kinematics by the
 // Levenberg-Marquardt method, IEEE T-RO 2011; for the active set Bertsekas, Projected Newton methods, SIAM J. Control
 // Optim. 1982.
 #include "chain.h"
@@ -11,13 +11,13 @@
 #define IK_CONVERGED 1e-20  // squared error: 1e-10 m
 // The squared error has to halve every IK_PATIENCE steps; a descent of a search has at most IK_STEPS.
 enum { IK_PATIENCE = 5, IK_STEPS = 40 };
-// A descent of a search ends where a step is predicted to reduce the squared error by less than this fraction: most
-// descents end in a local minimum, and this is how it shows.
+// A descent of a search ends if the predicted reduction of the squared error is below this fraction, which detects
+// convergence to a local minimum.
 #define IK_MIN_REDUCTION 0.05
 #define IK_FIRST_MU 0.1
 #define IK_MIN_MU 1e-9
 #define IK_MAX_MU 1e9
-// Rounding that limits are given [rad].
+// Tolerance of limits for rounding errors [rad].
 #define IK_LIMIT_SLACK 1e-12
 
 // Solve H y = x for the first n rows by Cholesky's decomposition, in place, rows of H of length `stride`; 0 if H is not
@@ -48,11 +48,11 @@ static int solve_cholesky(double *h, double *x, int64_t n, int64_t stride) {
     return 1;
 }
 
-// Normal equations over the columns that are free to move, and memory for solving them.
+// Normal equations over the free columns, and scratch memory.
 typedef struct {
     int64_t count;
     int64_t stride;         // nq
-    int64_t *free;          // those columns, shape (count,)
+    int64_t *free;          // free columns, shape (count,)
     double *gradient;       // J^T e, shape (count,)
     double *normal;         // J^T J, lower triangle, rows of `stride`
     double *factor;         // the same shape
@@ -78,7 +78,7 @@ static NormalEquations equations_in(double *memory, int64_t nq) {
     };
 }
 
-// Fill the normal equations at q. What moves nothing has no gradient either, and is left out.
+// Fill the normal equations at q. Columns with zero gradient are omitted.
 static void linearize(const double *q, const double *lower, const double *upper, const double error[6], int rows,
                       NormalEquations *equations) {
     double (*jacobian)[6] = equations->jacobian;
@@ -99,7 +99,8 @@ static void linearize(const double *q, const double *lower, const double *upper,
     equations->count = count;
 }
 
-// A damped step within the limits, to `trial`; the predicted reduction of the squared error, below zero if there is none.
+// A damped step within the limits, to `trial`; the predicted reduction of the squared error, below zero if there is
+// none.
 static double damped_step(const double *q, const double *lower, const double *upper, double damping,
                           const NormalEquations *equations) {
     int64_t nq = equations->stride, count = equations->count;
@@ -119,9 +120,9 @@ static double damped_step(const double *q, const double *lower, const double *up
     return reduction;
 }
 
-// Move q, within limits, to where the squared error is smallest nearby; the squared error there.
+// Minimize the squared error locally from q within limits; the squared error there.
 //
-// At most `steps` evaluations; ends where a step is predicted to reduce the error by less than a fraction. `memory`:
+// At most `steps` evaluations; ends if the predicted reduction of the error is below a fraction. `memory`:
 // see `descent_memory`.
 static double descend(const Chain *chain, const IkTarget *target, double *q, int64_t nq, const double *lower,
                       const double *upper, int64_t steps, double min_reduction, double *memory) {
@@ -187,7 +188,7 @@ static void take_nearest_copy(const IkSearch *search, double *q) {
     }
 }
 
-// Whether every solution so far differs from q by more than the separation in some joint, whole turns subtracted.
+// Whether every solution so far differs from q by more than the separation in some joint, modulo whole turns.
 static int is_distinct(const IkSearch *search, const double *q) {
     int64_t nq = search->column_count;
     for (int64_t i = 0; i < search->solution_count; i++) {
@@ -202,9 +203,9 @@ static int is_distinct(const IkSearch *search, const double *q) {
     return 1;
 }
 
-// The next start and what it aims at: a seed at the target, another one at a random point of its box.
+// The next start and its target: the whole target for a seed, a random point of its box for others.
 //
-// Whether it aims at less than the target.
+// Whether the target was reduced to a point.
 static int take_start(const IkSearch *search, uint64_t *random, double *q, IkTarget *aim) {
     int64_t nq = search->column_count;
     *aim = *search->target;
@@ -223,9 +224,9 @@ static int take_start(const IkSearch *search, uint64_t *random, double *q, IkTar
     return narrower;
 }
 
-// Descend from one start after the other until a new solution is found or `starts` have been made in all.
+// Descend from one start after the other until a new solution is found or there were `starts` in all.
 //
-// Whether there is a new one, in row `solution_count` of `solutions`, which is counted.
+// Whether there is a new one; it is appended to `solutions`.
 EXPORT int64_t rr1_search_ik(IkSearch *search, uint64_t *random, int64_t starts) {
     const Chain *chain = search->chain;
     int64_t nq = search->column_count;

@@ -1,4 +1,4 @@
-// All kernels as one translation unit, so that what is called in loops is compiled into its callers.
+// All kernels as one translation unit, so that functions called in loops are inlined.
 #include <stddef.h>
 
 #include "scene_tables.h"
@@ -16,6 +16,7 @@
 #include "distance.c"
 #include "certify_curve.c"
 #include "clearance.c"
+#include "place_solids.c"
 #include "map_distances.c"
 #include "coordination.c"
 // Eight at once: spheres, clearance maps, separating directions.

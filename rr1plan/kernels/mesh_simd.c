@@ -182,7 +182,7 @@ static int holds_body(const Candidate *candidate, int64_t mesh, const SceneTable
 }
 
 // Where the spheres of a body are in the mesh's frame, and how near they may come; lanes and bits of those near its box.
-static MeshVisit place_mesh_spheres(const Candidate *candidate, const SceneTables *scene, Scratch *scratch) {
+static MeshVisit place_mesh_spheres(const Candidate *candidate, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const Body *of = &scene->arm->bodies[candidate->body];
     const ObstacleShape *shape = &scene->obstacles->shapes[candidate->other];
     double kept = scene->pairs->padding[candidate->pair] + scene->margin;
@@ -193,7 +193,7 @@ static MeshVisit place_mesh_spheres(const Candidate *candidate, const SceneTable
         sphere->center[0] = p.x;
         sphere->center[1] = p.y;
         sphere->center[2] = p.z;
-        sphere->limit = scratch->spheres[i].travel + (scene->arm->spheres[i].radius + kept);
+        sphere->limit = travel_of(sphere_in(of, i), h, scene, scratch) + (scene->arm->spheres[i].radius + kept);
         f64x8 a = max_lanes(abs_lanes(p.x) - shape->half[0], splat(0.0));
         f64x8 b = max_lanes(abs_lanes(p.y) - shape->half[1], splat(0.0));
         f64x8 c = max_lanes(abs_lanes(p.z) - shape->half[2], splat(0.0));
@@ -228,7 +228,7 @@ static Separation8 separate_mesh(const Candidate *candidate, f64x8 h, const Scen
     };
     search.found = (Separation8){0, 0, 0};
     search.plane_count = 0;
-    MeshVisit stack[MESH_STACK] = {place_mesh_spheres(candidate, scene, scratch)};
+    MeshVisit stack[MESH_STACK] = {place_mesh_spheres(candidate, h, scene, scratch)};
     stack[0].node = meshes->ranges[mesh].root;
     for (int64_t count = stack[0].lanes != 0; count > 0;) {
         MeshVisit visit = stack[--count];

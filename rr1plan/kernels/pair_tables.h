@@ -26,6 +26,13 @@ typedef struct {
     int64_t map;  // of all its pairs together, shaped like that of the first; -1: none
 } GroupPair;
 
+// LANES obstacles or groups in a row, and which of them a group must not meet.
+typedef struct {
+    int64_t first;
+    int64_t lanes;  // a bit for each
+    int64_t pair;   // of groups: the first of `group_pairs`, which has the others behind it
+} NearBlock;
+
 // Cells of a clearance map along each side.
 enum { MAP_CELLS = 128 };
 
@@ -40,15 +47,16 @@ typedef struct {
 typedef struct {
     int64_t pair_count;
     int64_t body_pair_count;
-    int64_t group_pair_count;
     const double *padding;       // distance to keep of each pair [m]
     const int64_t *obstacle_pair;  // pair of a body and an obstacle, -1: none; shape (bodies, obstacles)
-    // Obstacles in blocks of LANES: the first of each block that has a pair with some body of a group, group after group.
-    // Those of group g are entries `first_block[g]` to `first_block[g + 1] - 1`.
-    const int64_t *obstacle_blocks;
-    const int64_t *first_block;
+    // Blocks of obstacles and of groups, group after group: those of group g are entries `first_obstacle_block[g]` to
+    // `first_obstacle_block[g + 1] - 1`, and the same of groups.
+    const NearBlock *obstacle_blocks;
+    const int64_t *first_obstacle_block;
+    const NearBlock *group_blocks;
+    const int64_t *first_group_block;
     const BodyPair *body_pairs;
-    const GroupPair *group_pairs;
+    const GroupPair *group_pairs;  // sorted by both groups
     const MapRange *map_ranges;  // of each body pair
     const int16_t *maps;         // clearance maps: see clearance_map.h
 } PairTables;

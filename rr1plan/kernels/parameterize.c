@@ -1,17 +1,17 @@
-// The fastest speed along straight lines and parabolas under velocity and acceleration limits.
+// Time-optimal path parameterization of straight lines and parabolas under velocity and acceleration limits.
 //
 // On an interval of length d with constant path acceleration the squared path speed is linear, from x to y, and every
-// limit is |alpha x + beta y| <= 1: two numbers instead of (u, x), and symmetric ones, so that standing still is always
-// allowed and the speeds from which the end can be reached are [0, high]. One pass backward finds the highest of them, one
-// forward takes the fastest (Pham, Pham, A New Approach to Time-Optimal Path Parameterization Based on Reachability
-// Analysis, IEEE T-RO 34(3), 2018). Their linear program is solved exactly: its bound of x is a concave function of y, a
-// minimum of lines, and its peak is found by intersecting a rising and a falling one.
+// limit is |alpha x + beta y| <= 1. These constraints in (x, y), instead of (u, x), are symmetric, so that x = y = 0 is
+// always feasible and the controllable speeds are [0, high]. A backward pass computes the controllable sets, a forward
+// pass the highest controllable speeds (Pham, Pham, A New Approach to Time-Optimal Path Parameterization Based on
+// Reachability Analysis, IEEE T-RO 34(3), 2018). The linear programs are solved exactly: the bound of x is a concave
+// function of y, a minimum of lines, and its maximum is the intersection of a rising and a falling one.
 #include "path_curve.h"
 
 // Below this ratio of its coefficients a row bounds one of x and y alone.
 #define ROW_RATIO 1e-9
 enum { ROW_ROUNDS = 100 };
-// Places within an interval at which velocity is limited.
+// Points within an interval at which velocity is constrained.
 enum { VELOCITY_PLACES = 4 };
 #define MIN_SLOWNESS 1e-12
 
@@ -140,7 +140,7 @@ static Profile bang_bang_profile(const double *piece, int64_t nq, double delta, 
     return (Profile){rise, max_number(delta - (peak - y) / gain, rise), peak};
 }
 
-// How much of its limit the tightest of some rows takes.
+// Largest ratio of rows first .. stop - 1 to their limits.
 static double tightest_row(const double *alpha, const double *beta, double x, double y, int64_t first, int64_t stop) {
     double most = 0.0;
     for (int64_t r = first; r < stop; r++) most = max_number(most, abs_number(alpha[r] * x + beta[r] * y));
@@ -164,13 +164,13 @@ EXPORT void rr1_fill_rows(const PathCurve *curve, double offset, double delta, c
 typedef struct {
     double *x;         // squared speeds at the gridpoints, shape (count + 1,)
     double duration;   // of the motion [s]
-    double looseness;  // mean over time of what the joint nearest to a limit leaves unused of it
+    double looseness;  // mean over time of the unused share of the limit of the joint closest to its limit
 } Speeds;
 
-// The fastest squared speeds on a grid; 0 where the arena is used up.
+// Time-optimal squared speeds on a grid; 0 if the arena is used up.
 //
-// In the fastest motion some joint is at a limit everywhere. On a grid one is at an end of each interval, and what is
-// unused at the other end is lost: the looseness.
+// In the time-optimal motion some joint is at a limit everywhere. On a grid one is at a limit at one end of each
+// interval; the unused share of the limit at the other end is the looseness.
 static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits *limits, Arena *arena, Speeds *speeds) {
     int64_t n = grid->count, nq = curve->column_count, rows = ROWS(nq);
     double *x = arena_take(arena, n + 1), *alpha = arena_take(arena, 2 * n * rows);
@@ -217,7 +217,7 @@ static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits
     return 1;
 }
 
-// The fastest squared speeds at the gridpoints of a curve, shape (count + 1,); 0, or ARENA_FULL.
+// Time-optimal squared speeds at the gridpoints of a curve, shape (count + 1,); 0, or ARENA_FULL.
 EXPORT int64_t rr1_fastest_speeds(const PathCurve *curve, const RateLimits *limits, int64_t *piece, double *offset,
                                   double *delta, int64_t count, Arena *arena, double *x) {
     Grid grid = {piece, offset, delta, count};

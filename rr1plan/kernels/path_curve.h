@@ -30,7 +30,7 @@ typedef struct {
     int64_t capacity;
 } TimedPieces;
 
-// A motion of straight lines alone, or with parabolas.
+// Kind of a motion: straight lines only, or with parabolas.
 enum { TIMED_STRAIGHT, TIMED_BENT };
 
 #endif

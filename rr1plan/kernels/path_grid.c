@@ -1,8 +1,8 @@
-// Where to cut a curve of straight lines and parabolas, so that little changes between two gridpoints.
+// Adaptive grid on a curve of straight lines and parabolas.
 //
-// Under a velocity limit the squared path speed is the inverse square of the derivative in units of the limits. Where a
-// corner all but reverses the motion, that derivative nearly vanishes and the speed has a sharp peak: gridpoints are close
-// together there and farther apart where the derivative is large.
+// Under a velocity limit the squared path speed is the inverse square of the derivative in units of the limits. At a
+// corner that almost reverses the motion, that derivative nearly vanishes and the speed has a sharp peak: the grid is
+// dense there and coarse where the derivative is large.
 #include "path_curve.h"
 
 // A derivative below this fraction of the largest one on the piece counts as this much: little time is spent there.
@@ -12,7 +12,7 @@
 // Intervals of one piece.
 enum { MAX_INTERVALS = 256 };
 
-// Numbers from the arena, or 0 where it is used up.
+// Memory for `count` numbers from the arena, or 0 if it is used up.
 static double *arena_take(Arena *arena, int64_t count) {
     if (count > arena->size - arena->used) return 0;
     double *taken = arena->memory + arena->used;
@@ -20,7 +20,7 @@ static double *arena_take(Arena *arena, int64_t count) {
     return taken;
 }
 
-// Intervals of a curve: the piece of each, where it begins on it, and its length.
+// Intervals of a curve: piece, offset on the piece, and length of each.
 typedef struct {
     int64_t *piece;
     double *offset;
@@ -52,7 +52,7 @@ static double derivative_at(const double *piece, int64_t nq, double s, const dou
     return most;
 }
 
-// How fast the derivative changes along a piece, in the same units.
+// Second derivative of a piece, in the same units.
 static double second_derivative(const double *piece, int64_t nq, const double *inverse) {
     double most = 0.0;
     for (int64_t j = 0; j < nq; j++)
@@ -60,7 +60,7 @@ static double second_derivative(const double *piece, int64_t nq, const double *i
     return most;
 }
 
-// How long an interval at s may be under one kind of limits; `most` is the largest derivative on the piece.
+// Longest interval at s under one kind of limits; `most` is the largest derivative on the piece.
 static double longest_interval(const double *piece, int64_t nq, double s, double step, double bend, double most,
                                const double *inverse) {
     if (bend == 0.0) return INFINITY;
@@ -68,7 +68,7 @@ static double longest_interval(const double *piece, int64_t nq, double s, double
     return min_number(step * sqrt_number(size * most), MAX_CHANGE * size) / bend;
 }
 
-// Write where the intervals of a piece begin, and behind them the length of the piece; their number.
+// Write the offsets of the intervals of a piece, followed by the length of the piece; the number of intervals.
 static int64_t cut_piece(const double *piece, int64_t nq, double length, const RateLimits *limits, double step,
                          double longest, double cuts[MAX_INTERVALS + 1]) {
     const double *inverses[2] = {limits->inverse_velocity, limits->inverse_acceleration};
@@ -84,7 +84,7 @@ static int64_t cut_piece(const double *piece, int64_t nq, double length, const R
     cuts[0] = 0.0;
     while (count < MAX_INTERVALS) {
         double s = cuts[count - 1], delta = longest;
-        // Twice, the second time half an interval further on: what is ahead counts too.
+        // Evaluated twice, the second time half an interval ahead, to account for the derivative there.
         for (int look = 0; look < (bent ? 2 : 0); look++) {
             double at = min_number(s + 0.5 * delta, length);
             for (int k = 0; k < 2; k++)
@@ -92,16 +92,16 @@ static int64_t cut_piece(const double *piece, int64_t nq, double length, const R
         }
         delta = max_number(delta, length / MAX_INTERVALS);
         if (s + delta >= length * (1.0 - 1e-9)) break;
-        // What is left becomes one interval, two equal ones, or more.
+        // The remainder becomes one interval, two equal ones, or more.
         cuts[count++] = s + min_number(delta, max_number(0.5 * (length - s), 0.5 * delta));
     }
     cuts[count] = length;
     return count;
 }
 
-// The intervals of a curve; 0 where the arena is used up.
+// The intervals of a curve; 0 if the arena is used up.
 //
-// `step` says how much the derivative may change in an interval, in units of the limits and of its largest value;
+// `step` is the largest change of the derivative in an interval, in units of the limits, relative to its largest value;
 // `longest` is the longest interval of each piece. A parabola has at least two.
 static int make_grid(const PathCurve *curve, const RateLimits *limits, double step, const double *longest, Arena *arena,
                      Grid *grid) {
@@ -122,7 +122,7 @@ static int make_grid(const PathCurve *curve, const RateLimits *limits, double st
     return 1;
 }
 
-// The grid with every interval on a parabola cut in two; nothing is gained by that on straight lines.
+// The grid with every interval on a parabola halved; straight lines are exact on any grid.
 static int halve_grid(const PathCurve *curve, const Grid *coarse, Arena *arena, Grid *fine) {
     int64_t count = 0, at = 0, nq = curve->column_count;
     for (int64_t i = 0; i < coarse->count; i++) count += is_bent(piece_of(curve, coarse->piece[i]), nq) ? 2 : 1;

@@ -1,4 +1,4 @@
-// Corners of polylines: points that are no duplicates and not on a straight line between others.
+// Corners of polylines: points that are neither duplicates nor on the line between others.
 
 static double polyline_distance(const double *points, int64_t nq, int64_t a, int64_t b) {
     double square = 0.0;
@@ -29,7 +29,7 @@ static int is_straight(const double *points, int64_t nq, const int64_t *index, i
     return before < length;
 }
 
-// Which points of a polyline, shape (count, nq), are its ends or corners; how many, written to `index`, ascending.
+// Write the indices of ends and corners of a polyline, shape (count, nq), to `index`, ascending; their number.
 //
 // Points closer together than the tolerance, and points this close to a straight line, are dropped. The first and the
 // last point are kept, the first alone where all are one. `index` has room for `count`.

@@ -15,13 +15,18 @@ INLINE Vec8 to_obstacle(const ObstacleShape *shape, Vec8 v) {
     };
 }
 
-INLINE Vec8 from_obstacle(const ObstacleShape *shape, Vec8 v) {
-    const double *R = shape->rotation, *p = shape->center;
+// Directions of the world of those in the obstacle's axes.
+INLINE Vec8 turned_from_obstacle(const ObstacleShape *shape, Vec8 v) {
+    const double *R = shape->rotation;
     return (Vec8){
-        v.x * R[0] + v.y * R[1] + v.z * R[2] + p[0],
-        v.x * R[3] + v.y * R[4] + v.z * R[5] + p[1],
-        v.x * R[6] + v.y * R[7] + v.z * R[8] + p[2],
+        v.x * R[0] + v.y * R[1] + v.z * R[2],
+        v.x * R[3] + v.y * R[4] + v.z * R[5],
+        v.x * R[6] + v.y * R[7] + v.z * R[8],
     };
+}
+
+INLINE Vec8 from_obstacle(const ObstacleShape *shape, Vec8 v) {
+    return vec8_add(turned_from_obstacle(shape, v), vec8_splat(shape->center));
 }
 
 INLINE Vec8 from_center(const ObstacleShape *shape, Vec8 p) {
@@ -46,22 +51,25 @@ INLINE f64x8 square_to(const ObstacleTables *obstacles, int64_t o, Vec8 point) {
     return a * a + b * b + c * c;
 }
 
-// Distance to an obstacle's core times the speed along the direction from its nearest point, without sign [m^2].
-INLINE f64x8 approach_to(const ObstacleTables *obstacles, int64_t o, Vec8 point, Vec8 velocity) {
+// From the nearest points of an obstacle's core to points, in the obstacle's axes.
+INLINE Vec8 away_from(const ObstacleTables *obstacles, int64_t o, Vec8 point) {
     const ObstacleShape *shape = &obstacles->shapes[o];
     Vec8 p = to_obstacle(shape, from_center(shape, point));
-    Vec8 v = to_obstacle(shape, velocity);
-    f64x8 a, b, c = p.z - clamp(p.z, splat(shape->low), splat(shape->half[2]));
+    f64x8 c = p.z - clamp(p.z, splat(shape->low), splat(shape->half[2]));
     if (obstacles->kinds[o].kind == OBSTACLE_CYLINDER) {
         f64x8 across = sqrt_lanes(p.x * p.x + p.y * p.y);
         f64x8 part = max_lanes(across - shape->half[0], splat(0.0)) / max_lanes(across, splat(1e-12));
-        a = p.x * part;
-        b = p.y * part;
-    } else {
-        a = p.x - clamp(p.x, splat(-shape->half[0]), splat(shape->half[0]));
-        b = p.y - clamp(p.y, splat(-shape->half[1]), splat(shape->half[1]));
+        return (Vec8){p.x * part, p.y * part, c};
     }
-    return abs_lanes(a * v.x + b * v.y + c * v.z) * SLACK;
+    f64x8 a = p.x - clamp(p.x, splat(-shape->half[0]), splat(shape->half[0]));
+    f64x8 b = p.y - clamp(p.y, splat(-shape->half[1]), splat(shape->half[1]));
+    return (Vec8){a, b, c};
+}
+
+// Distance to an obstacle's core times the speed along the direction from its nearest point, without sign [m^2].
+INLINE f64x8 approach_to(const ObstacleTables *obstacles, int64_t o, Vec8 point, Vec8 velocity) {
+    Vec8 v = to_obstacle(&obstacles->shapes[o], velocity);
+    return abs_lanes(vec8_dot(away_from(obstacles, o, point), v)) * SLACK;
 }
 
 // The points of an obstacle's core that are nearest to points; not for a half-space.

@@ -1,10 +1,17 @@
 // Entries for tests: single steps of the certified edge and of the exact kernel.
 
+INLINE void probe_sphere(SphereRef sphere, f64x8 h, const SceneTables *scene, const Scratch *scratch,
+                         SphereProbe *probe) {
+    Vec8 v = velocity_of(sphere, scene, scratch);
+    const f64x8 *center = scratch->spheres[sphere.index].center;
+    *probe = (SphereProbe){{center[0], center[1], center[2]}, travel_of(sphere, h, scene, scratch), {v.x, v.y, v.z}};
+}
+
 // Place all spheres at the middles of eight intervals of a parabola, shape (3, nq), with how far they get in each.
 //
-// They count as placed for batch 1. The spheres are copied to `spheres`, shape (sphere_count,).
+// They count as placed for batch 1; `probes` has shape (sphere_count,).
 EXPORT void rr1_place_spheres(const SceneTables *scene, Scratch *scratch, const double *curve, const double middles[8],
-                              const double halves[8], SphereLanes *spheres) {
+                              const double halves[8], SphereProbe *probes) {
     const ArmGeometry *arm = scene->arm;
     f64x8 h = load_lanes(halves);
     for (int64_t c = 0; c < 3 * scene->column_count; c++) scratch->curve[c] = curve[c];
@@ -14,23 +21,13 @@ EXPORT void rr1_place_spheres(const SceneTables *scene, Scratch *scratch, const 
     for (int64_t g = 0; g < arm->group_count; g++) {
         SphereRef ball = ball_of_group(g, arm);
         place_centers(arm->groups[g].joint, ball.index, ball.index + 1, scene, scratch);
-        place_travel(ball, h, scene, scratch);
-        scratch->group_ready[g] = 1;
+        probe_sphere(ball, h, scene, scratch, &probes[ball.index]);
         for (int64_t b = arm->groups[g].first_body; b < arm->groups[g].last_body; b++) {
-            place_ball(b, h, scene, scratch);
-            place_spheres(b, h, scene, scratch);
+            const Body *body = &arm->bodies[b];
+            place_centers(body->joint, body->first_sphere, body->last_sphere, scene, scratch);
             scratch->placed_batch[b] = 1;
-        }
-    }
-    for (int64_t i = 0; i < arm->sphere_count; i++) spheres[i] = scratch->spheres[i];
-    // Only balls keep their velocity.
-    for (int64_t b = 0; b < arm->body_count; b++) {
-        const Body *body = &arm->bodies[b];
-        for (int64_t i = body->first_sphere + 1; i < body->last_sphere; i++) {
-            Vec8 v = velocity_at(body->joint, i, scratch);
-            spheres[i].velocity[0] = v.x;
-            spheres[i].velocity[1] = v.y;
-            spheres[i].velocity[2] = v.z;
+            for (int64_t i = body->first_sphere; i < body->last_sphere; i++)
+                probe_sphere(sphere_in(body, i), h, scene, scratch, &probes[i]);
         }
     }
 }

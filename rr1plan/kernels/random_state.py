@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.kernels.library import load_library
+from rr1plan.kernels.planner_kernels import load_library
 
 RandomState = NDArray[np.uint64]
 """The state of a generator, shape (1,)."""

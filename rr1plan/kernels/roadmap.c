@@ -1,14 +1,14 @@
 // A roadmap that grows: samples, and edges to their nearest neighbors.
 //
-// Vertices are joined to as many of their nearest neighbors as keep shortest paths within reach (Karaman and Frazzoli,
+// Vertices are joined to k nearest neighbors, with k of PRM* (Karaman and Frazzoli,
 // Sampling-based algorithms for optimal motion planning, 2011).
 #include "random.h"
 #include "roadmap.h"
 
-// The same turn, the short way.
+// The difference of two angles wrapped to [-pi, pi].
 INLINE double short_way(double difference) { return difference - WHOLE_TURN * __builtin_rint(difference / WHOLE_TURN); }
 
-// Distance of two vertices, the short way.
+// Distance of two vertices, with joints that wrap.
 static double vertex_distance(const RoadmapGraph *graph, int64_t a, int64_t b) {
     double square = 0.0;
     for (int64_t j = 0; j < graph->column_count; j++) {
@@ -80,7 +80,7 @@ static void insert_vertex(RoadmapGraph *graph, const double *q, int64_t among) {
 
 // Draw configurations from a box until `samples` have been drawn in all, and insert those that are free.
 //
-// `q` is scratch, shape (nq,). Returns ROADMAP_GOING, or ROADMAP_FULL when the arrays have to be made larger.
+// `q` is scratch, shape (nq,). Returns ROADMAP_GOING, or ROADMAP_FULL if the arrays have to be enlarged.
 EXPORT int64_t rr1_sample_roadmap(RoadmapGraph *graph, uint64_t *random, const double *lower, const double *extent,
                                   double *q, int64_t samples, const SceneTables *scene, Scratch *scratch) {
     int64_t max_degree = graph->degrees[graph->capacity];

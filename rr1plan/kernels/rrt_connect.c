@@ -1,36 +1,35 @@
 // RRT-Connect, for any path or for one shorter than a bound.
 //
 // Two trees, one rooted in the start, one in all goals. The smaller one takes a step toward a random configuration; the
-// other one then advances toward the new vertex, step by step, until it gets there or is blocked (Kuffner and LaValle,
-// RRT-Connect: an efficient approach to single-query path planning, 2000). A vertex with a blocked edge takes only
-// samples near it: others would lead into the same obstacle again (Yershova et al., Dynamic-domain RRTs, 2005).
+// other one then advances toward the new vertex, step by step, until it reaches it or is blocked (Kuffner and LaValle,
+// RRT-Connect: an efficient approach to single-query path planning, 2000). A vertex with a blocked edge is extended
+// only to samples within its domain: others would lead into the same obstacle again (Yershova et al., Dynamic-domain
+// RRTs, 2005).
 //
-// A joint that turns without end has no seam. When the trees meet, the goals' tree is moved by whole turns to where the
-// start's is.
+// Continuous joints wrap. When the trees connect, the goal tree is shifted by whole turns to align with the start tree.
 //
-// Under a bound, a sample also has a length at which it is to be reached. It is joined to the nearest of the vertices
-// that reach it within that length, so samples are drawn from the space of configurations and costs (Hauser and Zhou,
+// Under a bound, a sample also has a cost-to-come. It is joined to the nearest of the vertices
+// that reach it within that cost, so samples are drawn from the space of configurations and costs (Hauser and Zhou,
 // Asymptotically optimal planning by feasible kinodynamic planning in a state-cost space, 2016; Wilson et al., AORRTC,
 // 2025).
 //
-// Why a path shorter than the bound is found with a probability that tends to one, where there is one with some clearance
-// d around it: put balls along that path, smaller and nearer to each other than d. Let a vertex be in the k-th ball,
-// reached within the length of the path up to there and a little. Each sample has the same positive probability of
-// falling into the next ball with a length a little above that. The nearest vertex that reaches it within its length is
-// no farther than that vertex, which is nearer than d; so the edge is free, and the new vertex is reached within its
-// length.
+// Probabilistic completeness: let a path shorter than the bound have clearance d. Cover it by balls with radii and
+// distances below d. Let a vertex be in the k-th ball, with a cost at most epsilon above the length of the path up to
+// there. Each sample has the same positive probability of falling into the next ball with a cost epsilon above that.
+// The nearest vertex that reaches it within its cost is no farther than that vertex, which is closer than d; so the
+// edge is free, and the new vertex is reached within its cost.
 //
-// The search stops after a given number of samples and continues where it stopped: its whole state is in `Trees`.
+// The search stops after a given number of samples and can be resumed: its whole state is in `Trees`.
 #include "random.h"
 #include "trees.h"
 
-// So many samples in a row may be skipped: in spaces of many joints hardly any is near a vertex.
+// Most consecutive skipped samples: in high-dimensional spaces few samples are near a vertex.
 enum { MAX_SKIPPED = 4 };
 #define WHOLE_TURN 6.283185307179586
-// Longest edge where a joint wraps: less than half a turn, so that its ends alone tell the direction.
+// Longest edge in joints that wrap: less than half a turn, so that its ends determine the direction.
 #define MAX_WRAPPED_STEP 3.0
 
-// Whether an edge of a tree is free, checked in the direction of the path: the same question has the same answer.
+// Whether an edge of a tree is free, checked in the direction of the path, so that a repeated check agrees.
 static int tree_edge_is_free(Trees *trees, int side, const double *from, const double *to, const SceneTables *scene,
                              Scratch *scratch) {
     trees->edges++;
@@ -47,14 +46,14 @@ static int skip_sample(Trees *trees, const Tree *tree, int64_t index, double dis
 
 // Advance from a vertex toward a target in steps of equal length; whether it was reached.
 //
-// What is reached becomes vertices; the target does not, so the last vertex joins the trees.
+// Reached configurations become vertices, except for the target, so the last vertex connects the trees.
 static int connect_trees(Trees *trees, int side, int64_t index, double distance, const double *target, double step,
                          double *a, double *b, const SceneTables *scene, Scratch *scratch) {
     int64_t nq = trees->column_count, capacity = trees->capacity;
     Tree *tree = &trees->sides[side];
     if (distance == 0.0 && tree->parents[index] >= 0) {
-        // They meet in one configuration, which is a waypoint once.
-        tree->meeting = tree->parents[index];
+        // Both trees contain the connecting configuration; it becomes one waypoint.
+        tree->connection = tree->parents[index];
         return 1;
     }
     int64_t steps = (int64_t)__builtin_ceil(distance / step);
@@ -69,7 +68,7 @@ static int connect_trees(Trees *trees, int side, int64_t index, double distance,
         if (!tree_edge_is_free(trees, side, a, b, scene, scratch)) return 0;
         int64_t parent = k == 1 ? index : tree->size - 1;
         if (k == steps) {
-            tree->meeting = parent;
+            tree->connection = parent;
             return 1;
         }
         add_vertex(tree, b, nq, capacity, parent, tree->lengths[index] + distance * fraction);
@@ -78,10 +77,10 @@ static int connect_trees(Trees *trees, int side, int64_t index, double distance,
     return 0;
 }
 
-// Grow both trees until `samples` have been drawn in all, or until they meet in a path no longer than the bound.
+// Grow both trees until `samples` are drawn in all, or until they connect in a path no longer than the bound.
 //
-// Trees of size 0 begin with their roots. Returns SEARCH_GOING, SEARCH_SOLVED, or SEARCH_FULL when the arrays have to be
-// made larger.
+// Trees of size 0 begin with their roots. Returns SEARCH_GOING, SEARCH_SOLVED, or SEARCH_FULL if the arrays have to be
+// enlarged.
 EXPORT int64_t rr1_grow_trees(Trees *trees, const TreeQuery *query, uint64_t *random, int64_t samples,
                               const SceneTables *scene, Scratch *scratch) {
     int64_t nq = trees->column_count, capacity = trees->capacity;
@@ -137,7 +136,7 @@ EXPORT int64_t rr1_grow_trees(Trees *trees, const TreeQuery *query, uint64_t *ra
         if (index < 0) continue;
         wrap_near(q, other, index, turns, nq, capacity);
         if (connect_trees(trees, 1 - side, index, distance, q, step, a, b, scene, scratch)) {
-            tree->meeting = tree->size - 1;
+            tree->connection = tree->size - 1;
             align_turns(trees, turns);
             trace_path(trees);
             return SEARCH_SOLVED;

@@ -4,6 +4,7 @@
 
 #include "arm_geometry.h"
 #include "exact_tables.h"
+#include "fixed_solids.h"
 #include "obstacle_tables.h"
 #include "pair_tables.h"
 #include "simd.h"
@@ -13,8 +14,10 @@ typedef struct {
     const ObstacleTables *obstacles;
     const PairTables *pairs;
     const ExactTables *exact;
+    const FixedSolids *fixed;  // of obstacles; null where none can be moved
     int64_t column_count;  // of q
     double margin;         // what must be left of a gap beyond everything else for a proof [m]
+    double bare_margin;    // the same where all obstacles are at the origin [m]
     double max_padding;    // [m]
     double tolerance;      // motions that pass at less than this beyond the padding are refused [m]
 } SceneTables;
@@ -29,20 +32,20 @@ typedef struct {
 
 typedef struct {
     f64x8 center[3];
-    f64x8 travel;       // bound of how far it gets from there in its interval [m]
-    f64x8 velocity[3];  // of the center
 } SphereLanes;
+
+// How a sphere moves in its interval, for tests.
+typedef struct {
+    f64x8 center[3];
+    f64x8 travel;       // bound of how far it gets from there [m]
+    f64x8 velocity[3];  // of the center
+} SphereProbe;
 
 // A sphere in the frame of a mesh.
 typedef struct {
     f64x8 center[3];
     f64x8 limit;  // as near it may be, at least [m]
 } MeshSphere;
-
-// The box around a ball on the whole edge, with all that any pair has to keep [m]: low x, y, z, then -high x, y, z.
-typedef struct {
-    double ends[8];  // the last two are of no meaning
-} Box;
 
 // How an edge moves a joint: its value is (bend t + rate) t + begin.
 typedef struct {
@@ -110,13 +113,14 @@ typedef struct {
     FrameLanes *frames;
     SphereLanes *spheres;
     int64_t *placed_batch;  // batch a body was placed for last, below zero: only the ball around it
-    Box *group_boxes;
+    // Boxes around the balls of groups on the whole edge, with all that any pair has to keep [m]: rows low x, y, z, high x,
+    // y, z of `group_stride` numbers each.
+    double *group_boxes;
     Near *near_obstacles;
     int64_t *near_groups;  // of `group_pairs`
     NearBody *near_bodies;
     Near *near_spheres;
     MeshSphere *mesh_spheres;  // of one body
-    int64_t *group_ready;   // 1 once velocity and travel of a group's ball are known
     uint64_t *group_lanes;  // in which a body may be near the group at hand
     // Bounds over the edge of the points of groups, by how many of the joints above do not count (those that move both,
     // where it is about two groups), shape (longest chain + 1, `group_stride` of the arm).

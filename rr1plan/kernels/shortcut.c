@@ -1,23 +1,23 @@
 // Certified shortcuts: skip waypoints; join two random points of the path, all joints straight or only one of them
 // (Geraerts and Overmars, Creating high-quality paths for motion planning, 2007).
 //
-// Certifying a shortcut takes a hundred times as long as drawing one, so of several drawn ones the most promising is
-// tried: that with the largest gain, discounted if a similar one has failed.
+// Certifying a shortcut takes a hundred times as long as drawing one, so of several drawn ones the one with the largest
+// gain is tried, where the gain is discounted if a similar one has failed.
 //
-// The function does a number of steps and continues where it stopped: its whole state is in `ShortcutPath`.
+// The function takes a number of steps and can be resumed: its whole state is in `ShortcutPath`.
 #include "random.h"
 #include "shortcut.h"
 
-// So many shortcuts are drawn for each that is tried.
+// Shortcuts drawn for each that is tried.
 enum { SHORTCUT_CANDIDATES = 8 };
-// A shortcut that gains less than this fraction of the length is not worth its check.
+// Smallest gain of a shortcut that is tried, as a fraction of the path length.
 #define MIN_GAIN 3e-3
-// Discount for a shortcut that replaces all that a similar one has failed to replace.
+// Discount for a shortcut that replaces a section that contains that of a failed one.
 #define FAILURE_DISCOUNT 0.1
-// No shortcut begins or ends this near to a waypoint without being at it [rad].
+// Ends of shortcuts closer to a waypoint than this are moved to it [rad].
 #define SNAP_LENGTH 1e-3
 
-// What a shortcut replaces: the path from a point on edge i to one on edge j, given by lengths along the path.
+// The section that a shortcut replaces: from a point on edge i to one on edge j, by arc lengths along the path.
 typedef struct {
     int64_t i, j;
     double begin, end;
@@ -37,7 +37,7 @@ INLINE void copy_row(const double *from, double *to, int64_t nq) {
     for (int64_t k = 0; k < nq; k++) to[k] = from[k];
 }
 
-// Keep one of several equal waypoints in a row.
+// Remove consecutive duplicates.
 static void drop_repeats(ShortcutPath *path) {
     int64_t nq = path->column_count, kept = 1;
     for (int64_t i = 1; i < path->size; i++) {
@@ -55,7 +55,7 @@ static int waypoint_edge_is_free(ShortcutPath *path, const double *a, const doub
     return rr1_certify_edge(scene, scratch, a, b) == EDGE_FREE;
 }
 
-// From waypoint `place`, join one as far ahead as is free; tried are the last one, then half as far, and so on.
+// Connect waypoint `place` to one as far ahead as is free; tries the last one, then half as far, and so on.
 static void skip_waypoints(ShortcutPath *path, const SceneTables *scene, Scratch *scratch) {
     int64_t nq = path->column_count, i = path->place, jump = path->size - 1 - i;
     double *points = path->points;
@@ -76,7 +76,7 @@ static double measure_path(ShortcutPath *path) {
     return path->along[path->size - 1];
 }
 
-// The place, or that of a waypoint so near that the edge between them would only be a burden.
+// The arc length, or that of a waypoint so close that the edge between them would be negligible.
 static double snap_to_waypoint(double place, const ShortcutPath *path) {
     for (int64_t i = 0; i < path->size; i++)
         if (abs_number(path->along[i] - place) < SNAP_LENGTH) return path->along[i];
@@ -105,7 +105,7 @@ static void point_at(const ShortcutPath *path, int64_t i, double place, double *
         out[k] = fraction <= 0.0 ? a[k] : fraction >= 1.0 ? b[k] : a[k] + fraction * (b[k] - a[k]);
 }
 
-// Write what would replace a part of the path to `piece`; its number of rows.
+// Write the replacement of a section of the path to `piece`; its number of rows.
 static int64_t make_piece(const ShortcutPath *path, const Shortcut *cut) {
     int64_t nq = path->column_count, last = cut->joint < 0 ? 1 : cut->j - cut->i + 1;
     double *piece = path->piece, *end = piece + last * nq;
@@ -120,7 +120,7 @@ static int64_t make_piece(const ShortcutPath *path, const Shortcut *cut) {
     return last + 1;
 }
 
-// By how much a piece is shorter than what it replaces.
+// Length of the section minus length of its replacement.
 static double gain_of(const ShortcutPath *path, const Shortcut *cut, int64_t rows) {
     int64_t nq = path->column_count;
     double gain = cut->end - cut->begin;
@@ -130,7 +130,7 @@ static double gain_of(const ShortcutPath *path, const Shortcut *cut, int64_t row
 
 INLINE int64_t failed_joint(const Shortcut *cut) { return cut->joint < -1 ? -1 : cut->joint; }
 
-// How likely a shortcut is to be free, as far as failed ones tell: 1 if none is similar.
+// Estimated probability that a shortcut is free, given the failed ones: 1 if none is similar.
 static double discount_of(const ShortcutPath *path, const Shortcut *cut) {
     double discount = 1.0;
     for (int64_t k = 0; k < path->failed_count; k++) {
@@ -145,7 +145,7 @@ static double discount_of(const ShortcutPath *path, const Shortcut *cut) {
     return discount;
 }
 
-// Remember a shortcut that has failed; the oldest one is forgotten where there is no room.
+// Store a failed shortcut; replaces the oldest one if the list is full.
 static void remember_failure(ShortcutPath *path, const Shortcut *cut) {
     if (path->failed_count == SHORTCUT_MEMORY) {
         path->failed_count--;
@@ -154,7 +154,7 @@ static void remember_failure(ShortcutPath *path, const Shortcut *cut) {
     path->failed[path->failed_count++] = (FailedShortcut){cut->begin, cut->end, failed_joint(cut)};
 }
 
-// Shift failed shortcuts along a path that has become shorter by `gain` between two places; forget those in between.
+// Shift failed shortcuts along a path that became shorter by `gain` in a section; drop those in that section.
 static void shift_failures(ShortcutPath *path, const Shortcut *cut, double gain) {
     int64_t kept = 0;
     for (int64_t k = 0; k < path->failed_count; k++) {
@@ -211,9 +211,9 @@ static int try_shortcut(ShortcutPath *path, uint64_t *random, const SceneTables 
     return 1;
 }
 
-// Skip waypoints, try random shortcuts, skip waypoints again: `steps` steps of that, or what is left of it.
+// Skip waypoints, try random shortcuts, skip waypoints again: at most `steps` steps.
 //
-// At most `shortcuts` are tried, and at most `patience` in a row that gain nothing. Returns 1 when nothing is left to do.
+// At most `shortcuts` are tried, and at most `patience` consecutive ones without gain. Returns 1 when done.
 EXPORT int64_t rr1_shorten(ShortcutPath *path, uint64_t *random, int64_t steps, int64_t shortcuts, int64_t patience,
                            const SceneTables *scene, Scratch *scratch) {
     if (path->stage == SHORTCUT_FRESH) {

@@ -6,18 +6,18 @@
 
 enum { SHORTCUT_FRESH, SHORTCUT_SKIPPING, SHORTCUT_CUTTING, SHORTCUT_SKIPPING_AGAIN, SHORTCUT_DONE };
 
-// A shortcut that was in collision: the part of the path it would have replaced, by lengths along the path.
+// A shortcut in collision: the section that it would have replaced, by arc lengths along the path.
 typedef struct {
     double begin;
     double end;
     int64_t joint;  // the one that was straightened; -1: all
 } FailedShortcut;
 
-// So many failed shortcuts are remembered.
+// Capacity of the list of failed shortcuts.
 enum { SHORTCUT_MEMORY = 64 };
 
 typedef struct {
-    double *points;  // waypoints, room for the path and two more with every shortcut; shape (capacity, nq)
+    double *points;  // waypoints, with capacity for two more per shortcut; shape (capacity, nq)
     double *piece;   // scratch, shape (capacity, nq)
     double *along;   // scratch: lengths along the path up to each waypoint; shape (capacity,)
     int64_t column_count;
@@ -25,7 +25,7 @@ typedef struct {
     int64_t stage;   // SHORTCUT_FRESH to begin with
     int64_t place;   // waypoint to continue from when skipping
     int64_t tried;   // shortcuts so far
-    int64_t idle;    // shortcuts in a row that gained nothing
+    int64_t idle;    // consecutive shortcuts without gain
     int64_t edges;   // checked so far
     int64_t failed_count;
     FailedShortcut failed[64];

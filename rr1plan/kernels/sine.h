@@ -1,4 +1,4 @@
-// Sine and cosine, from one source for all targets: no library rounds them the same way everywhere.
+// Sine and cosine with the same rounding on all targets, unlike those of math libraries.
 //
 // An angle is reduced to x within pi/4 of zero and a number of quarter turns k (Cody and Waite, Software Manual for
 // the Elementary Functions, 1980; beyond MAX_QUARTERS Payne and Hanek, Radian reduction for trigonometric functions,
@@ -20,7 +20,7 @@
 // Angles in lanes beyond this are not reduced precisely enough [rad].
 #define MAX_LANE_ANGLE 1e5
 
-// In pairs (Estrin, 1960), which wait for each other less than Horner's sums do; y2 is y^2.
+// Estrin's scheme (1960), with shorter dependency chains than Horner's; y2 is y^2.
 #define SINE_POLYNOMIAL(y, y2)                                                                                         \
     ((0.16666666666666666 + (y) * -0.008333333333330948) +                                                             \
      (y2) * ((0.00019841269836756774 + (y) * -2.7557316101617874e-06) +                                                \
@@ -96,7 +96,7 @@ static uint64_t reduce_large(double angle, double *x) {
     uint32_t sign = words[0] >> 29 & 1;
     words[0] &= 0x3fffffff;
     if (sign) {
-        // The nearest quarter is the next one: what is left is negative, and written down as its size.
+        // The nearest quarter is the next one: the remainder is negative, and stored as its absolute value.
         quarters += 1;
         uint64_t carry = 1;
         for (int i = 4; i >= 0; i--) {

@@ -5,7 +5,7 @@
 // measured along any direction n. With n the direction from an obstacle's nearest point (or from the other sphere),
 // that bounds how far the gap can close, because the obstacle is convex. A ball inside a body that touches proves a
 // contact.
-#include "primitives_simd.h"
+#include "support_simd.h"
 
 // Of a candidate: lanes that stay open, lanes with a proven contact, and a sphere of either that were too near.
 typedef struct {
@@ -16,20 +16,52 @@ typedef struct {
 } SphereTest;
 
 // Place the ball around a body, once in a batch.
-INLINE void ready_ball(int64_t body, int64_t batch, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+INLINE void ready_ball(int64_t body, int64_t batch, const SceneTables *scene, Scratch *scratch) {
     int64_t *placed = &scratch->placed_batch[body];
     if (*placed != batch && *placed != -batch) {
         *placed = -batch;
-        place_ball(body, h, scene, scratch);
+        const Body *of = &scene->arm->bodies[body];
+        place_centers(of->joint, of->first_sphere, of->first_sphere + 1, scene, scratch);
     }
 }
 
 // Place the spheres of a body whose ball is placed, once in a batch.
-INLINE void ready_spheres(int64_t body, int64_t batch, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+INLINE void ready_spheres(int64_t body, int64_t batch, const SceneTables *scene, Scratch *scratch) {
     if (scratch->placed_batch[body] != batch) {
         scratch->placed_batch[body] = batch;
-        place_spheres(body, h, scene, scratch);
+        const Body *of = &scene->arm->bodies[body];
+        place_centers(of->joint, of->first_sphere + 1, of->last_sphere, scene, scratch);
     }
+}
+
+// Nearer than this, distances along a direction between points are not precise enough, squared [m^2].
+#define LEAST_SQUARE 1e-6
+
+// The lanes in which something may come too near.
+//
+// With d the distance of two points and l the gap of two things along the line through both, that is l < m, or times d and
+// squared, so that neither a quotient nor a root is left: l d is negative, or its square is less than d^2 m^2.
+//
+// left: l d; square: d^2; needed: m, not negative.
+INLINE uint64_t lanes_too_near(f64x8 left, f64x8 square, f64x8 needed) {
+    return less_than(left, splat(0.0)) | less_than(left * left, square * (needed * needed)) |
+           less_than(square, splat(LEAST_SQUARE));
+}
+
+// The least and the greatest n.(p - c) over points p of the box around a group, c the center of its ball.
+typedef struct {
+    f64x8 least, greatest;
+} BoxExtent;
+
+INLINE BoxExtent extent_along(int64_t group, Vec8 n, const SceneTables *scene, const Scratch *scratch) {
+    const GroupBox *box = &scene->arm->group_boxes[group];
+    Vec8 local = to_frame(&scratch->frames[scene->arm->groups[group].joint], n);
+    f64x8 low[3] = {local.x * box->low[0], local.y * box->low[1], local.z * box->low[2]};
+    f64x8 high[3] = {local.x * box->high[0], local.y * box->high[1], local.z * box->high[2]};
+    return (BoxExtent){
+        min_lanes(low[0], high[0]) + min_lanes(low[1], high[1]) + min_lanes(low[2], high[2]),
+        max_lanes(low[0], high[0]) + max_lanes(low[1], high[1]) + max_lanes(low[2], high[2]),
+    };
 }
 
 // ---- against obstacles ---------------------------------------------------------------------------------------------
@@ -37,7 +69,7 @@ INLINE void ready_spheres(int64_t body, int64_t batch, f64x8 h, const SceneTable
 // The lanes, of those given, in which a sphere of a group may come too near an obstacle.
 //
 // With d the distance of the center from the obstacle's core, r the least that it has to be and s the speed along it,
-// that is d - r < s h + a h^2 / 2, or with all of it times d, (d - r) d < s d h + d a h^2 / 2: nothing is divided.
+// that is d - s h < r + a h^2 / 2.
 INLINE uint64_t lanes_near_obstacle(SphereRef sphere, int64_t o, double padding, uint64_t lanes, f64x8 h,
                                     const SceneTables *scene, const Scratch *scratch) {
     const SphereLanes *placed = &scratch->spheres[sphere.index];
@@ -45,16 +77,26 @@ INLINE uint64_t lanes_near_obstacle(SphereRef sphere, int64_t o, double padding,
     double needed = radius + padding + scene->margin;
     Vec8 center = center_of(placed);
     f64x8 square = square_to(scene->obstacles, o, center);
-    f64x8 limit = placed->travel + needed;
+    f64x8 limit = h * scratch->speeds[sphere.group] + needed;
     lanes &= less_than(square, limit * limit);
     // Where it is too near at once, no speed has to be known.
     uint64_t others = lanes & ~less_than(square, splat(needed * needed));
     if (others == 0) return lanes;
-    f64x8 distance = sqrt_lanes(square);
-    double acceleration = scratch->accelerations[sphere.group];
     Vec8 velocity = velocity_of(sphere, scene, scratch);
-    f64x8 lost = approach_to(scene->obstacles, o, center, velocity) * h + distance * (h * h * (0.5 * acceleration));
-    return (lanes & ~others) | (others & less_than((distance - needed) * distance, lost));
+    double acceleration = scratch->accelerations[sphere.group];
+    f64x8 approach = approach_to(scene->obstacles, o, center, velocity);
+    return (lanes & ~others) | (others & lanes_too_near(square - approach * h, square, needed + h * h * (0.5 * acceleration)));
+}
+
+// The lanes, of those given, in which the box around a group may come too near an obstacle.
+INLINE uint64_t lanes_near_box(int64_t group, int64_t o, double padding, uint64_t lanes, f64x8 h,
+                               const SceneTables *scene, const Scratch *scratch) {
+    const ObstacleShape *shape = &scene->obstacles->shapes[o];
+    Vec8 away = away_from(scene->obstacles, o, center_of(&scratch->spheres[scene->arm->groups[group].ball]));
+    f64x8 square = vec8_dot(away, away);
+    f64x8 left = square + extent_along(group, turned_from_obstacle(shape, away), scene, scratch).least;
+    f64x8 needed = h * scratch->speeds[group] + (shape->radius + padding + scene->margin);
+    return lanes & lanes_too_near(left, square, needed);
 }
 
 // A body, the ball around which is placed and may be too near, against an obstacle.
@@ -64,12 +106,13 @@ INLINE SphereTest test_obstacle(int64_t body, int64_t o, int64_t pair, uint64_t 
     const LinkSphere *spheres = scene->arm->spheres;
     int64_t ball = of->first_sphere, count = 0;
     double padding = scene->pairs->padding[pair], kept = padding + scene->obstacles->shapes[o].radius;
-    ready_spheres(body, batch, h, scene, scratch);
+    f64x8 travel = h * scratch->speeds[of->group];
+    ready_spheres(body, batch, scene, scratch);
     // Contacts first: once one is found no speeds are needed.
     for (int64_t i = ball + 1; i < of->last_sphere; i++) {
         const SphereLanes *placed = &scratch->spheres[i];
         f64x8 square = square_to(scene->obstacles, o, center_of(placed));
-        f64x8 limit = placed->travel + (spheres[i].radius + kept + scene->margin);
+        f64x8 limit = travel + (spheres[i].radius + kept + scene->margin);
         uint64_t near = less_than(square, limit * limit) & lanes;
         if (near) {
             double inner = spheres[i].inner_radius + kept - scene->margin;
@@ -112,19 +155,28 @@ INLINE uint64_t lanes_near_sphere(SphereRef one, SphereRef two, int64_t shared, 
     const double *accelerations = scratch->accelerations + shared * scene->arm->group_stride;
     double radius = scene->arm->spheres[one.index].radius + scene->arm->spheres[two.index].radius;
     double needed = radius + padding + scene->margin;
-    f64x8 far = h * (speeds[one.group] + speeds[two.group]);
     Vec8 d = vec8_sub(center_of(a), center_of(b));
     f64x8 square = vec8_dot(d, d);
-    f64x8 limit = min_lanes(a->travel + b->travel, far) + needed;
+    f64x8 limit = h * (speeds[one.group] + speeds[two.group]) + needed;
     lanes &= less_than(square, limit * limit);
     uint64_t others = lanes & ~less_than(square, splat(needed * needed));
     if (others == 0) return lanes;
     Vec8 velocity = vec8_sub(velocity_of(one, scene, scratch), velocity_of(two, scene, scratch));
-    f64x8 along = abs_lanes(vec8_dot(d, velocity)) * SLACK;
-    f64x8 distance = sqrt_lanes(square);
+    f64x8 approach = abs_lanes(vec8_dot(d, velocity)) * SLACK;
     double acceleration = accelerations[one.group] + accelerations[two.group];
-    f64x8 lost = along * h + distance * (h * h * (0.5 * acceleration));
-    return (lanes & ~others) | (others & less_than((distance - needed) * distance, lost));
+    return (lanes & ~others) | (others & lanes_too_near(square - approach * h, square, needed + h * h * (0.5 * acceleration)));
+}
+
+// The lanes, of those given, in which the boxes around two groups may come too near each other.
+INLINE uint64_t lanes_near_boxes(int64_t one, int64_t two, int64_t shared, uint64_t lanes, double padding, f64x8 h,
+                                 const SceneTables *scene, const Scratch *scratch) {
+    const ArmGeometry *arm = scene->arm;
+    const double *speeds = scratch->speeds + shared * arm->group_stride;
+    Vec8 d = vec8_sub(center_of(&scratch->spheres[arm->groups[one].ball]),
+                      center_of(&scratch->spheres[arm->groups[two].ball]));
+    f64x8 square = vec8_dot(d, d);
+    f64x8 left = square + extent_along(one, d, scene, scratch).least - extent_along(two, d, scene, scratch).greatest;
+    return lanes & lanes_too_near(left, square, h * (speeds[one] + speeds[two]) + (padding + scene->margin));
 }
 
 // A body against another, the balls around both being placed.
@@ -135,8 +187,8 @@ INLINE SphereTest test_body(const BodyPair *bodies, uint64_t lanes, int64_t batc
     SphereRef ball_a = ball_around(a), ball_b = ball_around(b);
     int64_t shared = bodies->shared, count = 0;
     double padding = scene->pairs->padding[bodies->pair];
-    ready_spheres(bodies->body, batch, h, scene, scratch);
-    ready_spheres(bodies->other, batch, h, scene, scratch);
+    ready_spheres(bodies->body, batch, scene, scratch);
+    ready_spheres(bodies->other, batch, scene, scratch);
     // Only the spheres of either that are near the other's ball.
     for (int64_t k = ball_b.index + 1; k < b->last_sphere; k++) {
         uint64_t near = lanes_near_sphere(ball_a, sphere_in(b, k), shared, lanes, padding, h, scene, scratch);
@@ -149,14 +201,15 @@ INLINE SphereTest test_body(const BodyPair *bodies, uint64_t lanes, int64_t batc
         for (int64_t n = 0; beside && n < count; n++) {
             int64_t k = scratch->near_spheres[n].index;
             uint64_t near = scratch->near_spheres[n].lanes & beside & ~found.open;
-            if (near)
-                near = lanes_near_sphere(sphere_in(a, i), sphere_in(b, k), shared, near, padding, h, scene, scratch);
             if (near == 0) continue;
+            // Contacts first: they need no speeds.
             double inner = spheres[i].inner_radius + spheres[k].inner_radius + padding - scene->margin;
             if (inner > 0.0) {
                 uint64_t touching = less_than(square_between(i, k, scratch), splat(inner * inner)) & near;
                 if (touching) return (SphereTest){near, touching, i, k};
             }
+            near = lanes_near_sphere(sphere_in(a, i), sphere_in(b, k), shared, near, padding, h, scene, scratch);
+            if (near == 0) continue;
             found.open |= near;
             found.sphere = i;
             found.other_sphere = k;

@@ -25,7 +25,7 @@ EXPORT void rr1_time_intervals(const PathCurve *curve, const int64_t *piece, con
     }
 }
 
-// The motion along a curve with squared speeds at the gridpoints, taken from the arena; 0 where that is used up.
+// The motion along a curve with squared speeds at the gridpoints, in memory of the arena; 0 if that is used up.
 //
 // A straight interval becomes up to three: full acceleration, top speed, full deceleration.
 static int time_curve(const PathCurve *curve, const Grid *grid, const RateLimits *limits, const double *speeds, Arena *arena,
@@ -89,7 +89,7 @@ EXPORT void rr1_find_peaks(const double *coefficients, const double *durations, 
         }
 }
 
-// By how much a motion has to be stretched in time to satisfy its limits, at least 1.
+// Time scaling factor that satisfies the limits, at least 1.
 static double stretch_factor(const TimedPieces *timed, int64_t nq, const RateLimits *limits) {
     double fast = 1.0, strong = 1.0;
     for (int64_t i = 0; i < timed->count; i++) {
@@ -98,7 +98,8 @@ static double stretch_factor(const TimedPieces *timed, int64_t nq, const RateLim
         for (int64_t j = 0; j < nq; j++) {
             double pace = limits->inverse_velocity[j], pull = limits->inverse_acceleration[j];
             double c1 = c[nq + j], c2 = 2.0 * c[2 * nq + j], c3 = 3.0 * c[3 * nq + j], c4 = 4.0 * c[4 * nq + j];
-            // The control points of a polynomial bound it: only where they exceed the largest value is a peak found.
+            // Bernstein coefficients bound a polynomial: its peak is computed only if they exceed the largest value so
+            // far.
             double most = max_number(abs_number(c1), abs_number(c1 + third * c2));
             most = max_number(most, abs_number(c1 + third * (2.0 * c2 + end * c3)));
             most = max_number(most, abs_number(c1 + end * (c2 + end * (c3 + end * c4))));

@@ -1,32 +1,32 @@
-// Where two trees are to grow next.
+// Sampling for RRT-Connect.
 //
-// Every second sample is drawn from a box around the start and a goal, the others from the whole space: joints with a
-// long range do not lead every search astray. After many samples in a row from which no tree has grown, every fourth
-// one is replaced by a configuration close to a vertex: next to obstacles, most edges toward distant samples are
-// blocked, always the same ones.
+// Every second sample is drawn from a box around the start and a goal, the others from the whole space, because few
+// paths need the full range of a joint. After many consecutive samples without growth of a tree, every fourth one is
+// replaced by a configuration close to a vertex (escape sample): next to obstacles, most edges toward distant samples
+// are blocked.
 //
-// Under a bound, a sample is a configuration that some path shorter than the bound may pass (Gammell, Srinivasa,
-// Barfoot, Informed RRT*, 2014). Samples of a joint that turns without end are drawn from one turn.
+// Under a bound, samples are drawn from the informed set of paths shorter than the bound (Gammell, Srinivasa,
+// Barfoot, Informed RRT*, 2014). Continuous joints are sampled from one turn.
 #include "random.h"
 #include "trees.h"
 
-// After PATIENCE samples in a row from which no tree has grown, every ESCAPE_PERIOD-th is an escape sample, as long as
-// the smaller tree has fewer than SMALL_TREE vertices: later they would fill the place they are in instead of leaving.
+// After PATIENCE consecutive samples without growth, every ESCAPE_PERIOD-th is an escape sample, while the smaller tree
+// has fewer than SMALL_TREE vertices: in larger trees they would only fill the local region.
 enum { PATIENCE = 20, ESCAPE_PERIOD = 4, SMALL_TREE = 96 };
-// A sample that no shorter path can pass is drawn again, up to this many times.
+// Most draws of a sample in the informed set.
 enum { SAMPLE_TRIES = 16 };
 // How far the box around a start and a goal extends beyond them, relative to their distance.
 #define BOX_MARGIN 0.25
 
-// The box of a search with joints that turn without end cut to one turn; `turns`: that turn, 0 for other joints.
+// The sampling box, with continuous joints limited to one turn; `turns`: 2 pi for joints that wrap, 0 for others.
 typedef struct {
     const double *lower, *extent, *turns;
     int64_t nq;
 } SampleBox;
 
-// A point of the ellipsoid of all points on paths from the start to a goal no longer than a bound.
+// A point of the informed ellipsoid: points on paths from the start to a goal no longer than a bound.
 //
-// Its distribution is not uniform, but every part of the ellipsoid has a positive probability. Returns 0 where the point
+// The distribution is not uniform, but has positive density everywhere. Returns 0 if the point
 // is outside the box.
 static int draw_in_ellipsoid(const Trees *trees, int64_t goal, double bound, uint64_t *random, const SampleBox *box,
                              double *q) {
@@ -37,7 +37,8 @@ static int draw_in_ellipsoid(const Trees *trees, int64_t goal, double bound, uin
     for (int64_t j = 0; j < nq; j++) {
         q[j] = 0.0;
         if (box->extent[j] > 0.0) {
-            // The sum of four uniform numbers is nearly normal; the largest of n is the radius of a point of a ball.
+            // The sum of four uniform numbers is nearly normal; the largest of n is the radius of a uniform point of a
+            // ball.
             q[j] = draw_uniform(random) + draw_uniform(random) + draw_uniform(random) + draw_uniform(random) - 2.0;
             radius = max_number(radius, draw_uniform(random));
             square += q[j] * q[j];
@@ -64,7 +65,7 @@ static int draw_in_ellipsoid(const Trees *trees, int64_t goal, double bound, uin
     return inside;
 }
 
-// A point of the box around the start and a goal, enlarged: most paths stay there.
+// A point of the enlarged box around the start and a goal.
 static void draw_between_roots(const Trees *trees, int64_t goal, uint64_t *random, const SampleBox *box, double *q) {
     int64_t nq = box->nq, capacity = trees->capacity;
     const double *start_vertices = trees->sides[START_SIDE].vertices;
@@ -88,7 +89,7 @@ static void draw_between_roots(const Trees *trees, int64_t goal, uint64_t *rando
 
 // A configuration that a path shorter than the bound may pass, and its distances from the roots of both trees.
 //
-// Returns 0 where none was found; without a bound both distances are 0.
+// Returns 0 if none was found; without a bound both distances are 0.
 static int draw_sample(const Trees *trees, double bound, uint64_t *random, const SampleBox *box, double *q,
                        double root_distances[2]) {
     const Tree *goals = &trees->sides[GOAL_SIDE];
@@ -118,7 +119,7 @@ static int draw_sample(const Trees *trees, double bound, uint64_t *random, const
     return 0;
 }
 
-// Count one more sample from which no tree has grown; whether it is to be replaced by an escape sample.
+// Count a sample without growth; whether to replace it by an escape sample.
 static int is_stalled(Trees *trees, double bound) {
     trees->idle++;
     int64_t one = trees->sides[START_SIDE].size, two = trees->sides[GOAL_SIDE].size;

@@ -1,10 +1,10 @@
 // Two trees of configurations: vertices, nearest neighbors, the path through both.
 //
-// Where a joint turns without end, a vertex has a number less than half a turn from its parent's, however many turns
-// off; differences are those of the shorter way.
+// In joints that wrap, a vertex is less than half a turn from its parent, with any number of whole turns from zero;
+// differences are the shorter ones.
 #include "trees.h"
 
-// Vertices whose distances are computed side by side.
+// Vertices whose distances are computed in one block.
 #define TREE_BLOCK 64
 
 // The whole turns that are nearest to a difference; 0 for a joint that does not wrap, whose turn is 0.
@@ -15,7 +15,7 @@ INLINE double nearest_turns(double difference, double turn) {
 
 // The nearest vertex from which q is reached within a length, the first of equals, -1 if there is none.
 //
-// Only the first `count` vertices are looked at. `turns` has a whole turn for each joint that wraps, 0 for the others.
+// Only the first `count` vertices are considered. `turns` is 2 pi for joints that wrap, 0 for the others, shape (nq,).
 static int64_t nearest_vertex(const Tree *tree, int64_t count, const double *q, int64_t nq, int64_t capacity,
                               double max_length, const double *turns, double *distance) {
     double best = INFINITY, squares[TREE_BLOCK];
@@ -52,7 +52,7 @@ static int64_t nearest_vertex(const Tree *tree, int64_t count, const double *q, 
     return index;
 }
 
-// Subtract whole turns from q, so that a vertex is joined to it by the shorter way.
+// Subtract whole turns from q, so that the straight line from a vertex is the shorter way.
 static void wrap_near(double *q, const Tree *tree, int64_t index, const double *turns, int64_t nq, int64_t capacity) {
     for (int64_t j = 0; j < nq; j++)
         if (turns[j] > 0.0) q[j] += nearest_turns(tree->vertices[j * capacity + index] - q[j], turns[j]);
@@ -65,26 +65,26 @@ static void add_vertex(Tree *tree, const double *q, int64_t nq, int64_t capacity
     tree->lengths[i] = length;
 }
 
-// Two trees that consist of their roots.
+// Reset both trees to their roots.
 static void init_trees(Trees *trees, const TreeQuery *query) {
     int64_t nq = trees->column_count, capacity = trees->capacity;
     const double *roots[2] = {query->start, query->goals};
     trees->samples = trees->edges = trees->skipped = trees->idle = trees->path_rows = 0;
     for (int side = 0; side < 2; side++) {
         Tree *tree = &trees->sides[side];
-        tree->size = tree->meeting = 0;
+        tree->size = tree->connection = 0;
         tree->root_count = side == START_SIDE ? 1 : query->goal_count;
         for (int64_t i = 0; i < capacity; i++) tree->blocked[i] = 0;
         for (int64_t i = 0; i < tree->root_count; i++) add_vertex(tree, roots[side] + i * nq, nq, capacity, -1, 0.0);
     }
 }
 
-// Move the goals' tree by whole turns to where the start's meets it.
+// Shift the goal tree by whole turns to align with the start tree at the connecting edge.
 static void align_turns(Trees *trees, const double *turns) {
     Tree *one = &trees->sides[START_SIDE], *two = &trees->sides[GOAL_SIDE];
     for (int64_t j = 0; j < trees->column_count; j++) {
         int64_t row = j * trees->capacity;
-        double move = nearest_turns(one->vertices[row + one->meeting] - two->vertices[row + two->meeting], turns[j]);
+        double move = nearest_turns(one->vertices[row + one->connection] - two->vertices[row + two->connection], turns[j]);
         if (move == 0.0) continue;
         for (int64_t i = 0; i < two->size; i++) two->vertices[row + i] += move;
     }
@@ -96,13 +96,13 @@ INLINE void write_waypoint(Trees *trees, int side, int64_t vertex, int64_t row) 
         trees->path[row * nq + j] = trees->sides[side].vertices[j * trees->capacity + vertex];
 }
 
-// Write the path through the two vertices where the trees meet, from the start to a goal.
+// Write the path from the start to a goal through the connecting edge.
 static void trace_path(Trees *trees) {
     const Tree *one = &trees->sides[START_SIDE], *two = &trees->sides[GOAL_SIDE];
     int64_t rows = 0;
-    for (int64_t i = one->meeting; i >= 0; i = one->parents[i]) rows++;
+    for (int64_t i = one->connection; i >= 0; i = one->parents[i]) rows++;
     int64_t row = rows;
-    for (int64_t i = one->meeting; i >= 0; i = one->parents[i]) write_waypoint(trees, START_SIDE, i, --row);
-    for (int64_t i = two->meeting; i >= 0; i = two->parents[i]) write_waypoint(trees, GOAL_SIDE, i, rows++);
+    for (int64_t i = one->connection; i >= 0; i = one->parents[i]) write_waypoint(trees, START_SIDE, i, --row);
+    for (int64_t i = two->connection; i >= 0; i = two->parents[i]) write_waypoint(trees, GOAL_SIDE, i, rows++);
     trees->path_rows = rows;
 }

@@ -10,12 +10,12 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     safe_intervals.py  schedule.py           timing on a fixed path; what a schedule occupies
     coordination.py                          coordination diagrams: which segments of two paths do not touch
     agent_path.py  placed_path.py  agents.py   paths in segments, with their bodies; arms that move as one
-    placement.py  problems.py                grids and rings of arms; seeded problems
+    problems.py                              seeded problems; grids and rings are in `rr1plan.scene.placement`
 """
 
-from rr1plan.multi.placement import place_grid, place_ring
 from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
 from rr1plan.multi.problems import dual_arm_shelf, random_grid, ring_swap
+from rr1plan.scene.placement import place_grid, place_ring
 
 __all__ = [
     "GroupResult",

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.kernels.library import CStruct
+from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.placed_path import placed_path
 from rr1plan.path import Path
-from rr1plan.retiming.blends import Curve, CurveChecker, blend_sizes, clean, round_corners
-from rr1plan.retiming.pieces import Pieces, concatenate
-from rr1plan.retiming.speed import Grid, fastest_speeds, hop_times, timed
+from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, round_corners
+from rr1plan.retiming.path_speed import Grid, fastest_speeds, hop_times, timed
+from rr1plan.retiming.timed_pieces import Pieces, concatenate
 
 # How far any point of the arms gets on a segment [m]: in the middle of a path, and at its ends, where other arms may be
 # near; between them it grows by this share of the way from the end.

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
+from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
-from rr1plan.collision.enclosing_ball import ball_reach, enclosing_ball
-from rr1plan.kept import kept_in
-from rr1plan.kernels.library import CStruct
-from rr1plan.limits import Limits
-from rr1plan.problem import Problem
+from rr1plan.kernels.planner_kernels import CStruct
+from rr1plan.object_cache import kept_in
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
 
 _QUEUE_OF_ONE = 1  # intervals: nodes of paths are placed, not halved
 
@@ -168,4 +168,4 @@ class Agent:
         scene = self.among(others)
         start = scene.split(self.start, self.arms)
         goal = {name: self.problem.goal[name] for name in self.arms}
-        return Problem(scene, {name: start[name] for name in self.arms}, goal, self.arms)
+        return Problem(scene, {name: start[name] for name in self.arms}, goal, arms=self.arms)

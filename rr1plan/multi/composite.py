@@ -1,11 +1,11 @@
-"""Several arms planned at once, in the joint space of all that move.
+"""Coupled planning of several arms in their composite configuration space.
 
-There is nothing to call here: a `Problem` is composite from the start. Its start and goal have the columns
-of every moving arm, its checker tests arm against arm, and every planner of `rr1plan.planners` answers it:
+This needs no function: a `Problem` is composite by definition. Its start and goal have the columns
+of all moving arms, its checker tests arms against each other, and every planner of `rr1plan.planners` solves it:
 
     problem = Problem(scene, goal={"left": ..., "right": ...})
     result = plan(problem)
 
-This is complete where the planner is, and the right method for two or three arms. The space grows with
-every arm, so the methods for many arms, which plan them apart, have their place beside this file.
+The method is as complete as the planner, and suitable for two or three arms. The dimension grows with
+every arm, so decoupled methods for many arms belong in other modules of this package.
 """

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker import TOLERANCE
-from rr1plan.kept import kept_in
-from rr1plan.kernels.library import CStruct, load_library
+from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
+from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
 
 Blocked = NDArray[np.uint8]

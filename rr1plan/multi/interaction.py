@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from rr1plan.collision.collision_geometry import geometries_of
-from rr1plan.collision.reach import bases_of, near_balls, placed_balls, reach_ball
+from rr1plan.collision.reach_broad_phase import bases_of, near_balls, placed_balls, reach_ball
 from rr1plan.scene import Scene
 
 

@@ -18,7 +18,7 @@ from rr1plan.path import Path
 from rr1plan.planners import plan
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
-from rr1plan.problem import JointGoal, Problem
+from rr1plan.scene.problem import JointGoal, Problem
 
 _SHORTCUTS = 48
 _ITERATIONS = 4000  # of the planner, for each arm of an agent
@@ -72,7 +72,9 @@ class PathPool:
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:
             names, shorter = self.agent.joint_names, []
             for part in points:
-                short = shorten(Path(names, part), checker, rng=self._rng, iterations=_SHORTCUTS)
+                short = shorten(
+                    Path(names, part), question.scene, checker=checker, iterations=_SHORTCUTS, rng=self._rng
+                )
                 shorter.append(short.waypoints)
             path = AgentPath(self.agent, Path(names, np.concatenate(shorter)), checker)
         self.paths.append(path)
@@ -103,6 +105,6 @@ def _split(question: Problem, via: Array) -> list[Problem]:
     begin = {name: q for name, q in scene.split(question.start, arms).items() if name in arms}
     between = {name: middle[name] for name in arms}
     return [
-        Problem(scene, begin, between, arms).with_margin(question.margin),
-        Problem(scene, between, dict(question.goal), arms).with_margin(question.margin),
+        Problem(scene, begin, between, arms=arms).with_margin(question.margin),
+        Problem(scene, between, dict(question.goal), arms=arms).with_margin(question.margin),
     ]

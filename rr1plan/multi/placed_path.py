@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.kernels.library import CStruct, load_library
+from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.multi.agents import AgentBodies
 
 

@@ -26,7 +26,7 @@ from rr1plan.multi.schedule import Schedule
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
 from rr1plan.planning import Budget, PlanStatus, ProgressCallback, check_question
-from rr1plan.problem import Problem
+from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
 _IMPROVEMENTS = 6  # rounds for each group
@@ -88,13 +88,13 @@ class ManyArmsResult:
         object.__setattr__(self, "paths", MappingProxyType(dict(self.paths)))
 
     @property
-    def solved(self) -> bool:
+    def found(self) -> bool:
         """There is a motion."""
-        return self.status is PlanStatus.SOLVED
+        return self.status is PlanStatus.FOUND
 
     def __bool__(self) -> bool:
-        """The same as `solved`."""
-        return self.solved
+        """The same as `found`."""
+        return self.found
 
     @property
     def ratio(self) -> float:
@@ -102,7 +102,7 @@ class ManyArmsResult:
         return self.makespan / self.lower_bound if self.lower_bound > 0.0 else 1.0
 
     def __repr__(self) -> str:
-        if not self.solved:
+        if not self.found:
             return f"ManyArmsResult({self.status.value}: {self.reason})"
         stages = ", ".join(dict.fromkeys(group.stage for group in self.groups))
         return (
@@ -163,7 +163,7 @@ def plan_many_arms(
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
     schedules = [schedule for planner in planners for schedule in planner.schedules.values()]
     return ManyArmsResult(
-        PlanStatus.SOLVED,
+        PlanStatus.FOUND,
         trajectory=merged_trajectory(problem, schedules),
         paths=_paths_by_arm(problem, schedules),
         groups=tuple(groups),

@@ -14,9 +14,9 @@ from rr1plan.multi.agents import Agent, subscene
 from rr1plan.multi.coordination import are_apart
 from rr1plan.multi.placed_path import placed_configuration
 from rr1plan.planners.collision_messages import describe_collision
-from rr1plan.planners.goals import GoalSearch, check_start, joint_goals
+from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
 from rr1plan.planning import PlanStatus
-from rr1plan.problem import JointGoal, Problem
+from rr1plan.scene.problem import JointGoal, Problem
 
 MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4)
 """Distances to keep beyond the padding [m]: the largest is taken of which starts and goals have twice as much."""
@@ -70,7 +70,7 @@ def preflight(
     margins = {arm: affordable_margin(agent, goal[arm], largest_margin) for arm, agent in agents.items()}
     if all(len(goals) == 1 and isinstance(goals[0], JointGoal) for goals in problem.goal.values()):
         return Preflight(problem, margins)
-    return Preflight(Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, problem.arms), margins)
+    return Preflight(Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, arms=problem.arms), margins)
 
 
 def goal_configurations(

@@ -13,17 +13,18 @@ import numpy as np
 from rr1plan.checks import Array, Seed, as_generator, finite_number, of_kind, positive_number, whole_number
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import CStruct
+from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.coordination import are_apart
 from rr1plan.multi.interaction import arms_in_reach
 from rr1plan.multi.placed_path import placed_configuration
-from rr1plan.multi.placement import place_grid, place_ring
 from rr1plan.multi.preflight import goal_configurations
-from rr1plan.problem import PoseGoal, Problem
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
-from rr1plan.shapes import Box
+from rr1plan.scene.placement import place_grid, place_ring
+from rr1plan.scene.problem import PoseGoal, Problem
+from rr1plan.shapes.shapes import Box
+from rr1plan.transforms import pose
 
 _CLEARANCE = 2e-3  # of starts and goals [m]
 _TRIES, _DRAWS = 1000, 200
@@ -45,7 +46,7 @@ def random_grid(robot: Robot, count: int, spacing: float, rng: Seed = None) -> P
     whole_number("count", count, 1, 10_000)
     generator = as_generator(rng)
     rows = max(k for k in range(1, math.isqrt(count) + 1) if count % k == 0)
-    scene = place_grid(robot, rows, count // rows, spacing)
+    scene = place_grid(robot, rows, count // rows, spacing=spacing)
     start = _random_postures(scene, generator)
     return Problem(scene, start, _random_postures(scene, generator))
 
@@ -144,7 +145,9 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
     generator = as_generator(rng)
     ahead = np.array([-1.0, 0.0, 0.0]) if front is None else np.asarray(front, np.float64)
     yaw = finite_number("yaw", math.pi / 2.0 - math.atan2(ahead[1], ahead[0]))
-    scene = place_grid(robot, 2, 1, spacing, yaw=yaw)
+    scene = Scene()
+    for k, side in enumerate((-0.5, 0.5), start=1):
+        scene = scene.with_arm(f"arm{k:02d}", robot, pose((side * spacing, 0.0, 0.0), rpy=(0.0, 0.0, yaw)))
     for k in range(3):
         board = Box((2.0 * spacing, 0.3 * spacing, 0.02))
         scene = scene.with_obstacle(f"board{k + 1}", board, (0.0, 0.7 * spacing, (0.25 + 0.35 * k) * spacing))

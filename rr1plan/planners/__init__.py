@@ -1,24 +1,27 @@
-"""One verb, many planners: `plan(problem, planner="rrt_connect")`.
+"""All planners behind one function: `plan(problem, planner="rrt_connect")`.
 
-A planner is a class with a `name` and the verb `plan`; a row in `_ROWS` makes it known by that name.
+A planner is derived from `Planner`; a row in `_ROWS` and `_OWN` makes it known by a name, as `register_planner` does
+for those of others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import MappingProxyType
+from typing import NamedTuple
 
-from rr1plan.checks import Seed, known_name
-from rr1plan.errors import InputError
+from rr1plan.checks import Seed, check_text, known_name, shown, true_or_false
+from rr1plan.errors import InputError, PlannerError
 from rr1plan.planners.anytime import AnytimePlanner
 from rr1plan.planners.cartesian import CartesianPlanner
-from rr1plan.planners.ompl import KINDS, OmplPlanner
+from rr1plan.planners.ompl_planners import KINDS, OmplPlanner
+from rr1plan.planners.planner_contract import checked_answer
 from rr1plan.planners.roadmap import Roadmap, RoadmapPlanner
 from rr1plan.planners.rrt_connect import RrtConnect
 from rr1plan.planners.timeout_hints import split_budget, with_hint
 from rr1plan.planning import Budget, Planner, PlannerInfo, PlanResult, PlanStatus, ProgressCallback, check_question
-from rr1plan.problem import Problem
+from rr1plan.scene.problem import Problem
 
 __all__ = [
     "AnytimePlanner",
@@ -27,102 +30,167 @@ __all__ = [
     "Roadmap",
     "RoadmapPlanner",
     "RrtConnect",
+    "chosen_planner",
+    "is_own",
     "make_planner",
     "plan",
     "planner_names",
     "planner_table",
+    "register_planner",
 ]
 
 _ROWS = (
     PlannerInfo(RrtConnect.name, "RRT-Connect as one compiled loop (Kuffner, LaValle 2000; Yershova et al. 2005)"),
     PlannerInfo(
-        AnytimePlanner.name, "RRT-Connect under falling bounds, with shortcuts, again and again, compiled", True
+        AnytimePlanner.name, "RRT-Connect restarted under decreasing cost bounds, with shortcuts, compiled", True
     ),
-    PlannerInfo(RoadmapPlanner.name, "a roadmap kept with the scene, for many queries, compiled"),
+    PlannerInfo(RoadmapPlanner.name, "a roadmap cached with the scene, for many queries, compiled"),
     *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
     PlannerInfo("cartesian", "the tool moves on a straight line to a pose, the joints follow"),
 )
-_NAMES = tuple(row.name for row in _ROWS)
-# Our own planners, and their settings.
-_OWN: Mapping[str, tuple[Callable[..., Planner], tuple[str, ...]]] = MappingProxyType(
+# Our own planners, by name; a new one is made for each, with its usual settings.
+_OWN: Mapping[str, Callable[[], Planner]] = MappingProxyType(
     {
-        RrtConnect.name: (RrtConnect, ("range", "tree")),
-        AnytimePlanner.name: (AnytimePlanner, ("range",)),
-        RoadmapPlanner.name: (RoadmapPlanner, ("samples",)),
-        CartesianPlanner.name: (CartesianPlanner, ("tolerance", "orientation_tolerance")),
+        RrtConnect.name: RrtConnect,
+        AnytimePlanner.name: AnytimePlanner,
+        RoadmapPlanner.name: RoadmapPlanner,
+        **{name: partial(OmplPlanner, name) for name in KINDS},
+        CartesianPlanner.name: CartesianPlanner,
     }
 )
+# What they return needs no check.
+_TRUSTED = frozenset({RrtConnect, AnytimePlanner, RoadmapPlanner, Roadmap, CartesianPlanner, OmplPlanner})
+
+
+class _Registered(NamedTuple):
+    """A planner that a caller made known."""
+
+    info: PlannerInfo
+    factory: Callable[[], object]
+
+
+_registered: dict[str, _Registered] = {}
 
 
 def planner_names() -> tuple[str, ...]:
-    """Names of all planners."""
-    return _NAMES
+    """Names of all planners, registered ones last."""
+    return (*_OWN, *_registered)
+
+
+def is_own(name: str) -> bool:
+    """Whether a planner of this name comes with rr1plan."""
+    return name in _OWN
 
 
 def planner_table() -> tuple[PlannerInfo, ...]:
     """All planners: name, one line of description, whether it improves its path until the budget ends."""
-    return _ROWS
+    return (*_ROWS, *(row.info for row in _registered.values()))
 
 
-def make_planner(name: str, **settings: float) -> Planner:
-    """A planner by name.
+def register_planner(
+    name: str, factory: Callable[[], Planner], *, description: str = "", optimizing: bool = False
+) -> None:
+    """Make a planner of your own known by a name, to `plan`, `plan_motion`, `plan_many` and `planner_names`.
 
     Args:
-        name: A name of `planner_names()`.
-        **settings: Arguments of the planner's constructor, e.g. range=0.5 [rad] or tree=True.
+        name: The name, one that no planner has yet.
+        factory: Called without arguments for a new planner each time one is used: a class derived from `Planner`, or
+            a function.
+        description: One line about it.
+        optimizing: Whether it improves its path until the budget ends.
 
     Raises:
-        UnknownNameError: no such planner or setting; the message lists them.
-        InputError: a setting of the wrong kind.
+        InputError: a name that is taken, or a factory that cannot be called.
     """
-    if known_name("planner", name, _NAMES) in KINDS:
-        return OmplPlanner(name, **settings)  # type: ignore[arg-type]  # `tree` is among the settings
-    kind, known = _OWN[name]
-    for setting in settings:
-        known_name(f"setting of planner {name!r}", setting, known)
-    return kind(**settings)
+    check_text("name", name)
+    check_text("description", description)
+    if name in planner_names() or not name:
+        raise InputError(f"a planner cannot be registered as {name!r}: {'the name is taken' if name else 'no name'}")
+    if not callable(factory):
+        raise InputError(f"factory is {shown(factory)}, expected a class derived from Planner, or a function")
+    info = PlannerInfo(name, description, true_or_false("optimizing", optimizing))
+    _registered[name] = _Registered(info, factory)
 
 
-# One with its usual settings is the same for all questions.
-_usual_planner = lru_cache(maxsize=None)(make_planner)
+def make_planner(name: str) -> Planner:
+    """A new planner by name, with its usual settings.
+
+    Raises:
+        UnknownNameError: no such planner; the message lists them.
+        PlannerError: the factory of a registered one raised something, or returned something else.
+    """
+    if known_name("planner", name, planner_names()) in _OWN:
+        return _OWN[name]()
+    try:
+        planner = _registered[name].factory()
+    except Exception as error:
+        raise PlannerError(f"the factory of planner {name!r} raised {type(error).__name__}: {error}") from error
+    if not isinstance(planner, Planner):
+        raise PlannerError(f"the factory of planner {name!r} returned {shown(planner)}, expected a Planner")
+    return planner
+
+
+# One of ours with its usual settings is the same for all problems.
+_own_planner = lru_cache(maxsize=None)(make_planner)
+
+
+def chosen_planner(planner: str | Planner) -> Planner:
+    """The planner that is meant by a name or an instance.
+
+    Raises:
+        UnknownNameError: no such name.
+        InputError: something else.
+    """
+    if isinstance(planner, str):
+        return _own_planner(planner) if planner in _OWN else make_planner(planner)
+    if isinstance(planner, Planner):
+        if not isinstance(getattr(planner, "name", None), str):
+            raise InputError(f"planner is a {type(planner).__name__} without a name, expected text as its name")
+        return planner
+    raise InputError(
+        f"planner is {shown(planner)}, expected a name of planner_names() or an instance of Planner, not a class"
+    )
 
 
 def plan(
     problem: Problem,
+    *,
     planner: str | Planner = "rrt_connect",
     budget: Budget | None = None,
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> PlanResult:
-    """Find a path that answers a problem, every edge of it certified free.
+    """Find a path from the start to a goal, every edge certified free.
 
     Args:
         problem: The question. What aims at configurations (all planners but "cartesian") looks for eight of each
             pose or region goal; where many reach it, the nearest of all may not be among them. Our own planners
             look for others where they do not get on.
-        planner: A name of `planner_names()`, or a planner with settings of its own.
+        planner: A name of `planner_names()`, or an instance of `Planner`: one of ours with other settings, such as
+            `RrtConnect(range=0.5)`, or your own.
         budget: When to stop (default: 10 s). Under a budget of iterations alone the same seed gives the
-            same path to the byte. A hint why a search failed gets a tenth of the seconds (at most 1 s) and a twentieth
-            of the iterations; below a second or a thousand iterations there is none.
-        rng: Generator or seed of everything random.
+            same path to the byte. A tenth of the seconds (at most 1 s) and a twentieth of the iterations are reserved
+            for a hint why the search failed; a budget below a second or a thousand iterations gets no hint.
+        rng: Generator or seed of all random numbers.
         progress: Called about ten times a second; it may return False to cancel.
 
     Returns:
-        The path, or why there is none: INVALID_START, INVALID_GOAL (what touches what and how deep, which
-        joint is out by how much), INFEASIBLE (no configuration reaches the goal), TIMEOUT, CANCELLED.
+        The path, or why there is none: INVALID_START, INVALID_GOAL (which elements collide and how deep, which
+        joint exceeds its limit by how much), INFEASIBLE (no configuration reaches the goal), TIMEOUT, CANCELLED.
 
     Raises:
         UnknownNameError: no such planner.
         InputError: a problem this planner does not take.
+        PlannerError: a planner of your own raised something, or returned a path that is no answer.
         KeyboardInterrupt: Ctrl-C, after cleaning up.
     """
     check_question(problem, budget, progress)
-    if not hasattr(planner, "plan"):
-        planner = _usual_planner(planner) if isinstance(planner, str) else make_planner(planner)
-    elif isinstance(planner, type):
-        raise InputError(f"planner is the class {planner.__name__}, expected one of its instances, or a name")
+    chosen = chosen_planner(planner)
     search, rest = split_budget(budget or Budget())
-    result = planner.plan(problem, search, rng, progress)
-    if result.status is not PlanStatus.TIMEOUT or rest is None or isinstance(planner, CartesianPlanner):
+    if type(chosen) in _TRUSTED:
+        result = chosen.plan(problem, budget=search, rng=rng, progress=progress)
+    else:
+        result = checked_answer(chosen, problem, search, rng, progress)
+    if result.status is not PlanStatus.TIMEOUT or rest is None or chosen.keeps_shape:
         return result
     return with_hint(problem, result, rest, progress)

@@ -1,13 +1,13 @@
-"""Shorter and shorter paths until the budget ends: RRT-Connect under a bound, shortened, again and again.
+"""Anytime RRT-Connect: restarts under random cost bounds, with shortcuts, until the budget ends.
 
-The first path is that of RRT-Connect, shortened. Then round follows round, each with fresh trees, a bound of its own
-for the length of its path and a number of samples after which it is given up
-(`rrt_connect.c`). What a round finds is shortened, and kept when it is the shortest so far.
+The first path is that of RRT-Connect, shortened. Each later round starts new trees with a random bound
+on the path length and a limit on the number of samples (`rrt_connect.c`). The path of a round is shortened and
+kept if it is the shortest so far.
 
-The length goes to that of the shortest path (of those that leave some clearance) with probability one: bounds
-are drawn, so that infinitely many rounds have one between the shortest length and any longer one, and
-the numbers of samples are Luby's sequence, so that infinitely many of these rounds are longer than any number;
-and a round that is long enough finds a path below its bound with a probability near to one.
+The path length converges almost surely to the infimum over paths with positive clearance: the bounds are
+random, so infinitely many rounds have a bound between the infimum and any larger length; the sample limits follow
+Luby's sequence, so infinitely many of these rounds exceed any number of samples; and the probability that a
+round finds a path below its bound tends to one with its number of samples.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from rr1plan.checks import Array, Seed, finite_number
 from rr1plan.errors import InputError
 from rr1plan.kernels.random_state import draw_uniform
 from rr1plan.path import Path
-from rr1plan.planners.query import NO_LIMIT, Query
+from rr1plan.planners.planning_query import NO_LIMIT, Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planners.tree_search import TreeSearch
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
-from rr1plan.problem import Problem
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.scene.problem import Problem
 
 _ROUND = 256  # samples of the shortest round
 _SHORTCUTS = 100  # tried on each path
-_STRAIGHT = 1.0 + 1e-9  # a path this near to the straight line cannot be improved
-# The bound lies between these shares of the best path's detour. Above one: what shortcuts gain is not known before.
+_STRAIGHT = 1.0 + 1e-9  # a path shorter than this multiple of the straight line cannot be improved
+# Range of the bound, as a share of the best path's detour. Above one, because shortcuts may shorten a longer path.
 _LEAST_SHARE, _MOST_SHARE = 0.75, 2.5
 
 
-class AnytimePlanner:
-    """The shortest path a budget allows: RRT-Connect under falling bounds, with shortcuts, compiled.
+class AnytimePlanner(Planner):
+    """Anytime RRT-Connect: restarts under decreasing cost bounds, with shortcuts, compiled.
 
     It is asymptotically optimal and uses the whole budget, unless the straight line is free. Under a budget of
     iterations alone the same seed gives the same path. An iteration is a sample.
 
     Args:
-        range: Longest edge of a tree [rad]; 0: a part of the diagonal of the joints' ranges.
+        range: Longest edge of a tree [rad]; 0: a share of the diagonal of the joint space.
 
     Raises:
         InputError: a negative range.
@@ -60,18 +60,19 @@ class AnytimePlanner:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress) as query:
-            refused = query.refusal()
+            refused = query.early_exit()
             return _Rounds(query, self.range).run() if refused is None else refused
 
 
 class _Rounds:
-    """Rounds of one query, and the best path so far."""
+    """The rounds of one query and the best path so far."""
 
     def __init__(self, query: Query, step: float) -> None:
         self.query = query
@@ -93,26 +94,33 @@ class _Rounds:
         number = 0
         while query.goes_on() and self.length > self.straight * _STRAIGHT:
             number += 1
-            if self.search.meets(*self.plan_round(number)):
+            if self.search.connect(*self.plan_round(number)):
                 self.improve(self.search.trees.path())
         if self.best is None or query.cancelled:
             return query.unsolved(self.search.describe())
-        return query.result(PlanStatus.SOLVED, self.best)
+        return query.result(PlanStatus.FOUND, self.best)
 
     def plan_round(self, number: int) -> tuple[float, int]:
-        """Bound of a round's path and how many samples it may take; no limit before there is a path."""
+        """Cost bound and sample limit of a round; unlimited until the first path is found."""
         if self.best is None:
             return math.inf, NO_LIMIT
         share = _LEAST_SHARE + (_MOST_SHARE - _LEAST_SHARE) * draw_uniform(self.search.state)
         return self.straight + share * (self.length - self.straight), _ROUND * luby(number)
 
     def improve(self, waypoints: Array) -> None:
-        """Shorten a path, and keep it when it is the best."""
+        """Shorten a path, and keep it if it is the best."""
         query, motion = self.query, self.query.motion
         checked = motion.edges_checked
         path = Path.trusted(motion.joint_names, waypoints)
         seed = int(draw_uniform(self.search.state) * 2**53)
-        path = shorten(path, motion, rng=seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
+        path = shorten(
+            path,
+            query.problem.scene,
+            checker=motion,
+            iterations=_SHORTCUTS,
+            seconds=max(query.seconds_left, 1e-6),
+            rng=seed,
+        )
         query.edges += motion.edges_checked - checked
         if path.length < self.length:
             self.best, self.length = path.waypoints, path.length
@@ -120,12 +128,12 @@ class _Rounds:
 
 
 def luby(number: int) -> int:
-    """Term of the sequence 1 1 2 1 1 2 4 1 1 2 ...
+    """Term of Luby's sequence 1 1 2 1 1 2 4 1 1 2 ...
 
     (Luby, Sinclair, Zuckerman, Optimal speedup of Las Vegas algorithms, 1993)
 
     Args:
-        number: Which, from 1 on.
+        number: Index of the term, from 1.
     """
     while True:
         bits = number.bit_length()

@@ -1,9 +1,9 @@
-"""Straight lines in the workspace: the tool moves on a line and turns evenly, the joints follow.
+"""Cartesian paths: the frame moves on a straight line and rotates at a constant rate about one axis.
 
-Inverse kinematics is continued along the line: each step starts from the last configuration, corrects
-by a descent within the joint limits and is halved until the joint-space edge stays within the
-tolerance of the line by a rigorous bound (so a jump to another branch never passes) and is certified
-free. Where that ends before the goal, the answer says how far it came and what stopped it.
+Inverse kinematics is continued along the line: each step starts from the last configuration, is corrected
+by a descent within the joint limits and halved until a rigorous bound proves that the joint-space edge
+stays within the tolerance of the line (which excludes jumps to another branch) and the edge is certified
+free. If the path ends before the goal, the result states the fraction of the line covered and the cause.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, positive_number
 from rr1plan.errors import InputError
-from rr1plan.kinematics import Kinematics, solve_ik
-from rr1plan.kinematics.chain import Chain, chain_of
-from rr1plan.kinematics.descent import descend, errors_at
-from rr1plan.kinematics.inverse import describe_excess
-from rr1plan.kinematics.lines import EdgeBound, Line
+from rr1plan.model import Kinematics, solve_ik
+from rr1plan.model.ik_descent import descend, errors_at
+from rr1plan.model.inverse_kinematics import describe_excess
+from rr1plan.model.kinematic_chain import Chain, chain_of
+from rr1plan.model.workspace_lines import EdgeBound, Line
 from rr1plan.planners.collision_messages import describe_collision
-from rr1plan.planners.goals import GoalSearch, check_start
-from rr1plan.planners.query import Query
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
-from rr1plan.problem import Goal, JointGoal, PoseGoal, Problem
+from rr1plan.planners.goal_configurations import GoalSearch, check_start
+from rr1plan.planners.planning_query import Query
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
 
 _FIRST_STEP, _LARGEST_STEP, _SMALLEST_STEP = 0.1, 0.25, 1e-4  # parts of the line
 _LARGEST_EDGE = 0.5  # sum of joint changes [rad]
-_WAYPOINT_SHARE = 0.01  # part of the tolerance a waypoint itself may use
-_REACHED = 1e-12  # squared error of a descent that arrived
-_EXACT = 1e-6  # tolerance of "another configuration reaches it" [m], [rad]
-_SINGULAR = 0.02  # smallest singular value that counts as singular
-_NO_LENGTH = 1e-9  # a line this short is no motion [m + rad]
+_WAYPOINT_SHARE = 0.01  # share of the tolerance for the error of a waypoint
+_REACHED = 1e-12  # squared error below which a descent has converged
+_EXACT = 1e-6  # tolerance of the check whether another configuration reaches a pose [m], [rad]
+_SINGULAR = 0.02  # singular values below this count as singular
+_NO_LENGTH = 1e-9  # a shorter line counts as no motion [m + rad]
 
 
 def _kind(goal: Goal) -> str:
@@ -41,35 +41,37 @@ def _kind(goal: Goal) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Stop:
-    """Why a line ended too early."""
+    """Status and reason of a line that ended before the goal."""
 
     status: PlanStatus
     reason: str
 
 
-class CartesianPlanner:
+class CartesianPlanner(Planner):
     """Moves one arm's frame along a straight line to a `PoseGoal`.
 
-    With a full pose the frame turns evenly about one axis (slerp); with a position only, its
-    orientation is free. Several alternatives are tried in their order.
+    With a full pose the orientation is interpolated (slerp); with a position only, the
+    orientation is free. Alternative goals are tried in order.
 
     Args:
-        tolerance: Most that the frame may leave the line, between waypoints too [m].
-        orientation_tolerance: Most that it may be turned away from the even turn [rad].
+        tolerance: Largest distance from the line, between waypoints too [m].
+        orientation_tolerance: Largest angle from the interpolated orientation [rad].
 
     Raises:
         InputError: a tolerance that is not above zero.
     """
 
     name = "cartesian"
+    keeps_shape = True
 
-    def __init__(self, tolerance: float = 1e-3, orientation_tolerance: float = 1e-2) -> None:
+    def __init__(self, *, tolerance: float = 1e-3, orientation_tolerance: float = 1e-2) -> None:
         self.tolerance = positive_number("tolerance", tolerance)
         self.orientation_tolerance = positive_number("orientation_tolerance", orientation_tolerance)
 
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
@@ -77,17 +79,17 @@ class CartesianPlanner:
         """Plan a straight line.
 
         Args:
-            problem: One moving arm, whose goal is a `PoseGoal` (or several, any of which will do).
-            budget: When to stop (default: 10 s); an iteration is one step tried.
-            rng: Only for finding the reason where there is no line; the line itself is not random.
+            problem: One moving arm, whose goal is one or several alternative `PoseGoal`.
+            budget: When to stop (default: 10 s); an iteration is one attempted step.
+            rng: Seed of the diagnosis of a failure; the path is deterministic.
             progress: Called about ten times a second; it may return False to cancel.
 
         Raises:
-            InputError: several arms move, or a goal that is no `PoseGoal`.
+            InputError: several arms move, or a goal is not a `PoseGoal`.
         """
         with Query(self.name, problem, budget, rng, progress) as query:
             goals = _pose_goals(problem)
-            return _Walk(self, query).to_any(goals)
+            return _LineSearch(self, query).to_any(goals)
 
 
 def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
@@ -102,8 +104,8 @@ def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
     return tuple(goals)
 
 
-class _Walk:
-    """One query, and the tools it needs."""
+class _LineSearch:
+    """The search for a Cartesian path of one query."""
 
     def __init__(self, planner: CartesianPlanner, query: Query) -> None:
         self.planner, self.query = planner, query
@@ -112,7 +114,7 @@ class _Walk:
         self.robot = self.problem.scene.arms[self.problem.arms[0]].robot
 
     def to_any(self, goals: tuple[PoseGoal, ...]) -> PlanResult:
-        """The line to the first goal that has one, or why there is none."""
+        """The path to the first goal that is reached, or why there is none."""
         query, stops = self.query, []
         blocked = check_start(self.problem, self.motion)
         if blocked:
@@ -120,7 +122,7 @@ class _Walk:
         for goal in goals:
             ended = self.along(goal)
             if not isinstance(ended, _Stop):
-                return query.result(PlanStatus.SOLVED, ended)
+                return query.result(PlanStatus.FOUND, ended)
             stops.append(ended)
             if ended.status is not PlanStatus.INFEASIBLE:
                 break
@@ -135,7 +137,7 @@ class _Walk:
     # ---- the line ----------------------------------------------------------------------------
 
     def along(self, goal: PoseGoal) -> Array | _Stop:
-        """Follow the line to one goal: waypoints, shape (n, nq)."""
+        """Waypoints along the line to one goal, shape (n, nq)."""
         index = self.kinematics.scene_model.frame_id(self.kinematics.frame(goal.frame))
         start = self.problem.start
         line = Line.between(self.kinematics, start, index, goal.position, goal.rotation)
@@ -161,7 +163,7 @@ class _Walk:
         return np.array(waypoints)
 
     def correct(self, line: Line, part: float, q: Array, goal: PoseGoal) -> Array | None:
-        """The configuration on the line next to q, or None where there is none within the limits."""
+        """The configuration on the line nearest to q, or None if there is none within the limits."""
         limits = self.robot.limits
         target, chain = line.at(part), self.chain_of(line)
         q, _ = descend(chain, target, q, limits.lower, limits.upper, steps=30)
@@ -170,14 +172,14 @@ class _Walk:
         return q if meters <= most_meters and radians <= most_radians else None
 
     def waypoint_tolerances(self, goal: PoseGoal) -> tuple[float, float]:
-        """How far a waypoint itself may be from the line [m], [rad]."""
+        """Tolerances of waypoints [m], [rad]."""
         return (
             min(_WAYPOINT_SHARE * self.planner.tolerance, 0.9 * goal.position_tolerance),
             min(_WAYPOINT_SHARE * self.planner.orientation_tolerance, 0.9 * goal.orientation_tolerance),
         )
 
     def is_straight(self, line: Line, bound: EdgeBound, a: Array, b: Array) -> bool:
-        """The edge stays within the tolerances and is no jump."""
+        """Whether the edge provably stays within the tolerances of the line."""
         meters, radians = bound.bound(a, b)
         share = 1.0 - _WAYPOINT_SHARE
         return (
@@ -187,12 +189,12 @@ class _Walk:
         )
 
     def is_free(self, a: Array, b: Array) -> bool:
-        """The edge touches nothing."""
+        """Whether the edge is free."""
         self.query.edges += 1
         return self.motion.edge_is_free(a, b)
 
     def take_step(self, part: float) -> _Stop | None:
-        """Count one step, or say why there is none after that part of the line."""
+        """Count one step; or the reason to stop after a fraction `part` of the line."""
         if not self.query.goes_on():
             if self.query.cancelled:
                 return _Stop(PlanStatus.CANCELLED, "the progress callback returned False")
@@ -203,25 +205,27 @@ class _Walk:
     # ---- why it ended ------------------------------------------------------------------------
 
     def why(self, line: Line, part: float, q: Array, blocked: Array | None, fits: bool) -> str:
-        """What stopped the line right after q, in words; `blocked` is the next configuration, if there is one."""
+        """Why the line ends at q; `blocked` is the next configuration on it, if there is one."""
         if blocked is not None and fits:
             return f"collision: {self.collision(q, blocked)}"
         if blocked is not None:
-            return f"going on needs a jump of the joints; {self.singularity(line, q)}"
+            return f"continuing needs a jump of the joints; {self.singularity(line, q)}"
         target, free = line.at(part), np.full(len(q), np.inf)
         unlimited, cost = descend(self.chain_of(line), target, q, -free, free)
         excess = describe_excess(self.robot, unlimited)
         if excess and cost < _REACHED and float(np.abs(unlimited - q).sum()) < _LARGEST_EDGE:
             return f"joint limit: {excess}"
         quaternion = None if target.rotation is None else quaternion_from_rotation(target.rotation)
-        goal = PoseGoal(self.frame_name(line), target.lower, quaternion, _EXACT, _EXACT)
+        goal = PoseGoal(
+            self.frame_name(line), target.lower, quaternion, position_tolerance=_EXACT, orientation_tolerance=_EXACT
+        )
         found = solve_ik(self.kinematics, goal, seeds=q, rng=0, max_solutions=1)
-        if found.solved:
-            return f"it goes on only from another configuration; {self.singularity(line, q)}"
+        if found.found:
+            return f"it continues only from another configuration; {self.singularity(line, q)}"
         return found.reason
 
     def singularity(self, line: Line, q: Array) -> str:
-        """How near to singular the frame's Jacobian is, in words."""
+        """Message about the smallest singular value of the frame's Jacobian."""
         J = self.kinematics.pose_and_jacobian(q, line.index)[2]
         rows = J if line.turn is not None else J[:3]
         smallest = float(np.linalg.svd(rows, compute_uv=False).min(initial=np.inf))
@@ -229,7 +233,7 @@ class _Walk:
         return f"the arm is {verdict} there (smallest singular value of the Jacobian {smallest:.2g})"
 
     def collision(self, q: Array, blocked: Array) -> str:
-        """Who touches whom on the edge from q."""
+        """Message about the collision on the edge from q."""
         for t in (1.0, 0.5, 0.75, 0.25):
             between = q + t * (blocked - q)
             if self.motion.contacts(between):
@@ -237,9 +241,9 @@ class _Walk:
         return " and ".join(repr(name) for name in self.motion.nearest(blocked).pair)
 
     def chain_of(self, line: Line) -> Chain:
-        """The joints that move the frame."""
-        return chain_of(self.kinematics.scene_model.skeleton, self.frame_name(line))
+        """Kinematic chain of the frame."""
+        return chain_of(self.kinematics.scene_model.arm_model, self.frame_name(line))
 
     def frame_name(self, line: Line) -> str:
-        """Name of the frame that moves, "arm/link"."""
+        """Name of the moving frame, "arm/link"."""
         return str(self.kinematics.scene_model.model.frames[line.index].name)

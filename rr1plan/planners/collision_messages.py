@@ -1,4 +1,4 @@
-"""Collisions in words: which elements touch, how deep, and what to do about a held object that touches."""
+"""Messages about collisions: the pairs in contact, their depths, and hints for held objects."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker, Contact
-from rr1plan.scene.held_contacts import resting_advice
+from rr1plan.scene.held_contacts import contact_advice
 
-# Two elements this near [m] touch: neither the kernel nor Coal tells less.
+# Elements closer than this [m] count as touching: the resolution of the kernel and of Coal.
 _TOUCH = 1e-6
 
 
 def describe_collision(checker: CollisionChecker, q: Array, without: Collection[str] = ()) -> str:
-    """Which elements collide at a configuration and how deep, deepest first, and what to try.
+    """Message about the contacts at a configuration, deepest first, with hints how to resolve them.
 
     Args:
-        checker: Of the scene and its moving arms.
+        checker: Collision checker of the scene and its moving arms.
         q: Configuration in collision [rad or m], shape (nq,).
-        without: Arms whose contacts are left out.
+        without: Arms whose contacts are ignored.
     """
     contacts = contacts_without(checker, q, without) or _nearest_to_contact(checker, q, without)
     said = [_describe(checker, contact) for contact in contacts[:3]]
@@ -30,13 +30,13 @@ def describe_collision(checker: CollisionChecker, q: Array, without: Collection[
 
 
 def contacts_without(checker: CollisionChecker, q: Array, arms: Collection[str]) -> Sequence[Contact]:
-    """What touches at q (nq,) without the contacts of some arms, deepest first."""
+    """Contacts at q (nq,) that do not involve `arms`, deepest first."""
     owner = checker.scene.owner
     return [c for c in checker.contacts(q) if owner(c.a) not in arms and owner(c.b) not in arms]
 
 
 def _nearest_to_contact(checker: CollisionChecker, q: Array, arms: Collection[str]) -> Sequence[Contact]:
-    """The pair nearest to its padding: the kernel refuses a gap below a micrometer, in which Coal sees no contact."""
+    """The pair with the least distance beyond its padding: the kernel rejects gaps below 1 µm, Coal does not."""
     scene = checker.scene
     counts = [scene.owner(a) not in arms and scene.owner(b) not in arms for a, b in checker.pairs]
     beyond = np.where(counts, checker.distances(q) - checker.padding, np.inf)
@@ -45,12 +45,12 @@ def _nearest_to_contact(checker: CollisionChecker, q: Array, arms: Collection[st
 
 
 def _gap(checker: CollisionChecker, contact: Contact) -> float:
-    """Distance of the two elements of a contact [m], negative where they overlap."""
+    """Signed distance of the two elements of a contact [m], negative in penetration."""
     return _distance_to_keep(checker, contact) - contact.depth
 
 
 def _distance_to_keep(checker: CollisionChecker, contact: Contact) -> float:
-    """Padding of two elements and, where they move against each other, the margin [m]."""
+    """Padding of two elements [m], plus the margin if they move relative to each other."""
     rigid = (contact.a, contact.b) in checker.static_contacts
     return checker.scene.padding_of(contact.a, contact.b) + (0.0 if rigid else checker.margin)
 
@@ -64,9 +64,9 @@ def _describe(checker: CollisionChecker, contact: Contact) -> str:
 
 
 def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
-    """What to do about a held object that rests on an obstacle or touches the hand that holds it."""
+    """Hints for a held object that rests on an obstacle or touches the gripper that holds it."""
     scene = checker.scene
-    resting = resting_advice(scene, contact.a, contact.b, _gap(checker, contact))
+    resting = contact_advice(scene, contact.a, contact.b, _gap(checker, contact))
     if resting:
         yield resting
     for held, other in ((contact.a, contact.b), (contact.b, contact.a)):
@@ -81,5 +81,5 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
 
 
 def _is_rigid(checker: CollisionChecker, contact: Contact) -> bool:
-    """Whether no moving joint lies between the two elements."""
+    """Whether no moving joint lies between the two elements of a contact."""
     return (contact.a, contact.b) in checker.static_contacts

@@ -1,7 +1,7 @@
-"""Many questions in one scene: a roadmap that is kept.
+"""Lazy PRM* for many queries in one scene.
 
-Samples are drawn once. An edge is certified when the shortest way so far needs it, and never again. What
-the roadmap does not connect is answered by trees that grow towards each other, as RRT-Connect does.
+Samples are drawn once. An edge is certified when it lies on the shortest candidate path, and never again.
+RRT-Connect solves queries whose start and goal the roadmap does not connect.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planners import tree_search
-from rr1plan.planners.graph import Graph
-from rr1plan.planners.query import Query
+from rr1plan.planners.planning_query import Query
+from rr1plan.planners.roadmap_graph import Graph
 from rr1plan.planners.shortcut import shorten
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
-from rr1plan.problem import Problem
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
 from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
 
 _SAMPLES = 600
 _MOST_SAMPLES = 1_000_000
@@ -27,19 +27,19 @@ _SHORTCUTS = 100  # tried on a path that is learned
 _NAME = "roadmap"
 
 
-class Roadmap:
+class Roadmap(Planner):
     """A roadmap of a scene and the arms that move in it, built once for many questions.
 
-    The answer is the shortest way along the roadmap's free edges. Where it does not connect start and goal,
-    RRT-Connect does, and the roadmap learns its path. So answers get faster and depend on what was asked before; the
-    same questions in the same order have the same answers. An iteration of a budget is a sample of these trees.
+    The result is the shortest path along the roadmap's free edges. If it does not connect start and goal,
+    RRT-Connect does, and its path is added to the roadmap. Results therefore depend on earlier queries; the
+    same queries in the same order have the same results. An iteration of a budget is a sample of RRT-Connect.
 
-    Several threads may ask; they are answered one after the other.
+    Several threads may call `plan`; their queries are processed one at a time.
 
     Args:
-        scene: The scene; its moving arms may stand anywhere.
+        scene: The scene; the configurations of its moving arms do not matter.
         arms: The arms that move (default: all).
-        samples: How many samples to draw; those that are not free are dropped.
+        samples: Number of samples to draw; those in collision are dropped.
 
     Raises:
         UnknownNameError: no such arm.
@@ -60,7 +60,7 @@ class Roadmap:
         return f"Roadmap({self.scene.name!r}, arms={list(self.arms)}, {len(self)} vertices)"
 
     def __len__(self) -> int:
-        """How many vertices there are."""
+        """Number of vertices."""
         return self._graph.size
 
     @property
@@ -73,10 +73,10 @@ class Roadmap:
         """Draw more samples.
 
         Args:
-            samples: How many.
+            samples: Number of additional samples.
 
         Raises:
-            InputError: less than one, or no whole number.
+            InputError: less than one, or not an integer.
         """
         samples = checked_samples(samples)
         with self._lock, checker_from_pool(self.scene, self.arms) as motion:
@@ -85,16 +85,17 @@ class Roadmap:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
-        """Answer a problem in this scene; see `rr1plan.plan`.
+        """Solve a problem in this scene; see `rr1plan.plan`.
 
         Args:
-            problem: The question.
+            problem: The planning problem.
             budget: When to stop (default: 10 s).
-            rng: Generator or seed of inverse kinematics and of the trees where the roadmap does not connect.
+            rng: Generator or seed of inverse kinematics and of RRT-Connect.
             progress: Called about ten times a second; it may return False to cancel.
 
         Raises:
@@ -103,8 +104,8 @@ class Roadmap:
         check_question(problem, budget, progress)
         self._check_fits(problem)
         with self._lock, Query(_NAME, problem, budget, rng, progress, self.scene) as query:
-            refused = query.refusal()
-            return _answer(query, self._graph, learns=True) if refused is None else refused
+            refused = query.early_exit()
+            return _answer(query, self._graph, learn=True) if refused is None else refused
 
     def _check_fits(self, problem: Problem) -> None:
         if problem.arms != self.arms:
@@ -115,31 +116,30 @@ class Roadmap:
         if problem.margin != 0.0:
             raise InputError(
                 f"the problem keeps a margin of {problem.margin:g} m, but the roadmap was built without; "
-                "build one for the scene with that margin (Scene.with_margin) and ask without"
+                "build one for the scene with that margin (Scene.with_margin) and plan without"
             )
         if problem.scene is self.scene:
             return
-        if _without_postures(problem.scene, self.arms) != _without_postures(self.scene, self.arms):
+        if _fixed_content_hash(problem.scene, self.arms) != _fixed_content_hash(self.scene, self.arms):
             raise InputError(
                 f"the problem is in another scene ({problem.scene.name!r}) than the roadmap ({self.scene.name!r}), or "
                 "something in it has changed; build a roadmap for it"
             )
 
 
-class RoadmapPlanner:
+class RoadmapPlanner(Planner):
     """A roadmap that is kept with the scene, behind the verb of all planners.
 
-    It pays from the second question in a scene on where many obstacles are in the way: among 120 boxes the median
-    question took a third of the time of RRT-Connect, for a path that was a fifth shorter before shortcuts. Where few
-    obstacles are in the way, in a scene that is asked about once, or where the shortest path matters, RRT-Connect and
-    `shorten` do better.
+    It pays off from the second query in a cluttered scene: among 120 boxes the median query took a third of the
+    time of RRT-Connect, for a path that was a fifth shorter before shortcuts. RRT-Connect and `shorten` are better
+    in scenes with few obstacles, for single queries, and where the shortest path matters.
 
-    It is built by the first question and never learns, so that no answer depends on what was asked before. An
-    iteration is a sample, of the roadmap (whether or not it was drawn for an earlier question) or of the trees that
-    search where it does not connect.
+    The first query builds the roadmap. Later ones add no paths to it, so results do not depend on earlier queries.
+    An iteration is a sample, of the roadmap (even if drawn for an earlier query) or of RRT-Connect where the
+    roadmap does not connect start and goal.
 
     Args:
-        samples: How many samples the roadmap has; with more of them paths are shorter and answers take longer.
+        samples: Number of samples of the roadmap; more of them make paths shorter and queries slower.
 
     Raises:
         InputError: no sample.
@@ -157,59 +157,67 @@ class RoadmapPlanner:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress) as query:
-            refused = query.refusal()
+            refused = query.early_exit()
             if refused is not None:
                 return refused
-            # Appending to a list and popping from it are atomic. A smaller roadmap is another one.
+            # list.append and list.pop are atomic. Roadmaps with another number of samples have another key.
             samples = min(self.samples, query.most)
             idle: list[Graph] = problem.scene.kept.setdefault((_NAME, problem.arms, problem.margin, samples), [])
             graph = idle.pop() if idle else Graph(problem.scene, problem.arms)
             try:
                 graph.sample(samples, query.motion, query.in_time)
                 query.iterations += graph.samples
-                return _answer(query, graph, learns=False)
+                return _answer(query, graph, learn=False)
             finally:
                 if samples == self.samples:
                     idle.append(graph)
 
 
 def checked_samples(samples: int) -> int:
-    """A number of samples.
+    """A valid number of samples.
 
     Raises:
-        InputError: less than one, more than a million, or no whole number.
+        InputError: less than one, more than a million, or not an integer.
     """
     return whole_number("samples", samples, 1, _MOST_SAMPLES)
 
 
-def _answer(query: Query, graph: Graph, *, learns: bool) -> PlanResult:
-    """The shortest way along the roadmap, or what trees find where there is none."""
+def _answer(query: Query, graph: Graph, *, learn: bool) -> PlanResult:
+    """The shortest path along the roadmap, or that of RRT-Connect if there is none."""
     problem, motion = query.problem, query.motion
-    before = graph.asked
-    way = graph.find_way(problem.start, query.goals, motion, query.in_time)
-    query.edges += graph.asked - before
+    before = graph.checks
+    way = graph.find_path(problem.start, query.goals, motion, query.in_time)
+    query.edges += graph.checks - before
     if way is not None:
-        return query.result(PlanStatus.SOLVED, way)
+        return query.result(PlanStatus.FOUND, way)
     search = tree_search.TreeSearch(query)
-    if not search.meets():
+    if not search.connect():
         return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
     path = Path.trusted(motion.joint_names, search.trees.path())
     checked = motion.edges_checked
-    path = shorten(path, motion, rng=query.seed, iterations=_SHORTCUTS, seconds=max(query.seconds_left, 1e-6))
+    path = shorten(
+        path,
+        query.problem.scene,
+        checker=motion,
+        iterations=_SHORTCUTS,
+        seconds=max(query.seconds_left, 1e-6),
+        rng=query.seed,
+    )
     query.edges += motion.edges_checked - checked
-    if learns:
+    if learn:
         graph.learn(path.waypoints)
-    return query.result(PlanStatus.SOLVED, path.waypoints)
+    return query.result(PlanStatus.FOUND, path.waypoints)
 
 
-def _without_postures(scene: Scene, arms: Sequence[str]) -> str:
-    """What a scene is but for where its moving arms stand."""
+def _fixed_content_hash(scene: Scene, arms: Sequence[str]) -> str:
+    """Hash of a scene's content, ignoring the configurations of its moving arms."""
     for name in arms:
-        scene = scene.with_posture(name, scene.arm(name).robot.home)
+        scene = scene.with_configuration(name, scene.arm(name).robot.home)
     return scene.content_hash

@@ -1,27 +1,27 @@
-"""The compiled RRT-Connect behind the verb of all planners.
+"""RRT-Connect as a compiled loop.
 
-Searching, checking edges and drawing random numbers happen in one loop of machine code (`rrt_connect.c`). It returns
-here every few milliseconds, for the clock, Ctrl-C and progress.
+Sampling, nearest neighbors and edge checks are one compiled loop (`rrt_connect.c`). It returns to Python every few
+milliseconds, for the clock, Ctrl-C and progress.
 """
 
 from __future__ import annotations
 
 from rr1plan.checks import Seed, finite_number, true_or_false
 from rr1plan.errors import InputError
-from rr1plan.planners.query import STRAIGHT_LINES, Query
+from rr1plan.planners.planning_query import STRAIGHT_LINES, Query
 from rr1plan.planners.tree_search import TreeSearch
-from rr1plan.planning import Budget, PlanResult, PlanStatus, ProgressCallback
-from rr1plan.problem import Problem
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.scene.problem import Problem
 
 
-class RrtConnect:
-    """Two trees that grow towards each other (Kuffner, LaValle 2000), compiled.
+class RrtConnect(Planner):
+    """Two trees that grow toward each other (Kuffner, LaValle 2000), compiled.
 
     Under a budget of iterations alone the same seed gives the same path. An iteration is a sample.
 
     Args:
-        range: Longest edge of a tree [rad]; 0: a part of the diagonal of the joints' ranges.
-        tree: Whether the result keeps what was explored.
+        range: Longest edge of a tree [rad]; 0: a share of the diagonal of the joint space.
+        tree: Whether the result contains the explored trees.
 
     Raises:
         InputError: a negative range.
@@ -42,22 +42,23 @@ class RrtConnect:
     def plan(
         self,
         problem: Problem,
+        *,
         budget: Budget | None = None,
         rng: Seed = None,
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         with Query(self.name, problem, budget, rng, progress) as query:
-            refused = query.refusal()
+            refused = query.early_exit()
             if refused is not None:
                 return refused
             return query.straight_line(STRAIGHT_LINES, tree=self.tree) or self._search(query)
 
     def _search(self, query: Query) -> PlanResult:
-        """The answer of the trees."""
+        """The result of growing both trees."""
         search = TreeSearch(query, self.range)
-        met = search.meets()
+        met = search.connect()
         tree = search.trees.explored(joined=met) if self.tree else None
         if met:
-            return query.result(PlanStatus.SOLVED, search.trees.path(), tree=tree)
+            return query.result(PlanStatus.FOUND, search.trees.path(), tree=tree)
         return query.unsolved(search.describe(), tree=tree)

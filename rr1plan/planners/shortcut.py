@@ -1,12 +1,11 @@
-"""Shorter paths by certified shortcuts.
+"""Path shortening by certified shortcuts.
 
-A planner's path wanders. Three moves make it shorter, and each new edge is certified before it is
-taken: skip vertices; join two random points by a straight line; straighten a single joint between
-two random points and leave the others as they are (Geraerts and Overmars, Creating high-quality paths
-for motion planning, 2007). Of eight random moves the most promising one is tried: that which would gain most,
-unless one like it has failed. `smooth` then
-cuts corners (Chaikin, An algorithm for high-speed curve generation, 1974). No move is taken that makes
-the path longer. All but the last are compiled (`shortcut.c`).
+Each new edge is certified before it is taken. Three moves shorten a path: skip vertices; join two random
+points by a straight line; straighten a single joint between two random points and leave the others unchanged
+(Geraerts and Overmars, Creating high-quality paths for motion planning, 2007). Of eight random moves
+the one with the largest expected gain is tried, given the shortcuts that failed before. `smooth` then cuts
+corners (Chaikin, An algorithm for high-speed curve generation, 1974). No move makes the path longer. All
+moves except corner cutting are compiled (`shortcut.c`).
 """
 
 from __future__ import annotations
@@ -20,47 +19,55 @@ import numpy as np
 from rr1plan.checks import Array, Seed, as_seed, of_kind, positive_number, whole_number
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import CStruct, load_library
+from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.path import Path
+from rr1plan.scene import Scene
 
 _MOST_ITERATIONS = 1_000_000
 _MOST_SMOOTH = 10
-# After so many shortcuts in a row that gained nothing, more are unlikely to.
+# Consecutive unsuccessful shortcuts after which the search stops.
 _PATIENCE = 30
-# Steps of a compiled loop between two looks at the clock.
+# Steps of the compiled loop between two clock readings.
 _CHUNK = 128
-# A corner that cannot be cut is tried closer, this many times.
+# Attempts to cut a corner, each at half the distance of the one before.
 _CLOSER = 4
 
 
 def shorten(
     path: Path,
-    checker: CollisionChecker,
+    scene: Scene,
     *,
-    rng: Seed = None,
+    checker: CollisionChecker | None = None,
     iterations: int = 16,
     seconds: float = math.inf,
     smooth: int = 0,
+    rng: Seed = None,
 ) -> Path:
-    """A path with the same ends that is never longer.
+    """Shorten a path between the same start and end; the result is never longer.
 
-    Every edge of the result is certified here, or is a part of an edge of `path`: a free path stays free.
+    Every edge of the result is certified or a part of an edge of `path`: a free path stays free.
 
     Args:
         path: Any number of waypoints; repeated ones are dropped.
-        checker: Certifies edges; of the same joints as the path.
-        rng: Generator or seed; with a seed and no time limit the result is reproducible.
+        scene: What may be hit.
+        checker: Certifies edges; of the same joints as the path (default: a `CollisionChecker` of the scene for the
+            arms of the path).
         iterations: Random shortcuts to try at most, >= 0; four times as many take three times as long, and make
             paths around many obstacles shorter by a twentieth or more.
         seconds: Wall time to stop after [s].
         smooth: How often to cut the corners (each time nearly doubles the waypoints), 0 to 10.
+        rng: Generator or seed; with a seed and no time limit the result is reproducible.
 
     Raises:
+        UnknownNameError: a joint's arm is not in the scene.
         InputError: another set of joints, a count that is negative or too large, or no time at all.
     """
     of_kind("path", path, Path)
-    of_kind("checker", checker, CollisionChecker)
+    of_kind("scene", scene, Scene)
+    of_kind("checker", checker, CollisionChecker, optional=True)
+    if checker is None:
+        checker = CollisionChecker(scene, tuple(dict.fromkeys(name.split("/", 1)[0] for name in path.joint_names)))
     if path.joint_names != checker.joint_names:
         raise InputError(
             f"the path has joints {', '.join(path.joint_names)}, "
@@ -80,7 +87,7 @@ def shorten(
 
 
 class _Shortener:
-    """The path, as the kernel's arrays, and what is done to it until the time is up."""
+    """The path in the arrays of the kernel, and the moves on it."""
 
     def __init__(self, path: Path, checker: CollisionChecker, seed: int, iterations: int, deadline: float) -> None:
         self._checker = checker
@@ -101,7 +108,7 @@ class _Shortener:
 
     def run(self, iterations: int) -> None:
         """Skip vertices, try shortcuts, skip vertices again."""
-        # The kernel does not check pairs that do not move against each other; where one collides, no edge is free.
+        # The kernel skips pairs without relative motion; if one of them collides, no edge is free.
         if not self._checker.static_is_free:
             self._deadline = -math.inf
         call = load_library().rr1_shorten
@@ -113,18 +120,18 @@ class _Shortener:
         self._checker.edges_checked += self._path.value.edges
 
     def waypoints(self) -> Array:
-        """The path as it is now, shape (n, nq)."""
+        """The current path, shape (n, nq)."""
         return self._points[: self._path.value.size].copy()
 
     def _expired(self) -> bool:
         return time.perf_counter() >= self._deadline
 
     def _is_free(self, points: list[Array]) -> bool:
-        """Whether the edges between points are free; out of time none is."""
+        """Whether the edges between points are free; False after the deadline."""
         return all(not self._expired() and self._checker.edge_is_free(a, b) for a, b in pairwise(points))
 
     def cut_corners(self, points: Array) -> Array:
-        """Each corner replaced by two points, a quarter of the way to its neighbors or closer."""
+        """Replace each corner by two points, at most a quarter of the distance to its neighbors away."""
         result = list(points[:1])
         for before, corner, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
             cut = 0.25

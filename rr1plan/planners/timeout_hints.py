@@ -1,13 +1,13 @@
-"""Why a search found no path: a start or goal too near to contact, or one pair of links that separates the free space.
+"""Hints why a search found no path: start or goal too close to contact, or pairs of links that separate the free space.
 
-A pair of links separates start and goal when no path exists because of it and one does without it. Such a pair touches
-somewhere on every line from the start to a goal, so few pairs are left to try: each of them is relaxed in turn and
-the search repeated for a moment, then all of them together, less those that make no difference. A path found that way
+A pair of links separates start and goal if a path exists only when the pair is ignored. Such a pair is in contact
+somewhere on every line from the start to a goal, so few pairs are candidates: each of them is ignored in turn and
+the search repeated briefly, then all of them together, minus those that make no difference. A path found this way
 is a hint, not a proof.
 
-The time comes out of the budget of the search: a tenth of it and at most a second, and a twentieth of its iterations.
-Half of that time is processor time: on a busy machine, where a hint takes longer, it may take all of it.
-A budget of less than a second or a thousand iterations gets no hint.
+The time is taken from the budget of the search: a tenth of it and at most a second, and a twentieth of its
+iterations. The limit of processor time is half of that, which leaves room for delays on a busy machine. A budget of
+less than a second or a thousand iterations gets no hint.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.formats.contact_bands import ContactBand, contact_bands
-from rr1plan.formats.link_contacts import LinkBodies, Pair
 from rr1plan.planners.collision_messages import describe_collision
-from rr1plan.planners.goals import GoalSearch
-from rr1plan.planners.query import NO_LIMIT
+from rr1plan.planners.goal_configurations import GoalSearch
+from rr1plan.planners.planning_query import NO_LIMIT
 from rr1plan.planners.rrt_connect import RrtConnect
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback
-from rr1plan.problem import Problem
+from rr1plan.robot.contact_bands import ContactBand, contact_bands
+from rr1plan.robot.link_contacts import LinkBodies, Pair
 from rr1plan.scene import pair as unordered
+from rr1plan.scene.problem import Problem
 
 _SHARE, _MOST_SECONDS = 0.1, 1.0
 _ITERATIONS_SHARE = 0.05
-# Processor time that a hint may take, of its wall time.
+# Limit of processor time, as a share of the wall time of a hint.
 _PROCESSOR_SHARE = 0.5
 _LEAST_SECONDS, _LEAST_ITERATIONS = 1.0, 1000
-# What the searches may take of the time, so that some is left to describe what they find.
+# Share of the time for searches; the rest is for describing their results.
 _SEARCHES = 0.6
-# Samples of each line, in rounds: pairs that touch on most of a line are tried before those in narrow bands.
+# Samples of each line per round: pairs in contact on much of a line are tried before those in narrow bands.
 _ROUNDS = (20, 80, 320)
-# Lines to so many goals are sampled.
+# Most goals to which lines are sampled.
 _LINES = 4
 # An arm and two of its links.
 _LinksOfArm = tuple[str, Pair]
-# An end nearer to contact than this cannot be left along a proven edge [m].
+# No edge from a configuration with less clearance than this can be certified [m].
 _TOUCH = 1e-6
 
 
 def split_budget(budget: Budget) -> tuple[Budget, Budget | None]:
-    """The parts of a budget for the search and for a hint why it failed; None where there is too little for one."""
+    """Split a budget into one for the search and one for the hint; None if it is too small for a hint."""
     seconds, iterations = budget.seconds, budget.iterations
     if seconds < _LEAST_SECONDS or (iterations is not None and iterations < _LEAST_ITERATIONS):
         return budget, None
@@ -61,13 +61,13 @@ def split_budget(budget: Budget) -> tuple[Budget, Budget | None]:
 
 
 def with_hint(problem: Problem, result: PlanResult, budget: Budget, progress: ProgressCallback | None) -> PlanResult:
-    """A result whose reason says why there may be no path, where that is found within the budget.
+    """The result with a hint why there may be no path added to its reason, if one is found within the budget.
 
     Args:
-        problem: The question.
+        problem: The planning problem.
         result: A result without a path.
-        budget: For the hint alone.
-        progress: Called now and then; False ends the work, and the result is then `CANCELLED`.
+        budget: Budget of the hint.
+        progress: Called about ten times a second; False cancels, and the status is then `CANCELLED`.
     """
     search = _HintSearch(problem, result, budget, progress)
     hint = next(search.hints(), "")
@@ -77,7 +77,7 @@ def with_hint(problem: Problem, result: PlanResult, budget: Budget, progress: Pr
 
 
 class _HintSearch:
-    """The search for a reason, under its clock."""
+    """The search for hints under a time limit."""
 
     def __init__(self, problem: Problem, result: PlanResult, budget: Budget, progress: ProgressCallback | None) -> None:
         self._problem, self._budget, self._progress = problem, budget, progress
@@ -89,7 +89,7 @@ class _HintSearch:
         self.cancelled = False
 
     def hints(self) -> Iterator[str]:
-        """Reasons, the surest first."""
+        """Hints, the most certain first."""
         goals = self._goals()
         yield from self._ends_in_contact(goals)
         tried: dict[_LinksOfArm, None] = {}
@@ -104,7 +104,7 @@ class _HintSearch:
         yield from self._several(list(tried))
 
     def _several(self, pairs: list[_LinksOfArm]) -> Iterator[str]:
-        """Pairs that separate start and goal together, where none does alone."""
+        """Pairs that separate start and goal together but not alone."""
         if len(pairs) < 2 or not self._goes_on() or not self._solves_without(pairs, len(pairs) + 1):
             return
         for k, key in enumerate(list(pairs)):
@@ -120,18 +120,18 @@ class _HintSearch:
             return GoalSearch(self._problem, motions, self._seed).find().configurations
 
     def _ends_in_contact(self, goals: Array) -> Iterator[str]:
-        """An end that no edge can leave because it all but touches."""
+        """A start or goal so close to contact that no edge from it can be certified."""
         with checker_from_pool(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
             checker = motions
             if checker.clearance(self._problem.start, _TOUCH) < _TOUCH:
                 near = describe_collision(checker, self._problem.start)
-                yield f"the start is less than a micrometer from contact, too near to be told from it: {near}"
+                yield f"the start is less than a micrometer from contact, too close to certify an edge: {near}"
             elif len(goals) and all(checker.clearance(q, _TOUCH) < _TOUCH for q in goals):
                 near = describe_collision(checker, goals[0])
-                yield f"the goal is less than a micrometer from contact, too near to be told from it: {near}"
+                yield f"the goal is less than a micrometer from contact, too close to certify an edge: {near}"
 
     def _pairs_on_the_way(self, goals: Array, count: int) -> list[_LinksOfArm]:
-        """Pairs of one arm's links that touch on the line to every goal; those on the most of it first.
+        """Pairs of one arm's links in contact on the lines to all goals, by descending number of samples in contact.
 
         Args:
             goals: Goal configurations, shape (k, nq).
@@ -143,7 +143,7 @@ class _HintSearch:
         return sorted(counts, key=lambda key: (-counts[key], key[0], sorted(key[1])))
 
     def _touching(self, arm: str, lines: list[Array]) -> dict[Pair, int]:
-        """Pairs of an arm's links that touch on each of some lines, with the number of samples at which they do."""
+        """Pairs of an arm's links in contact on all `lines`, with their numbers of samples in contact."""
         scene = self._problem.scene
         robot = scene.arms[arm].robot
         if arm not in self._bodies:
@@ -158,24 +158,24 @@ class _HintSearch:
                     return {}
                 values = robot.joint_values(scene.split(q, self._problem.arms)[arm])
                 found.update(bodies.touching(values, links))
-            # A pair that does not touch on one line does not separate.
+            # A pair without contact on one of the lines does not separate.
             links = [pair for pair in links if pair in found]
             total.update(found)
         return {pair: total[pair] for pair in links}
 
     def _solves_without(self, pairs: Sequence[_LinksOfArm], shares: int) -> bool:
-        """Whether a moment's search finds a path where some pairs of links may touch."""
+        """Whether a brief search finds a path when `pairs` of links are ignored."""
         allowed = {unordered(*_elements(arm, links)) for arm, links in pairs}
         relaxed = Problem(
             replace(self._problem.scene, allowed=self._problem.scene.allowed | allowed),
             self._problem.start,
             self._problem.goal,
-            self._problem.arms,
+            arms=self._problem.arms,
         ).with_margin(self._problem.margin)
         budget = Budget(max(1e-3, self._seconds_left / shares), max(1, self._iterations_left // shares))
-        result = RrtConnect().plan(relaxed, budget, self._seed, self._report)
+        result = RrtConnect().plan(relaxed, budget=budget, rng=self._seed, progress=self._report)
         self._iterations_left -= result.iterations
-        return result.solved
+        return result.found
 
     def _describe(self, pairs: Sequence[_LinksOfArm]) -> str:
         arms = ", ".join(dict.fromkeys(repr(arm) for arm, _ in pairs))
@@ -202,14 +202,14 @@ class _HintSearch:
 
     @property
     def _seconds_left(self) -> float:
-        """Wall time left: what the processor time left takes at the pace so far, within the budget [s]."""
+        """Wall time left [s]: the remaining processor time at its rate so far, within the budget."""
         budget = _SEARCHES * self._budget.seconds
         wall, processor = time.perf_counter() - self._began, time.thread_time() - self._processor_began
         pace = max(1.0, wall / processor) if processor > 0.0 else math.inf
         return min(budget - wall, pace * (_PROCESSOR_SHARE * budget - processor))
 
     def _goes_on(self) -> bool:
-        """Whether there is time left; reports progress about ten times a second."""
+        """Whether time is left; reports progress about ten times a second."""
         now = time.perf_counter()
         if self._progress is not None and not self.cancelled and now - self._reported >= 0.1:
             self._reported = now
@@ -217,7 +217,7 @@ class _HintSearch:
         return not self.cancelled and self._seconds_left > 0.0 and self._iterations_left > 0
 
     def _report(self, _: Progress | None = None) -> bool:
-        """Report that the budget is nearly used up, whatever is searched; whether to go on."""
+        """Report a nearly used budget; whether to continue."""
         if self._progress is not None:
             seconds = self._before + time.perf_counter() - self._began
             self.cancelled = self._progress(Progress(self._planner, seconds, 1.0)) is False

@@ -1,4 +1,4 @@
-"""Two trees that grow until they meet: `rrt_connect.c` under the budget of a query."""
+"""RRT-Connect under the budget of a query: growth of two trees by `rrt_connect.c`."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import CStruct, address_of, constants, load_library
+from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load_library
 from rr1plan.kernels.random_state import RandomState, random_state
-from rr1plan.planners.query import NO_LIMIT, Pace, Query
+from rr1plan.planners.planning_query import NO_LIMIT, Pace, Query
 from rr1plan.planning import SearchTree
 
-_STEP = 0.06  # longest edge of a tree, as a part of the space's diagonal
-_SHORTEST = 1e-4  # the least that may be set, the same way
-_DOMAIN = 0.3  # how near to a vertex that has met an obstacle samples have to be, the same way
-_CAPACITY = 256  # vertices of each tree to begin with
-_SLICE = 500  # samples before the first look for more goals; before each other one twice as many as were drawn
+_STEP = 0.06  # longest edge of a tree, as a share of the space's diagonal
+_SHORTEST = 1e-4  # smallest allowed step, as a share of the diagonal
+_DOMAIN = 0.3  # sampling radius around vertices with a blocked edge, as a share of the diagonal
+_CAPACITY = 256  # initial capacity of each tree in vertices
+_SLICE = 500  # samples before the first search for further goals; the number doubles for each later one
 
 
 class TreeSearch:
     """Searches for one query, each with fresh trees.
 
     Args:
-        query: Whose ends they have, whose budget they use.
-        step: Longest edge of a tree [rad]; 0: a part of the diagonal of the joints' ranges.
+        query: The query; its start, goals and budget are used.
+        step: Longest edge of a tree [rad]; 0: a share of the diagonal of the joint space.
 
     Attributes:
-        trees: Those of the last search.
-        state: Of the random numbers.
+        trees: Trees of the last search.
+        state: State of the random numbers.
 
     Raises:
         InputError: a step too short, or a joint without limits.
@@ -48,49 +48,49 @@ class TreeSearch:
         self._pace = Pace()
         self._slice = query.iterations + _SLICE
 
-    def meets(self, bound: float = math.inf, samples: int = NO_LIMIT) -> bool:
-        """Whether trees meet within a bound, so many samples, and the budget of the query.
+    def connect(self, bound: float = math.inf, samples: int = NO_LIMIT) -> bool:
+        """Grow new trees until they are connected or a limit or the budget is reached; whether they are connected.
 
         Args:
             bound: Longest path [rad] (inf: any).
-            samples: How many at most.
+            samples: Most samples.
         """
         query, trees = self.query, self.trees
         trees.restart(query.space.lower, query.space.extent, self._step, self._domain, bound)
         begin = query.iterations
         last = begin + min(samples, query.most - begin)
-        met = False
-        while not met and query.iterations < last and query.in_time():
+        connected = False
+        while not connected and query.iterations < last and query.in_time():
             stop = min(query.iterations + self._pace.next(), last)
             if bound == math.inf:
                 if query.iterations >= self._slice:
-                    self._look_for_goals()
+                    self._find_more_goals()
                 stop = min(stop, self._slice)
-            met = trees.grow(self.state, stop - begin, query.motion.context)
+            connected = trees.grow(self.state, stop - begin, query.motion.context)
             query.iterations = begin + trees.samples
         query.edges += trees.edges
-        return met
+        return connected
 
-    def _look_for_goals(self) -> None:
-        """Aim at more configurations where those known may all lie where the start cannot get to."""
+    def _find_more_goals(self) -> None:
+        """Add goals, in case all known ones are unreachable from the start."""
         self._slice = 2 * self.query.iterations
         self.trees.add_goals(self.query.more_goals())
 
     def describe(self) -> str:
-        """How far the last search got, in words."""
+        """Message about the sizes of the last trees."""
         of_start, of_goal = self.trees.sizes
         return f"{of_start} configurations were reached from the start, {of_goal} from the goal"
 
 
 class Trees:
-    """Two trees, as the kernel grows them.
+    """The two trees of RRT-Connect.
 
     Args:
-        start: Root of the one, shape (nq,).
-        goals: Roots of the other, shape (k, nq).
+        start: Root of the start tree, shape (nq,).
+        goals: Roots of the goal tree, shape (k, nq).
 
     Attributes:
-        memory: Their arrays.
+        memory: The arrays of both trees.
     """
 
     def __init__(self, start: Array, goals: Array) -> None:
@@ -100,7 +100,7 @@ class Trees:
         self._call = load_library().rr1_grow_trees
 
     def __del__(self) -> None:
-        """Leave the memory to other trees: to touch new memory for the first time takes as long as an edge."""
+        """Release the memory for reuse, because page faults of new memory cost as much as an edge check."""
         _idle.append(self.memory)
 
     @property
@@ -117,18 +117,18 @@ class Trees:
 
     @property
     def sizes(self) -> tuple[int, int]:
-        """Vertices of the start's tree and of the goals'."""
+        """Numbers of vertices of the start tree and the goal tree."""
         one, two = self.memory.struct.value.sides
         return one.size, two.size
 
     def restart(self, lower: Array, extent: Array, step: float, domain: float, bound: float) -> None:
-        """Begin with the roots alone.
+        """Reset both trees to their roots.
 
         Args:
-            lower: Corner of the box to sample, shape (nq,).
-            extent: Its sides, infinite where a joint wraps, shape (nq,).
+            lower: Lower corner of the sampling box, shape (nq,).
+            extent: Side lengths of the box, infinite for joints that wrap, shape (nq,).
             step: Longest edge of a tree [rad].
-            domain: How near a sample has to be to a vertex with a blocked edge [rad].
+            domain: Sampling radius around vertices with a blocked edge [rad].
             bound: Longest path [rad] (inf: any).
         """
         self._query.set(lower=lower, extent=extent, step=step, domain=domain, bound=bound)
@@ -136,7 +136,7 @@ class Trees:
         trees.sides[0].size = trees.samples = trees.edges = 0
 
     def grow(self, state: RandomState, samples: int, scene: tuple[int, int]) -> bool:
-        """Grow until `samples` have been drawn in all, or there is no room; whether the trees have met."""
+        """Grow until `samples` are drawn in all or the memory is full; whether the trees are connected."""
         struct = self.memory.struct
         code = self._call(struct, self._query, state, samples, *scene)
         if code == constants()["SEARCH_FULL"]:
@@ -144,7 +144,7 @@ class Trees:
         return bool(code == constants()["SEARCH_SOLVED"])
 
     def add_goals(self, goals: Array) -> None:
-        """More roots of the goals' tree, shape (k, nq)."""
+        """Add roots (k, nq) to the goal tree."""
         self._goals = np.concatenate([self._goals, goals])
         self._query.set(goals=self._goals, goal_count=len(self._goals))
         memory = self.memory
@@ -161,7 +161,7 @@ class Trees:
         return self.memory.path[: self.memory.struct.value.path_rows].copy()
 
     def explored(self, *, joined: bool) -> SearchTree:
-        """Both trees, and the edge between them when they have met."""
+        """Both trees, and the edge that connects them if `joined`."""
         memory, sizes = self.memory, self.sizes
         vertices = np.concatenate([memory.vertices[side, :, :size].T for side, size in enumerate(sizes)])
         edges = []
@@ -171,12 +171,12 @@ class Trees:
             edges.append(np.stack([parents[children], children], axis=1) + first)
         if joined:
             one, two = memory.struct.value.sides
-            edges.append(np.array([[one.meeting, two.meeting + sizes[0]]]))
+            edges.append(np.array([[one.connection, two.connection + sizes[0]]]))
         return SearchTree(vertices, np.concatenate(edges).astype(np.int64))
 
 
 class TreeMemory:
-    """Arrays of two trees, and the struct that leads to them."""
+    """Arrays of two trees, and the kernel's struct of pointers to them."""
 
     def __init__(self, nq: int, capacity: int) -> None:
         self.vertices, self.path = np.empty((2, nq, capacity)), np.empty((2 * capacity, nq))
@@ -187,7 +187,7 @@ class TreeMemory:
 
     @property
     def capacity(self) -> int:
-        """Vertices of either tree there is room for."""
+        """Capacity of either tree in vertices."""
         return self.parents.shape[1]
 
     def enlarge(self) -> None:
@@ -208,7 +208,7 @@ class TreeMemory:
             tree.blocked = address_of(self.blocked[side], "uint8_t")
 
 
-# Of trees that are no more; appending to it and popping from it are atomic.
+# Memory of deleted trees; list.append and list.pop are atomic.
 _idle: deque[TreeMemory] = deque(maxlen=4)
 
 

@@ -1,8 +1,8 @@
-"""The verb `retime` and the methods behind it.
+"""`retime` and its methods.
 
 `blend` and `stop` do not limit jerk: acceleration jumps where lines meet parabolas and where the
-path speed switches. A new method is one function, from `Work` to pieces that are `within` its limits, and one
-row of `_METHODS`.
+path acceleration switches. To add a method, write a function from `Work` to pieces that are `within` the limits
+and add a row to `_METHODS`.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import numpy as np
 
 from rr1plan.checks import Array, finite_number, known_name, of_kind, positive_number, true_or_false
 from rr1plan.errors import InputError, RetimingError
-from rr1plan.kinematics import Kinematics
-from rr1plan.limits import Limits
+from rr1plan.model import Kinematics
 from rr1plan.path import Path
-from rr1plan.retiming.blends import Curve, CurveChecker, blend_sizes, clean, curves
-from rr1plan.retiming.finite import check_limits
-from rr1plan.retiming.pieces import Pieces, as_trajectory, concatenate
-from rr1plan.retiming.speed import time_polyline
-from rr1plan.retiming.torque import InverseDynamics, check_gravity, within_torque
+from rr1plan.retiming.check_limits import check_limits
+from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, curves
+from rr1plan.retiming.path_speed import time_polyline
+from rr1plan.retiming.timed_pieces import Pieces, as_trajectory, concatenate
+from rr1plan.retiming.torque_limits import InverseDynamics, check_gravity, within_torque
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -31,7 +31,7 @@ logger = logging.getLogger(__name__)
 
 
 class Work(NamedTuple):
-    """What a method gets: cleaned waypoints (n >= 2), limits, who certifies, and torques if they count."""
+    """Arguments of a method: cleaned waypoints (n >= 2), limits, checker, inverse dynamics for torque limits."""
 
     points: Array
     limits: Limits
@@ -43,39 +43,39 @@ class Work(NamedTuple):
 def retime(
     path: Path,
     scene: Scene,
-    method: str = "blend",
     *,
+    method: str = "blend",
     checker: CurveChecker | None = None,
     torque_limits: bool = False,
     velocity_scale: float = 1.0,
     acceleration_scale: float = 1.0,
     max_blend: float = 1.0,
 ) -> Trajectory:
-    """Give a path times under the limits of its arms, from rest to rest.
+    """Time a path under the limits of its arms, from rest to rest.
 
-    Velocity and acceleration (and jerk, for the `ruckig` methods) keep their limits between
-    samples too: their exact peaks are measured and time is stretched by what they exceed. The
-    straight lines of the path are taken as they are; whatever leaves them is certified first.
+    Velocity and acceleration (and jerk, for the `ruckig` methods) satisfy their limits between
+    samples too: their exact extrema are computed, and time is stretched if they exceed a limit.
+    Straight lines of the path are not checked again; blends and other deviations from them are certified.
 
     Args:
-        path: The path, of some arms of the scene.
-        scene: Gives the limits and what may be hit.
+        path: A path of arms of the scene.
+        scene: The scene; gives joint limits and obstacles.
         method: One of `retiming_names()`.
-        checker: What certifies blends (default: a `CollisionChecker` of the scene, its other arms at rest).
-        torque_limits: Keep the effort limits too, by inverse dynamics.
+        checker: Certifies blends (default: a `CollisionChecker` of the scene with its other arms fixed).
+        torque_limits: Whether to satisfy the effort limits too, by inverse dynamics.
         velocity_scale: Share of the velocity limits to use, above 0, at most 1.
         acceleration_scale: Share of the acceleration limits to use, above 0, at most 1.
-        max_blend: How far from its corner a blend may begin [rad, Euclidean], >= 0; the motion
-            leaves the polyline by half of it at most.
+        max_blend: Largest distance from a corner to the beginning of its blend [rad, Euclidean], >= 0; the
+            deviation from the polyline is at most half of it.
 
     Returns:
-        The trajectory, starting at time zero; of duration zero where nothing moves.
+        The trajectory, starting at time zero; of duration zero if nothing moves.
 
     Raises:
         UnknownNameError: no such method, or a joint's arm is not in the scene.
         InputError: the path's joints are not those of the scene's arms, a scale or size out of range.
-        RetimingError: a moving joint without a limit, gravity above an effort limit, or a
-            solver that fails; names the joint or the place.
+        RetimingError: a moving joint without a limit, gravity torque above an effort limit, or a
+            failure of the solver; the message names the joint or the waypoints.
     """
     of_kind("path", path, Path)
     of_kind("scene", scene, Scene)
@@ -83,12 +83,15 @@ def retime(
     if checker is not None and not callable(getattr(checker, "polynomial_is_free", None)):
         raise InputError(f"checker is of type {type(checker).__name__}, expected a CollisionChecker")
     arms = _arms(path, scene)
-    scales = [_share("velocity_scale", velocity_scale), _share("acceleration_scale", acceleration_scale)]
+    velocity, acceleration = (
+        _share("velocity_scale", velocity_scale),
+        _share("acceleration_scale", acceleration_scale),
+    )
     torque_limits = true_or_false("torque_limits", torque_limits)
     max_blend = finite_number("max_blend", max_blend)
     if max_blend < 0.0:
         raise InputError(f"max_blend is {max_blend}, expected a size >= 0")
-    limits = scene.limits(arms).scaled(*scales)
+    limits = scene.limits(arms).scaled(velocity=velocity, acceleration=acceleration)
     points = clean(path.waypoints)
     if len(points) == 1:
         return Trajectory.rest(path.joint_names, points[0])
@@ -110,7 +113,7 @@ def retiming_names() -> tuple[str, ...]:
 
 
 def retiming_table() -> Mapping[str, str]:
-    """All retiming methods: one line of description by name."""
+    """One-line descriptions of all retiming methods by name."""
     return {name: description for name, (description, _) in _METHODS.items()}
 
 
@@ -124,7 +127,7 @@ def _arms(path: Path, scene: Scene) -> tuple[str, ...]:
 
 @contextmanager
 def _naming_estimates(scene: Scene, arms: tuple[str, ...]) -> Iterator[None]:
-    """Add to what is wrong with torques which masses are estimates."""
+    """Add the links with estimated masses to errors about torques."""
     try:
         yield
     except RetimingError as error:
@@ -142,7 +145,7 @@ def _certifier(scene: Scene, arms: tuple[str, ...]) -> CurveChecker:
 
 def _share(name: str, value: float) -> float:
     if positive_number(name, value) > 1.0:
-        raise InputError(f"{name} is {value}, expected at most 1 (higher limits belong into the robot)")
+        raise InputError(f"{name} is {value}, expected at most 1 (set higher limits in the robot)")
     return float(value)
 
 
@@ -150,7 +153,7 @@ def _share(name: str, value: float) -> float:
 
 
 def _blend(work: Work) -> list[Pieces]:
-    """Blends where they are free; where timing them fails or is slower, rest at the corners."""
+    """Blend corners where certified; stop at corners where blends cannot be timed or are slower."""
     checker = work.checker() if len(work.points) > 2 and work.max_blend > 0.0 else None
     return _time(work, blend_sizes(work.points, work.max_blend, checker))
 
@@ -166,7 +169,7 @@ def _time(work: Work, sizes: Array) -> list[Pieces]:
 
 
 def _time_with_torque(work: Work, curve: Curve) -> list[Pieces]:
-    from rr1plan.retiming.toppra_ import time_curve_with_torque
+    from rr1plan.retiming.toppra_retiming import time_curve_with_torque
 
     assert work.inverse_dynamics is not None
     begin, end = curve.corners
@@ -175,20 +178,20 @@ def _time_with_torque(work: Work, curve: Curve) -> list[Pieces]:
     except RetimingError as error:
         if end - begin == 1:
             raise
-        logger.info("resting at waypoints %d to %d: %s", begin, end, error)
+        logger.info("stopping at waypoints %d to %d: %s", begin, end, error)
     points = work.points[begin : end + 1]
     return [part for line in curves(points, np.zeros(len(points))) for part in _time_with_torque(work, line)]
 
 
 def _ruckig(work: Work) -> list[Pieces]:
-    from rr1plan.retiming.ruckig_ import time_line_smoothly
+    from rr1plan.retiming.ruckig_retiming import time_line_smoothly
 
     lines = curves(work.points, np.zeros(len(work.points)))
     return [time_line_smoothly(line, work.limits).within(work.limits, jerk=True) for line in lines]
 
 
 def _ruckig_direct(work: Work) -> list[Pieces]:
-    from rr1plan.retiming.ruckig_ import time_line_smoothly, time_state_to_state
+    from rr1plan.retiming.ruckig_retiming import time_line_smoothly, time_state_to_state
 
     checker, parts = work.checker(), []
     for i, line in enumerate(curves(work.points, np.zeros(len(work.points)))):
@@ -210,9 +213,9 @@ def _is_free(pieces: Pieces, checker: CurveChecker) -> bool:
 
 _METHODS: dict[str, tuple[str, Callable[[Work], list[Pieces]]]] = {
     "blend": ("straight lines, corners rounded by parabolas within certified clearance, time-optimal", _blend),
-    "stop": ("straight lines, rest at every waypoint, time-optimal", _stop),
-    "ruckig": ("straight lines, rest at every waypoint, jerk limits too", _ruckig),
-    "ruckig_direct": ("as ruckig, but off the line where the faster motion is certified free", _ruckig_direct),
+    "stop": ("straight lines, stop at every waypoint, time-optimal", _stop),
+    "ruckig": ("straight lines, stop at every waypoint, with jerk limits", _ruckig),
+    "ruckig_direct": ("as ruckig, but leaves the line where a faster motion is certified free", _ruckig_direct),
 }
 
 _JERK_LIMITED = ("ruckig", "ruckig_direct")

@@ -1,15 +1,15 @@
-"""A robot: one arm's description, immutable and shared by all its copies.
+"""Robots: immutable descriptions of arms.
 
-Pure values: links, joints, shapes, limits, named configurations and the pairs of links that
-may touch. Pinocchio, Coal, MuJoCo and the viewer are each built from this same description,
-so they cannot disagree about the robot. The forward kinematics here is the plain one, in numpy;
-`rr1plan.kinematics` has the fast one.
+Values only: links, joints, shapes, limits, named configurations and the pairs of links that
+may touch. Pinocchio, Coal, MuJoCo and the viewer are built from the same description,
+so they use the same robot. The forward kinematics here is a reference in NumPy;
+`rr1plan.model` has the fast one.
 """
 
 from rr1plan.robot.check_robot import check_robot
-from rr1plan.robot.digest import feed_digest
-from rr1plan.robot.parts import Color, Geometry, Inertial, Joint, JointKind, Link, Mimic
 from rr1plan.robot.robot import Robot
+from rr1plan.robot.robot_parts import Geometry, Inertial, Joint, JointKind, Link, Mimic
+from rr1plan.shapes import Color
 
 __all__ = [
     "Color",
@@ -21,5 +21,4 @@ __all__ = [
     "Mimic",
     "Robot",
     "check_robot",
-    "feed_digest",
 ]

@@ -1,4 +1,4 @@
-"""Whether a description is a robot: what the readers of URDF hold each file to, for descriptions from elsewhere."""
+"""Validation of robots that were not read from a URDF, by the rules of the URDF reader."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 
 from rr1plan.checks import FARTHEST, finite_array, known_name, near_array
 from rr1plan.errors import InputError
-from rr1plan.robot.parts import Inertial, Joint
 from rr1plan.robot.robot import Robot
+from rr1plan.robot.robot_parts import Inertial, Joint
 from rr1plan.transforms import as_pose
 
 _ROUNDING = 1e-6
 
 
 def check_robot(robot: Robot) -> Robot:
-    """The robot, whose links form a tree and whose names and numbers fit together.
+    """Return the robot if its links form a tree and its names and numbers are consistent.
 
     Raises:
-        InputError: what does not fit, by name.
+        InputError: an inconsistency; the message names it.
         UnknownNameError: a name of no link or joint of the robot.
     """
     _distinct("link", robot.link_names)
@@ -33,19 +33,21 @@ def check_robot(robot: Robot) -> Robot:
         if link.inertial is not None:
             _check_inertial(link.name, link.inertial)
     _check_driven_joints(robot)
-    for name in (name for both in robot.never_collide for name in both):
+    for name in (name for both in robot.disabled_collisions for name in both):
         known_name("link", name, robot.link_names)
     _check_named_values(robot)
     return robot
 
 
 def _check_named_values(robot: Robot) -> None:
-    """Presets, held values and configurations are of the robot's joints."""
+    """Presets, locked joints and configurations are of the robot's joints."""
     for name, limits in robot.presets.items():
         if len(limits) != robot.nq:
             raise InputError(f"preset {name!r} has limits for {len(limits)} of {robot.nq} joints")
-    for name, value in (item for values in (robot.held, *robot.named_held.values()) for item in values.items()):
-        near_array(f"held joint {known_name('held joint', name, robot.held)!r}", value, ())
+    for name, value in (
+        item for values in (robot.locked_joints, *robot.locked_joint_states.values()) for item in values.items()
+    ):
+        near_array(f"locked joint {known_name('locked joint', name, robot.locked_joints)!r}", value, ())
     for name, q in robot.configurations.items():
         near_array(f"configuration {name!r}", q, (robot.nq,))
 
@@ -57,7 +59,7 @@ def _distinct(kind: str, names: Iterable[str]) -> None:
 
 
 def _check_tree(robot: Robot) -> None:
-    """Each joint hangs a new link on one that is there; the links are listed in that order."""
+    """Require that each joint connects a known link to a new one, and that links are listed in that order."""
     order = [robot.links[0].name]
     for joint in robot.joints:
         if joint.parent not in order:
@@ -80,13 +82,13 @@ def _check_joint(joint: Joint) -> None:
         raise InputError(f"{name} has limits that leave it no motion: {joint.lower}, {joint.upper}, {joint.velocity}")
     if joint.kind in ("revolute", "prismatic"):
         finite_array(f"position limits of {name}", [joint.lower, joint.upper], (2,))
-    for what in ("damping", "friction"):
-        if finite_array(f"{what} of {name}", getattr(joint, what), ()) < 0.0:
-            raise InputError(f"{what} of {name} is {getattr(joint, what)}, expected a number not below zero")
+    for quantity in ("damping", "friction"):
+        if finite_array(f"{quantity} of {name}", getattr(joint, quantity), ()) < 0.0:
+            raise InputError(f"{quantity} of {name} is {getattr(joint, quantity)}, expected a number not below zero")
 
 
 def _check_mimic(robot: Robot, joint: Joint) -> None:
-    """A mimic joint leads to one that moves by itself."""
+    """Require that a chain of mimic joints ends at an independent joint."""
     seen = [joint.name]
     while joint.mimic is not None:
         near_array(f"mimic of joint {joint.name!r}", [joint.mimic.multiplier, joint.mimic.offset], (2,))
@@ -110,13 +112,13 @@ def _check_inertial(link: str, inertial: Inertial) -> None:
 
 
 def _check_driven_joints(robot: Robot) -> None:
-    """Every joint that moves by itself is planned for or held, and no other is."""
+    """Require that every independent joint is either a planning joint or locked, and no other is."""
     driven = [joint.name for joint in robot.joints if joint.kind != "fixed" and joint.mimic is None]
     _distinct("planning joint", robot.joint_names)
-    for name in (*robot.joint_names, *robot.held):
-        known_name("joint that moves by itself", name, driven)
-    both = set(robot.joint_names) & set(robot.held)
-    neither = set(driven) - set(robot.joint_names) - set(robot.held)
-    for names, what in ((both, "both planned for and held"), (neither, "neither planned for nor held")):
+    for name in (*robot.joint_names, *robot.locked_joints):
+        known_name("independent joint", name, driven)
+    both = set(robot.joint_names) & set(robot.locked_joints)
+    neither = set(driven) - set(robot.joint_names) - set(robot.locked_joints)
+    for names, fault in ((both, "both planned for and locked"), (neither, "neither planned for nor locked")):
         if names:
-            raise InputError(f"joint {sorted(names)[0]!r} is {what}")
+            raise InputError(f"joint {sorted(names)[0]!r} is {fault}")

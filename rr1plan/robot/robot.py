@@ -1,4 +1,4 @@
-"""One arm's description, and its plain kinematics in numpy."""
+"""Description of an arm, with reference kinematics in NumPy."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     FARTHEST,
@@ -26,14 +27,14 @@ from rr1plan.checks import (
     shown,
 )
 from rr1plan.errors import InputError
-from rr1plan.limits import Limits
-from rr1plan.robot.digest import feed_digest
-from rr1plan.robot.parts import Joint, Link
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.robot_parts import Joint, Link
+from rr1plan.shapes.content_digest import feed_digest
 
 
 @dataclass(frozen=True, eq=False)
 class Robot(Value):
-    """One arm's description. Build it with `rr1plan.load_robot` or `rr1plan.formats`.
+    """Description of an arm. Build it with `rr1plan.load_robot` or `rr1plan.formats`.
 
     Args:
         name: Name of the robot.
@@ -42,11 +43,11 @@ class Robot(Value):
         joint_names: The planning joints: the columns of q, in order.
         limits: Limits of the planning joints, in that order.
         configurations: Named configurations of the planning joints, each (nq,); has "home".
-        held: Values of the actuated joints that are not planned for (a gripper), by name.
-        never_collide: Pairs of links that may touch or never can (SRDF `disable_collisions`).
+        locked_joints: Values of the actuated joints that are not planned for (a gripper), by name.
+        disabled_collisions: Pairs of links that may touch or never can (SRDF `disable_collisions`).
         tool: The link whose frame pose goals mean when they name none.
         presets: Other limits by name, e.g. "sim" and "hardware".
-        named_held: Named values of held joints, e.g. {"open": {"finger_joint": 0.0}}.
+        locked_joint_states: Named values of locked joints, e.g. {"open": {"finger_joint": 0.0}}.
         source: Where the description came from, for messages.
     """
 
@@ -56,15 +57,15 @@ class Robot(Value):
     joint_names: tuple[str, ...]
     limits: Limits
     configurations: Mapping[str, Array]
-    held: Mapping[str, float]
-    never_collide: frozenset[frozenset[str]]
+    locked_joints: Mapping[str, float]
+    disabled_collisions: frozenset[frozenset[str]]
     tool: str
     presets: Mapping[str, Limits] = field(default_factory=dict)
-    named_held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    locked_joint_states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     source: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("configurations", "held", "presets", "named_held"):
+        for name in ("configurations", "locked_joints", "presets", "locked_joint_states"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         configurations = {
             name: read_only(finite_array(f"configuration {name!r}", q, (self.nq,)))
@@ -104,7 +105,7 @@ class Robot(Value):
 
     @cached_property
     def bodies(self) -> tuple[tuple[Link, ...], ...]:
-        """The links that fixed joints make one rigid body, for each body; the base's is the first."""
+        """Groups of links connected by fixed joints, each one rigid body; the base's group is the first."""
         found = {self.base: [self.links[0]]}
         for joint in self.joints:
             body = found[joint.parent] if joint.kind == "fixed" else []
@@ -114,9 +115,10 @@ class Robot(Value):
 
     @cached_property
     def unchecked_links(self) -> tuple[str, ...]:
-        """Links that are never checked for collision: those with a visual in a body without a collision shape.
+        """Links that are never checked for collision: links with a visual in a body without a collision shape.
 
-        Neither a link that is fixed to one with shapes nor a mere frame is among them. Without any shape all links are.
+        A link fixed to one with a collision shape, and a frame without a visual, do not count. If the robot has no
+        collision shape, all links count.
         """
         if not any(link.collisions for link in self.links):
             return self.link_names
@@ -125,12 +127,12 @@ class Robot(Value):
 
     @cached_property
     def links_of_assumed_mass(self) -> tuple[str, ...]:
-        """Links whose mass the robot's file does not give; it was computed from their shapes."""
+        """Links whose mass was computed from their shapes because the robot's file has none."""
         return tuple(link.name for link in self.links if link.inertial is not None and link.inertial.assumed)
 
     @cached_property
     def continuous(self) -> Array:
-        """Which planning joints have no position limits (they wrap around), shape (nq,) of 0 and 1."""
+        """Mask of planning joints without position limits (they wrap around), shape (nq,) of 0 and 1."""
         return read_only(np.array([float(self.joint(n).kind == "continuous") for n in self.joint_names]))
 
     def joint(self, name: str) -> Joint:
@@ -149,12 +151,12 @@ class Robot(Value):
         """
         return self._links[known_name("link", name, self._links)]
 
-    def configuration(self, value: Any, name: str = "configuration") -> Array:
+    def configuration(self, value: str | ArrayLike, name: str = "configuration") -> Array:
         """A configuration from its name or its numbers, shape (nq,), read-only.
 
         Raises:
             UnknownNameError: no configuration of that name.
-            InputError: wrong shape, not finite, or beyond all reason.
+            InputError: wrong shape, not finite, or too large.
         """
         if isinstance(value, str):
             return self.configurations[known_name("configuration", value, self.configurations)]
@@ -163,17 +165,24 @@ class Robot(Value):
             got = f"shape {shape}" if len(shape) != 1 else counted(shape[0], "number")
             joints = ", ".join(self.joint_names)
             raise InputError(f"{name} has {got}, expected {self.nq}: one for each of {joints}")
-        joints = ", ".join(n for n, v in zip(self.joint_names, value, strict=True) if not _is_joint_value(v))
+        entries: Any = value  # of that shape
+        joints = ", ".join(n for n, v in zip(self.joint_names, entries, strict=True) if not _is_joint_value(v))
         if joints:
             raise InputError(f"{name} is {shown(value)}, expected finite numbers within ±{FARTHEST:g} (joint {joints})")
         return read_only(finite_array(name, value, (self.nq,)))
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of everything that plans depend on: joints, limits, shapes, masses (hex)."""
+        """SHA-256 of everything that affects plans: joints, limits, shapes, masses (hex)."""
         digest = hashlib.sha256()
         feed_digest(
-            digest, (self.name, self.joint_names, dict(self.held), sorted(sorted(p) for p in self.never_collide))
+            digest,
+            (
+                self.name,
+                self.joint_names,
+                dict(self.locked_joints),
+                sorted(sorted(p) for p in self.disabled_collisions),
+            ),
         )
         feed_digest(digest, [[getattr(self.limits, n) for n in self.limits.__dataclass_fields__]])
         for joint in self.joints:
@@ -202,37 +211,39 @@ class Robot(Value):
             limits = self.presets[known_name("limit preset", limits, self.presets)]
         return replace(self, limits=limits)
 
-    def with_held(self, values: Mapping[str, float] | str) -> Robot:
-        """The same robot with its gripper elsewhere: joint values, or the name of a state, e.g. "open".
+    def with_locked_joints(self, values: Mapping[str, float] | str) -> Robot:
+        """The same robot with other values of its locked joints, by joint or by the name of a state, e.g. "open".
 
         Raises:
-            UnknownNameError: no such state or no such held joint.
+            UnknownNameError: no such state or no such locked joint.
             InputError: a value that is not finite or out of the joint's limits.
         """
         if isinstance(values, str):
-            values = self.named_held[known_name("gripper state", values, self.named_held)]
+            values = self.locked_joint_states[known_name("gripper state", values, self.locked_joint_states)]
         of_kind("values", values, Mapping)
-        held = dict(self.held)
+        locked = dict(self.locked_joints)
         for name, value in values.items():
-            joint = self.joint(known_name("held joint", name, self.held))
+            joint = self.joint(known_name("locked joint", name, self.locked_joints))
             number = finite_number(f"joint {name!r}", value)
             if not joint.lower - 1e-9 <= number <= joint.upper + 1e-9:
                 raise InputError(f"joint {name!r} is {number}, outside [{joint.lower}, {joint.upper}]")
-            held[name] = number
-        return replace(self, held=held)
+            locked[name] = number
+        return replace(self, locked_joints=locked)
 
     # ---- plain kinematics ---------------------------------------------------------------
 
     def joint_values(self, q: Array) -> dict[str, float]:
-        """The value of every movable joint [rad or m]: planned, held and mimicking."""
-        values = dict(zip(self.joint_names, finite_array("q", q, (self.nq,)).tolist(), strict=True)) | dict(self.held)
+        """The value of every movable joint [rad or m]: planned, locked and mimicking."""
+        values = dict(zip(self.joint_names, finite_array("q", q, (self.nq,)).tolist(), strict=True)) | dict(
+            self.locked_joints
+        )
         for joint in self.joints:
             if joint.kind != "fixed" and joint.name not in values:
                 values[joint.name] = self._resolve(joint, values)
         return values
 
     def _resolve(self, joint: Joint, values: Mapping[str, float], depth: int = 0) -> float:
-        """The value of a mimic joint, following a chain of mimics."""
+        """The value of a mimic joint, through a chain of mimic joints."""
         if joint.name in values:
             return values[joint.name]
         if joint.mimic is None or depth > len(self.joints):
@@ -242,8 +253,8 @@ class Robot(Value):
         leader = self._resolve(self.joint(joint.mimic.joint), values, depth + 1)
         return joint.mimic.multiplier * leader + joint.mimic.offset
 
-    def link_poses(self, q: Any) -> dict[str, Array]:
-        """T_base_link of every link at q (nq,), by plain numpy.
+    def link_poses(self, q: str | ArrayLike) -> dict[str, Array]:
+        """T_base_link of every link, by plain numpy, at q: a configuration's name or numbers (nq,).
 
         Raises:
             InputError: wrong shape or not finite.
@@ -263,7 +274,7 @@ class Robot(Value):
         return {link.name: link for link in self.links}
 
 
-def _is_joint_value(value: Any) -> bool:
+def _is_joint_value(value: object) -> bool:
     try:
         return isinstance(value, numbers.Real) and abs(float(value)) <= FARTHEST
     except OverflowError:

@@ -1,11 +1,11 @@
-"""A scene: placed arms, obstacles, what the arms hold, and what may touch what. Immutable.
+"""Scenes: placed arms, obstacles, attached objects, allowed contacts. Immutable.
 
-Names. An arm's link is "arm/link", an obstacle or an attached object is its own name (no
-slash). A pair that may touch is a pair of such names; a whole arm's name stands for all its links.
+Elements are named "arm/link" for links, and by a plain name (no slash) for obstacles and attached
+objects. An allowed pair is a pair of such names; an arm's name stands for all its links.
 """
 
-from rr1plan.scene.differences import scene_differences
-from rr1plan.scene.elements import Arm, Attachment, Obstacle, Pair, pair
 from rr1plan.scene.scene import Scene
+from rr1plan.scene.scene_differences import scene_differences
+from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair
 
 __all__ = ["Arm", "Attachment", "Obstacle", "Pair", "Scene", "pair", "scene_differences"]

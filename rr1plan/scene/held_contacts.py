@@ -1,23 +1,23 @@
-"""What to do about a held object that rests on an obstacle, which is a collision until it is allowed."""
+"""Hints for an attached object that rests on an obstacle, a collision until the pair is allowed."""
 
 from __future__ import annotations
 
-from rr1plan.scene.content import SceneContent
+from rr1plan.scene.scene_content import SceneContent
 
-# A held object that overlaps an obstacle by no more than this [m] rests on it.
+# Largest penetration of an attached object that rests on an obstacle [m].
 _RESTS = 1e-3
-# How much higher than its support an object has to be held [m].
+# Clearance from its support at which an attached object is free [m].
 _LIFT = 5e-4
 
 
-def resting_advice(scene: SceneContent, a: str, b: str, gap: float) -> str:
-    """How a held object that touches its support is allowed to or lifted; empty for any other contact.
+def contact_advice(scene: SceneContent, a: str, b: str, gap: float) -> str:
+    """Hint for an attached object in contact with its support; empty for any other contact.
 
     Args:
         scene: The scene.
         a: An element.
-        b: Another one, nearer to it than their padding.
-        gap: Their distance [m], negative where they overlap.
+        b: Another one, closer than their padding.
+        gap: Their signed distance [m], negative in penetration.
     """
     held, support = (a, b) if a in scene.attachments else (b, a)
     if held not in scene.attachments or support not in scene.obstacles or abs(gap) > _RESTS:

@@ -1,4 +1,4 @@
-"""A scene, and other scenes like it. Immutable."""
+"""Scenes and modified copies of them. Immutable."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from rr1plan.checks import check_text, finite_number, items_of, known_name
 from rr1plan.errors import InputError
 from rr1plan.robot import Color, Geometry, Robot
-from rr1plan.scene.content import SceneContent
-from rr1plan.scene.elements import Arm, Attachment, Obstacle, Pair, pair, posed_shapes
+from rr1plan.scene.scene_content import SceneContent
+from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair, posed_shapes
 from rr1plan.shapes import HalfSpace, PointCloud, Shape
 from rr1plan.transforms import as_pose, identity, inverse
 
@@ -25,18 +27,18 @@ class Scene(SceneContent):
         attachments: Objects held by an arm.
         allowed: Pairs that may touch (element names, or arm names for all links of an arm).
         padding: Extra distance to keep between every checked pair [m].
-        pair_padding: Other distances for some pairs [m]; by element names or arm names.
+        pair_padding: Padding of particular pairs [m]; by element names or arm names.
         name: Name of the scene.
-        description: What it is for, in a sentence.
+        description: Description in a sentence.
     """
 
-    def with_arm(self, name: str, robot: Robot, base: Any = None, q: Any = "home") -> Scene:
+    def with_arm(self, name: str, robot: Robot, base: ArrayLike | None = None, *, q: str | ArrayLike = "home") -> Scene:
         """A scene with one more arm (or another one of that name)."""
         check_text("name", name)
         return replace(self, arms={**self.arms, name: Arm(robot, as_pose(base, "base"), q)})
 
     def without_arm(self, name: str) -> Scene:
-        """A scene without that arm and what it holds."""
+        """A scene without that arm and its attached objects."""
         self.arm(name)
         gone = {n for n, held in self.attachments.items() if held.arm == name}
         return self._keep(
@@ -44,16 +46,17 @@ class Scene(SceneContent):
             attachments={n: h for n, h in self.attachments.items() if n not in gone},
         )
 
-    def with_posture(self, name: str, q: Any) -> Scene:
-        """A scene in which that arm stands at q: a name or numbers (nq,)."""
-        return replace(self, arms={**self.arms, name: replace(self.arm(name), q=q)})
+    def with_configuration(self, name: str, q: str | ArrayLike) -> Scene:
+        """A scene with that arm at q: a configuration's name or numbers (nq,)."""
+        arm = self.arm(name)
+        return replace(self, arms={**self.arms, name: Arm(arm.robot, arm.base, q)})
 
     def with_robot(self, name: str, robot: Robot) -> Scene:
-        """A scene in which that arm is another copy of its robot (other limits, other gripper)."""
+        """A scene with another robot for that arm (e.g. other limits or gripper)."""
         return replace(self, arms={**self.arms, name: replace(self.arm(name), robot=robot)})
 
     def with_obstacle(
-        self, name: str, shape: Shape | Iterable[Geometry], pose: Any = None, color: Color | None = None
+        self, name: str, shape: Shape | Iterable[Geometry], pose: ArrayLike | None = None, *, color: Color | None = None
     ) -> Scene:
         """A scene with one more obstacle (or another one of that name).
 
@@ -67,6 +70,23 @@ class Scene(SceneContent):
         if isinstance(shape, Shape):
             shape = (Geometry(name, shape, identity(), color),)
         return replace(self, obstacles={**self.obstacles, name: Obstacle(posed_shapes(shape), as_pose(pose))})
+
+    def with_obstacle_at(self, name: str, pose: Any) -> Scene:
+        """A scene in which that obstacle is at another place.
+
+        Args:
+            name: The obstacle.
+            pose: T_world_object: (4, 4), or a position (3,) [m].
+
+        Raises:
+            UnknownNameError: no such obstacle.
+            InputError: no pose.
+        """
+        thing = self.obstacles[known_name("obstacle", name, self.obstacles)]
+        other = replace(self, obstacles={**self.obstacles, name: Obstacle(thing.geometries, as_pose(pose))})
+        for kept in ("element_names", "contact_rules"):
+            other.__dict__[kept] = getattr(self, kept)
+        return other
 
     def without_obstacle(self, name: str) -> Scene:
         """A scene without that obstacle."""
@@ -108,21 +128,22 @@ class Scene(SceneContent):
         obstacle: str,
         arm: str | None = None,
         link: str | None = None,
+        *,
         touch: Iterable[str] = (),
-        pose: Any = None,
+        pose: ArrayLike | None = None,
     ) -> Scene:
-        """A scene in which an arm holds what was an obstacle.
+        """A scene in which an obstacle is attached to a link.
 
         Args:
-            obstacle: Name of the obstacle; it keeps the name as an attached object.
-            arm: The arm that holds it (default: the only one).
-            link: The link it is fixed to (default: the robot's tool).
-            touch: Links of that arm it may touch besides, e.g. the fingers.
-            pose: T_link_object; default: where it is now, the arm standing in its posture.
+            obstacle: Name of the obstacle, and of the attached object.
+            arm: The arm (default: the only one).
+            link: The link (default: the robot's tool).
+            touch: Other links of that arm that it may touch, e.g. the fingers.
+            pose: T_link_object; default: its current pose relative to the link in the arm's configuration.
 
         Raises:
             UnknownNameError: no such obstacle, arm or link.
-            InputError: a half-space or a point cloud, which cannot be carried.
+            InputError: a half-space or a point cloud, which cannot be attached.
         """
         thing = self.obstacles[known_name("obstacle", obstacle, self.obstacles)]
         if any(isinstance(g.shape, HalfSpace | PointCloud) for g in thing.geometries):
@@ -138,14 +159,14 @@ class Scene(SceneContent):
         return replace(self, obstacles=rest, attachments={**self.attachments, obstacle: held})
 
     def detach(self, name: str) -> Scene:
-        """A scene in which a held object is an obstacle again, where the arm's posture has it."""
+        """A scene in which an attached object is an obstacle at its pose in the arm's configuration."""
         held = self.attachments[known_name("attached object", name, self.attachments)]
         T = self.link_poses()[f"{held.arm}/{held.link}"] @ held.pose
         rest = {n: a for n, a in self.attachments.items() if n != name}
         return replace(self, attachments=rest, obstacles={**self.obstacles, name: Obstacle(held.geometries, T)})
 
     def _keep(self, **changes: Any) -> Scene:
-        """`replace`, dropping rules about elements that are gone."""
+        """`replace`, without rules about removed elements."""
         bare = replace(self, allowed=frozenset(), pair_padding={}, **changes)
         names = {*bare.element_names, *bare.arms}
         return replace(

@@ -23,9 +23,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.validation.bodies import Bodies
-from rr1plan.validation.motion import SceneMotion
-from rr1plan.validation.polynomials import Index, Mask
+from rr1plan.validation.certificate_bodies import Bodies
+from rr1plan.validation.link_motion import SceneMotion
+from rr1plan.validation.polynomial_bounds import Index, Mask
 
 # A clearance below this cannot be told from contact [m].
 TOUCH = 1e-6

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator
+from functools import cached_property
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -10,11 +13,8 @@ import numpy as np
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
 from rr1plan.validation.contact_paddings import ALLOWED
-from rr1plan.validation.limits import columns_of
+from rr1plan.validation.limit_checks import columns_of
 from rr1plan.validation.referee_scene import RefereeScene, referee_scene
-
-# Columns of `ArmTables.counts`.
-_COLUMNS, _LINKS, _JOINTS, _BODIES, _ELEMENTS = range(5)
 
 
 class MovingScene:
@@ -26,14 +26,10 @@ class MovingScene:
 
     Attributes:
         tables: The scene.
-        columns: Names, units and limits of the columns.
+        columns: Names and limits of the columns.
         columns_of_arm: Columns of each arm that moves, by its name.
-        arms: Numbers in `tables` of the arms in that order, shape (n,).
+        arms: Numbers in `tables` of the arms in that order.
         moving: How many of them move.
-        first_element: Number of the first element of each arm in that order and of the obstacles, shape (n + 1,).
-        owner_bodies: Bodies of each arm and of each obstacle, shape (owners,).
-        link_count, body_count, element_count: How many there are.
-        postures: Columns of the arms that stand still [rad or m], one after the other.
         fields: Fields of `RefereeSearch` that are the same for all motions of these columns.
 
     Raises:
@@ -42,73 +38,69 @@ class MovingScene:
 
     def __init__(self, tables: RefereeScene, joint_names: tuple[str, ...]) -> None:
         self.tables, scene = tables, tables.scene
-        self.columns = columns_of(scene.arms, joint_names)
-        places = {name: i for i, name in enumerate(joint_names)}
         moving = list(dict.fromkeys(name.split("/", 1)[0] for name in joint_names))
+        places = {name: i for i, name in enumerate(joint_names)}
         self.columns_of_arm = {
             name: [places[f"{name}/{joint}"] for joint in scene.arms[name].robot.joint_names] for name in moving
         }
+        self.columns = columns_of(scene.arms, self.columns_of_arm, joint_names)
         still = [name for name in tables.names if name not in self.columns_of_arm]
-        self.arms = np.array([tables.numbers[name] for name in (*moving, *still)], dtype=np.int64)
+        self.arms = [tables.numbers[name] for name in (*moving, *still)]
         self.moving = len(moving)
-        self.postures = np.concatenate([np.zeros(0), *(scene.arms[name].q for name in still)])
-        self._check_moving_planes()
-        self.fields = self._instances() | self._rule_rows()
+        if any(model.moving_planes for model in tables.models):
+            self._check_moving_planes()
+        self.fields = self._instances(still) | self._rule_rows()
 
     def _check_moving_planes(self) -> None:
         tables = self.tables
         alone = len(tables.names) + len(tables.obstacles) == 1
-        for arm in self.arms[: self.moving].tolist():
+        for arm in self.arms[: self.moving]:
             model = tables.model(arm)
-            for i in np.flatnonzero(model.has_plane & model.carried).tolist():
-                if alone and not model.own_checked[i].any():
+            for i in model.moving_planes:
+                if alone and model.own_checked is not None and not model.own_checked[i].any():
                     continue  # There is nothing to keep it apart from.
                 _, name, _ = tables.element(arm, i)
                 raise InputError(f"{name!r} moves and has a half-space for a shape; expected a bounded shape")
 
-    def _instances(self) -> dict[str, Any]:
-        """The arms as instances of models, and how many of all there are."""
-        tables, scene = self.tables, self.tables.scene
-        models = np.append(tables.model_of[self.arms], len(tables.models) - 1)
-        counts = np.array([model.counts for model in tables.models])[models]
-        first = np.concatenate([np.zeros((1, 5), np.int64), np.cumsum(counts, axis=0)])
-        total = first[-1].tolist()
-        self.link_count, self.body_count, self.element_count = (total[i] for i in (_LINKS, _BODIES, _ELEMENTS))
-        self.first_element = first[:-1, _ELEMENTS]
-        self.owner_bodies = np.concatenate([counts[:-1, _BODIES], np.diff(tables.models[-1].element_bodies)])
+    def _instances(self, still: list[str]) -> dict[str, Any]:
+        """The arms as instances of models."""
+        tables, arms = self.tables, self.tables.scene.arms
+        models = [*(tables.model_of[i] for i in self.arms), len(tables.models) - 1]
         columns = [column for columns in self.columns_of_arm.values() for column in columns]
-        bases = np.array([*(scene.arms[tables.names[i]].base for i in self.arms.tolist()), np.eye(4)])
         self._equal_arms = self._group_equal_arms()
         return {
             "models": tables.model_rows,
-            "arms": np.column_stack([models, first[:-1]]),
-            "arm_columns": np.array([*columns, *range(len(columns), total[_COLUMNS])], dtype=np.int64),
-            "bases": np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1),
+            "arm_models": np.array(models, dtype=np.int64),
+            "columns_of_q": np.array(columns, dtype=np.int64),
+            "configurations": np.concatenate([np.zeros(0), *(arms[name].q for name in still)]),
+            "base_poses": np.concatenate([np.zeros((0, 4)), *(arms[tables.names[i]].base for i in self.arms)]),
             "own_arms": np.array(list(self._equal_arms), dtype=np.int64),
             "own_arm_count": len(self._equal_arms),
             "moving_count": self.moving,
-            "standing_count": len(self.arms) - self.moving,
-            "owner_count": len(self.owner_bodies),
-            "element_count": self.element_count,
-            "joint_count": total[_JOINTS],
-            "padding": scene.padding,
+            "stationary_count": len(still),
+            "padding": tables.scene.padding,
             "most_padding": self.most_padding,
             "sweep_stride": 1 + max(model.depth for model in tables.models),
         }
 
     def _group_equal_arms(self) -> dict[int, list[int]]:
-        """Arms that stand still and differ in model, posture or rules about own pairs; of each, those equal to it."""
+        """Stationary arms with equal models, configurations and rules about own pairs, by the first of them."""
         tables = self.tables
+        if self.moving == len(self.arms):
+            return {}
         rules = {one: paddings.tobytes() for (one, two), paddings in tables.rules.items() if one == two}
         found: dict[tuple[int, bytes, bytes], list[int]] = {}
-        for place, arm in enumerate(self.arms[self.moving :].tolist(), start=self.moving):
-            posture = tables.scene.arms[tables.names[arm]].q.tobytes()
-            found.setdefault((int(tables.model_of[arm]), posture, rules.get(arm, b"")), []).append(place)
+        for place, arm in enumerate(self.arms[self.moving :], start=self.moving):
+            configuration = tables.scene.arms[tables.names[arm]].q.tobytes()
+            found.setdefault((tables.model_of[arm], configuration, rules.get(arm, b"")), []).append(place)
         return {first: others for first, *others in found.values()}
 
     def _rule_rows(self) -> dict[str, Any]:
         """The rules by the places of their owners."""
-        arms, count = len(self.arms), len(self.owner_bodies)
+        if not self.tables.rules:
+            return {"rule_count": 0}
+        arms = len(self.arms)
+        count = arms + len(self.tables.obstacles)
         place = np.concatenate([np.argsort(self.arms), np.arange(arms, count)]).tolist()
         starts: dict[tuple[tuple[int, ...], bytes], int] = {}
         rows, parts, size = [], [np.zeros(0)], 0
@@ -134,15 +126,27 @@ class MovingScene:
         """The largest distance to keep between two elements [m]."""
         return max((self.tables.scene.padding, *self.tables.scene.pair_padding.values()))
 
+    @cached_property
+    def first_element(self) -> list[int]:
+        """Number of the first element of each arm in this order, of the obstacles, and one past the last."""
+        tables = self.tables
+        counts = [*(tables.model(i).element_count for i in self.arms), len(tables.obstacles)]
+        return [0, *accumulate(counts)]
+
+    @property
+    def element_count(self) -> int:
+        """How many elements there are."""
+        return self.first_element[-1]
+
     def _locate(self, element: int) -> tuple[int, int]:
         """Place of the arm of an element, or of the obstacles, and the number of the element there."""
-        place = int(np.searchsorted(self.first_element, element, side="right")) - 1
-        return place, element - int(self.first_element[place])
+        place = min(bisect_right(self.first_element, element) - 1, len(self.arms))
+        return place, element - self.first_element[place]
 
     def owner(self, element: int) -> tuple[int, int]:
         """Number in `tables` of the owner of an element, and which of the owner's elements it is."""
         (place, local), arms = self._locate(element), len(self.arms)
-        return (int(self.arms[place]), local) if place < arms else (arms + local, 0)
+        return (self.arms[place], local) if place < arms else (arms + local, 0)
 
     def element(self, element: int) -> tuple[int, str, str]:
         """Place among all elements of the scene, name and owner's name of an element."""
@@ -158,24 +162,23 @@ class MovingScene:
     def concave_elements(self) -> list[int]:
         """Elements of which a shape is not convex."""
         models = self.tables.models
-        if not any(model.has_concave.any() for model in models):
+        if not any(model.concave for model in models):
             return []
-        rows = [models[i].has_concave for i in (*self.tables.model_of[self.arms].tolist(), -1)]
-        found: list[int] = np.flatnonzero(np.concatenate(rows)).tolist()
-        return found
+        places = [*(self.tables.model(i) for i in self.arms), models[-1]]
+        return [first + i for model, first in zip(places, self.first_element, strict=False) for i in model.concave]
 
     def decides_own_pairs(self, element: int) -> bool:
-        """Whether an arm moves, or is the first of those that stand still in the same posture."""
+        """Whether an arm moves, or is the first of those that stand still in the same configuration."""
         place, _ = self._locate(element)
         return place < self.moving or place in self._equal_arms
 
     def equal_pairs(self, pair: tuple[int, int]) -> Iterator[tuple[int, int]]:
-        """A pair of elements, and if it is an arm's own the same one of all arms that stand still in its posture."""
+        """A pair of elements, and if it is an arm's own, the same pair of all stationary arms equal to it."""
         yield pair
         (place, a), (other, b) = (self._locate(element) for element in pair)
         if place == other:
             for equal in self._equal_arms.get(place, ()):
-                first = int(self.first_element[equal])
+                first = self.first_element[equal]
                 yield first + a, first + b
 
 

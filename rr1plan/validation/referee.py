@@ -11,24 +11,25 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rr1plan.checks import check_callback, of_kind, positive_number, true_or_false
+from rr1plan.checks import Array, check_callback, of_kind, positive_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import Progress, ProgressCallback
-from rr1plan.problem import Problem
 from rr1plan.report import Margin, Report, Violation
 from rr1plan.scene import Scene
-from rr1plan.scene.held_contacts import resting_advice
+from rr1plan.scene.held_contacts import contact_advice
+from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
+from rr1plan.validation.bernstein_extremes import Extremes, extremes
 from rr1plan.validation.certificate import TOUCH
+from rr1plan.validation.collision_proof import CollisionProof, Contact, prove
 from rr1plan.validation.compiled_search import ProofOptions
-from rr1plan.validation.extremes import Extremes, extremes
-from rr1plan.validation.goals import check_endpoints
-from rr1plan.validation.limits import Columns, Ledger, check_continuity, check_positions, check_rates, check_rest
-from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.goal_checks import check_endpoints
+from rr1plan.validation.limit_checks import Columns, Findings, Judgment
+from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import MovingScene, moving_scene
-from rr1plan.validation.proof import CollisionProof, Contact, prove
-from rr1plan.validation.torque import check_torques
+from rr1plan.validation.referee_kernels import load_library
+from rr1plan.validation.torque_checks import check_torques
 
 _MOST_DISTANCES = 400_000
 # Positions beyond this [rad or m] are no motion of an arm, and cost digits.
@@ -50,7 +51,7 @@ def validate(
 ) -> Report:
     """Check a trajectory against a scene: collisions in continuous time, limits between samples.
 
-    Arms that are not in the trajectory rest in their posture of the scene; an arm whose part of
+    Arms that are not in the trajectory rest in their configuration of the scene; an arm whose part of
     the motion is over rests where it ended.
 
     Args:
@@ -84,24 +85,25 @@ def validate(
     )
     clearance = true_or_false("clearance", clearance)
     _check_columns(trajectory, scene)
-    ledger = Ledger()
-    if not _check_values(ledger, trajectory):
-        return _no_motion(ledger)
+    findings = Findings()
+    if not _check_values(findings, trajectory):
+        return _no_motion(findings)
     moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
     columns, found = moving.columns, extremes(motion.breaks, motion.coefficients)
     options = ProofOptions(clearance_tolerance, _most_distances(columns, found), clearance)
-    _check_collisions(ledger, moving, motion, options, progress)
-    _name_unchecked_links(ledger, scene)
-    check_positions(ledger, columns, found)
-    check_continuity(ledger, columns, found, motion.coefficients)
-    check_rest(ledger, columns, found, motion.breaks, motion.coefficients)
-    check_rates(ledger, columns, found, jerk_limits)
+    _check_collisions(findings, moving, motion, options, progress)
+    _name_unchecked_links(findings, scene)
+    judgment = Judgment(columns, found, motion.breaks, motion.coefficients)
+    judgment.check_positions(findings)
+    judgment.check_continuity(findings)
+    judgment.check_rest(findings)
+    judgment.check_rates(findings, jerk_limits)
     if torque_limits:
-        check_torques(ledger, trajectory, scene)
+        check_torques(findings, trajectory, scene)
     else:
-        ledger.not_checked["torque"] = "not asked for (option torque_limits)"
-    check_endpoints(ledger, motion, scene, problem)
-    return _report(ledger, trajectory.duration)
+        findings.not_checked["torque"] = "not asked for (option torque_limits)"
+    check_endpoints(findings, motion, scene, problem)
+    return _report(findings, trajectory.duration)
 
 
 def certify_path(
@@ -135,17 +137,18 @@ def certify_path(
     check_callback("progress", progress)
     trajectory = _unit_speed(path)
     _check_columns(trajectory, scene)
-    ledger = Ledger()
-    if not _check_values(ledger, trajectory):
-        return _no_motion(ledger)
+    findings = Findings()
+    if not _check_values(findings, trajectory):
+        return _no_motion(findings)
     moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
     options = ProofOptions(clearance_tolerance, _MOST_DISTANCES, clearance)
-    _check_collisions(ledger, moving, motion, options, progress)
-    _name_unchecked_links(ledger, scene)
-    check_positions(ledger, moving.columns, extremes(motion.breaks, motion.coefficients))
+    _check_collisions(findings, moving, motion, options, progress)
+    _name_unchecked_links(findings, scene)
+    found = extremes(motion.breaks, motion.coefficients)
+    Judgment(moving.columns, found, motion.breaks, motion.coefficients).check_positions(findings)
     for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
-        ledger.not_checked[rule] = "a path has no times"
-    return _report(ledger, trajectory.duration)
+        findings.not_checked[rule] = "a path has no times"
+    return _report(findings, trajectory.duration)
 
 
 def _unit_speed(path: Path) -> Trajectory:
@@ -169,9 +172,13 @@ def _motion_of(trajectory: Trajectory) -> TimedColumns:
 
 def _check_columns(trajectory: Trajectory, scene: Scene) -> None:
     """The columns are joints of the scene's arms, and of each arm all of them."""
-    for arm in trajectory.arms:
+    arms = trajectory.arms
+    for arm in arms:
         scene.arm(arm)
-    wanted = scene.joint_names(trajectory.arms) if trajectory.arms else ()
+    wanted = tuple(f"{arm}/{joint}" for arm in arms for joint in scene.arms[arm].robot.joint_names)
+    if trajectory.joint_names == wanted:
+        return
+    wanted = scene.joint_names(arms) if arms else ()
     given, known = set(trajectory.joint_names), set(wanted)
     missing = [name for name in wanted if name not in given]
     extra = [name for name in trajectory.joint_names if name not in known]
@@ -182,21 +189,23 @@ def _check_columns(trajectory: Trajectory, scene: Scene) -> None:
         raise InputError(f"the trajectory has no column for {', '.join(missing)}; it must hold all joints of an arm")
 
 
-def _check_values(ledger: Ledger, trajectory: Trajectory) -> bool:
+def _check_values(findings: Findings, trajectory: Trajectory) -> bool:
     """The numbers make a motion: a value that was unpickled or forged has passed no constructor."""
-    ledger.checked += ["clock", "finite"]
+    findings.checked += ["clock", "finite"]
     breaks, coefficients = trajectory.breaks, trajectory.coefficients
     shape = (max(1, np.size(breaks) - 1), len(trajectory.joint_names))
     if np.ndim(breaks) != 1 or np.ndim(coefficients) != 3 or coefficients.shape[::2] != shape or not np.size(breaks):
         message = f"breaks of shape {np.shape(breaks)} do not fit coefficients of shape {np.shape(coefficients)}"
-        ledger.violations.append(Violation("clock", (), None, float(np.size(breaks)), float(shape[0] + 1), message))
+        findings.violations.append(Violation("clock", (), None, float(np.size(breaks)), float(shape[0] + 1), message))
         return False
+    if _makes_motion(np.ascontiguousarray(breaks), np.ascontiguousarray(coefficients)):
+        return True
     bad = np.flatnonzero(~np.isfinite(coefficients).all(axis=(0, 1))).tolist()
     for name in (trajectory.joint_names[j] for j in bad):
         message = f"{name} has a coefficient that is not a finite number"
-        ledger.violations.append(Violation("finite", (name,), None, 0.0, 0.0, message))
+        findings.violations.append(Violation("finite", (name,), None, 0.0, 0.0, message))
     if not np.isfinite(breaks).all():
-        ledger.violations.append(Violation("finite", (), None, 0.0, 0.0, "the clock has a time that is not finite"))
+        findings.violations.append(Violation("finite", (), None, 0.0, 0.0, "the clock has a time that is not finite"))
         return False
     steps = np.diff(breaks)
     if (steps <= 0.0).any():
@@ -204,18 +213,26 @@ def _check_values(ledger: Ledger, trajectory: Trajectory) -> bool:
         message = (
             f"the clock goes from {breaks[i]:.9g} s to {breaks[i + 1]:.9g} s, expected times that strictly increase"
         )
-        ledger.violations.append(Violation("clock", (), float(breaks[i]), float(steps[i]), 0.0, message))
+        findings.violations.append(Violation("clock", (), float(breaks[i]), float(steps[i]), 0.0, message))
         return False
-    return not bad and _check_reach(ledger, trajectory)
+    return not bad and _check_reach(findings, trajectory)
 
 
-def _no_motion(ledger: Ledger) -> Report:
+def _makes_motion(breaks: Array, coefficients: Array) -> bool:
+    """Whether the numbers make a motion; what is wrong if they do not is not said."""
+    if breaks.dtype != np.float64 or coefficients.dtype != np.float64:
+        return False
+    native = load_library()
+    return bool(native.rr1_makes_motion(breaks, len(breaks), coefficients, *coefficients.shape, _FARTHEST))
+
+
+def _no_motion(findings: Findings) -> Report:
     for rule in ("collision", "limits", "start", "goal"):
-        ledger.not_checked[rule] = "the numbers make no motion"
-    return _report(ledger, 0.0)
+        findings.not_checked[rule] = "the numbers make no motion"
+    return _report(findings, 0.0)
 
 
-def _check_reach(ledger: Ledger, trajectory: Trajectory) -> bool:
+def _check_reach(findings: Findings, trajectory: Trajectory) -> bool:
     """No position is so large that nothing can be reckoned with it."""
     widths = np.diff(trajectory.breaks) if len(trajectory.breaks) > 1 else np.zeros(1)
     power, reach = np.ones(len(widths)), np.zeros(trajectory.coefficients.shape[::2])
@@ -228,20 +245,21 @@ def _check_reach(ledger: Ledger, trajectory: Trajectory) -> bool:
     for name, value in zip(trajectory.joint_names, reach.tolist(), strict=True):
         if not value <= _FARTHEST:
             message = f"{name} has terms that add up to more than {_FARTHEST:.0e}, which is no motion of an arm"
-            ledger.violations.append(Violation("finite", (name,), None, min(value, 1e308), _FARTHEST, message))
+            findings.violations.append(Violation("finite", (name,), None, min(value, 1e308), _FARTHEST, message))
     return bool((reach <= _FARTHEST).all())
 
 
 def _most_distances(columns: Columns, found: Extremes) -> int:
     """Distances that a proof may take: few for a motion that is far too fast, which is refused whatever it hits."""
-    speed = np.maximum(found.high[1], -found.low[1])
-    limits = columns.limits.velocity
-    absurd = speed > _ABSURD * np.where(np.isfinite(limits), limits, _FAST)
+    fastest = columns.limits.velocity
+    if np.isinf(fastest).any():
+        fastest = np.where(np.isfinite(fastest), fastest, _FAST)
+    absurd = np.maximum(found.high[1], -found.low[1]) > _ABSURD * fastest
     return _MOST_DISTANCES // 50 if absurd.any() else _MOST_DISTANCES
 
 
 def _check_collisions(
-    ledger: Ledger,
+    findings: Findings,
     scene: MovingScene,
     motion: TimedColumns,
     options: ProofOptions,
@@ -250,21 +268,21 @@ def _check_collisions(
     began = clock.perf_counter()
     found = prove(scene, motion, options, _fraction_callback(progress))
     if found.cancelled:
-        ledger.not_checked["collision"] = "cancelled before all of the motion was decided"
+        findings.not_checked["collision"] = "cancelled before all of the motion was decided"
     else:
-        ledger.checked.append("collision")
-    ledger.violations += [_contact(scene.tables.scene, contact) for contact in found.contacts]
+        findings.checked.append("collision")
+    findings.violations += [_contact(scene.tables.scene, contact) for contact in found.contacts]
     if options.clearance:
-        _clearance_margins(ledger, found)
+        _clearance_margins(findings, found)
     else:
-        ledger.not_checked["clearance"] = "not asked for (option clearance)"
-    ledger.statistics |= found.statistics | {"collision_seconds": clock.perf_counter() - began}
+        findings.not_checked["clearance"] = "not asked for (option clearance)"
+    findings.statistics |= found.statistics | {"collision_seconds": clock.perf_counter() - began}
 
 
-def _name_unchecked_links(ledger: Ledger, scene: Scene) -> None:
+def _name_unchecked_links(findings: Findings, scene: Scene) -> None:
     for name, arm in scene.arms.items():
         for link in arm.robot.unchecked_links:
-            ledger.not_checked[f"{name}/{link}"] = "has no collision shape"
+            findings.not_checked[f"{name}/{link}"] = "has no collision shape"
 
 
 def _contact(scene: Scene, contact: Contact) -> Violation:
@@ -272,7 +290,7 @@ def _contact(scene: Scene, contact: Contact) -> Violation:
     value, time, first, (a, b) = contact.clearance, contact.time, contact.first, contact.pair
     padding = scene.padding_of(a, b)
     kept = f", of which {1000.0 * padding:.3g} mm is padding" if padding > 0.0 else ""
-    advice = resting_advice(scene, a, b, value + padding)
+    advice = contact_advice(scene, a, b, value + padding)
     advice = f"; {advice}" if advice else ""
     if value <= 0.0:
         since = "" if time - first < 1e-5 else f"; first contact at {first:.5f} s"
@@ -288,7 +306,7 @@ def _contact(scene: Scene, contact: Contact) -> Violation:
     return Violation("undecided", contact.pair, time, value if np.isfinite(value) else 0.0, TOUCH, message)
 
 
-def _clearance_margins(ledger: Ledger, found: CollisionProof) -> None:
+def _clearance_margins(findings: Findings, found: CollisionProof) -> None:
     """Margins of the clearance to obstacles and other arms, and of one arm's links among themselves."""
     hits = {contact.own for contact in found.contacts}
     for name, own in (("clearance", False), ("self_clearance", True)):
@@ -297,14 +315,14 @@ def _clearance_margins(ledger: Ledger, found: CollisionProof) -> None:
             continue
         # With a contact to report, only contacts are looked for: the rest is not found to its tolerance.
         if not hits or own in hits:
-            ledger.margins[name] = Margin(nearest.clearance, "m", nearest.pair, nearest.time)
+            findings.margins[name] = Margin(nearest.clearance, "m", nearest.pair, nearest.time)
         for when, end in () if own else zip(("start", "end"), found.ends, strict=True):
             if end is not None:
-                ledger.margins[f"{name}_{when}"] = Margin(end.clearance, "m", end.pair, end.time)
+                findings.margins[f"{name}_{when}"] = Margin(end.clearance, "m", end.pair, end.time)
         if not hits and not found.cancelled:
-            ledger.margins[f"{name}_proven"] = Margin(found.proven[own], "m")
+            findings.margins[f"{name}_proven"] = Margin(found.proven[own], "m")
     if not found.contacts and found.nearest == [None, None]:
-        ledger.not_checked["clearance"] = "the scene has no pair of elements that must not touch"
+        findings.not_checked["clearance"] = "the scene has no pair of elements that must not touch"
 
 
 def _fraction_callback(progress: ProgressCallback | None) -> Callable[[float], bool | None] | None:
@@ -314,12 +332,12 @@ def _fraction_callback(progress: ProgressCallback | None) -> Callable[[float], b
     return lambda fraction: progress(Progress("certify", clock.perf_counter() - began, fraction))
 
 
-def _report(ledger: Ledger, duration: float) -> Report:
+def _report(findings: Findings, duration: float) -> Report:
     return Report(
-        tuple(ledger.violations),
-        ledger.margins,
-        tuple(dict.fromkeys(ledger.checked)),
-        ledger.not_checked,
+        tuple(findings.violations),
+        findings.margins,
+        tuple(dict.fromkeys(findings.checked)),
+        findings.not_checked,
         duration,
-        ledger.statistics,
+        findings.statistics,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +11,8 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
-from rr1plan.validation.arm_tables import ArmTables, HeldThing, Table, arm_tables, obstacle_tables
 from rr1plan.validation.contact_paddings import Elements, block_paddings, rules_by_owners
-from rr1plan.validation.native import SOURCES
+from rr1plan.validation.referee_models import ArmTables, HeldThing, Table, arm_tables, obstacle_tables
 
 
 class RefereeScene:
@@ -22,7 +22,7 @@ class RefereeScene:
         scene: The scene.
         names, obstacles: Names of the arms and of the obstacles. Owners are numbered in this order.
         models: The models of robots, and the last one of all obstacles.
-        model_of: The model of each arm, shape (arms,).
+        model_of: The model of each arm.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -33,17 +33,20 @@ class RefereeScene:
             self._held.setdefault(thing.arm, []).append(name)
         self.models: list[ArmTables] = []
         known: dict[tuple[int, tuple[HeldThing, ...]], int] = {}
-        numbers = []
+        self.model_of: list[int] = []
         for name, arm in scene.arms.items():
-            held = tuple(HeldThing.of(scene.attachments[thing]) for thing in self._held.get(name, ()))
+            held: tuple[HeldThing, ...] = ()
+            if name in self._held:
+                held = tuple(HeldThing.of(scene.attachments[thing]) for thing in self._held[name])
             key = id(arm.robot), held
-            if key not in known:
-                known[key] = len(self.models)
+            number = known.get(key)
+            if number is None:
+                number = known[key] = len(self.models)
                 self.models.append(arm_tables(arm.robot, held))
-            numbers.append(known[key])
-        self.model_of = np.array(numbers, dtype=np.int64)
+            self.model_of.append(number)
         self.models.append(obstacle_tables(scene.obstacles.values()))
-        self._check_half_spaces()
+        if any(model.planes for model in self.models[:-1]):
+            self._check_half_spaces()
 
     # ---- names --------------------------------------------------------------------------------
 
@@ -59,8 +62,7 @@ class RefereeScene:
     @cached_property
     def _link_starts(self) -> Table:
         """Elements before the links of each arm, before the obstacles and before the attached objects."""
-        links = np.array([len(model.links) for model in self.models], dtype=np.int64)[self.model_of]
-        return np.concatenate([np.zeros(1, np.int64), np.cumsum(links)])
+        return np.array([0, *accumulate(len(self.models[i].links) for i in self.model_of)], dtype=np.int64)
 
     def elements(self, owner: int) -> Elements:
         """The elements of an owner: an arm by its number, or after those an obstacle."""
@@ -90,14 +92,16 @@ class RefereeScene:
 
     def model(self, arm: int) -> ArmTables:
         """The model of an arm by its number."""
-        return self.models[int(self.model_of[arm])]
+        return self.models[self.model_of[arm]]
 
     # ---- rules --------------------------------------------------------------------------------
 
     @cached_property
     def rules(self) -> dict[tuple[int, int], Array]:
         """The distances to keep between the elements of two owners [m] that rules are about, by their numbers."""
-        found = {}
+        found: dict[tuple[int, int], Array] = {}
+        if not (self.scene.allowed or self.scene.pair_padding):
+            return found
         for owners, both in rules_by_owners(self.scene).items():
             first, *rest = sorted(self.numbers[name] for name in owners)
             one, two = first, rest[0] if rest else first
@@ -110,7 +114,7 @@ class RefereeScene:
         first, second = self.elements(one), self.elements(two)
         model = self.model(one)
         checked = np.ones((len(first.order), len(second.order)), dtype=np.uint8)
-        if one == two:
+        if one == two and model.own_checked is not None:
             checked = model.own_checked
         elif two >= len(self.names):
             base = f"{first.owner}/{self.scene.arms[first.owner].robot.base}"
@@ -125,29 +129,23 @@ class RefereeScene:
     def _check_half_spaces(self) -> None:
         """No two half-spaces are to be kept apart."""
         arms = len(self.names)
-        owners = [i for i in range(arms) if self.model(i).has_plane.any()]
+        owners = [i for i in range(arms) if self.model(i).planes]
         for i in owners:
-            others = [*(j for j in owners if j >= i), *(arms + np.flatnonzero(self.models[-1].has_plane)).tolist()]
+            others = [*(j for j in owners if j >= i), *(arms + k for k in self.models[-1].planes)]
             for j in others:
-                first, second = self._planes(i), self._planes(j)
+                first = self.model(i).planes
+                second = self.model(j).planes if j < arms else (0,)
                 apart = self.paddings_between(i, j)[np.ix_(first, second)] >= 0.0
                 if apart.any():
                     a, b = np.argwhere(apart)[0].tolist()
                     names = list(self.elements(i).index)[first[a]], list(self.elements(j).index)[second[b]]
                     raise InputError(f"{names[0]!r} and {names[1]!r} are both half-spaces, which cannot be kept apart")
 
-    def _planes(self, owner: int) -> list[int]:
-        """Elements of an owner that have a half-space for a shape."""
-        if owner >= len(self.names):
-            return [0]
-        found: list[int] = np.flatnonzero(self.model(owner).has_plane).tolist()
-        return found
-
     @cached_property
     def model_rows(self) -> NDArray[np.uint8]:
         """The models as the kernels read them, a row of bytes each."""
-        rows = [np.frombuffer(bytes(model.struct.value), np.uint8) for model in self.models]
-        return np.array(rows).reshape(-1, SOURCES.item_size("RefereeModel"))
+        rows = bytearray().join([bytes(model.struct.value) for model in self.models])
+        return np.frombuffer(rows, np.uint8).reshape(len(self.models), -1)
 
 
 def referee_scene(scene: Scene) -> RefereeScene:

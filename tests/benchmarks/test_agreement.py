@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import concave_meshes
 import numpy as np
 import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
+from rr1plan.collision.coal_meshes import holds_point
 from rr1plan.transforms import pose
 
 
@@ -128,3 +130,95 @@ def test_a_robot_without_a_file_is_left_out(script, tmp_path, monkeypatch):
     monkeypatch.setattr(agreement, "find_urdf", lambda name, folder: None)
     assert agreement.main(["--robot", "ur5", "--out", str(tmp_path)]) == 0
     assert json.loads(Path(tmp_path / "agreement.json").read_text())["scenes"] == []
+
+
+# ---- many arms ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scenes", ["2 at 0.35 m", "4 at 0.5 m, 3 move", "margin", "rods", "all shapes", "planar2r"])
+def test_compiled_answers_are_coals_among_many_arms(script, tmp_path, monkeypatch, scenes):
+    """Alike and of two robots, some standing still, beside all shapes, with margin, padding and held rods."""
+    agreement = script("agreement")
+    monkeypatch.setattr(agreement, "find_urdf", lambda name, folder: None)
+    sizes = ["--configurations", "120", "--edges", "24", "--out", str(tmp_path)]
+    assert agreement.main(["--robot", "crowds", "--scenes", scenes, *sizes]) == 0
+    found = json.loads((tmp_path / "agreement.json").read_text())["scenes"]
+    assert all(scenes in scene["scene"] for scene in found)
+    configurations = [scene["configurations"] for scene in found]
+    assert sum(c["asked"] for c in configurations) == 120
+    assert 0 < sum(c["free"] for c in configurations) < 120
+    edges = [scene["edges"] for scene in found]
+    assert sum(e.get(n, 0) for e in edges for n in ("proven", "contact confirmed", "narrow", "grazing")) == 24
+    assert sum(e.get("judged", 0) for e in edges) > 0 or scenes == "margin"
+
+
+def test_arms_on_a_narrow_grid_find_room(script):
+    crowds = list(script("clutter").crowds(rp.load_robot("rr1"), [], 0))
+    assert {len(crowd.scene.arms) for crowd in crowds} == {2, 4, 16}
+    assert any(crowd.arms is not None and len(crowd.arms) < len(crowd.scene.arms) for crowd in crowds)
+    for crowd in crowds:
+        checker = CollisionChecker(crowd.scene, crowd.arms)
+        assert checker.is_free(crowd.scene.configuration(crowd.arms))
+    again = list(script("clutter").crowds(rp.load_robot("rr1"), [], 0))
+    assert [a.scene.content_hash for a in again] == [b.scene.content_hash for b in crowds]
+
+
+# ---- concave meshes -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("turned_round", [False, True])
+@pytest.mark.parametrize("name", ["mug", "angle_block", "half_shell", "torus"])
+def test_what_is_inside_a_concave_mesh_is_a_contact(script, name, turned_round):
+    """A ball of a nanometer against the winding number that Coal's checker decides by."""
+    mesh = getattr(concave_meshes, name)()
+    if turned_round:
+        mesh = rp.Mesh(mesh.vertices, mesh.faces[:, ::-1])
+    surface = script("coal_proof").Surface(mesh)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    points = np.random.default_rng(0).uniform(low, high, (400, 3))
+    inside = np.array([surface.holds(point) for point in points])
+    assert inside.tolist() == [holds_point(mesh, point) for point in points]
+    assert 0.02 < inside.mean() < 0.98
+
+
+@pytest.mark.parametrize("mesh", [concave_meshes.terrain(6), concave_meshes.open_bowl(), concave_meshes.soup()])
+def test_an_open_surface_has_no_inside(script, mesh):
+    surface = script("coal_proof").Surface(mesh)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    points = np.random.default_rng(1).uniform(low, high, (100, 3))
+    assert not any(surface.holds(point) for point in points)
+
+
+def test_an_edge_within_a_ring_is_proven_and_one_out_of_it_is_not(proof_of):
+    """The arm is 8 cm thick and points through a ring, whose hole of 28 cm a convex hull would fill."""
+    proof, plain = proof_of(concave_meshes.torus(0.2, 0.06), pose([1.2, 0.0, 0.0], rpy=[0.0, np.pi / 2, 0.0]))
+    for swing in (0.05, 0.07):
+        assert proof.judge(np.array([-swing, 0.0]), np.array([swing, 0.0])) == ("free", 0.0)
+    begin, end = np.array([-0.05, 0.0]), np.array([0.4, 0.0])
+    verdict, where = proof.judge(begin, end)
+    assert verdict == "contact"
+    q = begin + where * (end - begin)
+    assert not plain.is_free(q)
+    assert plain.bracket(q).lower < 0.0
+
+
+@pytest.mark.parametrize("padding", [0.0, 0.02])
+def test_the_distance_of_a_concave_mesh_is_bracketed(proof_of, padding):
+    """The arm's round end reaches 1.74 m; the block's face is at x = 0 of its frame."""
+    for gap in (0.3, 1e-3, 3e-7, -3e-7, -1e-3):
+        _, plain = proof_of(concave_meshes.angle_block(), [1.74 + gap, -0.05, -0.07], padding)
+        found = plain.bracket(np.zeros(2))
+        assert found.lower == pytest.approx(gap - padding, abs=2e-9)
+        assert found.upper == pytest.approx(max(gap, 0.0) - padding, abs=2e-9)
+        assert plain.is_free(np.zeros(2)) == (gap > padding)
+    # Wholly inside: no triangle is touched.
+    _, plain = proof_of(rp.Mesh(*_shell(3.0)), [0.0, 0.0, 0.0], padding)
+    found = plain.bracket(np.zeros(2))
+    assert (found.lower, found.upper) == (-np.inf, -padding)
+    assert not plain.is_free(np.zeros(2))
+
+
+def _shell(half):
+    """Corners and triangles of a cube that is not known to be convex: a notch is cut into its top."""
+    block = concave_meshes.angle_block(2.0 * half, 1.5 * half)
+    return block.vertices * [1.0, 1.0, 2.0 * half / 0.15] - [0.75 * half, 0.75 * half, half], block.faces

@@ -90,7 +90,7 @@ def test_both_libraries_see_a_post_in_the_way(opinions):
 def test_a_certified_motion_is_free_by_both(opinions, scene):
     problem = rp.Problem(scene, [-1.0, 0.0, 0.3, 0.0, 0.5, 0.0], [1.0, 0.0, 0.3, 0.0, 0.5, 0.0])
     motion = rp.plan_motion(problem, rng=0)
-    assert motion.solved
+    assert motion.valid
     for waypoints in (motion.result.path.waypoints, motion.path.waypoints):
         assert opinions.judge_path(waypoints).free
     assert opinions.judge_trajectory(motion.trajectory).free

@@ -22,7 +22,7 @@ def scene():
     """An RR1 off the origin, over a sloping ground, with a post and a capsule."""
     return (
         rp.Scene()
-        .with_arm("rr1", rp.load_robot("rr1").with_held("closed"), pose([0.2, -0.1, 0.3], rpy=[0.0, 0.0, 0.7]))
+        .with_arm("rr1", rp.load_robot("rr1").with_locked_joints("closed"), pose([0.2, -0.1, 0.3], rpy=[0.0, 0.0, 0.7]))
         .with_obstacle("ground", rp.HalfSpace((0.1, 0.0, 1.0), -0.2))
         .with_obstacle("post", rp.Cylinder(0.05, 1.0), [-0.1, 0.2, 0.5])
         .with_obstacle("pipe", rp.Capsule(0.04, 0.4), pose([0.1, 0.3, 0.6], rpy=[0.4, 0.3, 0.2]))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import rr1plan as rp
-from rr1plan.library import robot_folder
+from rr1plan.scene.model_library import robot_folder
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def test_problems_of_a_file_are_solved_and_judged(script, problem_file, tmp_path
     arguments = [problem_file, "--robot", folder / "rr1.urdf", "--srdf", folder / "rr1.srdf", "--out", tmp_path]
     assert script("panda_problems").main([*map(str, arguments), "--seeds", "2"]) == 0
     results = json.loads((tmp_path / "panda_problems.json").read_text())
-    assert [p["status"] for p in results["problems"]] == ["solved"] * 4
+    assert [p["status"] for p in results["problems"]] == ["found"] * 4
     for answer, again in zip(results["problems"][::2], results["problems"][1::2], strict=True):
         assert again["name"] == f"{answer['name']}, again 1"
         assert answer["certified"]
@@ -141,6 +141,19 @@ def test_cells_of_the_picture_are_those_of_coal(script, tmp_path):
     assert [(s["cells"], s["wrong"]) for s in scenes] == [(576, 0)] * 2
 
 
+def test_concave_obstacles_are_timed_as_triangles_and_as_pieces(script, tmp_path):
+    arguments = ["--triangles", "200", "--edges", "20", "--samples", "60", "--seconds", "0", "--out", str(tmp_path)]
+    assert script("triangle_meshes").main(arguments) == 0
+    none, mug, terrain = json.loads((tmp_path / "triangle_meshes.json").read_text())["meshes"]
+    assert (none["triangles"], mug["triangles"], terrain["triangles"]) == (0, 2592, 200)
+    for result in (mug, terrain):
+        assert result["warm_up"] > 0.0
+        assert result["edge"] > 0.0
+        assert result["different"] == 0
+    assert 0 < terrain["contacts"] < 60
+    assert "| terrain of 200" in (tmp_path / "triangle_meshes.md").read_text()
+
+
 def test_inverse_kinematics_is_timed_beside_the_plain_method(script, tmp_path):
     arguments = ["--robot", "planar2r_limited", "--poses", "6", "--plain", "3", "--out", str(tmp_path)]
     assert script("inverse_kinematics").main(arguments) == 0
@@ -194,6 +207,16 @@ def test_many_arms_are_measured_in_processes_of_their_own(script, tmp_path):
     assert "| plan " in text
     assert "| validate " not in text
     assert (tmp_path / "many_instances.png").stat().st_size > 0
+
+
+def test_changes_of_scenes_are_timed(script, problem_file, tmp_path):
+    arguments = [problem_file, "--robot", robot_folder("rr1") / "rr1.urdf", "--rounds", "3", "--out", tmp_path]
+    assert script("scene_changes").main([*map(str, arguments)]) == 0
+    results = json.loads((tmp_path / "scene_changes.json").read_text())["results"]
+    assert {"moved", "boxes", "boxes, with a margin", "set up", "plan"} <= set(results)
+    assert all(result["median"] > 0.0 for result in results.values())
+    assert results["moved"]["n"] == results["boxes"]["n"] == 3
+    assert "| set up" in (tmp_path / "scene_changes.md").read_text()
 
 
 def test_what_takes_too_long_with_many_arms_is_told(script, tmp_path):

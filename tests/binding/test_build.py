@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
-from rr1plan.kernels import wasm
+from rr1plan.kernels import wasm_core as wasm
+from rr1plan.kernels.planner_kernels import LIBRARY
+from rr1plan.validation.referee_kernels import LIBRARY as REFEREE
 
 ROOT = Path(__file__).parents[2]
 
@@ -64,3 +66,35 @@ def test_a_module_that_is_built_again_has_the_same_bytes(build: ModuleType, tmp_
     again = tmp_path / "other" / "core.wasm"
     build.compile_kernels(build.UNITS[0], again, *build.WASM, compiler=build.zig())
     assert again.read_bytes() == wasm.core_module()
+
+
+@pytest.mark.parametrize(
+    ("system", "processor", "target", "suffix", "tag"),
+    [
+        ("linux", "x86_64", "x86_64-linux-gnu.2.17", ".so", "py3-none-manylinux_2_17_x86_64"),
+        ("linux", "aarch64", "aarch64-linux-gnu.2.17", ".so", "py3-none-manylinux_2_17_aarch64"),
+        ("darwin", "x86_64", "x86_64-macos.11.0", ".dylib", "py3-none-macosx_11_0_x86_64"),
+        ("darwin", "arm64", "aarch64-macos.11.0", ".dylib", "py3-none-macosx_11_0_arm64"),
+        ("win32", "AMD64", "x86_64-windows-gnu", ".dll", "py3-none-win_amd64"),
+        ("win32", "ARM64", "aarch64-windows-gnu", ".dll", "py3-none-win_arm64"),
+    ],
+)
+def test_libraries_and_wheels_are_named_after_their_platform(
+    build: ModuleType, monkeypatch: pytest.MonkeyPatch, system: str, processor: str, target: str, suffix: str, tag: str
+) -> None:
+    compiled: list[tuple[str, tuple[str, ...]]] = []
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr(build.platform, "machine", lambda: processor)
+    monkeypatch.setattr(build.sys, "platform", system)
+    monkeypatch.setattr(build, "compile_kernels", lambda unit, out, *flags, **_: compiled.append((out.name, flags)))
+    files = build.build_all(pytest.fail)
+    native = [(name, flags) for name, flags in compiled if not name.endswith(".wasm")]
+    assert len(native) + 1 == len(files)
+    for name, flags in native:
+        assert name.endswith(suffix)
+        assert flags[flags.index("-target") + 1] == target
+        # Where Python looks for it.
+        stem, variant = name.removesuffix(suffix).split("-", 1)
+        library = next(one for one in (LIBRARY, REFEREE) if one.sources.unit.stem == stem)
+        assert library.variant_file(variant).name == name
+    assert build.wheel_tag() == tag

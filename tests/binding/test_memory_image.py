@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rr1plan.binding.memory import CStruct, address_of, zeroed
+from rr1plan.binding.c_memory import CStruct, address_of, zeroed
+from rr1plan.binding.c_sources import KernelSources
 from rr1plan.binding.memory_image import memory_image
-from rr1plan.binding.sources import KernelSources
 
 HEADER = """
 typedef struct {

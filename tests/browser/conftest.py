@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rr1plan.playback.viewer.capture import find_browser, open_browser
+from rr1plan.playback.viewer.page_capture import find_browser, open_browser
 
 
 # No longer than a module: as long as it runs, nothing else of this thread can use asyncio.

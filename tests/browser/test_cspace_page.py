@@ -13,11 +13,11 @@ import pytest
 from PIL import Image
 
 import rr1plan as rp
-from rr1plan.library import load_problems
-from rr1plan.limits import Limits
-from rr1plan.playback.cspace_verdict import verdict
-from rr1plan.playback.viewer.capture import wait_until
+from rr1plan.playback.cspace.cspace_verdict import verdict
+from rr1plan.playback.viewer.page_capture import wait_until
 from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene.model_library import load_problems
 
 pytestmark = pytest.mark.browser
 
@@ -28,15 +28,15 @@ CELLS = 90
 @pytest.fixture(scope="module")
 def lesson() -> rp.CSpace:
     problem = load_problems("planar2r_path")["over_the_seam"]
-    result = rp.make_planner("rrt_connect", tree=True).plan(problem, rng=0)
-    assert result.solved
+    result = rp.RrtConnect(tree=True).plan(problem, rng=0)
+    assert result.found
     assert result.tree is not None
-    return rp.cspace(problem.scene, problem, result, resolution=CELLS)
+    return rp.cspace(problem.scene, problem, result=result, resolution=CELLS)
 
 
 @pytest.fixture(scope="module")
 def page_file(lesson: rp.CSpace, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    return lesson.save_html(tmp_path_factory.mktemp("lesson") / "lesson.html", play=False)
+    return lesson.save_html(tmp_path_factory.mktemp("lesson") / "lesson.html", options=rp.ViewOptions(play=False))
 
 
 @pytest.fixture(scope="module")
@@ -309,7 +309,7 @@ def test_components_get_colors(calm: Any) -> None:
 def test_where_no_path_exists_the_page_says_so_in_two_colors(tab: Any, tmp_path: FilePath) -> None:
     problem = load_problems("planar2r_no_path")["no_way"]
     picture = rp.cspace(problem.scene, problem, resolution=CELLS)
-    file = picture.save_html(tmp_path / "none.html", title="<b>no & way</b>")
+    file = picture.save_html(tmp_path / "none.html", options=rp.ViewOptions(title="<b>no & way</b>"))
     tab.page.set_viewport_size({"width": 1280, "height": 720})
     tab.page.goto(file.as_uri())
     wait_until(tab.page, READY)
@@ -329,7 +329,7 @@ def test_where_no_path_exists_the_page_says_so_in_two_colors(tab: Any, tmp_path:
 
 def test_a_timed_motion_plays_on_its_own_clock(tab: Any, lesson: rp.CSpace, tmp_path: FilePath) -> None:
     trajectory = rp.retime(rp.Path(("arm/joint1", "arm/joint2"), lesson.path), lesson.grid.scene)
-    file = lesson.save_html(tmp_path / "timed.html", trajectory=trajectory, play=False)
+    file = lesson.save_html(tmp_path / "timed.html", trajectory=trajectory, options=rp.ViewOptions(play=False))
     tab.page.goto(file.as_uri())
     wait_until(tab.page, READY)
     assert tab.ask("RR1.duration") == pytest.approx(trajectory.duration)
@@ -362,7 +362,7 @@ def test_two_joints_of_a_bigger_arm_have_their_page_too(tab: Any, rr1_table: rp.
 def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: rp.Scene) -> None:
     """Cells, names, marks, verdict, badge, sliders and the arm in the plane are all of the scene that is shown."""
     path_scene, no_path = load_problems("planar2r_path")["over_the_seam"], load_problems("planar2r_no_path")["no_way"]
-    first = rp.cspace(path_scene.scene, path_scene, rp.plan(path_scene, rng=0), resolution=48)
+    first = rp.cspace(path_scene.scene, path_scene, result=rp.plan(path_scene, rng=0), resolution=48)
 
     def seen(expression: str, expected: Any) -> None:
         wait_until(tab.page, f"JSON.stringify({expression}) === JSON.stringify({json.dumps(expected)})")
@@ -440,7 +440,7 @@ def looked_from(tab: Any) -> np.ndarray:
 def test_a_planar_arm_is_looked_at_from_above_or_from_the_view_that_is_given(
     tab: Any, lesson: rp.CSpace, tmp_path: FilePath, view: Any, direction: Any
 ) -> None:
-    tab.page.goto(lesson.save_html(tmp_path / "page.html", view=view).as_uri())
+    tab.page.goto(lesson.save_html(tmp_path / "page.html", options=rp.ViewOptions(view=view)).as_uri())
     wait_until(tab.page, READY)
     expected = np.array([np.cos(0.5), 0.0, np.sin(0.5)] if direction is None else direction, dtype=float)
     np.testing.assert_allclose(looked_from(tab), expected / np.linalg.norm(expected), atol=1e-2)

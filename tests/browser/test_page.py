@@ -13,9 +13,9 @@ import pytest
 from PIL import Image
 
 import rr1plan as rp
-from rr1plan.playback import Panel, Replay, pack, save_html, show
+from rr1plan import Panel, Replay, pack_array, save_html, show
 from rr1plan.playback.viewer import view_document
-from rr1plan.playback.viewer.capture import wait_until
+from rr1plan.playback.viewer.page_capture import wait_until
 from rr1plan.report import Margin, Violation
 
 pytestmark = pytest.mark.browser
@@ -66,7 +66,15 @@ def page_file(two_arms: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> F
         "dynamic", trajectory.joint_names, times, trajectory(times), actual, zeros + 0.02, zeros, zeros, (), 1, 0.1, 1.0
     )
     file = tmp_path_factory.mktemp("page") / "page.html"
-    return save_html(file, two_arms, trajectory, problem=problem, report=report, replay=replay, play=False)
+    return save_html(
+        file,
+        two_arms,
+        trajectory=trajectory,
+        problem=problem,
+        report=report,
+        replay=replay,
+        options=rp.ViewOptions(play=False),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -301,7 +309,7 @@ def test_more_arms_are_not_more_things_to_draw(calm: Any, planar2r: rp.Robot) ->
                 RR1.load(before);
                 return found;
             }""",
-            view_document(scene, wander(scene)),
+            view_document(scene, trajectory=wander(scene)),
         )
         return int(found)
 
@@ -322,9 +330,9 @@ def test_names_from_files_stay_text(tab: Any, rr1: rp.Robot, tmp_path: FilePath)
         rp.Scene(name=nasty, description=nasty).with_arm(flat, rr1).with_obstacle(flat + "2", rp.Box((0.1, 0.1, 0.1)))
     )
     panel = Panel(
-        "own", nasty, "<p id='told'></p>", script="root.querySelector('#told').textContent = data;", data=nasty
+        "own", nasty, html="<p id='told'></p>", script="root.querySelector('#told').textContent = data;", data=nasty
     )
-    tab.page.goto(save_html(tmp_path / "nasty.html", scene, panels=[panel]).as_uri())
+    tab.page.goto(save_html(tmp_path / "nasty.html", scene, options=rp.ViewOptions(panels=[panel])).as_uri())
     wait_until(tab.page, READY)
     assert tab.ask("document.title") == nasty
     assert tab.page.text_content("#title") == nasty
@@ -344,9 +352,13 @@ def test_a_panel_sees_and_moves_the_arm(tab: Any, planar2r: rp.Robot, tmp_path: 
         root.querySelector('button').onclick = () => viewer.setQ(viewer.unpack(data).values);
     """
     panel = Panel(
-        "lesson", "Lesson", "<button>go</button><output></output>", script=script, data=pack([0.25, 0.5], "f8")
+        "lesson",
+        "Lesson",
+        html="<button>go</button><output></output>",
+        script=script,
+        data=pack_array([0.25, 0.5], "f8"),
     )
-    tab.page.goto(save_html(tmp_path / "panel.html", scene, panels=[panel]).as_uri())
+    tab.page.goto(save_html(tmp_path / "panel.html", scene, options=rp.ViewOptions(panels=[panel])).as_uri())
     wait_until(tab.page, READY)
     tab.page.click("#panel-lesson button")
     assert tab.page.inner_text("#panel-lesson output") == "0.250 true"
@@ -354,7 +366,7 @@ def test_a_panel_sees_and_moves_the_arm(tab: Any, planar2r: rp.Robot, tmp_path: 
 
 
 def test_a_live_page_follows_the_program(tab: Any, two_arms: rp.Scene) -> None:
-    with show(two_arms, wander(two_arms), port=0, open_browser=False) as viewer:
+    with show(two_arms, trajectory=wander(two_arms), port=0, open_browser=False) as viewer:
         tab.page.goto(viewer.url)
         wait_until(tab.page, READY)
         wait_until(tab.page, "RR1.live.socket && RR1.live.socket.readyState === 1")
@@ -366,7 +378,7 @@ def test_a_live_page_follows_the_program(tab: Any, two_arms: rp.Scene) -> None:
         np.testing.assert_array_equal(tab.ask("Array.from(RR1.q)"), q)
         viewer.seek(2.0)
         wait_until(tab.page, "RR1.time === 2 && !RR1.manual")
-        viewer.load(two_arms.without_obstacle("ball"), title="another")
+        viewer.load(two_arms.without_obstacle("ball"), options=rp.ViewOptions(title="another"))
         wait_until(tab.page, "document.title === 'another'")
         assert tab.ask("RR1.document.obstacles.length") == len(two_arms.obstacles) - 1
         assert {url.split("?")[0] for url in tab.requests} <= {viewer.url, viewer.url.replace("http", "ws") + "updates"}
@@ -396,11 +408,15 @@ def test_a_long_report_covers_no_arm(
 ) -> None:
     start = rr1_table.configuration()
     away = start + np.array([0.0, 1.5, 0.8, 0.0, 0.0, 0.0])
-    motion = rp.Trajectory.from_samples([0.0, 1.0], [start, away], joint_names=rr1_table.joint_names())
+    motion = rp.Trajectory.from_samples(rr1_table.joint_names(), [0.0, 1.0], [start, away])
     report = rp.validate(motion, rr1_table)
     assert len(report.violations) > 5
     tab.page.set_viewport_size({"width": width, "height": height})
-    tab.page.goto(save_html(tmp_path / "page.html", rr1_table, motion, report=report, play=False).as_uri())
+    tab.page.goto(
+        save_html(
+            tmp_path / "page.html", rr1_table, trajectory=motion, report=report, options=rp.ViewOptions(play=False)
+        ).as_uri()
+    )
     wait_until(tab.page, READY)
     assert tab.page.inner_text("#badge") == f"Invalid: {len(report.violations)} found"
     assert tab.page.locator("#report").is_visible() == (width >= 700)
@@ -413,7 +429,7 @@ def test_a_long_report_covers_no_arm(
 # Some seconds: four windows are drawn.
 def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: FilePath) -> None:
     motion = rp.plan_motion(next(iter(rp.load_problems("rr1_cluttered").values())), rng=0)
-    file = motion.save_html(tmp_path / "motion.html", play=False)
+    file = motion.save_html(tmp_path / "motion.html", options=rp.ViewOptions(play=False))
     # What three.js' own rays meet between the camera and the tool, at each end.
     hidden = """t => {
         RR1.seek(RR1.player.start + t * RR1.duration);
@@ -449,7 +465,11 @@ def test_a_panda_behind_a_wall_is_seen(
 
     def shown(view: Any) -> list[float]:
         """The part of the arm's pixels that the wall leaves, at three instants, in the first view."""
-        tab.page.goto(save_html(tmp_path / "page.html", scene, motion, view=view, play=False).as_uri())
+        tab.page.goto(
+            save_html(
+                tmp_path / "page.html", scene, trajectory=motion, options=rp.ViewOptions(view=view, play=False)
+            ).as_uri()
+        )
         wait_until(tab.page, READY)
         shares = []
         for t in (0.0, 0.5, 1.0):

@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 import rr1plan as rp
-from rr1plan.playback import save_html, show
-from rr1plan.playback.viewer.capture import wait_until
+from rr1plan import save_html, show
+from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = pytest.mark.browser
 
@@ -45,7 +45,7 @@ def straight(scene: rp.Scene) -> rp.Trajectory:
 @pytest.fixture(scope="module")
 def opened(shared_tab: Any, scene: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> Any:
     file = tmp_path_factory.mktemp("page") / "page.html"
-    save_html(file, scene, straight(scene), spheres=True, play=False)
+    save_html(file, scene, trajectory=straight(scene), options=rp.ViewOptions(spheres=True, play=False))
     shared_tab.page.goto(file.as_uri())
     wait_until(shared_tab.page, READY)
     return shared_tab
@@ -137,7 +137,7 @@ def test_the_headline_counts_them(calm: Any, scene: rp.Scene) -> None:
 
 def test_robots_of_one_body_a_link_have_no_layer_of_bodies(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
     scene = rp.Scene().with_arm("arm", planar2r)
-    tab.page.goto(save_html(tmp_path / "page.html", scene, spheres=True).as_uri())
+    tab.page.goto(save_html(tmp_path / "page.html", scene, options=rp.ViewOptions(spheres=True)).as_uri())
     wait_until(tab.page, READY)
     assert [name for name, _ in tab.ask(CHIPS) if name in LAYERS] == ["spheres", "linkspheres"]
     assert tab.complaints == []
@@ -152,7 +152,7 @@ def test_a_page_without_them_has_no_chips_for_them(tab: Any, scene: rp.Scene, tm
 
 
 def test_live_pages_show_them_follow_updates_and_drop_them_with_the_next_scene(tab: Any, scene: rp.Scene) -> None:
-    with show(scene, spheres=True, open_browser=False) as viewer:
+    with show(scene, open_browser=False, options=rp.ViewOptions(spheres=True)) as viewer:
         tab.page.goto(viewer.url)
         wait_until(tab.page, READY)
         before = tab.ask(DRAWN, "spheres")
@@ -165,6 +165,6 @@ def test_live_pages_show_them_follow_updates_and_drop_them_with_the_next_scene(t
         assert np.abs(np.array([r[1:4] for r in rows]) - [r[1:4] for r in before]).max() > 0.01
         viewer.load(scene)
         wait_until(tab.page, "!RR1.hasLayer('spheres')")
-        viewer.load(scene, spheres=True)
+        viewer.load(scene, options=rp.ViewOptions(spheres=True))
         wait_until(tab.page, "RR1.hasLayer('spheres')")
     assert tab.complaints == []

@@ -13,8 +13,8 @@ import yaml
 
 import rr1plan as rp
 from rr1plan.cli import BAD_INPUT, INVALID_PLAN, NO_PLAN, OK, run
-from rr1plan.formats.plan_files import save_trajectory
-from rr1plan.library import installed_robot_names, robot_names, scene_names
+from rr1plan.export.plan_files import save_trajectory
+from rr1plan.scene.model_library import installed_robot_names, robot_names, scene_names
 
 
 def answer(capsys: pytest.CaptureFixture[str]) -> dict:
@@ -35,7 +35,7 @@ def test_plan_writes_what_was_asked_for_and_says_so(capsys: pytest.CaptureFixtur
 def test_plan_as_json_is_one_value(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["plan", "rr1_table", "--json", "--planner", "bkpiece1", "--limits", "hardware"]) == OK
     value = answer(capsys)
-    assert value["status"] == "solved"
+    assert value["status"] == "found"
     assert value["planner"] == "bkpiece1"
     assert value["report"]["certified"]
     assert list(value["seconds"]) == ["imports", "load the scene", "set up", "plan", "shorten", "retime", "validate"]
@@ -217,7 +217,14 @@ def test_a_motion_that_is_too_fast_is_invalid_and_exits_with_4(
     motion: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     saved = rp.load_motion(motion)
-    rp.save_motion("fast.json", saved.scene, saved.path, saved.trajectory.stretched(0.3), None, saved.problem)
+    rp.save_motion(
+        "fast.json",
+        saved.scene,
+        path=saved.path,
+        trajectory=saved.trajectory.stretched(0.3),
+        report=None,
+        problem=saved.problem,
+    )
     assert run(["validate", "fast.json", "--json"]) == INVALID_PLAN
     kinds = {violation["kind"] for violation in answer(capsys)["violations"]}
     assert "acceleration" in kinds
@@ -379,7 +386,7 @@ def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixtu
 def test_an_optional_package_names_its_extra(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from rr1plan.cli import looking
+    from rr1plan.cli import info as looking
 
     monkeypatch.setattr(looking, "_OPTIONAL", {"no-such-package": "ros"})
     assert run(["doctor"]) == OK
@@ -387,7 +394,7 @@ def test_an_optional_package_names_its_extra(
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    from rr1plan.cli import looking
+    from rr1plan.cli import info as looking
 
     monkeypatch.setattr(looking, "_REQUIRED", ("numpy", "no-such-package"))
     assert run(["doctor"]) == BAD_INPUT
@@ -414,7 +421,7 @@ def test_warnings_are_seen_in_a_program_that_sets_up_no_logging() -> None:
 
 
 def test_plan_reads_a_scene_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    from rr1plan import library
+    from rr1plan.scene import model_library as library
 
     loaded = []
     read = library.read_scene

@@ -16,7 +16,7 @@ import pytest
 
 import rr1plan
 from rr1plan.cli import BAD_INPUT, INTERRUPTED, NO_PLAN, OK
-from rr1plan.library import installed_robot_names, load_problems, robot_names, scene_names
+from rr1plan.scene.model_library import installed_robot_names, load_problems, robot_names, scene_names
 
 RR1PLAN = f"{sys.executable} -m rr1plan"
 NO_PATH = "plan planar2r_no_path --seconds 0.3"
@@ -122,7 +122,7 @@ _SLOW_PIECES = """
 import time
 import numpy as np, trimesh
 import rr1plan as rp
-from rr1plan.formats import convex_pieces as pieces
+from rr1plan.shapes import convex_decomposition as pieces
 
 def slow(vertices, faces, options, seconds, wait):
     for k in range(3):

@@ -6,12 +6,12 @@ import coal
 import numpy as np
 import pytest
 
-from rr1plan.formats.convex import convex_hull
-from rr1plan.library import load_robot
-from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_robot
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 
@@ -44,7 +44,7 @@ def _planar():
 
 
 def _odd():
-    """Revolute, prismatic, continuous, mimic and held joints, and every shape a link may have."""
+    """Revolute, prismatic, continuous, mimic and locked joints, and every shape a link may have."""
     links = (
         Link("base", collisions=(Geometry("b", Box((0.2, 0.2, 0.1)), pose([0, 0, 0.05])),)),
         Link("slide", collisions=(Geometry("s", Cylinder(0.06, 0.3), pose([0, 0, 0.25])),)),

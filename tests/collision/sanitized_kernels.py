@@ -18,12 +18,12 @@ from concave_meshes import mug, soup
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel, ExactKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.kernels.library import LIBRARY, load_library
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.kernels.planner_kernels import LIBRARY, load_library
 from rr1plan.planners import Roadmap, RrtConnect
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
-from rr1plan.retiming.blends import round_corners
+from rr1plan.retiming.path_blends import round_corners
 from rr1plan.transforms import pose
 
 COUNTED = Budget(seconds=float("inf"), iterations=20_000)
@@ -67,20 +67,20 @@ def plans():
         ("planar2r_path", "over_the_seam"),
     ):
         problem = rp.load_problems(scene)[name]
-        path = RrtConnect().plan(problem, COUNTED, rng=3).path_or_raise()
+        path = RrtConnect().plan(problem, budget=COUNTED, rng=3).path_or_raise()
         yield path.waypoints.tobytes()
-        shorter = shorten(path, CollisionChecker(problem.scene, problem.arms), rng=1, iterations=40)
+        shorter = shorten(path, problem.scene, rng=1, iterations=40)
         yield shorter.waypoints.tobytes()
         for part in (path, shorter):
-            motion = rp.retiming.retime(part, problem.scene)
+            motion = rp.retime(part, problem.scene)
             yield motion.sample(0.01)[1].tobytes()
         point = path.waypoints[:1].copy()
-        yield rp.retiming.retime(rp.Path(path.joint_names, point), problem.scene).duration
+        yield rp.retime(rp.Path(path.joint_names, point), problem.scene).duration
         yield len(round_corners(point, np.zeros(1))[0])
     problem = rp.load_problems("planar2r_path")["over_the_seam"]
     roadmap = Roadmap(problem.scene, samples=400)
     for _ in range(2):
-        yield roadmap.plan(problem, COUNTED, rng=0).path_or_raise().waypoints.tobytes()
+        yield roadmap.plan(problem, budget=COUNTED, rng=0).path_or_raise().waypoints.tobytes()
 
 
 def solutions():

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rr1plan.collision import CollisionChecker, arm_geometry, arm_instances, clearance_maps
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.limits import Limits
+from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 from rr1plan.shapes import Capsule
 from rr1plan.transforms import pose

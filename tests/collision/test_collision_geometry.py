@@ -15,20 +15,18 @@ from rr1plan.collision import (
     collision_geometry,
     exact_tables,
     link_spheres,
-    obstacle_geometry,
+    solid_rows,
 )
 from rr1plan.collision.edge_kernel import exact_scratch
-from rr1plan.collision.obstacle_geometry import obstacle_bodies
-from rr1plan.collision.obstacle_tables import obstacle_tables
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.contact_rules import rules_of
+from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.errors import InputError
-from rr1plan.library import load_scene
-from rr1plan.limits import Limits
-from rr1plan.model import SceneModel
+from rr1plan.model.arm_model import _arm_model
+from rr1plan.model.scene_model import SceneModel
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
+from rr1plan.scene.contact_rules import rules_of
+from rr1plan.scene.model_library import load_scene
 from rr1plan.shapes import Box, Capsule, HalfSpace, Mesh, PointCloud, Sphere
-from rr1plan.skeleton import _skeleton
 from rr1plan.transforms import pose
 
 HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], convex=True)
@@ -36,9 +34,8 @@ HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0
 
 def forget() -> None:
     # All else is kept by these.
-    obstacles = obstacle_geometry._obstacle, obstacle_geometry._standing
-    arms = _skeleton, arm_geometry._arm_geometry, arm_instances._arm_instances
-    for kept in (*arms, *obstacles, collision_geometry._solid_pairs, rules_of):
+    arms = _arm_model, arm_geometry._arm_geometry, arm_instances._arm_instances
+    for kept in (*arms, solid_rows.solid_rows, collision_geometry._solid_pairs, rules_of):
         kept.cache_clear()
 
 
@@ -84,7 +81,7 @@ def changes(scene: Scene, arm: str) -> dict[str, Scene]:
         "padded for one": scene.with_padding(0.01, arm, "two"),
         "with a margin": scene.with_padding(0.01, arm, "two").with_margin(0.002),
         "moved, then padded": scene.with_obstacle("one", Sphere(0.1), [0.5, 0.5, 0.5]).with_margin(0.001),
-        "another posture": scene.with_posture(arm, 0.5 * scene.arms[arm].q + 0.1),
+        "another configuration": scene.with_configuration(arm, 0.5 * scene.arms[arm].q + 0.1),
         "another base": scene.with_arm(arm, scene.arms[arm].robot, pose([0.1, 0, 0], rpy=[0, 0, 0.3])),
     }
 
@@ -103,7 +100,7 @@ CHANGES = (
         "detached",
         "allowed",
     ),
-    *("padded", "padded for one", "with a margin", "moved, then padded", "another posture", "another base"),
+    *("padded", "padded for one", "with a margin", "moved, then padded", "another configuration", "another base"),
 )
 
 
@@ -130,7 +127,7 @@ def test_with_an_arm_that_stands_still_too(six, planar, change):
 def test_the_robot_with_another_gripper_has_tables_of_its_own(odd):
     scene = furnished(Scene().with_arm("a", odd))
     before = arrays_of(scene, None)
-    open_hand = scene.with_robot("a", odd.with_held({"grip": 0.05}))
+    open_hand = scene.with_robot("a", odd.with_locked_joints({"grip": 0.05}))
     same_as_anew(open_hand)
     after = arrays_of(open_hand, None)
     assert any(x.shape != y.shape or (x != y).any() for x, y in zip(before, after, strict=True))
@@ -138,7 +135,7 @@ def test_the_robot_with_another_gripper_has_tables_of_its_own(odd):
 
 def test_scenes_with_equal_arms_share_what_the_arms_carry(odd):
     scene = furnished(Scene().with_arm("a", odd))
-    same = [scene.with_obstacle("one", Sphere(0.3)), scene.with_posture("a", [0.1, 0.2, 0.3]), copied(scene)]
+    same = [scene.with_obstacle("one", Sphere(0.3)), scene.with_configuration("a", [0.1, 0.2, 0.3]), copied(scene)]
     first = CollisionChecker(scene)
     for other in same:
         checker = CollisionChecker(other)
@@ -162,11 +159,8 @@ def test_an_obstacle_that_moved_leaves_all_else_as_it_was(odd, monkeypatch):
     monkeypatch.setattr(arm_tables, "_joint_tables", made_again)
     moved = scene.with_obstacle("two", Sphere(0.1), [-0.7, 0.35, 0.4])
     after = CollisionChecker(moved)
-    same = [a is b for a, b in zip(first.geometry.obstacles, after.geometry.obstacles, strict=True)]
-    assert same == [True, False, True, True]
-    for make in (obstacle_bodies, obstacle_tables):
-        rows = zip(make(first.geometry.obstacles), make(after.geometry.obstacles), strict=True)
-        assert [a is b for a, b in rows] == same
+    same = [a.rows is b.rows for a, b in zip(first.geometry.obstacles, after.geometry.obstacles, strict=True)]
+    assert all(same)
     assert after.geometry.instances is first.geometry.instances
     assert after.geometry.pairs is first.geometry.pairs
     changed = [x.shape == y.shape and (x != y).any() for x, y in zip(before, arrays_of(moved, None), strict=True)]
@@ -176,7 +170,8 @@ def test_an_obstacle_that_moved_leaves_all_else_as_it_was(odd, monkeypatch):
 def test_equal_obstacles_made_apart_share_their_tables(odd):
     one, two = (furnished(Scene().with_arm("a", odd)) for _ in range(2))
     geometries = [CollisionChecker(scene).geometry for scene in (one, two)]
-    assert geometries[0].obstacles == geometries[1].obstacles
+    rows = [[thing.rows for thing in geometry.obstacles] for geometry in geometries]
+    assert rows[0] == rows[1]
     assert geometries[0].pairs is geometries[1].pairs
 
 
@@ -240,7 +235,9 @@ def test_a_link_that_no_joint_moves_counts_with_its_arm(odd):
     # The lift is held, so that nothing moves the link that slides.
     limits = Limits(np.full(2, -3.2), np.full(2, 3.2), *(np.ones(2) for _ in range(4)))
     names, home = ("turn", "bend"), {"home": np.zeros(2)}
-    robot = replace(odd, joint_names=names, held={**odd.held, "lift": 0.0}, limits=limits, configurations=home)
+    robot = replace(
+        odd, joint_names=names, locked_joints={**odd.locked_joints, "lift": 0.0}, limits=limits, configurations=home
+    )
     scene = Scene().with_arm("a", robot).with_obstacle("wall", Box((0.1, 0.1, 0.1)), [0.12, 0.12, 0.35])
     checker = CollisionChecker(scene)
     gap = float(np.hypot(0.07, 0.07)) - 0.06

@@ -10,8 +10,8 @@ from concave_meshes import angle_block, half_shell, joined, mug, open_bowl, soup
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.formats.convex import convex_hull
 from rr1plan.robot import Geometry, Joint, Link
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 
@@ -363,7 +363,7 @@ def test_a_mug_is_planned_into_and_the_motion_is_proven():
     outside, within = [0.07, -0.05, 0.06], [0.005, 0.0, 0.04]
     assert not CollisionChecker(scene).edge_is_free(outside, within)
     found = rp.plan_motion(rp.Problem(scene, outside, within), rng=0)
-    assert found.solved
+    assert found.valid
     checker = CollisionChecker(scene)
     _, q = found.trajectory.sample(0.002)
     assert all(checker.is_free_slowly(one) for one in q)

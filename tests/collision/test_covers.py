@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan.collision.covers import cover_geometries
+from rr1plan.collision.sphere_covers import cover_geometries
 from rr1plan.errors import InputError
-from rr1plan.formats.convex import convex_hull
-from rr1plan.library import robot_names
 from rr1plan.robot import Geometry
+from rr1plan.scene.model_library import robot_names
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 FOREIGN = (

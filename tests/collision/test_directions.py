@@ -7,10 +7,10 @@ import pytest
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.kernels.library import constants, load_library, zeroed
-from rr1plan.library import load_scene
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.kernels.planner_kernels import constants, load_library, zeroed
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere
 from rr1plan.transforms import pose
 
@@ -26,7 +26,7 @@ class Separation:
         # A copy, so that it can be written.
         self.tables = tables._replace(padding=tables.padding.copy())
         self.kernel = EdgeKernel(self.tables, checker.exact_kernel, checker.nq, 1e-6)
-        self.spheres = zeroed("SphereLanes", len(tables.spheres))
+        self.spheres = zeroed("SphereProbe", len(tables.spheres))
 
     def candidates(self):
         """Each pair as the kernel has it: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres."""

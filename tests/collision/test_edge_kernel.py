@@ -15,8 +15,8 @@ from concave_meshes import half_shell, soup, terrain, torus
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import CONTACT, FREE, EdgeKernel, ExactKernel
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.kernels.library import LIBRARY
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.kernels.planner_kernels import LIBRARY
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud
 from rr1plan.transforms import pose
 

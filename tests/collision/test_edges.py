@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import CONTACT, EdgeKernel, edge_scratch, exact_scratch
-from rr1plan.collision.sphere_tables import build_edge_tables
+from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.errors import InputError
-from rr1plan.library import load_robot, load_scene
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_robot, load_scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud, Sphere
 from rr1plan.transforms import pose
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from rr1plan.collision.enclosing_ball import around_points, ball_reach, enclosing_ball
+from rr1plan.collision.convex.enclosing_ball import around_points, ball_reach, enclosing_ball
 
 
 @settings(deadline=None, max_examples=60)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.solids import occupied_cells
+from rr1plan.collision.convex.convex_bodies import occupied_cells
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.limits import Limits
 from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
 from rr1plan.transforms import identity, pose
@@ -19,7 +19,7 @@ CORNERS = np.random.default_rng(1).normal(size=(12, 3)) * 0.15
 
 
 def hull_mesh():
-    from rr1plan.formats.convex import convex_hull
+    from rr1plan.shapes.convex_hulls import convex_hull
 
     return convex_hull(CORNERS)
 
@@ -148,7 +148,7 @@ def fcl_object(shape, T):
 
 
 def hull_of(mesh):
-    from rr1plan.formats.convex import convex_hull
+    from rr1plan.shapes.convex_hulls import convex_hull
 
     return convex_hull(mesh.vertices)
 
@@ -193,7 +193,7 @@ def test_distances_and_contacts_tell_the_same_story(odd):
 
 def test_a_body_wholly_inside_a_mesh_collides():
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    from rr1plan.formats.convex import convex_hull
+    from rr1plan.shapes.convex_hulls import convex_hull
 
     checker = CollisionChecker(Scene().with_arm("p", probe(Sphere(0.05))).with_obstacle("m", convex_hull(corners)))
     assert not checker.is_free_slowly([0.2])
@@ -254,7 +254,7 @@ def test_an_arm_that_stands_still_is_where_the_scene_has_it(planar):
     checker = CollisionChecker(scene, ["l"])
     assert checker.joint_names == ("l/shoulder", "l/elbow")
     assert checker.is_free_slowly([0.0, 0.0])
-    turned = CollisionChecker(scene.with_posture("r", [np.pi, 0.0]), ["l"])
+    turned = CollisionChecker(scene.with_configuration("r", [np.pi, 0.0]), ["l"])
     assert not turned.is_free_slowly([0.0, 0.0])
 
 

@@ -22,8 +22,8 @@ def _arm_with(shape: rp.Sphere | rp.Capsule) -> rp.Robot:
         joint_names=("slide",),
         limits=rp.Limits(-one, one, one, one, one, one),
         configurations={"home": [0.0]},
-        held={},
-        never_collide=frozenset(),
+        locked_joints={},
+        disabled_collisions=frozenset(),
         tool="slider",
     )
 
@@ -60,7 +60,7 @@ def test_a_robot_with_one_joint_is_planned_for() -> None:
     scene = rp.Scene(arms={"arm": rp.Arm(_arm_with(rp.Sphere(0.04)))})
     problem = rp.Problem(scene, [0.9], [-0.9])
     motion = rp.plan_motion(problem, rng=0)
-    assert motion.solved
+    assert motion.valid
     kinematics = rp.Kinematics(scene)
     assert kinematics.jacobian(np.array([0.1]), "tool").shape == (6, 1)
     assert kinematics.mass_matrix(np.array([0.1])) == pytest.approx(np.array([[1.0]]))
@@ -70,7 +70,7 @@ def test_a_robot_with_one_joint_is_planned_for() -> None:
     assert found.solutions == pytest.approx(np.array([[0.3]]), abs=1e-4)
     assert rp.simulate(motion.trajectory, scene).free
     blocked = scene.with_obstacle("post", rp.Sphere(0.1), [0.0, 0.0, 0.0])
-    assert not rp.plan(rp.Problem(blocked, [0.9], [-0.9]), budget=rp.Budget(0.3)).solved
+    assert not rp.plan(rp.Problem(blocked, [0.9], [-0.9]), budget=rp.Budget(0.3)).found
     for name in ("ompl_rrt_connect", "rrt_star", "cartesian"):
         goal = rp.PoseGoal("tool", [-0.5, 0.0, 0.0]) if name == "cartesian" else [-0.5]
-        assert rp.plan(rp.Problem(scene, [0.9], goal), name, rp.Budget(1.0), rng=1).solved, name
+        assert rp.plan(rp.Problem(scene, [0.9], goal), planner=name, budget=rp.Budget(1.0), rng=1).found, name

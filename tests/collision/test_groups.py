@@ -7,11 +7,11 @@ import pytest
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel
-from rr1plan.collision.groups import families_of, group_rows
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.kernels.library import constants, load_library, zeroed
-from rr1plan.library import load_scene
+from rr1plan.collision.tables.body_groups import group_pairs_of, group_rows
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.kernels.planner_kernels import constants, load_library, zeroed
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_scene
 from rr1plan.shapes import Box
 from rr1plan.transforms import pose
 
@@ -20,7 +20,7 @@ LANES = constants()["LANES"]
 
 def place(kernel, count, q0, q1, times):
     """Centers of all spheres at some times of an edge, (n, 3, LANES), and their travel in half of it, (n, LANES)."""
-    spheres = zeroed("SphereLanes", count)
+    spheres = zeroed("SphereProbe", count)
     curve = np.array([q0, q1 - q0, 0.0 * q0])
     load_library().rr1_place_spheres(*kernel.context, curve, times, np.full(LANES, 0.5), spheres)
     rows = spheres.view(np.float64).reshape(count, -1, LANES)
@@ -59,6 +59,25 @@ def test_no_sphere_moves_farther_than_its_travel(built):
             assert travel.max() < 1.5 * apart.max()
 
 
+def test_a_groups_box_contains_the_cores_of_its_bodies(built):
+    _, tables = built
+    for (_, ball, first, last, _, _), box in zip(tables.groups.tolist(), tables.group_boxes, strict=True):
+        ends = []
+        for body in range(first, last):
+            begin, end, kind = tables.cores[body, 1:4].tolist()
+            points, radius = tables.points[begin:end], tables.core_values[body, 3]
+            if kind == constants()["CORE_CYLINDER"]:
+                center, axis, (half, radius, _) = points
+                size = half * np.abs(axis) + radius * np.sqrt(np.maximum(0.0, 1.0 - axis**2))
+                points, radius = np.array([center - size, center + size]), 0.0
+            ends += [points.min(axis=0) - radius, points.max(axis=0) + radius]
+        low, high = np.split(box + np.tile(tables.spheres[ball, :3], 2), 2)
+        assert (low <= np.min(ends, axis=0)).all()
+        assert (high >= np.max(ends, axis=0)).all()
+        # A box that contains everything would pass as well.
+        assert (high - low < 1.5 * np.ptp(ends, axis=0) + 1e-9).all()
+
+
 def test_a_groups_ball_contains_all_spheres_or_all_balls_of_its_bodies(built):
     _, tables = built
     covered = []
@@ -91,6 +110,6 @@ def test_without_bodies_there_are_no_groups():
 
 
 def test_without_meetings_there_are_no_families():
-    rows, families = families_of(np.zeros((0, 4), np.int64), np.zeros(3, np.int64))
+    rows, families = group_pairs_of(np.zeros((0, 4), np.int64), np.zeros(3, np.int64))
     assert rows.shape == (0, 4)
     assert families.shape == (0, 5)

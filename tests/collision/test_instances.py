@@ -7,8 +7,8 @@ import pytest
 
 from rr1plan.collision import CollisionChecker, arm_tables, link_spheres
 from rr1plan.collision.clearance_maps import instance_maps
-from rr1plan.collision.exact_tables import build_tables
-from rr1plan.collision.sphere_tables import build_edge_tables
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.collision.tables.exact_tables import build_tables
 from rr1plan.multi import place_grid
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
@@ -31,7 +31,7 @@ def test_equal_robots_share_one_geometry_wherever_they_stand(six, odd):
     scene = Scene()
     for i, robot in enumerate((six, odd, six, odd, six)):
         scene = scene.with_arm(f"arm{i}", robot, pose([0.9 * i, 0.1, 0.0], rpy=[0.1 * i, 0.0, 0.3]))
-    scene = scene.with_posture("arm2", [0.5, 0.1, 0.2, 0.3, 0.4, 0.5])
+    scene = scene.with_configuration("arm2", [0.5, 0.1, 0.2, 0.3, 0.4, 0.5])
     made = geometries(scene)
     assert [made.index(one) for one in made] == [0, 1, 0, 1, 0]
     assert geometries(Scene().with_arm("other", six, [9.0, 0, 0]))[0] is made[0]
@@ -39,7 +39,7 @@ def test_equal_robots_share_one_geometry_wherever_they_stand(six, odd):
 
 
 def test_what_an_arm_holds_makes_its_geometry_and_rules_do_not(six):
-    scene = place_grid(six, 1, 3, 1.5)
+    scene = place_grid(six, 1, 3, spacing=1.5)
     names = list(scene.arms)
     held = scene
     for name in names[:2]:
@@ -48,7 +48,11 @@ def test_what_an_arm_holds_makes_its_geometry_and_rules_do_not(six):
     one, *others = geometries(first)
     assert one is not others[0]
     assert others[0] is others[1] is geometries(scene)[0]
-    for other in (first.with_padding(0.01), first.allow(names[0], names[1]), first.with_posture(names[0], np.ones(6))):
+    for other in (
+        first.with_padding(0.01),
+        first.allow(names[0], names[1]),
+        first.with_configuration(names[0], np.ones(6)),
+    ):
         assert geometries(other)[0] is one
     assert geometries(first.attach(f"box of {names[1]}", names[1], touch=["l5"]))[0] is one
     elsewhere = held.attach(f"box of {names[0]}", names[0], pose=pose([0, 0, 0.3]))
@@ -57,13 +61,13 @@ def test_what_an_arm_holds_makes_its_geometry_and_rules_do_not(six):
 
 def test_a_robot_that_differs_has_a_geometry_of_its_own(odd):
     scene = Scene().with_arm("a", odd)
-    assert geometries(scene.with_robot("a", odd.with_held({"grip": 0.05})))[0] is not geometries(scene)[0]
-    assert geometries(scene.with_robot("a", odd.with_held({"grip": 0.02})))[0] is geometries(scene)[0]
+    assert geometries(scene.with_robot("a", odd.with_locked_joints({"grip": 0.05})))[0] is not geometries(scene)[0]
+    assert geometries(scene.with_robot("a", odd.with_locked_joints({"grip": 0.02})))[0] is geometries(scene)[0]
 
 
 def test_equal_robots_share_their_clearance_maps(odd):
     alone = edge_tables(CollisionChecker(Scene().with_arm("a", odd, pose([2.0, 1.0, 0.0], rpy=[0.2, 0.1, 0.5]))))
-    tables = edge_tables(CollisionChecker(place_grid(odd, 2, 3, 1.2)))
+    tables = edge_tables(CollisionChecker(place_grid(odd, 2, 3, spacing=1.2)))
     np.testing.assert_array_equal(tables.maps, alone.maps)
     # A pair of two arms has no map, one of an arm with itself the same as in every other arm.
     own = len(alone.body_pairs)
@@ -150,7 +154,7 @@ def test_answers_about_all_arms_are_the_least_of_each_alone_and_of_every_two(cro
         # Arms that stand still there are obstacles to the one that moves.
         posed = crowd
         for name in names:
-            posed = posed.with_posture(name, q[columns[name]])
+            posed = posed.with_configuration(name, q[columns[name]])
         moving, own = names[2], q[columns[names[2]]]
         expected = min(CollisionChecker(alone(posed, moving, name), [moving]).clearance(own) for name in names)
         assert CollisionChecker(posed, [moving]).clearance(own) == pytest.approx(expected, abs=1e-9)
@@ -179,14 +183,14 @@ def test_one_arm_among_a_hundred_makes_the_tables_of_one(six, monkeypatch):
     links[-1] = type(links[-1])(links[-1].name, collisions=(ball,))
     robot = type(six)(
         "one of many", tuple(links), six.joints, six.joint_names, six.limits, dict(six.configurations), {},
-        six.never_collide, six.tool,
+        six.disabled_collisions, six.tool,
     )  # fmt: skip
-    scene = place_grid(robot, 10, 10, 0.8)
+    scene = place_grid(robot, 10, 10, spacing=0.8)
     made = counted(monkeypatch, arm_tables, "_arm_tables")
     spheres = counted(monkeypatch, link_spheres, "_arm_spheres")
     name = list(scene.arms)[44]
     motion = CollisionChecker(scene, [name])
-    motion.set_up()
+    motion.warm_up()
     assert motion.edge_is_free(scene.arms[name].q, scene.arms[name].q + 0.01)
     assert len(made) == 1
     assert len(spheres) == 1
@@ -197,12 +201,12 @@ def test_one_arm_among_a_hundred_makes_the_tables_of_one(six, monkeypatch):
     assert {n for n in apart if apart[n] < 1.0} <= near
     assert 5 <= len(near) < 50
     # An arm beside it has everything ready.
-    CollisionChecker(scene, [list(scene.arms)[45]]).set_up()
+    CollisionChecker(scene, [list(scene.arms)[45]]).warm_up()
     assert len(made) == len(spheres) == 1
 
 
 def test_maps_of_many_arms_are_made_for_one(six):
-    few, many = (CollisionChecker(place_grid(six, 1, n, 0.9)).geometry.instances for n in (2, 7))
+    few, many = (CollisionChecker(place_grid(six, 1, n, spacing=0.9)).geometry.instances for n in (2, 7))
     of = []
     for instances in (few, many):
         solids = len(instances.geometries[0].solids)

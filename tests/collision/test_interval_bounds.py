@@ -13,16 +13,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
+from rr1plan.collision.convex.bounding_spheres import cover
+from rr1plan.collision.convex.convex_bodies import coal_geometry
 from rr1plan.collision.edge_kernel import FREE, EdgeKernel, exact_scratch, exact_struct
-from rr1plan.collision.solids import coal_geometry
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.collision.spheres import cover
-from rr1plan.formats.convex import convex_hull
-from rr1plan.kernels.library import constants, load_library, zeroed
-from rr1plan.limits import Limits
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.kernels.planner_kernels import constants, load_library, zeroed
 from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 LANES = constants()["LANES"]
@@ -131,7 +131,7 @@ class World:
 
     def take_interval(self):
         """Place everything in the kernel's memory at the middle of the interval; place, travel and speed of spheres."""
-        spheres, lanes = zeroed("SphereLanes", len(self.tables.spheres)), np.ones(LANES)
+        spheres, lanes = zeroed("SphereProbe", len(self.tables.spheres)), np.ones(LANES)
         load_library().rr1_place_spheres(
             *self.kernel.context, self.curve, self.middle * lanes, self.half * lanes, spheres
         )

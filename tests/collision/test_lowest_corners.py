@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
+from rr1plan.collision.convex.support_cells import DIRECTION_CELLS, WORD, corners_per_bit, support_cells
 from rr1plan.collision.edge_kernel import scene_struct
-from rr1plan.collision.lowest_corners import DIRECTION_CELLS, WORD, corners_per_bit, lowest_corners
-from rr1plan.collision.sphere_tables import build_edge_tables
-from rr1plan.formats.convex import convex_hull
-from rr1plan.kernels.library import constants, load_library
+from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.scene import Scene
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 LANES = constants()["LANES"]
@@ -71,7 +71,7 @@ def test_the_lowest_corner_is_that_of_all_corners(six, turned):
 def test_the_lowest_of_any_points_is_in_the_word_of_its_cell(count, seed, flat, size):
     rng = np.random.default_rng(seed)
     points = size * (rng.normal(size=(count, 3)) * [1.0, 1.0, flat] + rng.normal(size=3))
-    words, step = lowest_corners(points), corners_per_bit(count)
+    words, step = support_cells(points), corners_per_bit(count)
     assert words.min() >= 0
     assert step * WORD >= count
     directions = rng.normal(size=(200, 3)) * rng.integers(0, 2, (200, 3))
@@ -84,9 +84,9 @@ def test_the_lowest_of_any_points_is_in_the_word_of_its_cell(count, seed, flat, 
 
 def test_few_corners_are_left_of_many():
     points = hull(200, 1).vertices
-    bits = [int(word).bit_count() for word in lowest_corners(points)]
+    bits = [int(word).bit_count() for word in support_cells(points)]
     assert np.median(bits) < 12
 
 
 def test_equal_points_are_all_as_low():
-    assert (lowest_corners(np.ones((20, 3))) == (1 << 20) - 1).all()
+    assert (support_cells(np.ones((20, 3))) == (1 << 20) - 1).all()

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import load_library
-from rr1plan.library import load_scene
+from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.path import Path
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud, Sphere
 from rr1plan.transforms import pose
 
@@ -362,9 +362,9 @@ def test_pairs_of_some_arms_can_be_left_out(scenes):
         contacts = [{owner(c.a), owner(c.b)} for c in checker.contacts(q)]
         for left_out in (frozenset({one}), frozenset({other}), frozenset({one, other})):
             expected = not [owners for owners in contacts if not owners & left_out]
-            assert motion.is_free_but_for(q, left_out) == expected
+            assert motion.is_free_ignoring(q, left_out) == expected
             only_thanks_to_that += expected and bool(contacts)
-        assert motion.is_free_but_for(q, frozenset()) == (not contacts)
+        assert motion.is_free_ignoring(q, frozenset()) == (not contacts)
     assert only_thanks_to_that > 20
 
 
@@ -464,3 +464,25 @@ def test_a_path_is_checked_by_the_names_of_its_joints(planar):
         assert motion.path_is_free(swapped) is motion.path_is_free(waypoints)
     with pytest.raises(InputError, match=r"path's joints are .*other, expected"):
         motion.path_is_free(Path((names[0], "arm/other"), points))
+
+
+def test_another_margin_is_that_of_a_new_checker(cluttered):
+    scene = cluttered.with_padding(0.03, "arm", "ball")
+    motion = CollisionChecker(scene)
+    edges = np.random.default_rng(8).uniform(-2.0, 2.0, (30, 2, motion.nq))
+    edges[:, 1] = edges[:, 0] + 0.2 * (edges[:, 1] - edges[:, 0])
+    answers = set()
+    for margin in (0.0, 0.015, 0.001, 0.008):
+        motion.keep_margin(margin)
+        other = CollisionChecker(scene, margin=margin)
+        assert motion.margin == margin
+        np.testing.assert_array_equal(motion.solid_padding, other.solid_padding)
+        for q0, q1 in edges:
+            assert motion.edge_is_free(q0, q1) == other.edge_is_free(q0, q1) == motion.edge_is_free_slowly(q0, q1)
+            assert motion.moving_clearance(q0, 0.3) == pytest.approx(other.moving_clearance(q0, 0.3), abs=1e-9)
+            assert motion.is_free_slowly(q0) == other.is_free_slowly(q0) == motion.is_free(q0)
+            answers.add((margin, motion.edge_is_free(q0, q1)))
+    assert len(answers) == 8
+    for wrong in (-0.1, np.nan, 5.0):
+        with pytest.raises(InputError, match="margin"):
+            motion.keep_margin(wrong)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from rr1plan.collision.arm_geometry import arm_geometry
-from rr1plan.collision.reach import near_balls, reach_ball
-from rr1plan.library import load_robot
-from rr1plan.limits import Limits
+from rr1plan.collision.reach_broad_phase import near_balls, reach_ball
 from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Arm, Scene
+from rr1plan.scene.model_library import load_robot
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from rr1plan.transforms import pose
 
@@ -78,7 +78,7 @@ def with_stroke_held(scara):
     names = ("first", "second", "roll")
     limits = Limits(np.full(3, -2.5), np.full(3, 2.5), *(np.ones(3) for _ in range(4)))
     return replace(
-        scara, joint_names=names, limits=limits, held={"stroke": -0.15}, configurations={"home": np.zeros(3)}
+        scara, joint_names=names, limits=limits, locked_joints={"stroke": -0.15}, configurations={"home": np.zeros(3)}
     )
 
 

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan.collision import spheres
-from rr1plan.collision.spheres import MOST, cover
+from rr1plan.collision.convex import bounding_spheres as spheres
+from rr1plan.collision.convex.bounding_spheres import MOST, cover
 from rr1plan.errors import InputError
-from rr1plan.formats.convex import convex_hull
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
+from rr1plan.shapes.convex_hulls import convex_hull
 
 SIZES = st.floats(0.005, 0.5)
 

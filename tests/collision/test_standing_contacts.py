@@ -103,7 +103,7 @@ def test_an_arm_that_stands_in_itself(six, planar, every_pair):
         if a.startswith("a/"):
             other = there[a.replace("a/", "b/"), b.replace("a/", "b/")]
             assert other == pytest.approx(base[:3, :3] @ point + base[:3, 3], abs=1e-9)
-    assert found(scene.with_posture("a", "home").with_posture("b", "home"), ["m"]) == set()
+    assert found(scene.with_configuration("a", "home").with_configuration("b", "home"), ["m"]) == set()
 
 
 def test_contacts_of_one_arm_with_itself_do_not_serve_another_with_other_rules(six, planar, every_pair):
@@ -195,9 +195,9 @@ def test_random_scenes_have_the_contacts_that_coal_finds(first, arms_at_random, 
     for seed in range(first, first + 8):
         scene, _ = arms_at_random(seed)
         rng, names = np.random.default_rng(seed), list(scene.arms)
-        # Postures at random: arms in themselves, in each other, in obstacles.
+        # Configurations at random: arms in themselves, in each other, in obstacles.
         for name in names[::2]:
-            scene = scene.with_posture(name, rng.uniform(-2.0, 2.0, scene.arms[name].robot.nq))
+            scene = scene.with_configuration(name, rng.uniform(-2.0, 2.0, scene.arms[name].robot.nq))
         for moving in (names[:1], names[1:3]):
             moving = scene.arm_names(moving)
             contacts = expected(every_pair, scene, moving)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rr1plan.collision import CollisionChecker
-from rr1plan.library import load_robot
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_robot
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from rr1plan.transforms import pose
 

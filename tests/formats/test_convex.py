@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 
 import rr1plan as rp
 from rr1plan.errors import BackendError, CancelledError, InputError, UnknownNameError
-from rr1plan.formats import coacd_process, convex
-from rr1plan.formats import convex_pieces as pieces_module
-from rr1plan.formats.cache import cache_folder, cache_key, load_cached, store_cached
-from rr1plan.formats.convex import convex_hull, distance_outside, is_convex, is_own_hull
-from rr1plan.formats.convex_pieces import Convexity, convex_pieces, convex_shapes
-from rr1plan.shapes import Mesh
+from rr1plan.files.disk_cache import cache_folder, cache_key, load_cached, store_cached
+from rr1plan.shapes import Mesh, coacd_process
+from rr1plan.shapes import convex_decomposition as pieces_module
+from rr1plan.shapes import convex_hulls as convex
+from rr1plan.shapes.convex_decomposition import Convexity, convex_pieces, convex_shapes
+from rr1plan.shapes.convex_hulls import convex_hull, distance_outside, is_convex, is_own_hull
 
 
 def outside(piece: Mesh, points: np.ndarray) -> np.ndarray:
@@ -183,8 +183,8 @@ def test_a_decomposition_that_takes_too_long_is_ended_and_says_what_to_try(gate:
 def test_a_decomposition_is_cancelled_by_its_progress(gate: Mesh, endless: Path) -> None:
     shares = []
 
-    def progress(share: float) -> bool:
-        shares.append(share)
+    def progress(said: rp.Progress) -> bool:
+        shares.append(said.fraction)
         return not endless.exists() or not endless.read_text()
 
     with pytest.raises(CancelledError, match="28 triangles"):
@@ -198,7 +198,7 @@ def test_planning_with_a_concave_mesh_in_the_hand_reports_progress_and_is_cancel
     problem = rp.Problem(scene, "home", "zero")
     heard: list[str] = []
 
-    def progress(progress: rp.planning.Progress) -> bool:
+    def progress(progress: rp.Progress) -> bool:
         heard.append(progress.stage)
         return progress.fraction == 0.0
 
@@ -207,12 +207,12 @@ def test_planning_with_a_concave_mesh_in_the_hand_reports_progress_and_is_cancel
     assert "while a mesh of 28 triangles" in motion.result.reason
     assert heard == ["set up", "set up"]
     with pytest.raises(CancelledError):
-        rp.set_up(problem, lambda _: False)
+        rp.warm_up(problem, progress=lambda _: False)
 
 
 def test_planning_among_concave_meshes_decomposes_nothing(gate: Mesh, endless: Path) -> None:
     scene = rp.load_scene("rr1_table").with_obstacle("gate", gate, [3.0, 0.0, 0.0])
-    assert rp.plan_motion(rp.Problem(scene, "home", "zero"), rng=0).solved
+    assert rp.plan_motion(rp.Problem(scene, "home", "zero"), rng=0).valid
     assert not endless.exists()
 
 

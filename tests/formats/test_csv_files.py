@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.csv_files import load_csv, save_csv
+from rr1plan.export.csv_files import load_csv, save_csv
 from rr1plan.trajectory import Trajectory
 
 

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.files import check_writable, write_bytes, write_text
+from rr1plan.files.file_access import check_writable, write_bytes, write_text
 
 WRITERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
     "bytes": lambda file, _: write_bytes(file, b"new"),
     "scene": rp.save_scene,
-    "page": lambda file, scene: rp.playback.save_html(file, scene),
-    "model": lambda file, scene: rp.playback.save_mjcf(file, scene),
+    "page": lambda file, scene: rp.save_html(file, scene),
+    "model": lambda file, scene: rp.save_mjcf(file, scene),
     "check": lambda file, _: check_writable(file),
 }
 

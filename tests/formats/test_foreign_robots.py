@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.srdf_proposal import LinkBodies
+from rr1plan.robot.disabled_collisions import LinkBodies
 from rr1plan.shapes import Mesh
 
 ROBOTS = {
@@ -39,7 +39,7 @@ def test_it_loads_without_options_and_is_ready_to_plan(foreign: tuple[str, Path,
     assert (robot.home >= robot.limits.lower).all()
     assert (robot.home <= robot.limits.upper).all()
     bodies = LinkBodies(robot)
-    pairs = [pair for pair in bodies.pairs if pair not in robot.never_collide]
+    pairs = [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
     assert pairs
     assert not bodies.touching(robot.joint_values(robot.home), pairs)
     shapes = [g.shape for link in robot.links for g in link.collisions]
@@ -75,5 +75,5 @@ def test_kinovas_turning_joints_are_continuous(foreign_robots: Path) -> None:
 
 def test_pandas_finger_follows_the_other_or_is_held(foreign_robots: Path) -> None:
     robot = rp.load_robot(foreign_robots / ROBOTS["panda"][0])
-    assert "panda_finger_joint1" in robot.held
+    assert "panda_finger_joint1" in robot.locked_joints
     assert set(robot.joint_values(robot.home)) == {j.name for j in robot.joints if j.kind != "fixed"}

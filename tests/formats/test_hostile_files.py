@@ -10,18 +10,20 @@ from typing import Any
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.meshes import SUFFIXES, read_mesh
-from rr1plan.formats.motion_bench import problem_set_joints
-from rr1plan.formats.moveit_scene import write_moveit_scene
-from rr1plan.formats.point_files import read_points
-from rr1plan.formats.srdf import read_srdf
-from rr1plan.formats.urdf import read_urdf
-from rr1plan.formats.xacro import expand_xacro
+from rr1plan.robot.srdf import read_srdf
+from rr1plan.robot.urdf import read_urdf
+from rr1plan.robot.xacro import expand_xacro
+from rr1plan.scene.motion_bench import problem_set_joints
+from rr1plan.scene.moveit_scene import write_moveit_scene
+from rr1plan.shapes.mesh_files import SUFFIXES, read_mesh
+from rr1plan.shapes.point_cloud_files import read_points
 
 URDF = '<robot name="r"><link name="base"/></robot>'
 
 READERS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "urdf": (rp.load_robot, "a.urdf"),
+    "mjcf": (rp.load_robot, "a.mjcf"),
+    "mjcf scene": (rp.load_scene, "a.xml"),
     "xacro": (expand_xacro, "a.xacro"),
     "srdf": (lambda file: read_srdf(file, read_urdf(URDF)), "a.srdf"),
     "scene": (rp.load_scene, "a.toml"),
@@ -58,7 +60,7 @@ WRITERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
     "scene": lambda file, scene: rp.save_scene(file.with_suffix(".toml"), scene),
     "page": lambda file, scene: rp.save_html(file.with_suffix(".html"), scene),
     "picture": lambda file, scene: rp.cspace(scene, resolution=8).save(file.with_suffix(".png")),
-    "model": lambda file, scene: rp.playback.save_mjcf(file.with_suffix(".xml"), scene),
+    "model": lambda file, scene: rp.save_mjcf(file.with_suffix(".xml"), scene),
     "moveit": lambda file, scene: write_moveit_scene(file.with_suffix(".scene"), scene),
 }
 

@@ -89,7 +89,7 @@ def test_a_replay_says_that_masses_are_estimated(tmp_path: Path) -> None:
     assert "masses estimated from shapes: arm/l0, arm/l1" in str(replay)
     assert replay.to_dict()["remarks"] == ["masses estimated from shapes: arm/l0, arm/l1"]
     assert replay.worst_error < 2e-3
-    assert "estimated" not in str(rp.simulate(trajectory, scene, "kinematic"))
+    assert "estimated" not in str(rp.simulate(trajectory, scene, mode="kinematic"))
 
 
 def test_joints_that_carry_nothing_are_tracked_and_named(tmp_path: Path) -> None:

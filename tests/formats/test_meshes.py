@@ -16,11 +16,11 @@ import pytest
 import trimesh
 
 from rr1plan.errors import FormatError
-from rr1plan.formats import meshes
-from rr1plan.formats.mesh_lookup import MeshLookup
-from rr1plan.formats.meshes import read_mesh
-from rr1plan.formats.urdf import read_urdf
+from rr1plan.robot.mesh_lookup import MeshLookup
+from rr1plan.robot.urdf import read_urdf
 from rr1plan.shapes import Mesh
+from rr1plan.shapes import mesh_files as meshes
+from rr1plan.shapes.mesh_files import read_mesh
 
 
 def binary_stl(mesh: Mesh, count: int | None = None) -> bytes:
@@ -120,7 +120,7 @@ def test_a_binary_stl_needs_no_library_of_meshes(tmp_path: Path, block: Mesh) ->
     (tmp_path / "a.stl").write_bytes(binary_stl(block))
     code = f"""
 import sys
-from rr1plan.formats.meshes import read_mesh
+from rr1plan.shapes.mesh_files import read_mesh
 read_mesh({str(tmp_path / "a.stl")!r})
 print("trimesh" in sys.modules)
 """

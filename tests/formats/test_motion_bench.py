@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.motion_bench import (
+from rr1plan.robot import Robot
+from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_robot, load_scene, robot_folder
+from rr1plan.scene.motion_bench import (
     hold,
     problem_set_joints,
     read_bench_request,
     read_bench_scene,
     read_problem_set,
 )
-from rr1plan.library import load_robot, load_scene, robot_folder
-from rr1plan.problem import JointGoal
-from rr1plan.robot import Robot
-from rr1plan.scene import Scene
+from rr1plan.scene.problem import JointGoal
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from rr1plan.transforms import pose
 
@@ -242,12 +242,12 @@ def test_held_joints_beyond_their_limits_are_held_at_them_and_logged(
 ) -> None:
     upper = rr1.joint("finger_joint").upper
     with caplog.at_level(logging.WARNING):
-        assert hold(rr1, {"finger_joint": 2.0, "no such joint": 1.0, "shoulder_joint": 0.5}).held == {
+        assert hold(rr1, {"finger_joint": 2.0, "no such joint": 1.0, "shoulder_joint": 0.5}).locked_joints == {
             "finger_joint": upper
         }
     assert "held at the limit" in caplog.text
     caplog.clear()
-    assert hold(rr1, {"finger_joint": 0.25}).held == {"finger_joint": 0.25}
+    assert hold(rr1, {"finger_joint": 0.25}).locked_joints == {"finger_joint": 0.25}
     assert caplog.text == ""
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.moveit_scene import cone, read_moveit_scene, write_moveit_scene
-from rr1plan.library import load_scene, scene_names
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_scene, scene_names
+from rr1plan.scene.moveit_scene import cone, read_moveit_scene, write_moveit_scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
 from rr1plan.transforms import pose
 

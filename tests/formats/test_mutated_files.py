@@ -16,8 +16,8 @@ import msgspec
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats import motion_schema
-from rr1plan.formats.motion_values import build_scene
+from rr1plan.export import motion_schema
+from rr1plan.export.motion_values import build_scene
 
 _MUTANTS = 300
 _VALUES: list[Any] = [
@@ -32,7 +32,7 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """A real file that has every kind of entry."""
     corners, faces = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
     scene = rp.load_scene("planar2r_path").with_obstacle("rod", rp.Capsule(0.01, 0.05), (3, 0, 0))
-    scene = scene.with_obstacle("mesh", rp.Mesh(corners, faces), (3, 3, 3), (0.1, 0.2, 0.3, 1.0))
+    scene = scene.with_obstacle("mesh", rp.Mesh(corners, faces), (3, 3, 3), color=(0.1, 0.2, 0.3, 1.0))
     scene = scene.with_obstacle("cloud", rp.PointCloud([[4.0, 4.0, 4.0]])).with_padding(0.002, "arm", "rod")
     scene = scene.with_obstacle("wall", rp.HalfSpace(offset=-3)).with_obstacle("ball", rp.Sphere(0.01), (0, 0, 3))
     scene = scene.with_obstacle("pin", rp.Cylinder(0.01, 0.05), (0, 3, 0)).allow("arm", "pin").attach("pin")

@@ -13,14 +13,15 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import FormatError, InputError, UnknownNameError
-from rr1plan.formats import files, plan_files
-from rr1plan.formats.motion_values import plain
-from rr1plan.formats.plan_files import read_plan_file
-from rr1plan.library import load_problems, load_robot, load_scene
+from rr1plan.export import plan_files
+from rr1plan.export.motion_values import plain
+from rr1plan.export.plan_files import read_plan_file
+from rr1plan.files import file_access as files
 from rr1plan.path import Path
-from rr1plan.problem import PoseGoal, Problem, RegionGoal
 from rr1plan.report import Margin, Report, Violation
 from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_problems, load_robot, load_scene
+from rr1plan.scene.problem import PoseGoal, Problem, RegionGoal
 from rr1plan.shapes import Box, Mesh, PointCloud
 from rr1plan.trajectory import Trajectory
 from rr1plan.transforms import pose
@@ -87,7 +88,9 @@ def test_a_motion_is_read_without_anything_but_its_file(
     margins = {"clearance": Margin(0.1, "m", ("arm/upper", "red"), 0.25), "velocity": Margin(2.0)}
     report = Report((violation,), margins, ("velocity",), {"torque": "not asked"}, 2.0)
     path = Path(path.joint_names, [trajectory(0.0), *path.waypoints, trajectory(2.0)])
-    file = plan_files.save_motion(tmp_path / "m.json", scene, path, trajectory, report, problem)
+    file = plan_files.save_motion(
+        tmp_path / "m.json", scene, path=path, trajectory=trajectory, report=report, problem=problem
+    )
     read = read_plan_file(file)
     assert read.scene is not None
     assert read.scene.content_hash == scene.content_hash
@@ -118,7 +121,7 @@ def test_every_goal_and_shape_survives(tmp_path: FilePath) -> None:
     scene = scene.with_obstacle("m", mesh, (3, 3, 3)).with_obstacle("p", PointCloud([[4.0, 4, 4]]))
     scene = scene.with_obstacle("x", Box((0.1, 0.1, 0.1)), (-0.4, 0, 0.2)).attach("x", "a", touch=["hand_link"])
     goals = {"a": [PoseGoal("tool", pose((0.1, 0, 0.2), rpy=(1, 2, 3))), RegionGoal("tool", (0, 0, 0), (1, 1, 1))]}
-    problem = Problem(scene, None, goals, ["a", "b"])
+    problem = Problem(scene, None, goals, arms=["a", "b"])
     read = read_plan_file(plan_files.save_motion(tmp_path / "m.json", scene, problem=problem))
     assert read.scene is not None
     assert read.scene.content_hash == scene.content_hash
@@ -232,7 +235,7 @@ def test_a_nan_is_refused(tmp_path: FilePath, scene: Scene, path: Path) -> None:
 def test_content_that_makes_no_sense_is_refused_even_with_the_right_hash(
     tmp_path: FilePath, scene: Scene, path: Path, change: Callable[[dict[str, Any]], object]
 ) -> None:
-    file = resealed(plan_files.save_motion(tmp_path / "m.json", scene, path), change)
+    file = resealed(plan_files.save_motion(tmp_path / "m.json", scene, path=path), change)
     with pytest.raises(FormatError, match=r"m\.json"):
         read_plan_file(file)
 
@@ -332,7 +335,7 @@ def test_a_path_that_is_not_that_of_its_trajectory_is_refused(
 ) -> None:
     waypoints = [trajectory(0.0), trajectory(0.5), trajectory(2.0)]
     path = Path(scene.joint_names(), waypoints)
-    file = plan_files.save_motion(tmp_path / "m.json", scene, path, trajectory)
+    file = plan_files.save_motion(tmp_path / "m.json", scene, path=path, trajectory=trajectory)
     assert read_plan_file(file).path is not None
     forged = resealed(file, lambda content: change(content["path"]["waypoints"]))
     with pytest.raises(FormatError, match=rf"m\.json: the path is not that of the trajectory: .*{words}"):
@@ -340,7 +343,7 @@ def test_a_path_that_is_not_that_of_its_trajectory_is_refused(
     wrong = path.waypoints.tolist()
     change(wrong)
     with pytest.raises(InputError, match=f"the path is not that of the trajectory: .*{words}"):
-        plan_files.save_motion(tmp_path / "n.json", scene, Path(path.joint_names, wrong), trajectory)
+        plan_files.save_motion(tmp_path / "n.json", scene, path=Path(path.joint_names, wrong), trajectory=trajectory)
     assert not (tmp_path / "n.json").exists()
 
 

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 import rr1plan as rp
-from rr1plan.formats.point_files import read_points
+from rr1plan.shapes.point_cloud_files import read_points
 
 POINTS = np.array([[0.5, -1.25, 2.0], [3.0, 4.5, -0.125], [0.0, 0.75, 1.0]])
 COLORS = np.array([[255, 0, 7], [1, 2, 3], [0, 0, 0]], np.uint8)
@@ -108,7 +108,7 @@ FILES = {
 @pytest.mark.parametrize("name", FILES)
 def test_every_coding_gives_the_same_points(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(FILES[name])
-    cloud = rp.load_point_cloud(tmp_path / name, 0.05)
+    cloud = rp.load_point_cloud(tmp_path / name, resolution=0.05)
     np.testing.assert_array_equal(cloud.points, POINTS)
     assert cloud.resolution == 0.05
 

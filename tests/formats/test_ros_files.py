@@ -13,8 +13,8 @@ import yaml
 import rr1plan as rp
 from rr1plan.cli import BAD_INPUT, run
 from rr1plan.errors import FormatError, InputError, UnknownNameError
-from rr1plan.formats.ros_files import load_joint_trajectory
-from rr1plan.playback.export import TRAJECTORY_TOPIC, save_rosbag
+from rr1plan.export.robot_formats import TRAJECTORY_TOPIC, save_rosbag
+from rr1plan.export.ros_trajectories import load_joint_trajectory
 
 _POINTS = [
     {"positions": [0.0, 1.0], "time_from_start": {"sec": 0, "nanosec": 0}},
@@ -112,7 +112,7 @@ def test_a_bag_that_was_written_reads_back_the_same_motion(bag: tuple[rp.Traject
         assert read.degree == 5
         times = np.linspace(0.0, 1.0, 57)
         np.testing.assert_allclose(read(times), motion(times), atol=1e-9)
-    assert load_joint_trajectory(folder, TRAJECTORY_TOPIC).degree == 5
+    assert load_joint_trajectory(folder, topic=TRAJECTORY_TOPIC).degree == 5
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +162,7 @@ def test_one_of_several_topics_is_chosen(ros1_bag: Callable[..., Path], capsys: 
     file = ros1_bag("two.bag", 2, ("/one", "/two"), ["joint1", "joint2"])
     with pytest.raises(FormatError, match=r"several topics .*: /one, /two; say which one with option topic"):
         load_joint_trajectory(file)
-    assert load_joint_trajectory(file, "/two").degree == 5
+    assert load_joint_trajectory(file, topic="/two").degree == 5
     scene = file.with_name("scene.toml")
     scene.write_text('[arms.arm]\nrobot = "planar2r"\n')
     motion = rp.load_motion(file, rp.load_scene(scene), topic="/two")
@@ -181,7 +181,7 @@ def test_one_of_several_topics_is_chosen(ros1_bag: Callable[..., Path], capsys: 
 
 def test_wrong_bags_and_topics_are_refused_by_name(bag: tuple[rp.Trajectory, Path], tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=TRAJECTORY_TOPIC):
-        load_joint_trajectory(bag[1], "/joint_trajectoryy")
+        load_joint_trajectory(bag[1], topic="/joint_trajectoryy")
     (tmp_path / "broken.bag").write_bytes(b"#ROSBAG V2.0\n" + b"x" * 100)
     (tmp_path / "empty").mkdir()
     for name in ("broken.bag", "empty"):
@@ -197,4 +197,4 @@ def test_wrong_bags_and_topics_are_refused_by_name(bag: tuple[rp.Trajectory, Pat
         with pytest.raises(FormatError, match=f"{name}: (holds .*regular files|cannot be read|there is no such)"):
             load_joint_trajectory(tmp_path / name)
     with pytest.raises(InputError, match="no bag and has no topics"):
-        load_joint_trajectory(written(tmp_path, message()), "/a")
+        load_joint_trajectory(written(tmp_path, message()), topic="/a")

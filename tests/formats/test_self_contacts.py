@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats import self_contacts
-from rr1plan.formats.link_contacts import LinkBodies, coal_shape
-from rr1plan.robot import Robot
+from rr1plan.robot import Robot, self_contacts
+from rr1plan.robot.link_contacts import LinkBodies, coal_shape
 
 
 def touching_plainly(robot: Robot, q: np.ndarray) -> set[frozenset[str]]:

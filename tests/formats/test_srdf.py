@@ -9,10 +9,15 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.errors import FormatError, InputError
-from rr1plan.formats.robots import Choice, assemble
-from rr1plan.formats.srdf import chain_joints, read_srdf
-from rr1plan.formats.srdf_proposal import LinkBodies, free_configuration, propose_never_collide, touching_links
-from rr1plan.formats.urdf import Tree, read_urdf
+from rr1plan.robot.disabled_collisions import (
+    LinkBodies,
+    free_configuration,
+    propose_disabled_collisions,
+    touching_links,
+)
+from rr1plan.robot.robot_builder import Choice, assemble
+from rr1plan.robot.srdf import chain_joints, read_srdf
+from rr1plan.robot.urdf import Tree, read_urdf
 
 LIMIT = '<limit lower="-1" upper="1" velocity="2" effort="3"/>'
 LENGTH = 0.4
@@ -147,9 +152,9 @@ def test_pairs_that_an_srdf_forgot_and_that_always_touch_are_not_checked(caplog:
     text = chain_text(5).replace('<link name="l0">', f'<link name="l0">{hub}')
     tree = read_urdf(text)
     robot = assemble(tree, read_srdf(srdf_text('<disable_collisions link1="l0" link2="l1"/>'), tree), Choice())
-    assert frozenset(("l0", "l2")) in robot.never_collide
+    assert frozenset(("l0", "l2")) in robot.disabled_collisions
     assert "l0 - l2" in caplog.text
-    assert frozenset(("l0", "l4")) not in robot.never_collide
+    assert frozenset(("l0", "l4")) not in robot.disabled_collisions
 
 
 def test_a_state_that_stands_in_for_home_is_left_where_links_touch_in_it() -> None:
@@ -198,7 +203,7 @@ def test_passive_joints_are_held(chain: Tree) -> None:
     text = srdf_text('<passive_joint name="j2"/>', '<disable_collisions link1="l0" link2="l1"/>')
     robot = assemble(chain, read_srdf(text, chain), Choice())
     assert robot.joint_names == ("j1", "j3", "j4")
-    assert dict(robot.held) == {"j2": 0.0}
+    assert dict(robot.locked_joints) == {"j2": 0.0}
 
 
 def test_a_state_outside_the_limits_is_kept_with_a_warning_but_is_no_home(
@@ -218,7 +223,7 @@ def test_the_arm_that_carries_the_gripper_is_planned_for_and_the_gripper_held(ch
     robot = assemble(chain, read_srdf(srdf_text(hand, ARM, effector, states), chain), Choice())
     assert robot.joint_names == ("j1", "j2", "j3")
     assert robot.tool == "l3"
-    assert robot.with_held("open").held["j4"] == 0.5
+    assert robot.with_locked_joints("open").locked_joints["j4"] == 0.5
     without_parent = effector.replace(' parent_group="arm"', "")
     robot = assemble(chain, read_srdf(srdf_text(hand, ARM, without_parent), chain), Choice())
     assert robot.joint_names == ("j1", "j2", "j3")
@@ -240,7 +245,9 @@ def test_neighbors_links_that_always_touch_and_that_never_can_are_proposed() -> 
             f'<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/>{LIMIT}</joint>'
         )
     robot = assemble(read_urdf(f'<robot name="r">{text}</robot>'), None, Choice())
-    found = {tuple(sorted(pair)): reason for pair, reason in propose_never_collide(robot, 200, rng=0).items()}
+    found = {
+        tuple(sorted(pair)): reason for pair, reason in propose_disabled_collisions(robot, samples=200, rng=0).items()
+    }
     assert found == {
         ("a", "b"): "Adjacent",
         ("b", "c"): "Adjacent",
@@ -249,27 +256,29 @@ def test_neighbors_links_that_always_touch_and_that_never_can_are_proposed() -> 
         ("a", "d"): "Never",
         ("b", "d"): "Never",
     }
-    assert frozenset(("a", "d")) not in robot.never_collide
-    assert frozenset(("a", "c")) in robot.never_collide
+    assert frozenset(("a", "d")) not in robot.disabled_collisions
+    assert frozenset(("a", "c")) in robot.disabled_collisions
 
 
 def test_pairs_that_touch_sometimes_are_not_proposed(chain: Tree) -> None:
     robot = assemble(chain, None, Choice())
-    assert frozenset(("l0", "l3")) not in propose_never_collide(robot, 500, rng=0)
+    assert frozenset(("l0", "l3")) not in propose_disabled_collisions(robot, samples=500, rng=0)
 
 
 def test_the_proposal_is_the_same_for_the_same_seed_and_needs_samples(chain: Tree) -> None:
     robot = assemble(chain, None, Choice())
-    assert propose_never_collide(robot, 50, rng=3) == propose_never_collide(robot, 50, rng=3)
+    assert propose_disabled_collisions(robot, samples=50, rng=3) == propose_disabled_collisions(
+        robot, samples=50, rng=3
+    )
     with pytest.raises(InputError, match="samples"):
-        propose_never_collide(robot, 0)
+        propose_disabled_collisions(robot, samples=0)
 
 
 def test_a_robot_whose_middle_collides_gets_a_free_home() -> None:
     tree = read_urdf(chain_text(5, lower=1.0, upper=3.0))
     robot = assemble(tree, None, Choice())
     bodies = LinkBodies(robot)
-    pairs = [pair for pair in bodies.pairs if pair not in robot.never_collide]
+    pairs = [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
     middle = np.full(4, 2.0)
     assert bodies.touching(robot.joint_values(middle), pairs)
     assert not bodies.touching(robot.joint_values(robot.home), pairs)
@@ -285,14 +294,14 @@ def test_pairs_that_leave_a_robot_without_an_srdf_no_free_place_are_not_checked(
     for i in range(0, 15, 3):
         text = text.replace(f'<link name="l{i}">', f'<link name="l{i}">{ball}')
     tree = read_urdf(text)
-    proposal = propose_never_collide(assemble(tree, None, Choice()), 200, rng=0)
+    proposal = propose_disabled_collisions(assemble(tree, None, Choice()), samples=200, rng=0)
     assert frozenset(("l0", "l2")) not in proposal
     robot = assemble(tree, None, Choice())
-    assert frozenset(("l0", "l2")) in robot.never_collide
+    assert frozenset(("l0", "l2")) in robot.disabled_collisions
     assert "l0 - l2" in caplog.text
     assert not touching_links(robot, robot.home)
 
 
 def test_rr1_has_an_end_effector_group_and_its_states(rr1: rp.Robot) -> None:
     assert set(rr1.configurations) == {"home", "zero", "raised"}
-    assert set(rr1.named_held) == {"open", "closed"}
+    assert set(rr1.locked_joint_states) == {"open", "closed"}

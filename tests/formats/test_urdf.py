@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rr1plan.errors import FormatError, UnknownNameError
-from rr1plan.formats.urdf import read_urdf
+from rr1plan.robot.urdf import read_urdf
 from rr1plan.shapes import Box, Capsule, Cylinder, Sphere
 
 LIMIT = '<limit lower="-1" upper="1" velocity="2" effort="3"/>'

@@ -11,7 +11,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.errors import FormatError, MissingPackageError
-from rr1plan.formats.xacro import expand_xacro
+from rr1plan.robot.xacro import expand_xacro
 
 XACRO = """<robot name="stack" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:arg name="length" default="0.5"/>

@@ -21,9 +21,10 @@ export function sines(core, name, angles) {
   return out.map((part) => part.values);
 }
 
-/** Status, fraction and pair of each edge; an edge is begin and end, one after the other. */
-export function edges(core, image, ends) {
+/** Status, fraction and pair of each edge, begin and end one after the other, once objects have been moved. */
+export function edges(core, image, ends, moves = []) {
   const { scene, scratch } = core.place(image);
+  for (const [object, pose] of moves) core.call("rr1_move_object", scene, scratch, object, pose);
   const nq = scene.column_count, count = ends.length / nq / 2;
   const answers = new Float64Array(3 * count);
   for (let i = 0; i < count; i++) {
@@ -79,6 +80,29 @@ function shorten(core, { scene, scratch }, waypoints, { iterations, patience, sh
   const random = core.array("uint64_t", [shortcut_seed]);
   while (!core.call("rr1_shorten", path, random, 128, iterations, patience, scene, scratch));
   return points.values.slice(0, path.size * nq);
+}
+
+/**
+ * Recorded calls once more (`recorded_calls.py`): results, numbers in structs, and bytes of arrays, filled up to eights.
+ *
+ * Arguments are numbers or names of things in the call's own image, or in that of a scene.
+ */
+export function replay(core, image, calls) {
+  const world = image.length ? core.place(image) : {};
+  return calls.map(({ kernel, image, given, numbers, arrays }) =>
+    core.scoped(() => {
+      const named = { ...world, ...core.place(image) };
+      const result = core.call(kernel, ...given.map((one) => (typeof one === "string" ? named[one] : one)));
+      const values = numbers.map(([name, fields]) => Float64Array.from(fields, (field) => named[name][field]));
+      const parts = arrays.map(([name, field, size]) => {
+        const address = field ? named[name][field] : core.addressOf(named[name]);
+        const part = new Uint8Array(8 * Math.ceil(size / 8));
+        part.set(new Uint8Array(core.buffer, address, size));
+        return new Float64Array(part.buffer);
+      });
+      return [Float64Array.of(result), ...values, ...parts];
+    }),
+  );
 }
 
 /** The messages of errors, each of another wrong call. */

@@ -7,25 +7,31 @@ import json
 import re
 import shutil
 import subprocess
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from kernels.recorded_calls import Recorder
 
 import rr1plan as rp
-from rr1plan.binding.library import KernelLibrary
-from rr1plan.binding.sources import KernelSources
+from rr1plan.binding.c_sources import KernelSources
+from rr1plan.binding.compiled_library import KernelLibrary
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, InstallationError
-from rr1plan.kernels import wasm
-from rr1plan.kernels.library import LIBRARY, SOURCES, constants, load_library
-from rr1plan.planners import RrtConnect
-from rr1plan.planners.query import Query
+from rr1plan.kernels import wasm_core as wasm
+from rr1plan.kernels.planner_kernels import LIBRARY, SOURCES, constants, load_library
+from rr1plan.model.scene_model import ik_descent as descent
+from rr1plan.model.scene_model import ik_search as search
+from rr1plan.planners import RrtConnect, graph, shortcut
+from rr1plan.planners.planning_query import Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
-from rr1plan.playback.viewer.capture import find_browser, open_browser
+from rr1plan.playback.viewer.page_capture import find_browser, open_browser
+from rr1plan.retiming import path_blends as blends
+from rr1plan.retiming import path_speed as speed
 from rr1plan.transforms import pose
 
 ANSWERS = Path(__file__).with_name("core_answers.js").read_text(encoding="utf-8")
@@ -147,6 +153,20 @@ def test_edges_have_the_same_answers_to_the_last_bit(ask: Ask, name: str) -> Non
     assert 20 < np.count_nonzero(expected[:, 0] == constants()["EDGE_FREE"]) < 1180
 
 
+def test_obstacles_are_moved_in_a_page_too(ask: Ask) -> None:
+    checker, rng = CollisionChecker(SCENES["mixed"]), np.random.default_rng(6)
+    image, ends, moves = checker.memory_image(), random_edges(checker.nq, 300), []
+    before = [native(checker, "rr1_certify_edge", *edge) for edge in ends]
+    for name, obstacle in list(checker.scene.obstacles.items()):
+        there = pose(obstacle.pose[:3, 3] + rng.normal(size=3) * 0.1, quaternion=rng.normal(size=4))
+        there = pose([0.0, 0.0, 0.05]) if name == "ground" else there
+        checker.move_obstacle(name, there)
+        moves.append([checker.object_numbers[name], there.ravel()])
+    expected = [native(checker, "rr1_certify_edge", *edge) for edge in ends]
+    assert np.array_equal(ask("edges", image, ends, moves), np.array(expected, float).ravel())
+    assert expected != before
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_parabolas_have_the_same_answers_to_the_last_bit(ask: Ask, name: str) -> None:
     checker = CollisionChecker(SCENES[name])
@@ -163,8 +183,8 @@ def test_parabolas_have_the_same_answers_to_the_last_bit(ask: Ask, name: str) ->
 def test_a_seed_gives_the_same_path_to_the_last_bit(ask: Ask, scene: str, name: str, seed: int) -> None:
     problem = rp.load_problems(scene)[name]
     step = 0.4
-    path = RrtConnect(range=step).plan(problem, COUNTED, rng=seed).path_or_raise()
-    shorter = shorten(path, CollisionChecker(problem.scene, problem.arms), rng=seed + 1, iterations=40)
+    path = RrtConnect(range=step).plan(problem, budget=COUNTED, rng=seed).path_or_raise()
+    shorter = shorten(path, problem.scene, rng=seed + 1, iterations=40)
     assert len(path.waypoints) > 2
     with Query("rrt_connect", problem, COUNTED, seed, None) as query:
         assert query.refusal() is None
@@ -185,6 +205,106 @@ def test_a_seed_gives_the_same_path_to_the_last_bit(ask: Ask, scene: str, name: 
     found, found_shorter = ask("plan", image, asked)
     assert found.tobytes() == path.waypoints.tobytes()
     assert found_shorter.tobytes() == shorter.waypoints.tobytes()
+
+
+# ---- all other kernels, by the calls that the package makes ----------------------------------------
+
+
+def same_answers(ask: Ask, recorder: Recorder, image: bytes = b"") -> Counter[str]:
+    """All recorded calls have the same answers, to the last bit; how many there were of each kernel."""
+    found = ask("replay", image, recorder.questions())
+    assert len(found) == len(recorder.calls)
+    for call, (result, *parts) in zip(recorder.calls, found, strict=True):
+        kernel = call.question["kernel"]
+        native = [np.array([np.nan if call.answer[0] is None else call.answer[0]], float).tobytes()]
+        native += [part if isinstance(part, bytes) else np.array(part, float).tobytes() for part in call.answer[1:]]
+        for expected, part in zip(native[1:], parts, strict=True):
+            assert part.tobytes()[: len(expected)] == expected, kernel
+        assert result.tobytes() == native[0] or call.answer[0] is None, kernel
+    return Counter(call.question["kernel"] for call in recorder.calls)
+
+
+@pytest.mark.parametrize("name", ["rr1", "planar2r", "planar2r_limited"])
+def test_inverse_kinematics_has_the_same_solutions_to_the_last_bit(
+    ask: Ask, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    robot, recorder = rp.load_robot(name), Recorder()
+    rng = np.random.default_rng(3)
+    monkeypatch.setattr(search, "load_library", lambda: recorder)
+    monkeypatch.setattr(descent, "load_library", lambda: recorder)
+    kinematics, solutions = rp.Kinematics(rp.Scene().with_arm("arm", robot)), 0
+    for _ in range(8):
+        q = rng.uniform(np.maximum(robot.limits.lower, -3.0), np.minimum(robot.limits.upper, 3.0))
+        T = robot.link_poses(q)[robot.tool]
+        for goal in (rp.PoseGoal("tool", T), rp.PoseGoal("tool", T[:3, 3])):
+            solutions += len(rp.solve_ik(kinematics, goal, attempts=40, rng=1).solutions)
+    # Out of reach: the nearest configuration is asked for.
+    rp.solve_ik(kinematics, rp.PoseGoal("tool", [3.0, 0.0, 0.0]), attempts=20, rng=1)
+    called = same_answers(ask, recorder)
+    assert solutions >= 8
+    assert called["rr1_search_ik"] >= 16
+
+
+@pytest.mark.parametrize(
+    ("scene", "name"), [("rr1_shelf", "lower_level"), ("rr1_pair", "change_places"), ("planar2r_path", "over_the_seam")]
+)
+def test_a_roadmap_has_the_same_vertices_and_ways_to_the_last_bit(
+    ask: Ask, monkeypatch: pytest.MonkeyPatch, scene: str, name: str
+) -> None:
+    problem = rp.load_problems(scene)[name]
+    checker = CollisionChecker(problem.scene, problem.arms)
+    image, recorder = checker.memory_image(), Recorder(checker.context)
+    monkeypatch.setattr(graph, "load_library", lambda: recorder)
+    roadmap = graph.Graph(problem.scene, problem.arms)
+    with Query("roadmap", problem, COUNTED, 0, None) as query:
+        assert query.refusal() is None
+        goals = np.array(query.goals)
+    roadmap.sample(150, checker, lambda: True)
+    way = roadmap.find_path(problem.start, goals, checker, lambda: True)
+    roadmap.learn(np.array([problem.start, 0.5 * (problem.start + goals[0]), goals[0]]))
+    assert roadmap.find_path(problem.start, goals, checker, lambda: True) is not None or way is None
+    called = same_answers(ask, recorder, image)
+    kernels = ("sample_roadmap", "attach_ends", "find_roadmap_path", "learn_path", "truncate_roadmap")
+    assert all(called[f"rr1_{kernel}"] for kernel in kernels)
+
+
+@pytest.mark.parametrize("scene", ["rr1_cluttered", "rr1_pair", "planar2r_path"])
+def test_shortcuts_are_the_same_to_the_last_bit(ask: Ask, monkeypatch: pytest.MonkeyPatch, scene: str) -> None:
+    checker = CollisionChecker(SCENES[scene])
+    rng = np.random.default_rng(6)
+    points = [checker.scene.configuration()]
+    while len(points) < 30:
+        q = points[-1] + rng.normal(scale=0.3, size=checker.nq)
+        if checker.within_limits(q) and checker.edge_is_free(points[-1], q):
+            points.append(q)
+    fresh = CollisionChecker(SCENES[scene])
+    image, recorder = fresh.memory_image(), Recorder(fresh.context)
+    monkeypatch.setattr(shortcut, "load_library", lambda: recorder)
+    path = rp.Path(checker.joint_names, np.array(points))
+    shorter = shorten(path, fresh.scene, checker=fresh, rng=5, iterations=80)
+    assert shorter.length < path.length
+    assert same_answers(ask, recorder, image)["rr1_shorten"]
+
+
+@pytest.mark.parametrize("name", ["rr1", "planar2r"])
+def test_path_parameterization_is_the_same_to_the_last_bit(
+    ask: Ask, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    robot, recorder = rp.load_robot(name), Recorder()
+    for module in (blends, speed):
+        monkeypatch.setattr(module, "load_library", lambda: recorder)
+    joints = tuple(f"arm/{joint}" for joint in robot.joint_names)
+    scene = rp.Scene().with_arm("arm", robot)
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        low, high = np.maximum(robot.limits.lower, -2.0), np.minimum(robot.limits.upper, 2.0)
+        points = rng.uniform(low, high, (2 + seed, robot.nq))
+        # A waypoint on a line, one that turns back, and a corner of next to nothing.
+        points = np.vstack([points, 0.5 * (points[-1] + points[0]), points[0], points[-1], points[-1] + 1e-7])
+        rp.retime(rp.Path(joints, points), scene, max_blend=(0.0, 0.1, 0.5)[seed % 3])
+    called = same_answers(ask, recorder)
+    assert called["rr1_time_polyline"] >= 6
+    assert called["rr1_largest_blends"] >= 6
 
 
 def test_wrong_calls_are_named(ask: Ask) -> None:

@@ -6,7 +6,7 @@ from decimal import Decimal, getcontext
 import numpy as np
 import pytest
 
-from rr1plan.kernels.library import LIBRARY, CStruct, address_of, load_library, zeroed
+from rr1plan.kernels.planner_kernels import LIBRARY, CStruct, address_of, load_library, zeroed
 
 VARIANTS = LIBRARY.variants
 

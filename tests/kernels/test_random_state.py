@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rr1plan.kernels.library import load_library
+from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.kernels.random_state import draw_uniform, random_state
 
 

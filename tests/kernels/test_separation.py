@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from rr1plan.collision.arm_geometry import Solid
-from rr1plan.collision.body_tables import body_tables, flat
-from rr1plan.collision.solids import coal_geometry
-from rr1plan.formats.convex import convex_hull
-from rr1plan.kernels.library import CStruct, load_library
+from rr1plan.collision.convex.convex_bodies import coal_geometry
+from rr1plan.collision.tables.body_tables import body_tables, flat
+from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.shapes import Box, Capsule, Cylinder, Sphere
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 RNG = np.random.default_rng(8)

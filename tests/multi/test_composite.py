@@ -7,8 +7,8 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.library import load_problems
 from rr1plan.planning import Budget
+from rr1plan.scene.model_library import load_problems
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def change_places():
 def test_two_arms_are_planned_at_once_and_certified_against_each_other(change_places):
     budget = Budget(seconds=float("inf"), iterations=20000)
     result = rp.plan(change_places, budget=budget, rng=1)
-    assert result.solved, result.reason
+    assert result.found, result.reason
     points = result.path.waypoints
     assert points.shape[1] == change_places.nq == 12
     assert points[0].tobytes() == change_places.start.tobytes()
@@ -36,5 +36,5 @@ def test_two_arms_are_planned_at_once_and_certified_against_each_other(change_pl
 def test_an_arm_of_the_pair_can_move_alone_while_the_other_holds():
     problem = load_problems("rr1_pair")["left_alone"]
     result = rp.plan(problem, rng=1)
-    assert result.solved, result.reason
+    assert result.found, result.reason
     assert result.path.joint_names == problem.scene.joint_names(["left"])

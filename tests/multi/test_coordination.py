@@ -10,7 +10,6 @@ import pytest
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
-from rr1plan.multi import place_grid
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.coordination import are_apart, coordination_diagram
@@ -36,7 +35,10 @@ class _Alone:
 
 
 def _problem(robot: rp.Robot, spacing: float = 0.5) -> rp.Problem:
-    scene = place_grid(robot, 2, 1, spacing, yaw=np.pi / 2)
+    scene = rp.Scene()
+    for arm, side in (("arm01", -0.5), ("arm02", 0.5)):
+        base = rp.transforms.pose((side * spacing, 0.0, 0.0), rpy=(0.0, 0.0, np.pi / 2))
+        scene = scene.with_arm(arm, robot, base)
     return rp.Problem(scene, {"arm01": _LEFT[0], "arm02": _RIGHT[0]}, {"arm01": _LEFT[-1], "arm02": _RIGHT[-1]})
 
 

@@ -33,7 +33,7 @@ def _problem(name: str, rr1: rp.Robot) -> rp.Problem:
 
 def _assert_safe(problem: rp.Problem, result: ManyArmsResult, samples: int = 150) -> None:
     """The referee certifies the motion, and Coal sees no contact at many instants."""
-    assert result.solved, result.reason
+    assert result.found, result.reason
     assert result.trajectory is not None
     report = rp.validate(result.trajectory, problem.scene, problem)
     assert report.certified, report
@@ -84,7 +84,9 @@ def test_plan_motion_answers_problems_of_many_arms_with_proof(rr1: rp.Robot) -> 
 
 
 def test_arms_that_cannot_meet_are_planned_apart(rr1: rp.Robot) -> None:
-    scene = place_grid(rr1, 1, 2, 0.6, scene=place_grid(rr1, 1, 3, 0.6, center=(9.0, 0.0, 0.0)), prefix="left")
+    scene = place_grid(
+        rr1, 1, 2, spacing=0.6, scene=place_grid(rr1, 1, 3, spacing=0.6, pose=(9.0, 0.0, 0.0)), prefix="left"
+    )
     near = arms_in_reach(scene, scene.arms, 0.002)
     assert interaction_groups(near) == [("arm01", "arm02", "arm03"), ("left01", "left02")]
     goal = {arm: np.array([0.4, 0.1, 0.3, 0.2, 1.2, 0.3]) for arm in scene.arms}
@@ -97,18 +99,18 @@ def test_arms_that_do_not_move_are_obstacles(rr1: rp.Robot) -> None:
     problem = _problem("grid-4", rr1)
     moving = problem.arms[:3]
     starts = problem.scene.split(problem.start, problem.arms)
-    scene = problem.scene.with_posture(problem.arms[3], starts[problem.arms[3]])
+    scene = problem.scene.with_configuration(problem.arms[3], starts[problem.arms[3]])
     goal = {arm: problem.goal[arm] for arm in moving}
     part = rp.Problem(scene, {arm: starts[arm] for arm in moving}, goal)
     result = plan_many_arms(part, rng=0, budget=_BUDGET)
-    if result.solved:
+    if result.found:
         _assert_safe(part, result, 30)
     else:
         assert result.status is PlanStatus.INVALID_GOAL
 
 
 def test_goals_in_space_are_reached_by_configurations_that_go_together(rr1: rp.Robot) -> None:
-    scene = place_grid(rr1, 2, 1, 0.5)
+    scene = place_grid(rr1, 2, 1, spacing=0.5)
     aims = {"arm01": rp.PoseGoal("tool", (-0.35, 0.25, 0.4)), "arm02": rp.PoseGoal("tool", (0.1, 0.3, 0.45))}
     problem = rp.Problem(scene, None, aims)
     _assert_safe(problem, plan_many_arms(problem, rng=0, budget=_BUDGET), 60)
@@ -217,7 +219,7 @@ def test_goals_that_touch_by_a_hair_less_are_reached(planar2r: rp.Robot) -> None
 
 
 def test_goals_out_of_limits_or_reach_are_named(rr1: rp.Robot) -> None:
-    scene = place_grid(rr1, 2, 1, 0.6)
+    scene = place_grid(rr1, 2, 1, spacing=0.6)
     result = plan_many_arms(rp.Problem(scene, None, {"arm01": [3.0, 0, 0, 0, 1, 0], "arm02": "home"}))
     assert result.status is PlanStatus.INVALID_GOAL
     assert "arm01" in result.reason

@@ -46,7 +46,7 @@ def path(request, rr1: rp.Robot) -> AgentPath:
 def test_the_fastest_hop_is_the_motion_of_the_retiming(path: AgentPath) -> None:
     method = "stop" if path.halts else "blend"
     scene = path.agent.problem.scene
-    reference = rp.retime(path.path, scene, method, checker=_Checker(not path.halts))
+    reference = rp.retime(path.path, scene, method=method, checker=_Checker(not path.halts))
     assert path.fastest == pytest.approx(reference.duration, rel=0.02)
 
 

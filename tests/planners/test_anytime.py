@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.kernels.library import CStruct, address_of, load_library
+from rr1plan.kernels.planner_kernels import CStruct, address_of, load_library
 from rr1plan.kernels.random_state import random_state
-from rr1plan.library import load_problems
 from rr1plan.planners import AnytimePlanner, RrtConnect
 from rr1plan.planners.anytime import luby
 from rr1plan.planners.tree_search import Trees
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.scene.model_library import load_problems
 
 COUNTED = Budget(seconds=float("inf"), iterations=3000)
 
@@ -28,7 +28,7 @@ COUNTED = Budget(seconds=float("inf"), iterations=3000)
 def shelf():
     """Around a board, to one configuration."""
     problem = load_problems("rr1_shelf")["upper_right"]
-    end = RrtConnect().plan(problem, COUNTED, rng=0).path.waypoints[-1]
+    end = RrtConnect().plan(problem, budget=COUNTED, rng=0).path.waypoints[-1]
     return rp.Problem(problem.scene, problem.start, end)
 
 
@@ -117,7 +117,7 @@ def test_trees_under_a_bound_meet_within_it(shelf):
     trees = Trees(shelf.start, np.array([shelf.goal[shelf.arms[0]][0].q]))
     limits = shelf.scene.limits(shelf.arms)
     motion = CollisionChecker(shelf.scene, shelf.arms)
-    bound = 1.15 * AnytimePlanner().plan(shelf, COUNTED, rng=0).path.length
+    bound = 1.15 * AnytimePlanner().plan(shelf, budget=COUNTED, rng=0).path.length
     box = limits.lower, limits.upper - limits.lower
     met = 0
     for seed in range(20):
@@ -147,18 +147,18 @@ def test_each_vertex_has_the_length_of_its_path(shelf):
 
 
 def test_neither_chunks_nor_room_change_the_path(shelf, monkeypatch):
-    first = AnytimePlanner().plan(shelf, COUNTED, rng=4)
-    monkeypatch.setattr("rr1plan.planners.query._CHUNK", 1)
-    monkeypatch.setattr("rr1plan.planners.query._LEAST", 0.0)
+    first = AnytimePlanner().plan(shelf, budget=COUNTED, rng=4)
+    monkeypatch.setattr("rr1plan.planners.planning_query._CHUNK", 1)
+    monkeypatch.setattr("rr1plan.planners.planning_query._LEAST", 0.0)
     monkeypatch.setattr("rr1plan.planners.tree_search._CAPACITY", 2)
-    again = AnytimePlanner().plan(shelf, COUNTED, rng=4)
+    again = AnytimePlanner().plan(shelf, budget=COUNTED, rng=4)
     assert first.path.waypoints.tobytes() == again.path.waypoints.tobytes()
     assert (first.iterations, first.edges_checked) == (again.iterations, again.edges_checked)
 
 
 def test_the_path_gets_shorter_while_the_budget_lasts(shelf):
-    costs = [AnytimePlanner().plan(shelf, Budget(float("inf"), n), rng=2).path.length for n in (300, 3000)]
-    result = AnytimePlanner().plan(shelf, Budget(float("inf"), 10000), rng=2)
+    costs = [AnytimePlanner().plan(shelf, budget=Budget(float("inf"), n), rng=2).path.length for n in (300, 3000)]
+    result = AnytimePlanner().plan(shelf, budget=Budget(float("inf"), 10000), rng=2)
     history = np.array(result.cost_history)
     assert costs[0] > costs[1] >= result.path.length == history[-1, 1]
     assert result.iterations == 10000
@@ -166,15 +166,15 @@ def test_the_path_gets_shorter_while_the_budget_lasts(shelf):
 
 
 def test_it_comes_as_near_to_the_shortest_path_as_another_optimal_planner_does(seam):
-    ours = AnytimePlanner().plan(seam, COUNTED, rng=1).path.length
-    others = [rp.plan(seam, name, COUNTED, rng=1).path.length for name in ("rrt_star", "bit_star")]
+    ours = AnytimePlanner().plan(seam, budget=COUNTED, rng=1).path.length
+    others = [rp.plan(seam, planner=name, budget=COUNTED, rng=1).path.length for name in ("rrt_star", "bit_star")]
     assert ours <= 1.005 * min(others)
 
 
 def test_the_nearest_goal_by_way_of_the_path_is_taken(shelf):
     far = shelf.goal[shelf.arms[0]][0]
     near = rp.JointGoal(shelf.start + 0.02)
-    result = AnytimePlanner().plan(rp.Problem(shelf.scene, shelf.start, [far, near]), COUNTED, rng=0)
+    result = AnytimePlanner().plan(rp.Problem(shelf.scene, shelf.start, [far, near]), budget=COUNTED, rng=0)
     assert result.path.waypoints[-1].tobytes() == np.asarray(near.q).tobytes()
     assert result.iterations == 0
 
@@ -182,10 +182,10 @@ def test_the_nearest_goal_by_way_of_the_path_is_taken(shelf):
 def test_the_clock_is_kept_with_a_path_and_without(shelf):
     for problem, status in (
         (load_problems("planar2r_no_path")["no_way"], PlanStatus.TIMEOUT),
-        (shelf, PlanStatus.SOLVED),
+        (shelf, PlanStatus.FOUND),
     ):
         began = time.perf_counter()
-        result = AnytimePlanner().plan(problem, Budget(seconds=0.2), rng=0)
+        result = AnytimePlanner().plan(problem, budget=Budget(seconds=0.2), rng=0)
         assert result.status is status
         assert 0.2 <= time.perf_counter() - began < 5.0
 
@@ -197,7 +197,7 @@ def test_progress_tells_the_best_length_and_may_cancel(shelf):
         told.append(p)
         return len(told) < 3
 
-    result = AnytimePlanner().plan(shelf, Budget(seconds=20.0), rng=0, progress=progress)
+    result = AnytimePlanner().plan(shelf, budget=Budget(seconds=20.0), rng=0, progress=progress)
     assert result.status is PlanStatus.CANCELLED
     assert [p.stage for p in told] == ["anytime"] * 3
     assert told[0].best_cost is None
@@ -207,7 +207,7 @@ def test_progress_tells_the_best_length_and_may_cancel(shelf):
 @pytest.mark.parametrize("wrong", [-1.0, float("nan"), 1e-9])
 def test_a_senseless_range_is_refused(shelf, wrong):
     with pytest.raises(InputError, match="range"):
-        AnytimePlanner(range=wrong).plan(shelf, COUNTED, rng=0)
+        AnytimePlanner(range=wrong).plan(shelf, budget=COUNTED, rng=0)
 
 
 def test_the_numbers_of_samples_are_lubys_sequence():

@@ -5,11 +5,11 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.kinematics import Kinematics
+from rr1plan.model import Kinematics
 from rr1plan.planners.cartesian import CartesianPlanner
 from rr1plan.planning import Budget, PlanStatus
-from rr1plan.problem import PoseGoal, Problem
 from rr1plan.scene import Arm, Scene
+from rr1plan.scene.problem import PoseGoal, Problem
 from rr1plan.shapes import Box, Sphere
 from rr1plan.transforms import rotation_about, rotation_angle
 
@@ -35,7 +35,7 @@ def test_rr1_moves_straight_to_a_full_pose_and_turns_evenly(rr1, is_certified):
     axis, angle = np.array([0.0, -0.6, -0.8]), 0.2
     goal[:3, :3] = T0[:3, :3] @ rotation_about(axis, angle)
     result = CartesianPlanner().plan(Problem(alone(rr1), START, PoseGoal("tool", goal)), rng=0)
-    assert result.solved, result.reason
+    assert result.found, result.reason
     path = result.path
     np.testing.assert_array_equal(path.waypoints[0], START)
     end = rr1.link_poses(path.waypoints[-1])["tool"]
@@ -55,7 +55,7 @@ def test_the_tolerance_holds_between_waypoints(planar2r, tolerance):
     start, end = [0.4, 1.2], np.array([0.2, 1.3, 0.0])
     planner = CartesianPlanner(tolerance=tolerance)
     result = planner.plan(Problem(alone(planar2r), start, PoseGoal("tool", end)))
-    assert result.solved
+    assert result.found
     assert leave_of_line(planar2r, result.path, end) <= tolerance
     assert np.abs(np.diff(result.path.waypoints, axis=0)).sum(axis=1).max() <= 0.5
 
@@ -96,7 +96,7 @@ def test_a_line_stopped_by_a_joint_limit_names_the_joint():
     start = np.array([0.0, 2.0])
     end = robot.link_poses(np.array([0.3, 2.8]))["tool"][:3, 3]
     result = CartesianPlanner().plan(Problem(alone(robot), start, PoseGoal("tool", end)), rng=0)
-    assert not result.solved
+    assert not result.found
     assert "joint limit: joint 'joint2' at 2.6" in result.reason
     assert "outside [-2.6, 2.6]" in result.reason
 
@@ -153,7 +153,7 @@ def test_budget_and_progress_are_kept(rr1):
     T = rr1.link_poses(START)["tool"]
     problem = Problem(alone(rr1), START, PoseGoal("tool", T[:3, 3] + [0.0, -0.05, 0.05]))
     said = []
-    result = CartesianPlanner().plan(problem, Budget(np.inf, iterations=2), progress=said.append)
+    result = CartesianPlanner().plan(problem, budget=Budget(np.inf, iterations=2), progress=said.append)
     assert result.status is PlanStatus.TIMEOUT
     assert "out of budget after" in result.reason
     assert result.iterations == 2

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import rr1plan as rp
-from rr1plan.formats.scene_toml import write_scene
+from rr1plan.scene.scene_toml import write_scene
 
 PLACE = (-0.35, 0.1)
 HEIGHT = 0.08
@@ -21,7 +21,7 @@ def table_with_can(robot: rp.Robot, above: float = 0.0) -> rp.Scene:
     scene = rp.Scene().with_arm("rr1", robot).with_obstacle("table", table, [*PLACE, 0.05])
     q = rp.solve_ik(rp.Kinematics(robot), rp.PoseGoal("tool", [*PLACE, 0.1 + HEIGHT], (0, 1, 0, 0)), rng=0).solutions[0]
     can = rp.Cylinder(0.015, HEIGHT)
-    scene = scene.with_posture("rr1", q).with_obstacle("can", can, [*PLACE, 0.1 + 0.5 * HEIGHT + above])
+    scene = scene.with_configuration("rr1", q).with_obstacle("can", can, [*PLACE, 0.1 + 0.5 * HEIGHT + above])
     return scene.attach("can", touch=["hand_link", "finger_link", "opposite_finger_link"])
 
 
@@ -33,7 +33,7 @@ def reason(scene: rp.Scene) -> str:
 
 @pytest.fixture(scope="module")
 def held(rr1: rp.Robot) -> rp.Scene:
-    return table_with_can(rr1.with_held("open"))
+    return table_with_can(rr1.with_locked_joints("open"))
 
 
 def test_a_held_object_on_its_table_is_told_to_be_allowed_or_lifted(held: rp.Scene) -> None:
@@ -43,7 +43,7 @@ def test_a_held_object_on_its_table_is_told_to_be_allowed_or_lifted(held: rp.Sce
     # Both remedies work as they are written.
     (allow,) = re.findall(r"scene(\.allow\('can', 'table'\))", said)
     allowed = eval(f"held{allow}")
-    assert rp.plan(rp.Problem(allowed, held.configuration(), "home"), rng=0).solved
+    assert rp.plan(rp.Problem(allowed, held.configuration(), "home"), rng=0).found
     (lift,) = re.findall(r"hold 'can' ([0-9.]+) mm higher", said)
     assert float(lift) == pytest.approx(0.5, abs=0.01)
     lifted = table_with_can(held.arms["rr1"].robot, 1e-3 * float(lift))
@@ -58,11 +58,11 @@ def test_the_words_for_a_scene_file_are_those_of_scene_files(held: rp.Scene, tmp
     (tmp_path / "cell.toml").write_text(f"{line}\n{text}")
     scene = rp.load_scene(tmp_path / "cell.toml")
     assert tomllib.loads(line)["allowed"] == [["can", "table"]]
-    assert rp.plan(rp.Problem(scene, scene.configuration(), "home"), rng=0).solved
+    assert rp.plan(rp.Problem(scene, scene.configuration(), "home"), rng=0).found
 
 
 def test_a_gap_below_the_kernel_s_rounding_names_its_pair(rr1: rp.Robot) -> None:
-    said = reason(table_with_can(rr1.with_held("open"), 5e-10))
+    said = reason(table_with_can(rr1.with_locked_joints("open"), 5e-10))
     assert re.search("'(can|table)' and '(can|table)' touch", said)
     assert "allow" in said
 
@@ -83,7 +83,7 @@ def test_a_held_object_deep_in_an_obstacle_is_not_said_to_rest(held: rp.Scene) -
 
 
 def test_the_hand_that_holds_an_object_is_told_to_be_named(rr1: rp.Robot) -> None:
-    robot = rr1.with_held("open")
+    robot = rr1.with_locked_joints("open")
     scene = rp.Scene().with_arm("rr1", robot)
     at = scene.link_poses()["rr1/tool"]
     scene = scene.with_obstacle("can", rp.Cylinder(0.03, 0.12), at).attach("can", touch=["finger_link"])

@@ -7,11 +7,11 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.planners.goals import GoalSearch, check_start
-from rr1plan.planners.query import Query
+from rr1plan.planners.goal_configurations import GoalSearch, check_start
+from rr1plan.planners.planning_query import Query
 from rr1plan.planning import PlanStatus
-from rr1plan.problem import JointGoal, PoseGoal, Problem, RegionGoal
 from rr1plan.scene import Arm, Scene
+from rr1plan.scene.problem import JointGoal, PoseGoal, Problem, RegionGoal
 from rr1plan.shapes import Box, Sphere
 
 FREE = np.array([0.3, 0.1, 0.4, -0.5, 1.0, 0.2])

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.planners import _ompl
-from rr1plan.planners.ompl import KINDS
+from rr1plan.planners import ompl_adapter as _ompl
+from rr1plan.planners.ompl_planners import KINDS
 from rr1plan.planning import Budget
 
 OMPL_NAMES = sorted(kind.ompl for kind in KINDS.values())
@@ -22,8 +22,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 WORLD = """
 import numpy as np
-from rr1plan.planners import _ompl
-from rr1plan.planners._ompl_question import Question, Watch
+from rr1plan.planners import ompl_adapter as _ompl
+from rr1plan.planners.ompl_query import Question, Watch
 from rr1plan.planning import Budget
 import time
 

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.kernels.library import CStruct, load_library
-from rr1plan.library import load_problems
+from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.planners import Roadmap, RoadmapPlanner, RrtConnect
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.scene.model_library import load_problems
 
 COUNTED = Budget(seconds=float("inf"), iterations=30_000)
 
@@ -24,7 +24,7 @@ COUNTED = Budget(seconds=float("inf"), iterations=30_000)
 def shelf():
     """Around a board, to one configuration."""
     problem = load_problems("rr1_shelf")["left_to_right"]
-    end = RrtConnect().plan(problem, COUNTED, rng=0).path.waypoints[-1]
+    end = RrtConnect().plan(problem, budget=COUNTED, rng=0).path.waypoints[-1]
     return rp.Problem(problem.scene, problem.start, end)
 
 
@@ -90,7 +90,7 @@ def test_the_answer_is_the_shortest_way_along_the_free_edges(name, samples, requ
     roadmap = Roadmap(problem.scene, samples=samples)
     expected = shortest_length(problem, roadmap.graph, problem.goal[problem.arms[0]][0].q)
     result = roadmap.plan(problem, rng=0)
-    assert result.status is PlanStatus.SOLVED
+    assert result.status is PlanStatus.FOUND
     assert result.iterations == 0
     assert result.path.length == pytest.approx(expected, rel=1e-9)
     # What is known from the first time does not change it.
@@ -103,7 +103,7 @@ def test_the_answer_is_the_shortest_way_along_the_free_edges(name, samples, requ
 @pytest.mark.parametrize("samples", [2, 300])
 def test_all_edges_of_a_path_are_free_and_its_ends_are_start_and_goal(name, samples, is_certified, request):
     problem = request.getfixturevalue(name)
-    points = Roadmap(problem.scene, samples=samples).plan(problem, COUNTED, rng=2).path.waypoints
+    points = Roadmap(problem.scene, samples=samples).plan(problem, budget=COUNTED, rng=2).path.waypoints
     assert points[0].tobytes() == problem.start.tobytes()
     off = short_way(problem, points[-1] - problem.goal[problem.arms[0]][0].q)
     np.testing.assert_allclose(off, 0.0, atol=1e-12)
@@ -111,7 +111,7 @@ def test_all_edges_of_a_path_are_free_and_its_ends_are_start_and_goal(name, samp
 
 
 def test_a_path_of_endless_joints_goes_over_half_a_turn_without_a_jump(seam):
-    points = Roadmap(seam.scene, samples=300).plan(seam, COUNTED, rng=0).path.waypoints
+    points = Roadmap(seam.scene, samples=300).plan(seam, budget=COUNTED, rng=0).path.waypoints
     steps = np.diff(points, axis=0)
     assert np.abs(points).max() > np.pi
     np.testing.assert_allclose(steps, short_way(seam, steps), atol=1e-12)
@@ -133,19 +133,19 @@ def test_the_same_questions_in_the_same_order_have_the_same_answers(shelf):
     answers = []
     for _ in range(2):
         roadmap = Roadmap(shelf.scene, samples=5)
-        answers.append([roadmap.plan(p, COUNTED, rng=3).path.waypoints.tobytes() for p in (shelf, back, shelf)])
+        answers.append([roadmap.plan(p, budget=COUNTED, rng=3).path.waypoints.tobytes() for p in (shelf, back, shelf)])
     assert answers[0] == answers[1]
 
 
 def test_what_trees_found_is_learnt_by_a_roadmap_but_not_by_the_planner(seam):
     planner, roadmap = RoadmapPlanner(samples=2), Roadmap(seam.scene, samples=2)
-    before, size = planner.plan(seam, COUNTED, rng=4), len(roadmap)
-    first, second = (roadmap.plan(seam, COUNTED, rng=4) for _ in range(2))
+    before, size = planner.plan(seam, budget=COUNTED, rng=4), len(roadmap)
+    first, second = (roadmap.plan(seam, budget=COUNTED, rng=4) for _ in range(2))
     assert first.iterations > 0 == second.iterations
     assert len(roadmap) == size + len(first.path.waypoints)
     assert second.path.length <= first.path.length * (1.0 + 1e-9)
-    planner.plan(rp.Problem(seam.scene, seam.goal["arm"][0].q, seam.start), COUNTED, rng=5)
-    after = planner.plan(seam, COUNTED, rng=4)
+    planner.plan(rp.Problem(seam.scene, seam.goal["arm"][0].q, seam.start), budget=COUNTED, rng=5)
+    after = planner.plan(seam, budget=COUNTED, rng=4)
     assert after.path.waypoints.tobytes() == before.path.waypoints.tobytes()
     assert after.iterations == before.iterations > 2
 
@@ -163,8 +163,8 @@ def test_a_question_for_another_scene_or_other_arms_is_refused(shelf, seam):
     with pytest.raises(InputError, match="keeps a margin"):
         roadmap.plan(shelf.with_margin(0.01))
     # Where the arm stands is no part of the roadmap.
-    moved = shelf.scene.with_posture(shelf.arms[0], shelf.start + 0.01)
-    assert roadmap.plan(rp.Problem(moved, shelf.start, shelf.goal), COUNTED, rng=0).status is PlanStatus.SOLVED
+    moved = shelf.scene.with_configuration(shelf.arms[0], shelf.start + 0.01)
+    assert roadmap.plan(rp.Problem(moved, shelf.start, shelf.goal), budget=COUNTED, rng=0).status is PlanStatus.FOUND
 
 
 def test_a_blocked_start_or_goal_is_reported_by_name(seam):
@@ -174,7 +174,7 @@ def test_a_blocked_start_or_goal_is_reported_by_name(seam):
         (blocked, [2.55, -0.5], PlanStatus.INVALID_START),
         ([2.55, -0.5], blocked, PlanStatus.INVALID_GOAL),
     ):
-        result = roadmap.plan(rp.Problem(scene, start, goal), COUNTED, rng=0)
+        result = roadmap.plan(rp.Problem(scene, start, goal), budget=COUNTED, rng=0)
         assert result.status is status
         assert "stone" in result.reason
 

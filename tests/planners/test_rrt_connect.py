@@ -14,11 +14,11 @@ import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
-from rr1plan.library import load_problems
 from rr1plan.planners import RrtConnect, tree_search
-from rr1plan.planners.goals import GoalSearch
-from rr1plan.planners.query import Query
+from rr1plan.planners.goal_configurations import GoalSearch
+from rr1plan.planners.planning_query import Query
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.scene.model_library import load_problems
 from rr1plan.shapes import Sphere
 
 COUNTED = Budget(seconds=float("inf"), iterations=100_000)
@@ -28,23 +28,23 @@ COUNTED = Budget(seconds=float("inf"), iterations=100_000)
 def cage():
     """Into the cage, to one configuration."""
     problem = next(iter(load_problems("rr1_cage").values()))
-    end = RrtConnect().plan(problem, COUNTED, rng=0).path.waypoints[-1]
+    end = RrtConnect().plan(problem, budget=COUNTED, rng=0).path.waypoints[-1]
     return rp.Problem(problem.scene, problem.start, end)
 
 
 def test_neither_chunks_nor_room_change_the_path(cage, monkeypatch):
-    first = RrtConnect().plan(cage, COUNTED, rng=4)
-    monkeypatch.setattr("rr1plan.planners.query._CHUNK", 1)
-    monkeypatch.setattr("rr1plan.planners.query._LEAST", 0.0)
+    first = RrtConnect().plan(cage, budget=COUNTED, rng=4)
+    monkeypatch.setattr("rr1plan.planners.planning_query._CHUNK", 1)
+    monkeypatch.setattr("rr1plan.planners.planning_query._LEAST", 0.0)
     monkeypatch.setattr("rr1plan.planners.tree_search._CAPACITY", 2)
-    again = RrtConnect().plan(cage, COUNTED, rng=4)
+    again = RrtConnect().plan(cage, budget=COUNTED, rng=4)
     assert len(first.path) > 2
     assert first.path.waypoints.tobytes() == again.path.waypoints.tobytes()
     assert (first.iterations, first.edges_checked) == (again.iterations, again.edges_checked)
 
 
 def test_every_edge_of_both_trees_is_free_and_short(cage):
-    result = RrtConnect(tree=True, range=0.4).plan(cage, COUNTED, rng=2)
+    result = RrtConnect(tree=True, range=0.4).plan(cage, budget=COUNTED, rng=2)
     is_free = CollisionChecker(cage.scene).edge_is_free_slowly
     vertices, edges = result.tree.vertices, result.tree.edges
     # Two trees and the edge that joins them are one tree.
@@ -61,14 +61,14 @@ def test_any_of_several_goals_will_do(cage):
     far = cage.goal[cage.arms[0]][0]
     unreachable = rp.PoseGoal("tool", [9.0, 0.0, 0.0])
     problem = rp.Problem(cage.scene, cage.start, [unreachable, far])
-    result = RrtConnect().plan(problem, COUNTED, rng=0)
+    result = RrtConnect().plan(problem, budget=COUNTED, rng=0)
     assert result.path.waypoints[-1].tobytes() == np.asarray(far.q).tobytes()
 
 
 def test_the_clock_ends_a_search_without_a_way():
     problem = load_problems("planar2r_no_path")["no_way"]
     began = time.perf_counter()
-    result = RrtConnect().plan(problem, Budget(seconds=0.2), rng=0)
+    result = RrtConnect().plan(problem, budget=Budget(seconds=0.2), rng=0)
     assert result.status is PlanStatus.TIMEOUT
     assert 0.2 <= time.perf_counter() - began < 5.0
     assert "from the start" in result.reason
@@ -77,11 +77,11 @@ def test_the_clock_ends_a_search_without_a_way():
 @pytest.mark.parametrize("wrong", [-1.0, float("nan"), 1e-9])
 def test_a_senseless_range_is_refused(cage, wrong):
     with pytest.raises(InputError, match="range"):
-        RrtConnect(range=wrong).plan(cage, COUNTED, rng=0)
+        RrtConnect(range=wrong).plan(cage, budget=COUNTED, rng=0)
 
 
 def test_a_seed_of_any_size_will_do(cage):
-    assert RrtConnect().plan(cage, COUNTED, rng=2**70 + 1).seed == 2**70 + 1
+    assert RrtConnect().plan(cage, budget=COUNTED, rng=2**70 + 1).seed == 2**70 + 1
 
 
 def test_checkers_are_lent_to_one_at_a_time_and_used_again(cage):
@@ -118,8 +118,8 @@ def test_goals_that_cannot_be_got_to_are_followed_by_others(planner):
             first = GoalSearch(problem, motion, seed).find().configurations
         assert len(first) > 0
         assert (np.abs(np.angle(np.exp(1j * first[:, 0]))) > 0.8).all()
-        results = [rp.plan(problem, planner, budget, rng=seed) for _ in range(2)]
-        assert results[0].status is PlanStatus.SOLVED
+        results = [rp.plan(problem, planner=planner, budget=budget, rng=seed) for _ in range(2)]
+        assert results[0].status is PlanStatus.FOUND
         assert abs(results[0].path.waypoints[-1, 0]) < 0.8
         np.testing.assert_array_equal(results[0].path.waypoints, results[1].path.waypoints)
         with checker_from_pool(problem.scene) as motion:
@@ -132,7 +132,7 @@ def test_no_end_of_more_goals_has_room(monkeypatch):
     with Query("rrt_connect", problem, Budget(iterations=100), 0, None) as query:
         assert query.refusal() is None
         search = tree_search.TreeSearch(query)
-        assert not search.meets(samples=5)
+        assert not search.connect(samples=5)
         known = {q.tobytes() for q in query.goals}
         for _ in range(5):
             new = query.more_goals()
@@ -143,7 +143,7 @@ def test_no_end_of_more_goals_has_room(monkeypatch):
         assert len(query.goals) == len(known)
         assert roots_of_goals(search.trees) == known
         # And trees that are planted anew have them all.
-        assert not search.meets(samples=5)
+        assert not search.connect(samples=5)
         assert roots_of_goals(search.trees) == known
 
 
@@ -181,9 +181,9 @@ def test_threads_that_plan_at_once_in_one_scene_have_the_answers_of_one(cage):
     """The kernels let other threads run, and share the scene's tables."""
 
     def answer(seed):
-        path = RrtConnect().plan(cage, COUNTED, rng=seed).path_or_raise()
-        shorter = rp.shorten(path, CollisionChecker(cage.scene), rng=seed)
-        return path.waypoints.tobytes(), shorter.waypoints.tobytes(), rp.retiming.retime(shorter, cage.scene).duration
+        path = RrtConnect().plan(cage, budget=COUNTED, rng=seed).path_or_raise()
+        shorter = rp.shorten(path, cage.scene, rng=seed)
+        return path.waypoints.tobytes(), shorter.waypoints.tobytes(), rp.retime(shorter, cage.scene).duration
 
     expected = [answer(seed) for seed in range(8)]
     with ThreadPoolExecutor(4) as pool:

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.kernels.library import CStruct, address_of, load_library
+from rr1plan.kernels.planner_kernels import CStruct, address_of, load_library
 from rr1plan.kernels.random_state import random_state
-from rr1plan.kinematics import nearest_copy
+from rr1plan.model import nearest_copy
 from rr1plan.planners import RrtConnect
-from rr1plan.planners.query import Query
-from rr1plan.planners.space import Space, joint_space, with_copies
+from rr1plan.planners.joint_space import Space, joint_space, with_copies
+from rr1plan.planners.planning_query import Query
 from rr1plan.planning import Budget, PlanStatus
 
 COUNTED = Budget(seconds=float("inf"), iterations=20_000)
@@ -65,8 +65,10 @@ def test_the_way_round_is_found_where_the_short_one_is_shut(planner, is_certifie
     shut = fenced({"only": 0.6})
     for start, goal in (([0.1, 0.1], [1.1, 0.1]), ([1.1, 0.1 + 3 * TURN], [0.1 - TURN, 0.1])):
         problem = rp.Problem(shut, start, goal)
-        result = rp.plan(problem, planner, COUNTED if planner == "rrt_connect" else Budget(3.0, 3000), rng=1)
-        assert result.solved, result.reason
+        result = rp.plan(
+            problem, planner=planner, budget=COUNTED if planner == "rrt_connect" else Budget(3.0, 3000), rng=1
+        )
+        assert result.found, result.reason
         points = result.path.waypoints
         np.testing.assert_array_equal(points[0], start)
         np.testing.assert_allclose(np.exp(1j * points[-1]), np.exp(1j * np.array(goal)), atol=1e-12)
@@ -81,8 +83,8 @@ def test_trees_that_meet_across_a_seam_are_joined_by_certified_edges(is_certifie
         start, goal = rng.uniform(-9.0, 9.0, (2, 2))
         if not (motion.is_free(start) and motion.is_free(goal)):
             continue
-        result = RrtConnect(tree=True).plan(rp.Problem(scene, start, goal), Budget(np.inf, 2000), rng=seed)
-        if not result.solved:
+        result = RrtConnect(tree=True).plan(rp.Problem(scene, start, goal), budget=Budget(np.inf, 2000), rng=seed)
+        if not result.found:
             continue
         points, tree = result.path.waypoints, result.tree
         near = nearest_copy(scene.arm("arm").robot, goal, start)
@@ -98,8 +100,8 @@ def test_a_long_range_does_not_lead_the_wrong_way_round(is_certified):
     scene = fenced({"one": 0.6})
     for seed in range(8):
         problem = rp.Problem(scene, [0.1, 0.1], [1.1, 0.1])
-        result = RrtConnect(range=50.0).plan(problem, COUNTED, rng=seed)
-        assert result.solved
+        result = RrtConnect(range=50.0).plan(problem, budget=COUNTED, rng=seed)
+        assert result.found
         assert is_certified(scene, result.path.waypoints)
 
 

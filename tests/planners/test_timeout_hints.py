@@ -38,8 +38,8 @@ def gate() -> rp.Robot:
         joint_names=("turn", "elbow"),
         limits=rp.Limits(np.array([-2.0, -1.5]), np.array([2.0, 1.5]), ones, ones, ones, ones),
         configurations={"home": np.zeros(2)},
-        held={},
-        never_collide=frozenset({frozenset({"base", "column"}), frozenset({"column", "forearm"})}),
+        locked_joints={},
+        disabled_collisions=frozenset({frozenset({"base", "column"}), frozenset({"column", "forearm"})}),
         tool="forearm",
     )
 
@@ -51,7 +51,7 @@ def separated(gate: rp.Robot) -> rp.Problem:
 
 @pytest.mark.parametrize("planner", ["rrt_connect", "anytime", "roadmap", "rrt", "bit_star"])
 def test_the_pair_that_separates_start_and_goal_is_named_with_its_band(separated: rp.Problem, planner: str) -> None:
-    result = rp.plan(separated, planner, ITERATIONS, rng=0)
+    result = rp.plan(separated, planner=planner, budget=ITERATIONS, rng=0)
     assert result.status is rp.PlanStatus.TIMEOUT
     assert "no path found" in result.reason
     assert "separated by 'base' and 'forearm'" in result.reason
@@ -75,23 +75,23 @@ def test_two_pairs_that_separate_start_and_goal_are_both_named(gate: rp.Robot) -
         joint_names=("turn", "elbow", "elbow2"),
         limits=rp.Limits(np.array([-2.0, -1.5, -1.5]), np.array([2.0, 1.5, 1.5]), ones, ones, ones, ones),
         configurations={"home": np.zeros(3)},
-        never_collide=gate.never_collide | {frozenset({"column", "forearm2"})},
+        disabled_collisions=gate.disabled_collisions | {frozenset({"column", "forearm2"})},
     )
     # Elbows turn about y: the second forearm is above the disk where the angle is positive.
     problem = rp.Problem(rp.Scene().with_arm("a", robot), [0.0, -0.5, 0.5], [0.5, 1.2, -1.2])
-    reason = rp.plan(problem, "rrt_connect", rp.Budget(math.inf, 20000), rng=0).reason
+    reason = rp.plan(problem, planner="rrt_connect", budget=rp.Budget(math.inf, 20000), rng=0).reason
     assert "separated by 'base' and 'forearm': they touch whenever elbow is in [0.2" in reason
     assert " and by 'base' and 'forearm2': they touch whenever elbow2 is in [-0.485" in reason
     (remedy,) = re.findall(r"allow the pairs \(scene((?:\.allow\('[^']*', '[^']*'\))+)", reason)
     scene = eval(f"problem.scene{remedy}")
-    assert rp.plan(rp.Problem(scene, problem.start, problem.goal), rng=0).solved
+    assert rp.plan(rp.Problem(scene, problem.start, problem.goal), rng=0).found
 
 
 def test_allowing_the_pair_as_it_is_said_solves_the_problem(separated: rp.Problem) -> None:
-    reason = rp.plan(separated, "rrt_connect", ITERATIONS, rng=0).reason
+    reason = rp.plan(separated, planner="rrt_connect", budget=ITERATIONS, rng=0).reason
     (remedy,) = re.findall(r"scene(\.allow\('a/base', 'a/forearm'\))", reason)
     scene = eval(f"separated.scene{remedy}")
-    assert rp.plan(rp.Problem(scene, separated.start, separated.goal), rng=0).solved
+    assert rp.plan(rp.Problem(scene, separated.start, separated.goal), rng=0).found
 
 
 def test_the_same_seed_gives_the_same_hint(separated: rp.Problem) -> None:
@@ -101,7 +101,7 @@ def test_the_same_seed_gives_the_same_hint(separated: rp.Problem) -> None:
 
 def test_a_motion_comes_with_the_hint_too(separated: rp.Problem) -> None:
     motion = rp.plan_motion(separated, budget=ITERATIONS, rng=0)
-    assert not motion.solved
+    assert not motion.valid
     assert "separated by 'base' and 'forearm'" in motion.result.reason
 
 
@@ -125,7 +125,7 @@ def test_an_obstacle_in_the_way_is_not_blamed_on_links(gate: rp.Robot) -> None:
 
 @pytest.mark.parametrize("budget", [rp.Budget(0.05), rp.Budget(math.inf, 900), rp.Budget(5.0, 900)])
 def test_a_small_budget_gets_no_hint(separated: rp.Problem, budget: rp.Budget) -> None:
-    result = rp.plan(separated, "rrt_connect", budget, rng=0)
+    result = rp.plan(separated, planner="rrt_connect", budget=budget, rng=0)
     assert result.status is rp.PlanStatus.TIMEOUT
     assert "separated" not in result.reason
 
@@ -172,7 +172,7 @@ def test_the_progress_may_cancel_while_a_hint_is_looked_for(separated: rp.Proble
         told.append(p.fraction)
         return p.fraction < 1.0
 
-    result = rp.plan(separated, "rrt_connect", ITERATIONS, rng=0, progress=progress)
+    result = rp.plan(separated, planner="rrt_connect", budget=ITERATIONS, rng=0, progress=progress)
     assert result.status is rp.PlanStatus.CANCELLED
     assert told[0] < 1.0
     assert told.count(1.0) == 1
@@ -189,7 +189,7 @@ def test_a_start_too_near_to_contact_to_leave_is_named(gate: rp.Robot) -> None:
 
 
 def test_a_proposal_names_pairs_that_touch_in_a_band(gate: rp.Robot, rr1: rp.Robot) -> None:
-    proposal = rp.propose_never_collide(gate, 200, rng=0)
+    proposal = rp.propose_disabled_collisions(gate, samples=200, rng=0)
     (band,) = proposal.bands
     assert {band.a, band.b} == {"base", "forearm"}
     assert band.joint == "elbow"
@@ -197,4 +197,4 @@ def test_a_proposal_names_pairs_that_touch_in_a_band(gate: rp.Robot, rr1: rp.Rob
     assert str(band) in str(proposal)
     assert "Adjacent: base - column" in str(proposal)
     assert proposal == dict(proposal)
-    assert rp.propose_never_collide(rr1, 100, rng=0).bands == ()
+    assert rp.propose_disabled_collisions(rr1, samples=100, rng=0).bands == ()

@@ -14,15 +14,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import rr1plan as rp
+from rr1plan import CSpace
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.library import load_problems
-from rr1plan.playback import CSpace
-from rr1plan.playback.cspace_cells import label_components, widest_spot
-from rr1plan.playback.cspace_grid import LIMITS, compute_grid
-from rr1plan.playback.cspace_images import SELF
-from rr1plan.playback.cspace_torus import layer_image, wrapped_pieces
+from rr1plan.playback.cspace.cspace_cells import label_components, widest_spot
+from rr1plan.playback.cspace.cspace_grid import LIMITS, compute_grid
+from rr1plan.playback.cspace.cspace_images import SELF
+from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.playback.outlines import bounding_radius, silhouette
+from rr1plan.scene.model_library import load_problems
 
 
 @pytest.fixture(scope="module")
@@ -211,7 +211,7 @@ def test_overlaps_show_both_colors(lesson: rp.Scene) -> None:
     scene = lesson
     name = next(iter(scene.obstacles))
     thing = scene.obstacles[name]
-    scene = scene.with_obstacle("twin", thing.geometries[0].shape, thing.pose, (0.0, 0.0, 0.0, 1.0))
+    scene = scene.with_obstacle("twin", thing.geometries[0].shape, thing.pose, color=(0.0, 0.0, 0.0, 1.0))
     grid = compute_grid(scene, resolution=60)
     both = grid.layers[name] & grid.layers["twin"]
     assert both.any()
@@ -228,7 +228,7 @@ def test_a_line_over_the_seam_is_drawn_in_pieces_inside_the_picture(lesson: rp.S
 
 def test_png_and_svg_are_written_and_repeat_to_the_byte(question: rp.Problem, tmp_path: Path) -> None:
     result = rp.plan(question, rng=0)
-    picture = rp.cspace(question.scene, question, result, resolution=60)
+    picture = rp.cspace(question.scene, question, result=result, resolution=60)
     png = picture.save_png(tmp_path / "a.png", dpi=60)
     assert png.read_bytes().startswith(b"\x89PNG")
     first = picture.save_svg(tmp_path / "a.svg").read_bytes()
@@ -268,7 +268,7 @@ def test_a_slice_is_where_it_is_asked_for(rr1_table: rp.Scene) -> None:
     q = np.array(rr1_table.configuration())
     q[2:] += 0.3
     given = rp.cspace(rr1_table, joints=joints, at=q, resolution=24)
-    stands = rp.cspace(rr1_table.with_posture("rr1", q), joints=joints, resolution=24)
+    stands = rp.cspace(rr1_table.with_configuration("rr1", q), joints=joints, resolution=24)
     here = rp.cspace(rr1_table, joints=joints, resolution=24)
     assert np.array_equal(given.grid.labels, stands.grid.labels)
     assert not np.array_equal(given.grid.labels, here.grid.labels)
@@ -293,7 +293,10 @@ def test_a_slice_that_is_nowhere_is_refused(lesson: rp.Scene, rr1_table: rp.Scen
 
 def test_progress_moves_on_evenly_and_ends_below_one(rr1_table: rp.Scene) -> None:
     told: list[float] = []
-    rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=64, progress=told.append)
+    joints = ("shoulder_joint", "elbow_joint")
+    rp.cspace(rr1_table, joints=joints, resolution=64, progress=lambda progress: told.append(progress.fraction))
+    with pytest.raises(rp.CancelledError, match="'cspace'"):
+        rp.cspace(rr1_table, joints=joints, resolution=64, progress=lambda _: False)
     assert len(told) > 10
     assert told == sorted(told)
     assert 0.5 < told[-1] <= 1.0

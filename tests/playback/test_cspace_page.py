@@ -12,21 +12,21 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import CSpace
 from rr1plan.errors import InputError
-from rr1plan.library import load_problems
-from rr1plan.limits import Limits
 from rr1plan.planning import SearchTree
-from rr1plan.playback import CSpace
-from rr1plan.playback.cspace_page import _planar, _ranked_components
-from rr1plan.playback.cspace_verdict import verdict
-from rr1plan.playback.cspace_viewer import show_page
+from rr1plan.playback.cspace.cspace_page import _planar, _ranked_components
+from rr1plan.playback.cspace.cspace_verdict import verdict
+from rr1plan.playback.cspace.cspace_viewer import show_page
 from rr1plan.robot import Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene.model_library import load_problems
 
 
 @pytest.fixture(scope="module")
 def lesson() -> rp.CSpace:
     problem = load_problems("planar2r_path")["over_the_seam"]
-    return rp.cspace(problem.scene, problem, rp.plan(problem, rng=0), resolution=48)
+    return rp.cspace(problem.scene, problem, result=rp.plan(problem, rng=0), resolution=48)
 
 
 @pytest.fixture(scope="module")

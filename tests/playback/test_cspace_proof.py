@@ -15,17 +15,17 @@ import pytest
 from concave_meshes import angle_block, half_shell, soup, terrain, torus
 
 import rr1plan as rp
+from rr1plan import CSpace
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.contact_cells import ContactCells
-from rr1plan.formats.convex import convex_hull
-from rr1plan.library import load_problems
-from rr1plan.limits import Limits
-from rr1plan.playback import CSpace
-from rr1plan.playback.cspace_decomposition import decompose
-from rr1plan.playback.cspace_grid import compute_grid
-from rr1plan.playback.cspace_verdict import verdict
+from rr1plan.playback.cspace.cspace_decomposition import decompose
+from rr1plan.playback.cspace.cspace_grid import compute_grid
+from rr1plan.playback.cspace.cspace_verdict import verdict
 from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene.model_library import load_problems
 from rr1plan.shapes import Shape
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 BALL = 0.05
@@ -236,7 +236,7 @@ def test_no_planner_finds_a_path_through_certified_cells_or_against_a_proof(seed
     motions = CollisionChecker(scene)
     free = [q for q in somewhere(scene, rng, 60) if motions.is_free(q)]
     for a, b in zip(free[:4:2], free[1:4:2], strict=True):
-        result = rp.make_planner("rrt_connect").plan(rp.Problem(scene, a, b), rp.Budget(iterations=400), rng=0)
+        result = rp.RrtConnect().plan(rp.Problem(scene, a, b), budget=rp.Budget(iterations=400), rng=0)
         if result.path is None:
             continue
         cells = decompose(scene, "arm", a, [rp.JointGoal(b)], [b])
@@ -274,8 +274,8 @@ def test_a_slit_narrower_than_a_cell_is_no_proof(play: float) -> None:
 def test_a_path_that_was_found_is_never_contradicted() -> None:
     problem = before_a_wall(0.008)
     result = rp.plan(problem, rng=0)
-    assert result.solved
-    picture = rp.cspace(problem.scene, problem, result, resolution=60)
+    assert result.found
+    picture = rp.cspace(problem.scene, problem, result=result, resolution=60)
     assert not picture.proves_no_path
     assert picture.reachable_goals == (True,)
     said = verdict(picture)
@@ -295,9 +295,9 @@ def test_a_path_counts_as_an_answer_only_if_it_is_one() -> None:
         (shorter, "it does not end at a goal"),
         (later, "it does not begin at the start"),
     ):
-        assert result.solved
-        picture = rp.cspace(problem.scene, problem, result, resolution=24)
-        assert not picture.answered
+        assert result.found
+        picture = rp.cspace(problem.scene, problem, result=result, resolution=24)
+        assert not picture.found
         assert picture.proves_no_path
         assert picture.reachable_goals == (False,)
         assert verdict(picture).startswith("No path exists")
@@ -316,9 +316,9 @@ def test_the_answers_of_planners_count(planner: str) -> None:
     where = replace(load_problems("planar2r_path")["to_a_point"].goal["arm"][0], position_tolerance=0.05)
     for goal in (problem.goal["arm"], [2.55 + 2.0 * np.pi, -0.5], where, [where, [2.55, -0.5]]):
         question = rp.Problem(problem.scene, problem.start, goal)
-        result = rp.plan(question, planner, rp.Budget(seconds=5.0, iterations=300), rng=0)
-        assert result.solved
-        assert rp.cspace(question.scene, question, result, resolution=24).path_fault == ""
+        result = rp.plan(question, planner=planner, budget=rp.Budget(seconds=5.0, iterations=300), rng=0)
+        assert result.found
+        assert rp.cspace(question.scene, question, result=result, resolution=24).path_fault == ""
 
 
 def test_a_closed_wall_is_a_proof_at_any_resolution() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.errors import InputError, MissingPackageError, UnknownNameError
-from rr1plan.playback.export import STATE_TOPIC, TRAJECTORY_TOPIC, save_mjcf, save_rosbag
+from rr1plan.export.robot_formats import STATE_TOPIC, TRAJECTORY_TOPIC, save_mjcf, save_rosbag
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_bad_arguments_are_named(motion: rp.Trajectory, tmp_path: Path, monkeypa
 def test_mjcf_is_the_model_that_simulate_uses(rr1_table: rp.Scene, tmp_path: Path) -> None:
     file = save_mjcf(tmp_path / "scene.xml", rr1_table)
     model = mujoco.MjModel.from_xml_path(str(file))
-    from rr1plan.playback.mujoco_model import build_mujoco
+    from rr1plan.playback.simulation.mujoco_model import build_mujoco
 
     ours = build_mujoco(rr1_table).model
     assert (model.nq, model.nbody, model.ngeom, model.nu) == (ours.nq, ours.nbody, ours.ngeom, ours.nu)

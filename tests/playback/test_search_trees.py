@@ -7,7 +7,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.planning import SearchTree
-from rr1plan.playback.search_trees import drawn_tree, trees_of
+from rr1plan.playback.cspace.search_trees import drawn_tree, trees_of
 
 START, GOAL = np.array([0.0, 0.0]), np.array([5.0, 5.0])
 
@@ -43,11 +43,15 @@ def test_a_tree_that_hangs_on_no_known_root_begins_at_its_first_vertex() -> None
     np.testing.assert_allclose(reach, [1.0, 4.0])
 
 
-@pytest.mark.parametrize("name", ["rrt_connect", "ompl_rrt_connect", "rrt"])
-def test_a_planners_trees_hang_together_as_they_grow(name: str) -> None:
+@pytest.mark.parametrize(
+    "planner",
+    [rp.RrtConnect(tree=True), rp.OmplPlanner("ompl_rrt_connect", tree=True), rp.OmplPlanner("rrt", tree=True)],
+    ids=["rrt_connect", "ompl_rrt_connect", "rrt"],
+)
+def test_a_planners_trees_hang_together_as_they_grow(planner: rp.Planner) -> None:
     """In the order of how far they are along their tree, edges begin at its root or at an edge before them."""
     problem = rp.load_problems("planar2r_path")["over_the_seam"]
-    tree = rp.make_planner(name, tree=True).plan(problem, rp.Budget(iterations=20000), rng=3).tree
+    tree = planner.plan(problem, budget=rp.Budget(iterations=20000), rng=3).tree
     assert tree is not None
     goals = [goal.q for goal in problem.goal["arm"]]
     sides, reach = trees_of(tree, problem.start, goals)

@@ -14,12 +14,11 @@ from concave_meshes import angle_block, half_shell, soup
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.library import load_robot, load_scene, robot_names
-from rr1plan.model import SceneModel
-from rr1plan.playback import mujoco_model
+from rr1plan.model.scene_model import SceneModel
 from rr1plan.playback.cloud_boxes import cloud_boxes
-from rr1plan.playback.mujoco_model import build_mujoco, mass_matrix
-from rr1plan.playback.simulation import JointTargets
+from rr1plan.playback.simulation.mujoco_model import build_mujoco, mass_matrix
+from rr1plan.playback.simulation.simulation import JointTargets, mujoco_model
+from rr1plan.scene.model_library import load_robot, load_scene, robot_names
 from rr1plan.transforms import pose
 
 
@@ -76,7 +75,7 @@ def test_contacts_are_exactly_the_forbidden_pairs_that_coal_finds(rr1_table: rp.
         contacts = checker.contacts(q)
         expected = {tuple(sorted((c.a, c.b))) for c in contacts if c.depth > 1e-4}
         possible = {tuple(sorted((c.a, c.b))) for c in contacts}
-        replay = rp.simulate(rp.Trajectory.rest(rr1_table.joint_names(), q), rr1_table, "kinematic")
+        replay = rp.simulate(rp.Trajectory.rest(rr1_table.joint_names(), q), rr1_table, mode="kinematic")
         found = {c.pair for c in replay.contacts if c.depth > 1e-4}
         near = {tuple(sorted(p)) for p, d in zip(checker.pairs, checker.distances(q), strict=True) if d < 1e-4}
         assert expected <= {c.pair for c in replay.contacts} | (possible - expected)
@@ -114,7 +113,7 @@ def test_a_replay_far_off_its_motion_is_no_success(rr1_table: rp.Scene) -> None:
     start = rr1_table.configuration()
     motion = quintic(rr1_table, start, start + np.array([0.3, 0.05, -0.2, 0.2, 0.1, 0.3]), 2.0)
     fine, coarse = rp.simulate(motion, rr1_table), rp.simulate(motion, rr1_table, timestep=0.5)
-    kinematic = rp.simulate(motion, rr1_table, "kinematic", timestep=0.5)
+    kinematic = rp.simulate(motion, rr1_table, mode="kinematic", timestep=0.5)
     for replay in (fine, kinematic):
         assert replay
         assert replay.to_dict()["tracked"]
@@ -140,7 +139,7 @@ def test_an_arm_that_is_driven_into_a_wall_reports_the_contact_with_time_and_pai
     assert 0.1 < contact.first < 0.9
     assert contact.depth > 0.0
     assert replay.worst_error > 1e-3, "the wall is in the way, the arm cannot track"
-    kinematic = rp.simulate(quintic(scene, q, goal, 1.0), scene, "kinematic")
+    kinematic = rp.simulate(quintic(scene, q, goal, 1.0), scene, mode="kinematic")
     assert {"wall"} <= {name for c in kinematic.contacts for name in c.pair}
     assert kinematic.worst_error == 0.0
 
@@ -184,21 +183,21 @@ def test_attached_objects_and_every_shape_reach_the_simulator(rr1: rp.Robot) -> 
     }
     for name, shape in shapes.items():
         touching = scene.with_obstacle(name, shape, tool[:3, 3])
-        replay = rp.simulate(rp.Trajectory.rest(scene.joint_names(), scene.configuration()), touching, "kinematic")
+        replay = rp.simulate(rp.Trajectory.rest(scene.joint_names(), scene.configuration()), touching, mode="kinematic")
         assert any(name in c.pair for c in replay.contacts), name
         away = scene.with_obstacle(name, shape, [0.0, 0.0, -1.0])
-        replay = rp.simulate(rp.Trajectory.rest(scene.joint_names(), scene.configuration()), away, "kinematic")
+        replay = rp.simulate(rp.Trajectory.rest(scene.joint_names(), scene.configuration()), away, mode="kinematic")
         assert not any(name in c.pair for c in replay.contacts), name
     held = scene.with_obstacle("stick", rp.Box((0.02, 0.02, 0.3)), tool[:3, 3]).attach("stick", touch=rr1.link_names)
     held = held.with_obstacle("post", rp.Sphere(0.02), tool[:3, 3] + [0, 0, -0.14])
-    replay = rp.simulate(rp.Trajectory.rest(held.joint_names(), held.configuration()), held, "kinematic")
+    replay = rp.simulate(rp.Trajectory.rest(held.joint_names(), held.configuration()), held, mode="kinematic")
     assert ("post", "stick") in {c.pair for c in replay.contacts}
 
 
 def test_bad_arguments_are_named(rr1_table: rp.Scene) -> None:
     rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration())
     with pytest.raises(UnknownNameError, match="replay mode 'dynamical'"):
-        rp.simulate(rest, rr1_table, "dynamical")
+        rp.simulate(rest, rr1_table, mode="dynamical")
     with pytest.raises(InputError, match="timestep is 0"):
         rp.simulate(rest, rr1_table, timestep=0.0)
     with pytest.raises(InputError, match="hold is -1"):
@@ -245,7 +244,9 @@ def test_a_handler_of_mujoco_warnings_that_is_installed_stays(
 def test_progress_tells_fractions(rr1_table: rp.Scene) -> None:
     told: list[float] = []
     rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration(), duration=20.0)
-    rp.simulate(rest, rr1_table, progress=told.append)
+    rp.simulate(rest, rr1_table, progress=lambda progress: told.append(progress.fraction))
+    with pytest.raises(rp.CancelledError, match="'simulate'"):
+        rp.simulate(rest, rr1_table, progress=lambda _: False)
     assert all(0.0 <= fraction <= 1.0 for fraction in told)
     assert told == sorted(told)
 

@@ -175,7 +175,7 @@ def test_views_are_names_angles_or_directions(view: Any, direction: Any) -> None
 )
 def test_a_view_that_is_none_is_named(view: Any, message: str, rr1: rp.Robot, tmp_path: Any) -> None:
     with pytest.raises(rp.InputError, match=message):
-        rp.save_html(tmp_path / "page.html", rp.Scene().with_arm("arm", rr1), view=view)
+        rp.save_html(tmp_path / "page.html", rp.Scene().with_arm("arm", rr1), options=rp.ViewOptions(view=view))
     assert not (tmp_path / "page.html").exists()
 
 

@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan.playback import Panel, pack, save_html
+from rr1plan import Panel, pack_array, save_html
 from rr1plan.playback.viewer import view_document
-from rr1plan.playback.viewer.document import affine_value
-from rr1plan.playback.viewer.page import json_for_html, page_html
+from rr1plan.playback.viewer.html_page import json_for_html, page_html
+from rr1plan.playback.viewer.page_document import affine_value
 from rr1plan.report import Margin
 
 NASTY = "</script><script>alert(1)</script> \" ' <!-- \u2028 & <img src=x onerror=alert(2)>"
@@ -50,7 +50,7 @@ def test_twelve_arms_stay_small(rr1: rp.Robot) -> None:
         scene = rp.Scene()
         for i in range(count):
             scene = scene.with_arm(f"arm{i}", rr1, [float(i), 0.0, 0.0])
-        return len(json.dumps(view_document(scene, quintic(scene))))
+        return len(json.dumps(view_document(scene, trajectory=quintic(scene))))
 
     assert size(120) < 4 * size(12) + 120_000
 
@@ -86,7 +86,7 @@ def test_every_kind_of_shape_is_sent() -> None:
 
 def test_a_motion_is_sent_as_its_polynomials(rr1_table: rp.Scene) -> None:
     trajectory = quintic(rr1_table)
-    track = view_document(rr1_table, trajectory)["track"]
+    track = view_document(rr1_table, trajectory=trajectory)["track"]
     assert track["exact"]
     assert track["timed"]
     np.testing.assert_allclose(unpacked(track["coefficients"]), trajectory.coefficients, rtol=1e-6)
@@ -99,7 +99,7 @@ def test_a_motion_of_very_many_pieces_is_sent_as_samples(rr1_table: rp.Scene) ->
     q = 0.2 * np.sin(breaks)[:, None] * np.ones(len(names))
     slopes = np.diff(q, axis=0) / np.diff(breaks)[:, None]
     trajectory = rp.Trajectory(names, breaks, np.stack([q[:-1], slopes, *[np.zeros_like(slopes)] * 3], axis=1))
-    track = view_document(rr1_table, trajectory)["track"]
+    track = view_document(rr1_table, trajectory=trajectory)["track"]
     assert not track["exact"]
     times, sent = unpacked(track["breaks"]), unpacked(track["coefficients"])
     assert len(times) < 700
@@ -126,7 +126,7 @@ def test_unknown_columns_are_refused_with_the_near_name(rr1_table: rp.Scene) -> 
     arm = next(iter(rr1_table.arms))
     wrong = rp.Trajectory.rest((f"{arm}/elbow_joimt",), [0.0])
     with pytest.raises(rp.UnknownNameError, match="elbow_joint"):
-        view_document(rr1_table, wrong)
+        view_document(rr1_table, trajectory=wrong)
 
 
 def test_the_goals_and_the_start_are_sent(rr1_table: rp.Scene) -> None:
@@ -176,7 +176,7 @@ def test_no_text_can_leave_its_script_element(text: str) -> None:
 
 def test_nasty_names_stay_names(rr1: rp.Robot) -> None:
     scene = rp.Scene(name=NASTY, description=NASTY).with_arm("arm", rr1)
-    page = page_html(view_document(scene, title=NASTY))
+    page = page_html(view_document(scene, options=rp.ViewOptions(title=NASTY)))
     assert "<script>alert" not in page
     assert page.count("<script") == 4
 
@@ -193,21 +193,21 @@ def test_a_page_forbids_everything_from_outside(rr1_table: rp.Scene) -> None:
 def test_numbers_json_cannot_hold_are_refused(rr1_table: rp.Scene) -> None:
     panel = Panel("mine", "Mine", data={"value": float("nan")})
     with pytest.raises(rp.InputError, match="hold"):
-        page_html(view_document(rr1_table), [panel])
+        page_html(view_document(rr1_table), rp.ViewOptions(panels=[panel]))
 
 
 def test_panels_need_distinct_plain_names(rr1_table: rp.Scene) -> None:
     with pytest.raises(rp.InputError, match="letters"):
         Panel("<b>", "Bad")
     with pytest.raises(rp.InputError, match="unique"):
-        page_html(view_document(rr1_table), [Panel("a", "A"), Panel("a", "B")])
+        page_html(view_document(rr1_table), rp.ViewOptions(panels=[Panel("a", "A"), Panel("a", "B")]))
     with pytest.raises(rp.InputError, match="script"):
-        page_html(view_document(rr1_table), [Panel("a", "A", script="'</script>'")])
+        page_html(view_document(rr1_table), rp.ViewOptions(panels=[Panel("a", "A", script="'</script>'")]))
 
 
 def test_the_same_question_gives_the_same_bytes(rr1_table: rp.Scene, tmp_path: FilePath) -> None:
-    one = save_html(tmp_path / "one.html", rr1_table, quintic(rr1_table))
-    two = save_html(tmp_path / "two.html", rr1_table, quintic(rr1_table))
+    one = save_html(tmp_path / "one.html", rr1_table, trajectory=quintic(rr1_table))
+    two = save_html(tmp_path / "two.html", rr1_table, trajectory=quintic(rr1_table))
     assert one.read_bytes() == two.read_bytes()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["one.html", "two.html"]
 
@@ -219,8 +219,8 @@ def test_a_missing_folder_is_named(rr1_table: rp.Scene, tmp_path: FilePath) -> N
 
 def test_arrays_are_packed_exactly() -> None:
     values = np.arange(6, dtype=np.float64).reshape(2, 3) / 7.0
-    np.testing.assert_array_equal(unpacked(pack(values, "f8")), values)
-    np.testing.assert_allclose(unpacked(pack(values)), values, rtol=1e-7)
+    np.testing.assert_array_equal(unpacked(pack_array(values, "f8")), values)
+    np.testing.assert_allclose(unpacked(pack_array(values)), values, rtol=1e-7)
 
 
 # ---- spheres -----------------------------------------------------------------------------
@@ -241,7 +241,7 @@ def spheres_sent(document: dict) -> dict[str, list[np.ndarray]]:
 def test_spheres_are_sent_when_asked_for_as_they_are_computed(rr1: rp.Robot) -> None:
     scene = rp.Scene().with_arm("a", rr1).with_arm("b", rr1, [1.0, 0.0, 0.0])
     scene = scene.with_obstacle("rod", rp.Capsule(0.01, 0.2), [0.3, 0.0, 0.5]).attach("rod", "a")
-    sent = spheres_sent(view_document(scene, spheres=True))
+    sent = spheres_sent(view_document(scene, options=rp.ViewOptions(spheres=True)))
     covers = rp.cover_with_spheres(scene)
     expected = {name.removeprefix("a/"): c for name, c in covers.items() if name[0] != "b" and len(c.radii)}
     assert set(sent) == set(expected)
@@ -258,14 +258,14 @@ def test_spheres_are_left_out_unless_asked_for(rr1_table: rp.Scene) -> None:
 
 @pytest.mark.parametrize("wish", ["yes", 1, None, [True]])
 def test_a_wish_for_spheres_that_is_neither_yes_nor_no_is_refused(rr1_table: rp.Scene, wish: object) -> None:
-    with pytest.raises(rp.InputError, match="spheres is of type"):
-        view_document(rr1_table, spheres=wish)
+    with pytest.raises(rp.InputError, match="spheres is"):
+        view_document(rr1_table, options=rp.ViewOptions(spheres=wish))
 
 
 def test_a_scene_without_arms_has_no_spheres_to_show(tmp_path: FilePath) -> None:
     scene = rp.Scene().with_obstacle("box", rp.Box((0.1, 0.1, 0.1)))
-    assert view_document(scene, spheres=True)["robots"] == []
-    assert save_html(tmp_path / "page.html", scene, spheres=True).exists()
+    assert view_document(scene, options=rp.ViewOptions(spheres=True))["robots"] == []
+    assert save_html(tmp_path / "page.html", scene, options=rp.ViewOptions(spheres=True)).exists()
 
 
 def test_a_held_mesh_without_volume_is_named_when_spheres_are_asked_for(rr1: rp.Robot) -> None:
@@ -273,4 +273,4 @@ def test_a_held_mesh_without_volume_is_named_when_spheres_are_asked_for(rr1: rp.
     sheet = rp.Mesh(corners, np.array([[0, 1, 2], [1, 3, 2]]))
     scene = rp.Scene().with_arm("arm", rr1).with_obstacle("sheet", sheet).attach("sheet")
     with pytest.raises(rp.InputError, match="around 'sheet'"):
-        view_document(scene, spheres=True)
+        view_document(scene, options=rp.ViewOptions(spheres=True))

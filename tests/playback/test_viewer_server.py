@@ -17,8 +17,8 @@ from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 import rr1plan as rp
-from rr1plan.playback import Viewer, show
-from rr1plan.playback.viewer import live
+from rr1plan import Viewer, show
+from rr1plan.playback.viewer import live_viewer as live
 
 
 @pytest.fixture

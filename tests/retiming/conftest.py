@@ -43,8 +43,8 @@ def shapeless_scene(limits: rp.Limits) -> rp.Scene:
         joint_names=tuple(f"j{i}" for i in range(n)),
         limits=limits,
         configurations={"home": np.zeros(n)},
-        held={},
-        never_collide=frozenset(),
+        locked_joints={},
+        disabled_collisions=frozenset(),
         tool=f"l{n}",
     )
     return rp.Scene().with_arm("a", robot)
@@ -58,7 +58,9 @@ def retime_points(
 
     points = np.asarray(waypoints, dtype=float)
     scene = shapeless_scene(limits_of(points.shape[1]) if limits is None else limits)
-    return retime(rp.Path(scene.joint_names(), points), scene, method, checker=checker or Certifier(), **settings)
+    return retime(
+        rp.Path(scene.joint_names(), points), scene, method=method, checker=checker or Certifier(), **settings
+    )
 
 
 def exact_peak(trajectory: rp.Trajectory, derivative: int) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan.retiming.blends import HALVINGS, blend_sizes, clean, curves
+from rr1plan.retiming.path_blends import HALVINGS, blend_sizes, clean, curves
 
 CORNER = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]])
 

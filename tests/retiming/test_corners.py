@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan.kernels.library import load_library
+from rr1plan.kernels.planner_kernels import load_library
 
 
 def corners(points, tolerance):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan.retiming.extrema import peaks
+from rr1plan.retiming.polynomial_extrema import peaks
 
 # hundredths: companion matrices lose roots next to leading coefficients like 1e-131
 numbers = st.integers(-500, 500).map(lambda n: n / 100.0)

@@ -164,7 +164,7 @@ def test_blends_that_collide_are_not_driven(tools):
 
 
 def test_a_failing_solver_falls_back_to_stops(tools, monkeypatch, caplog):
-    from rr1plan.retiming import toppra_
+    from rr1plan.retiming import toppra_retiming as toppra_
 
     time_curve = toppra_.time_curve_with_torque
 
@@ -179,7 +179,7 @@ def test_a_failing_solver_falls_back_to_stops(tools, monkeypatch, caplog):
     with caplog.at_level(logging.INFO, logger="rr1plan"):
         trajectory = tools.retime_points(points, torque_limits=True)
     assert trajectory.allclose(stops)
-    assert "resting at waypoints 0 to 2" in caplog.text
+    assert "stopping at waypoints 0 to 2" in caplog.text
 
 
 def test_corners_that_are_faster_from_rest_to_rest_get_a_stop_and_the_others_none(tools):
@@ -211,7 +211,7 @@ def test_without_a_checker_the_scene_itself_certifies(rr1):
     home = rr1.home
     points = np.array([home, home + 0.1, home + 0.1 * np.array([1, -1, 1, -1, 1, -1])])
     trajectory = retime(rp.Path(scene.joint_names(), points), scene)
-    assert trajectory.duration < retime(rp.Path(scene.joint_names(), points), scene, "stop").duration
+    assert trajectory.duration < retime(rp.Path(scene.joint_names(), points), scene, method="stop").duration
 
 
 @pytest.mark.parametrize("wrong", [None, 3, "path", [[0.0, 0.0], [1.0, 0.0]], {}])
@@ -223,7 +223,7 @@ def test_what_is_no_path_no_scene_or_no_checker_is_named(tools, wrong):
     with pytest.raises(rp.InputError, match="scene is of type"):
         retime(path, wrong)
     with pytest.raises(rp.UnknownNameError, match="retiming method"):
-        retime(path, scene, wrong)
+        retime(path, scene, method=wrong)
     if wrong is not None:
         with pytest.raises(rp.InputError, match="checker is of type"):
             retime(path, scene, checker=wrong)

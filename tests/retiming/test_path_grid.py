@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan.retiming.blends import Curve, blend_sizes, round_corners
-from rr1plan.retiming.speed import make_grid
+from rr1plan.retiming.path_blends import Curve, blend_sizes, round_corners
+from rr1plan.retiming.path_speed import make_grid
 
-STEP = 0.1  # how much the derivative may change in an interval, of `rr1plan.retiming.speed.make_grid`
+STEP = 0.1  # how much the derivative may change in an interval, of `rr1plan.retiming.path_speed.make_grid`
 
 
 def random_curve(seed, nq):

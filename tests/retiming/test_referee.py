@@ -31,6 +31,6 @@ def certified(request):
 @pytest.mark.parametrize("torque_limits", [False, True])
 def test_the_referee_finds_nothing(certified, method, torque_limits):
     scene, checker, path = certified
-    trajectory = retime(path, scene, method, checker=checker, torque_limits=torque_limits)
+    trajectory = retime(path, scene, method=method, checker=checker, torque_limits=torque_limits)
     report = rp.validate(trajectory, scene, torque_limits=torque_limits, jerk_limits=method.startswith("ruckig"))
     assert report.valid, str(report)

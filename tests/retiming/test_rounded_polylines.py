@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
-from rr1plan.retiming.blends import DUPLICATE, blend_at, blend_sizes, round_corners
-from rr1plan.retiming.speed import line_rates, time_polyline
+from rr1plan.retiming.path_blends import DUPLICATE, blend_at, blend_sizes, round_corners
+from rr1plan.retiming.path_speed import line_rates, time_polyline
 
 polylines = given(seed=st.integers(0, 2**32 - 1), nq=st.integers(1, 6), m=st.integers(2, 7))
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from rr1plan.kernels.library import CStruct, load_library
+from rr1plan.kernels.planner_kernels import CStruct, load_library
 
 rows = st.lists(
     st.tuples(st.floats(0.0, 10.0).map(lambda a: round(a, 3)), st.floats(-10.0, 10.0).map(lambda b: round(b, 3))),

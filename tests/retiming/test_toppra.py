@@ -15,11 +15,11 @@ from toppra.algorithm import TOPPRA
 from toppra.constraint import DiscretizationType, JointAccelerationConstraint, JointVelocityConstraint
 
 import rr1plan as rp
-from rr1plan.kernels.library import CStruct, load_library
-from rr1plan.retiming.blends import blend_sizes, clean, curves
-from rr1plan.retiming.pieces import as_trajectory
-from rr1plan.retiming.speed import make_grid, time_polyline, timed
-from rr1plan.retiming.toppra_ import _rate_rows, _solve, time_curve_with_torque
+from rr1plan.kernels.planner_kernels import CStruct, load_library
+from rr1plan.retiming.path_blends import blend_sizes, clean, curves
+from rr1plan.retiming.path_speed import make_grid, time_polyline, timed
+from rr1plan.retiming.timed_pieces import as_trajectory
+from rr1plan.retiming.toppra_retiming import _rate_rows, _solve, time_curve_with_torque
 
 
 def fastest_speeds(curve, grid, limits):
@@ -110,7 +110,7 @@ def test_a_finer_grid_gains_next_to_nothing(tools, monkeypatch, seed):
     points = np.random.default_rng(seed).uniform(-2.0, 2.0, (8, 6))
     limits = tools.limits_of(6, 1.0, 10.0 ** np.random.default_rng(seed).uniform(-1, 2))
     coarse = tools.retime_points(points, limits).duration
-    monkeypatch.setattr("rr1plan.retiming.speed._STEP", 0.02)
+    monkeypatch.setattr("rr1plan.retiming.path_speed._STEP", 0.02)
     assert coarse <= tools.retime_points(points, limits).duration * 1.005
 
 

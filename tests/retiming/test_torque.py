@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.kinematics import Kinematics
+from rr1plan.model import Kinematics
 from rr1plan.retiming import retime, retiming_names
 
 
@@ -51,9 +51,9 @@ def test_torque_limits_that_bind_are_held_between_samples(setting, method):
     robot, path, _, gravity, peak = setting
     effort = gravity + 0.3 * np.maximum(peak - gravity, 1.0)
     scene = effort_scene(robot, effort)
-    loose = retime(path, scene, method, checker=Anywhere())
+    loose = retime(path, scene, method=method, checker=Anywhere())
     assert (torques(scene, loose)[1] > effort).any()
-    tight = retime(path, scene, method, checker=Anywhere(), torque_limits=True)
+    tight = retime(path, scene, method=method, checker=Anywhere(), torque_limits=True)
     assert (torques(scene, tight)[1] <= effort * (1.0 + 1e-9)).all()
     assert tight.duration > loose.duration
     # not slower than need be: some joint is near its limit
@@ -83,13 +83,13 @@ def test_gravity_above_a_limit_names_the_joint(setting, method):
     effort = 10.0 * gravity + 10.0
     effort[heavy] = 0.5 * gravity[heavy]
     with pytest.raises(rp.RetimingError, match=f"{robot.joint_names[heavy]}.*gravity"):
-        retime(path, effort_scene(robot, effort), method, checker=Anywhere(), torque_limits=True)
+        retime(path, effort_scene(robot, effort), method=method, checker=Anywhere(), torque_limits=True)
 
 
 def test_torque_limits_leave_the_path_alone(setting):
     robot, path, _, gravity, peak = setting
     scene = effort_scene(robot, gravity + 0.3 * np.maximum(peak - gravity, 1.0))
-    trajectory = retime(path, scene, "stop", torque_limits=True)
+    trajectory = retime(path, scene, method="stop", torque_limits=True)
     np.testing.assert_allclose(trajectory(trajectory.end_time), path.waypoints[-1], atol=1e-9)
     limits = robot.limits
     t = np.linspace(0.0, trajectory.end_time, 10_000)

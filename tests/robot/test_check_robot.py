@@ -31,7 +31,7 @@ def test_shipped_robots_are_robots_with_any_preset(name: str) -> None:
 
 
 def test_an_arm_with_mimic_joints_and_a_gripper_is_a_robot(rr1: Robot) -> None:
-    assert rr1.held
+    assert rr1.locked_joints
     assert any(joint.mimic for joint in rr1.joints)
     check_robot(rr1)
 
@@ -48,7 +48,7 @@ BROKEN: list[tuple[Callable[[Robot], Robot], str]] = [
     (lambda r: with_joint(r, "joint1", parent="link2"), "joint 'joint1' hangs on 'link2'"),
     (lambda r: with_joint(r, "joint2", child="link1"), "joint 'joint2' moves 'link1'"),
     (lambda r: with_joint(r, "joint2", name="joint1"), "two joints named 'joint1'"),
-    (lambda r: with_joint(r, "joint1", kind="fixed"), "unknown joint that moves by itself 'joint1'"),
+    (lambda r: with_joint(r, "joint1", kind="fixed"), "unknown independent joint 'joint1'"),
     (lambda r: with_joint(r, "joint2", mimic=Mimic("joint9")), "unknown joint 'joint9'"),
     (lambda r: with_joint(r, "joint2", mimic=Mimic("joint2")), "mimic each other in a circle"),
     (lambda r: with_link(r, "link2", name="link1"), "two links named 'link1'"),
@@ -56,11 +56,11 @@ BROKEN: list[tuple[Callable[[Robot], Robot], str]] = [
     (lambda r: with_link(r, "link1", inertial=Inertial(-1.0, np.zeros(3), np.eye(3))), "link 'link1' has mass -1"),
     (lambda r: with_link(r, "link1", inertial=Inertial(1.0, np.zeros(3), -np.eye(3))), "inertia of link 'link1'"),
     (lambda r: with_link(r, "link1", inertial=Inertial(1.0, np.zeros(2), np.eye(3))), "center of mass of link"),
-    (lambda r: replace(r, held={"joint1": 0.0}), "joint 'joint1' is both planned for and held"),
-    (lambda r: replace(r, held={"joint9": 0.0}), "unknown joint that moves by itself 'joint9'"),
-    (lambda r: replace(r, never_collide=frozenset({frozenset({"link1", "link9"})})), "unknown link 'link9'"),
+    (lambda r: replace(r, locked_joints={"joint1": 0.0}), "joint 'joint1' is both planned for and locked"),
+    (lambda r: replace(r, locked_joints={"joint9": 0.0}), "unknown independent joint 'joint9'"),
+    (lambda r: replace(r, disabled_collisions=frozenset({frozenset({"link1", "link9"})})), "unknown link 'link9'"),
     (lambda r: replace(r, presets={"one": rp.load_robot("rr1").limits}), "preset 'one' has limits for 6 of 2"),
-    (lambda r: replace(r, named_held={"open": {"joint9": 0.0}}), "unknown held joint 'joint9'"),
+    (lambda r: replace(r, locked_joint_states={"open": {"joint9": 0.0}}), "unknown locked joint 'joint9'"),
     (lambda r: replace(r, configurations={**r.configurations, "far": [1e9, 0.0]}), "configuration 'far'"),
 ]
 

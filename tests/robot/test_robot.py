@@ -39,8 +39,8 @@ def test_pickling_keeps_the_content(rr1: rp.Robot) -> None:
 def test_the_hash_changes_with_what_plans_depend_on(rr1: rp.Robot) -> None:
     others = [
         rr1.with_limits("hardware"),
-        rr1.with_held("open"),
-        replace(rr1, never_collide=frozenset()),
+        rr1.with_locked_joints("open"),
+        replace(rr1, disabled_collisions=frozenset()),
         replace(rr1, links=(replace(rr1.links[0], collisions=()), *rr1.links[1:])),
     ]
     assert len({r.content_hash for r in (rr1, *others)}) == 5
@@ -74,19 +74,19 @@ def test_unknown_names_are_answered_with_the_near_ones(rr1: rp.Robot) -> None:
     with pytest.raises(UnknownNameError, match="hardware"):
         rr1.with_limits("hardwar")
     with pytest.raises(UnknownNameError, match="open"):
-        rr1.with_held("opened")
+        rr1.with_locked_joints("opened")
     with pytest.raises(UnknownNameError, match="finger_joint"):
-        rr1.with_held({"fingr_joint": 0.0})
+        rr1.with_locked_joints({"fingr_joint": 0.0})
 
 
 @pytest.mark.parametrize("value", [-0.1, 2.0, np.nan])
 def test_a_gripper_stays_in_its_limits(rr1: rp.Robot, value: float) -> None:
     with pytest.raises(InputError, match="finger_joint"):
-        rr1.with_held({"finger_joint": value})
+        rr1.with_locked_joints({"finger_joint": value})
 
 
 def test_the_fingers_follow_each_other(rr1: rp.Robot) -> None:
-    values = rr1.with_held({"finger_joint": 0.7}).joint_values(rr1.home)
+    values = rr1.with_locked_joints({"finger_joint": 0.7}).joint_values(rr1.home)
     assert values["opposite_finger_joint"] == values["finger_joint"] == 0.7
 
 
@@ -104,7 +104,7 @@ def test_a_mimic_of_a_mimic_is_resolved_in_any_order(planar2r: rp.Robot) -> None
 
 def test_a_joint_without_a_value_is_an_error_not_a_zero(rr1: rp.Robot) -> None:
     with pytest.raises(InputError, match="finger_joint"):
-        replace(rr1, held={}).joint_values(rr1.home)
+        replace(rr1, locked_joints={}).joint_values(rr1.home)
 
 
 def test_a_robot_needs_a_home_and_limits_for_each_joint(rr1: rp.Robot) -> None:

@@ -46,7 +46,7 @@ CHANGES: list[tuple[Callable[[Scene], Scene], str]] = [
         "obstacle 'blue' has a box of 1 x 2 x 0.5 m, was a cylinder of radius 0.16 m",
     ),
     (lambda s: s.with_arm("second", s.arms["second"].robot, (3, 0.5, 0)), "arm 'second' moved by 500 mm"),
-    (lambda s: s.with_posture("second", [0.5, 0.0]), "arm 'second' stands elsewhere: joint2 by -0.9"),
+    (lambda s: s.with_configuration("second", [0.5, 0.0]), "arm 'second' stands elsewhere: joint2 by -0.9"),
     (with_limit, "arm 'arm' has other jerk limits: joint1 7 (was "),
     (lambda s: with_link(s, collisions=()), "arm 'arm' has another link 'link2'"),
     (lambda s: with_link(s, inertial=None), "arm 'arm' has another link 'link2'"),

@@ -48,7 +48,7 @@ def test_with_gives_another_scene_and_leaves_the_first(two: Scene) -> None:
     before = two.content_hash
     two.with_obstacle("more", Sphere(1.0))
     two.without_obstacle("cup")
-    two.with_posture("left", "zero")
+    two.with_configuration("left", "zero")
     two.allow("left", "cup")
     two.attach("cup", "left")
     assert Scene(two.arms, two.obstacles).content_hash == before == two.content_hash
@@ -73,7 +73,7 @@ def test_pickling_keeps_everything_and_arrays_stay_read_only(two: Scene) -> None
 
 def test_the_hash_sees_what_plans_depend_on_and_nothing_else(two: Scene) -> None:
     changed = [
-        two.with_posture("left", "zero"),
+        two.with_configuration("left", "zero"),
         two.with_arm("left", two.arms["left"].robot, (0, 0.41, 0)),
         two.without_arm("left"),
         two.without_obstacle("cup"),
@@ -88,7 +88,7 @@ def test_the_hash_sees_what_plans_depend_on_and_nothing_else(two: Scene) -> None
     ]
     hashes = {scene.content_hash for scene in (two, *changed)}
     assert len(hashes) == len(changed) + 1
-    repainted = two.with_obstacle("cup", Sphere(0.02), (-0.4, 0.4, 0.1), (1.0, 0.0, 0.0, 1.0))
+    repainted = two.with_obstacle("cup", Sphere(0.02), (-0.4, 0.4, 0.1), color=(1.0, 0.0, 0.0, 1.0))
     assert repainted.content_hash == two.content_hash
 
 
@@ -178,8 +178,8 @@ def test_the_closest_padding_rule_counts(general: float, arm: float, link: float
 
 
 def _with_small_arm(scene: Scene) -> Scene:
-    from rr1plan.limits import Limits
     from rr1plan.robot import Joint, Link
+    from rr1plan.robot.joint_limits import Limits
 
     solid = (Geometry("g", Sphere(0.1), identity()),)
     robot = Robot(
@@ -211,7 +211,7 @@ def test_attaching_and_detaching_leaves_the_object_where_it_was(two: Scene) -> N
 
 
 def test_a_held_object_comes_down_where_the_arm_went(two: Scene) -> None:
-    moved = two.attach("cup", "left").with_posture("left", [0.5, 0, -0.2, 0, 0.4, 0])
+    moved = two.attach("cup", "left").with_configuration("left", [0.5, 0, -0.2, 0, 0.4, 0])
     relative = np.linalg.inv(two.link_poses()["left/tool"]) @ two.obstacles["cup"].pose
     expected = moved.link_poses()["left/tool"] @ relative
     assert np.allclose(moved.detach("cup").obstacles["cup"].pose, expected, atol=1e-14)
@@ -258,7 +258,7 @@ def test_unknown_names_are_refused_with_the_near_ones(two: Scene) -> None:
         (lambda: two.attach("cup", "left", touch=["fingerlink"]), "finger_link"),
         (lambda: two.attach("cup", "left").detach("cu"), "cup"),
         (lambda: two.joint_names(["lefft"]), "left"),
-        (lambda: two.with_posture("left", "hme"), "home"),
+        (lambda: two.with_configuration("left", "hme"), "home"),
     ):
         with pytest.raises(UnknownNameError, match=f"Did you mean.*{near!r}"):
             call()
@@ -279,7 +279,7 @@ def test_wrong_calls_are_refused(two: Scene, rr1: Robot) -> None:
         two.with_padding(0.1, "left")
     with pytest.raises(InputError, match="at least one shape"):
         Obstacle(())
-    with pytest.raises(InputError, match="arm posture has 1 number"):
+    with pytest.raises(InputError, match="arm configuration has 1 number"):
         Arm(rr1, q=[0.0])
     with pytest.raises(InputError, match="cannot carry"):
         two.with_obstacle("ground", HalfSpace()).attach("ground", "left")

@@ -13,12 +13,12 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Link, Mimic
 from rr1plan.transforms import pose
-from rr1plan.validation.bodies import Bodies
 from rr1plan.validation.certificate import Certificate
+from rr1plan.validation.certificate_bodies import Bodies
+from rr1plan.validation.collision_proof import CollisionProof, prove
 from rr1plan.validation.compiled_search import ProofOptions
-from rr1plan.validation.motion import SceneMotion, TimedColumns
+from rr1plan.validation.link_motion import SceneMotion, TimedColumns
 from rr1plan.validation.moving_scene import moving_scene
-from rr1plan.validation.proof import CollisionProof, prove
 
 Shape = Any
 
@@ -39,8 +39,8 @@ def make_slider(shape: Shape, **changes: float) -> rp.Robot:
         joint_names=("slide",),
         limits=limits_of(1, **changes),
         configurations={"home": np.zeros(1)},
-        held={},
-        never_collide=frozenset(),
+        locked_joints={},
+        disabled_collisions=frozenset(),
         tool="carriage",
     )
 
@@ -60,8 +60,8 @@ def make_gripper(shape: Shape) -> rp.Robot:
         joint_names=("turn",),
         limits=limits_of(1, lower=-np.inf, upper=np.inf),
         configurations={"home": np.zeros(1)},
-        held={"left_slide": 0.05},
-        never_collide=frozenset({frozenset({"left", "right"})}),
+        locked_joints={"left_slide": 0.05},
+        disabled_collisions=frozenset({frozenset({"left", "right"})}),
         tool="arm",
     )
 
@@ -86,8 +86,8 @@ def make_chain(rng: np.random.Generator, n: int = 3) -> rp.Robot:
         joint_names=tuple(f"joint{i}" for i in range(n)),
         limits=limits_of(n),
         configurations={"home": np.zeros(n)},
-        held={},
-        never_collide=neighbors,
+        locked_joints={},
+        disabled_collisions=neighbors,
         tool=f"link{n}",
     )
 
@@ -177,11 +177,11 @@ class FclWorld:
 
     def place(self, joint_names: tuple[str, ...], q: Array) -> None:
         value = dict(zip(joint_names, q, strict=True))
-        postures = {
+        configurations = {
             a: np.array([value.get(f"{a}/{j}", r) for j, r in zip(arm.robot.joint_names, arm.q, strict=True)])
             for a, arm in self.scene.arms.items()
         }
-        poses = self.scene.link_poses(postures) | {"": np.eye(4)}
+        poses = self.scene.link_poses(configurations) | {"": np.eye(4)}
         for parts in self.parts.values():
             for link, local, thing in parts:
                 T = poses[link] @ local

@@ -11,13 +11,13 @@ import rr1plan as rp
 from rr1plan.robot import Geometry
 from rr1plan.scene import Arm, Obstacle
 from rr1plan.transforms import pose
-from rr1plan.validation.clouds import CellBlocks
+from rr1plan.validation.bernstein_extremes import extremes
+from rr1plan.validation.cloud_blocks import CellBlocks
 from rr1plan.validation.compiled_search import ProofOptions, Search
-from rr1plan.validation.extremes import extremes
-from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import moving_scene
-from rr1plan.validation.native import LIBRARY, load_library
-from rr1plan.validation.solids import solid
+from rr1plan.validation.referee_kernels import LIBRARY, load_library
+from rr1plan.validation.referee_shapes import solid
 
 
 def scenes():
@@ -51,7 +51,7 @@ def searches():
         columns, q = scene.joint_names(names), scene.configuration(names)
         for reach in (0.0, 0.1, 0.6):
             rows = q + np.concatenate([np.zeros((1, len(q))), reach * rng.uniform(-1.0, 1.0, (3, len(q)))])
-            move = rp.Trajectory.from_samples([0.0, 0.3, 0.9, 1.0], rows, np.zeros_like(rows), joint_names=columns)
+            move = rp.Trajectory.from_samples(columns, [0.0, 0.3, 0.9, 1.0], rows, np.zeros_like(rows))
             motion = TimedColumns(columns, move.breaks, move.coefficients)
             extremes(move.breaks, move.coefficients)
             for clearance in (True, False):

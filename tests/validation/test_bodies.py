@@ -12,8 +12,8 @@ import pytest
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.transforms import pose
-from rr1plan.validation.bodies import Bodies
-from rr1plan.validation.motion import SceneMotion
+from rr1plan.validation.certificate_bodies import Bodies
+from rr1plan.validation.link_motion import SceneMotion
 
 Make = Callable[..., Any]
 
@@ -77,7 +77,7 @@ def test_bounding_volumes_never_promise_more_than_the_distance(name: str, chain:
 
 def test_a_pair_that_does_not_move_against_each_other_has_a_bound_of_zero(gripper: Make) -> None:
     robot = gripper(rp.Sphere(0.02))
-    scene = rp.Scene().with_arm("arm", replace(robot, never_collide=frozenset()))
+    scene = rp.Scene().with_arm("arm", replace(robot, disabled_collisions=frozenset()))
     motion, bodies = still_life(scene)
     frames = motion.frames(np.zeros((1, 1)))
     sweeps = bodies.sweeps(frames, bodies.place(frames), np.ones((1, 1)))

@@ -14,9 +14,9 @@ import rr1plan as rp
 from rr1plan.robot import Geometry
 from rr1plan.transforms import pose
 from rr1plan.validation.compiled_search import ProofOptions, Search
-from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import moving_scene
-from rr1plan.validation.native import load_library
+from rr1plan.validation.referee_kernels import load_library
 
 Make = Callable[..., Any]
 BALL = rp.Sphere(0.01)

@@ -60,7 +60,7 @@ def test_a_hand_that_opens_after_a_certificate_is_seen(gripper: Make, quintic: M
     scene = rp.Scene().with_arm("arm", robot).with_obstacle("post", rp.Sphere(0.02), [0.5, 0.2, 0.0])
     motion = quintic(["arm/turn"], [0.0], [0.01])
     assert validate(motion, scene).certified
-    opened = replace(robot, held={"left_slide": 0.2})
+    opened = replace(robot, locked_joints={"left_slide": 0.2})
     assert kinds(validate(motion, scene.with_arm("arm", opened))) == {"collision"}
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
-from rr1plan.validation.extremes import ORDERS, extremes
+from rr1plan.validation.bernstein_extremes import ORDERS, extremes
 
 SEEDS = st.integers(0, 2**32 - 1)
 

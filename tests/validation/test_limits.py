@@ -190,7 +190,7 @@ def test_scenes_with_other_limits_postures_or_places_are_not_taken_for_each_othe
             scene = rp.Scene().with_arm("arm", fast, base).with_obstacle("wall", wall, [0.5, 0.0, 0.0])
             assert validate(ramp, scene).valid is not meets
         for rest, meets in ((0.5, True), (3.0, False)):
-            scene = scene_of(fast).with_arm("other", fast, [0.0, 0.05, 0.0], [rest])
+            scene = scene_of(fast).with_arm("other", fast, [0.0, 0.05, 0.0], q=[rest])
             assert validate(ramp, scene).valid is not meets
 
 

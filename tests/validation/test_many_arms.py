@@ -49,7 +49,7 @@ def moving(scene: rp.Scene, rng: np.random.Generator, reach: float) -> rp.Trajec
         times = begin + seconds * np.linspace(0.0, 1.0, 3)
         rows = np.stack([q, q + reach * rng.normal(size=len(q)), q + reach * rng.normal(size=len(q))])
         columns = [f"{name}/{joint}" for joint in scene.arms[name].robot.joint_names]
-        parts.append(rp.Trajectory.from_samples(times, rows, np.zeros_like(rows), joint_names=columns))
+        parts.append(rp.Trajectory.from_samples(columns, times, rows, np.zeros_like(rows)))
     whole = rp.Trajectory.merge(*parts)
     order = rng.permutation(len(whole.joint_names))
     columns = tuple(whole.joint_names[i] for i in order)
@@ -208,7 +208,7 @@ def test_own_contacts_of_arms_in_equal_postures_are_reported_of_each(
     robot = replace(robot, links=(base, *robot.links[1:]))
     stands = {0: 0.3, 1: 0.1, 2: 0.1, 3: 0.3, 4: 0.1, 5: 0.12}
     arms = {f"arm{i}": Arm(robot, pose([0.0, float(i), 0.0]), [q]) for i, q in stands.items()}
-    # One of them has a rule about its own pair, so that its posture is no contact.
+    # One of them has a rule about its own pair, so that its configuration is no contact.
     scene = rp.Scene(arms=arms).allow("arm4/base", "arm4/carriage")
     move = quintic(["arm0/slide"], [0.3], [0.4])
     found, sure = proof_of(scene, move), all_pairs(scene, move)
@@ -224,9 +224,7 @@ def test_arms_far_apart_cost_no_more_than_each_alone(rr1: rp.Robot) -> None:
     for count in (1, 100):
         scene = rp.Scene(arms={f"arm{i}": Arm(rr1, pose([5.0 * (i % 10), 5.0 * (i // 10), 0.0])) for i in range(count)})
         q = scene.configuration()
-        move = rp.Trajectory.from_samples(
-            [0.0, 1.0], [q, q + 0.2], np.zeros((2, len(q))), joint_names=scene.joint_names()
-        )
+        move = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0], [q, q + 0.2], np.zeros((2, len(q))))
         report = validate(move, scene, clearance=False)
         assert "collision" in report.checked
         shapes.append(report.statistics["pair_checks"])

@@ -11,7 +11,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Link, Mimic
-from rr1plan.validation.motion import SceneMotion, drives
+from rr1plan.validation.link_motion import SceneMotion, drives
 
 
 def assert_agree(scene: rp.Scene, trajectory: rp.Trajectory, times: np.ndarray) -> None:
@@ -19,11 +19,11 @@ def assert_agree(scene: rp.Scene, trajectory: rp.Trajectory, times: np.ndarray) 
     frames = motion.frames(motion.positions(*motion.locate(times)))
     for n, t in enumerate(times):
         q = dict(zip(trajectory.joint_names, trajectory(t), strict=True))
-        postures = {
+        configurations = {
             a: np.array([q.get(f"{a}/{j}", r) for j, r in zip(arm.robot.joint_names, arm.q, strict=True)])
             for a, arm in scene.arms.items()
         }
-        for name, T in scene.link_poses(postures).items():
+        for name, T in scene.link_poses(configurations).items():
             np.testing.assert_allclose(frames.rotation[n, motion.links[name]], T[:3, :3], atol=1e-12)
             np.testing.assert_allclose(frames.origin[n, motion.links[name]], T[:3, 3], atol=1e-12)
 

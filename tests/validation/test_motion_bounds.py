@@ -14,10 +14,10 @@ from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Link, Mimic
 from rr1plan.transforms import inverse, pose
 from rr1plan.validation.compiled_search import ProofOptions, Search
-from rr1plan.validation.motion import TimedColumns
+from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import moving_scene
-from rr1plan.validation.native import ORIGIN, load_library
-from rr1plan.validation.solids import support
+from rr1plan.validation.referee_kernels import ORIGIN, load_library
+from rr1plan.validation.referee_shapes import support
 
 Make = Callable[..., Any]
 ROUNDING = 1e-9
@@ -28,16 +28,18 @@ class Stretch:
     """A polynomial motion of one arm within `half` of a time, in the tables of the search."""
 
     def __init__(self, robot: rp.Robot, coefficients: Array, at: float, half: float) -> None:
-        self.robot, self.scene = robot, rp.Scene().with_arm("arm", robot)
         self.coefficients, self.at, self.half = coefficients, at, half
+        self._begin(robot, np.array([0.0, 1.0]), coefficients[None])
+        self.native.rr1_probe_interval(self.search, 0, at, half)
+
+    def _begin(self, robot: rp.Robot, breaks: Array, coefficients: Array) -> None:
+        self.robot, self.scene = robot, rp.Scene().with_arm("arm", robot)
         names = self.scene.joint_names()
         moving = moving_scene(self.scene, names)
         self.model = moving.tables.model(0)
-        motion = TimedColumns(names, np.array([0.0, 1.0]), coefficients[None])
-        search = Search(moving, motion, ProofOptions(1e-3, 1))
+        search = Search(moving, TimedColumns(names, breaks, coefficients), ProofOptions(1e-3, 1))
         self.kept, self.search, self.native = search, search.struct, load_library()
-        self.native.rr1_probe_interval(self.search, 0, at, half)
-        self.placed = search.table("placed")
+        self.placed = search.table("placed", len(self.model.rows.shapes))
 
     @property
     def movers(self) -> list[int]:
@@ -87,8 +89,25 @@ class Stretch:
         return [(link.name, g) for link in self.scene.arms["arm"].robot.links for g in link.collisions]
 
     def _link(self, name: str, time: float) -> Array:
-        q = np.power(self.at + time, np.arange(len(self.coefficients))) @ self.coefficients
-        return np.asarray(self.scene.link_poses({"arm": q})[f"arm/{name}"])
+        return np.asarray(self.scene.link_poses({"arm": self._positions(time)})[f"arm/{name}"])
+
+    def _positions(self, time: float) -> Array:
+        return np.asarray(np.power(self.at + time, np.arange(len(self.coefficients))) @ self.coefficients)
+
+
+class Run(Stretch):
+    """A motion of several pieces of one arm, in the tables of the search."""
+
+    def __init__(self, robot: rp.Robot, breaks: Array, coefficients: Array) -> None:
+        self.move, self.half = (breaks, coefficients), 0.5 * (breaks[-1] - breaks[0])
+        self._begin(robot, breaks, coefficients)
+        self.native.rr1_probe_pieces(self.search, 0, len(coefficients))
+
+    def _positions(self, time: float) -> Array:
+        breaks, coefficients = self.move
+        at = breaks[0] + self.half + time
+        piece = int(np.clip(np.searchsorted(breaks, at, side="right") - 1, 0, len(coefficients) - 1))
+        return np.asarray(np.power(at - breaks[piece], np.arange(coefficients.shape[1])) @ coefficients[piece])
 
 
 def error(stretch: Stretch, b: int, shared: int, directions: Array) -> float:
@@ -121,6 +140,22 @@ def test_no_body_strays_farther_from_its_steady_motion_than_the_bound(seed: int,
             assert error(stretch, b, shared, units(rng, 6)) <= stretch.bound(b, shared) + ROUNDING
 
 
+@pytest.mark.parametrize("jump", [0.0, 0.2])
+@pytest.mark.parametrize("seed", range(15))
+def test_nor_over_several_pieces_even_where_they_do_not_meet(seed: int, jump: float, chain: Make) -> None:
+    rng = np.random.default_rng(seed)
+    robot = chain(rng, int(rng.integers(1, 4)))
+    breaks = np.cumsum(rng.uniform(0.02, 0.3, int(rng.integers(3, 7))))
+    coefficients = rng.normal(size=(len(breaks) - 1, int(rng.integers(1, 6)), robot.nq))
+    for i, width in enumerate(np.diff(breaks)[:-1]):
+        end = np.power(width, np.arange(coefficients.shape[1])) @ coefficients[i]
+        coefficients[i + 1, 0] = end + jump * rng.normal(size=robot.nq)
+    run = Run(robot, breaks, coefficients)
+    for b in run.movers:
+        for shared in range(len(run.chain(b))):
+            assert error(run, b, shared, units(rng, 4)) <= run.bound(b, shared) + ROUNDING
+
+
 # ---- where the bound is all but reached ----------------------------------------------------
 
 
@@ -140,8 +175,8 @@ def arm_of(*joints: tuple[str, Array, Array]) -> rp.Robot:
         joint_names=tuple(joint.name for joint in made),
         limits=rp.Limits(-wide, wide, wide, wide, wide, wide),
         configurations={"home": np.zeros(n)},
-        held={},
-        never_collide=frozenset(),
+        locked_joints={},
+        disabled_collisions=frozenset(),
         tool=f"link{n}",
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan.validation.polynomials import RangeTable, bernstein, evaluate
+from rr1plan.validation.polynomial_bounds import RangeTable, bernstein, evaluate
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -17,11 +17,11 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.robot import Geometry, Mimic
 from rr1plan.scene import Obstacle
 from rr1plan.transforms import pose
-from rr1plan.validation.arm_tables import ArmTables, obstacle_tables
-from rr1plan.validation.meter import DistanceMeter
-from rr1plan.validation.native import RefereeStruct, load_library
-from rr1plan.validation.proof import CollisionProof
-from rr1plan.validation.solids import Solid, support
+from rr1plan.validation.coal_distance import CoalDistance
+from rr1plan.validation.collision_proof import CollisionProof
+from rr1plan.validation.referee_kernels import RefereeStruct, load_library
+from rr1plan.validation.referee_models import ArmTables, obstacle_tables
+from rr1plan.validation.referee_shapes import Solid, support
 
 Make = Callable[..., Any]
 # How much Coal's distance of two convex shapes may be too large [m].
@@ -46,7 +46,7 @@ class Pairs:
     def __init__(self, model: ArmTables) -> None:
         self.model = model
         self.solids = model.rows.solids
-        self.meter = DistanceMeter()
+        self.meter = CoalDistance()
         self.state = RefereeStruct("GjkState")
 
     def bounds(self, a: int, Ta: Array, b: int, Tb: Array, base: float = 1e300) -> tuple[float, float]:

@@ -15,8 +15,8 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.transforms import pose
 from rr1plan.validation import validate
-from rr1plan.validation.meter import DistanceMeter
-from rr1plan.validation.solids import solid, support
+from rr1plan.validation.coal_distance import CoalDistance
+from rr1plan.validation.referee_shapes import solid, support
 
 
 def cube(edge: float, convex: bool = False) -> rp.Mesh:
@@ -85,7 +85,7 @@ def test_a_half_space_is_as_far_as_the_support_says(clearance: Clearance, name: 
 
 
 def test_a_body_wholly_inside_a_closed_mesh_is_in_collision_though_coal_calls_it_free(clearance: Clearance) -> None:
-    meter = DistanceMeter()
+    meter = CoalDistance()
     ball, room = solid(rp.Sphere(0.05)), solid(cube(1.0))
     T = coal_pose(pose())
     assert meter.convex(ball, T, room, T)[0] == pytest.approx(0.45)
@@ -119,7 +119,7 @@ def test_a_hollow_mesh_leaves_room_beside_its_walls(clearance: Clearance) -> Non
 
 
 def distance_to_every_cell(a: Any, Ta: Array, cloud: rp.PointCloud, Tc: Array) -> float:
-    meter, side = DistanceMeter(), cloud.resolution
+    meter, side = CoalDistance(), cloud.resolution
     cells = (np.unique(np.floor(cloud.points / side), axis=0) + 0.5) * side
     body, box, T = solid(a), solid(rp.Box((side, side, side))), coal_pose(Ta)
     ask = meter.convex if body.convex else lambda *pair: (meter.compound(*pair)[0], None)
@@ -137,7 +137,7 @@ def test_a_cloud_is_as_far_as_the_nearest_of_all_its_cells(seed: int) -> None:
     if seed >= 12:
         Ta = Tc @ pose([0.1, 0.1, 0.25])
     want = distance_to_every_cell(SHAPES[name], Ta, cloud, Tc)
-    got, proven = DistanceMeter().compound(solid(SHAPES[name]), coal_pose(Ta), solid(cloud), coal_pose(Tc))
+    got, proven = CoalDistance().compound(solid(SHAPES[name]), coal_pose(Ta), solid(cloud), coal_pose(Tc))
     # In contact the depth is that of some cell, not of the deepest.
     assert got == pytest.approx(want, abs=2e-8) if want > 0.0 else got <= 0.0
     assert proven <= min(got, max(want, 0.0))
@@ -147,7 +147,7 @@ def test_a_cloud_is_as_far_as_the_nearest_of_all_its_cells(seed: int) -> None:
 def test_a_large_cloud_needs_few_of_its_cells() -> None:
     rng = np.random.default_rng(0)
     cloud = rp.PointCloud(np.c_[rng.uniform(-1.0, 1.0, (30_000, 2)), np.zeros(30_000)], 0.005)
-    meter = DistanceMeter()
+    meter = CoalDistance()
     got, proven = meter.compound(
         solid(SHAPES["hull"]), coal_pose(pose([0.0, 0.0, 0.2])), solid(cloud), coal_pose(pose())
     )

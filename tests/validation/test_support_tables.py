@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import rr1plan as rp
-from rr1plan.validation.native import TABLE, RefereeStruct, load_library
-from rr1plan.validation.solids import solid
-from rr1plan.validation.support_tables import hull_core
+from rr1plan.validation.hull_support import hull_core
+from rr1plan.validation.referee_kernels import TABLE, RefereeStruct, load_library
+from rr1plan.validation.referee_shapes import solid
 
 KINDS = {
     "ball": lambda rng: rng.normal(size=(400, 3)),

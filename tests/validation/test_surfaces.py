@@ -13,7 +13,7 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.robot import Geometry
 from rr1plan.transforms import pose
-from rr1plan.validation.surfaces import Surface
+from rr1plan.validation.mesh_surfaces import Surface
 
 Make = Callable[..., Any]
 # Coal may overstate a distance by as much [m].

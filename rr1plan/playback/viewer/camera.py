@@ -109,7 +109,7 @@ def choose_camera(scene: Scene, motion: Trajectory | None = None, ends: Iterable
         ends: Without a motion: what is drawn of a query, each an arm and its configuration [rad or m], shape (nq,).
             None of both shows the arms as the scene has them.
     """
-    sights = _sights(scene, *_postures(scene, motion, ends))
+    sights = _sights(scene, *_configurations(scene, motion, ends))
     turn, height = (grid.ravel() for grid in np.meshgrid(_TURNS, _HEIGHTS))
     azimuth = sights.front + turn
     directions = np.column_stack([np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)])
@@ -162,7 +162,7 @@ class _Sights(NamedTuple):
     front: float
 
 
-def _sights(scene: Scene, postures: list[dict[str, Array]], moved: list[str]) -> _Sights:
+def _sights(scene: Scene, configurations: list[dict[str, Array]], moved: list[str]) -> _Sights:
     moved = [moved[k] for k in np.unique(np.linspace(0, len(moved) - 1, _MOST_ARMS).astype(int))] if moved else []
     others = [name for name in scene.arms if name not in moved]
     rows: list[tuple[Array, str, int]] = []
@@ -171,7 +171,7 @@ def _sights(scene: Scene, postures: list[dict[str, Array]], moved: list[str]) ->
     reach = np.zeros(2)
     for name in [*moved, *others][:_MOST_ARMS]:
         arm = scene.arms[name]
-        poses = [arm.robot.link_poses(posture[name]) for posture in postures]
+        poses = [arm.robot.link_poses(configuration[name]) for configuration in configurations]
         parts = _link_boxes(arm.robot)
         placed = np.array([[arm.base @ at[link] @ T for at in poses] for link, T, _ in parts])
         placed = placed.reshape(-1, len(poses), 4, 4)
@@ -194,12 +194,12 @@ def _sights(scene: Scene, postures: list[dict[str, Array]], moved: list[str]) ->
         ),
         np.concatenate([np.full(len(p), instant) for p, _, instant in rows] or [np.zeros(0, dtype=int)]),
         np.array(boxes).reshape(-1, 3),
-        np.array(box_poses).reshape(-1, len(postures), 4, 4),
+        np.array(box_poses).reshape(-1, len(configurations), 4, 4),
         math.atan2(reach[1], reach[0]) if np.linalg.norm(reach) > _REACH else -0.5 * math.pi,
     )
 
 
-def _postures(
+def _configurations(
     scene: Scene, motion: Trajectory | None, ends: Iterable[tuple[str, Any]]
 ) -> tuple[list[dict[str, Array]], list[str]]:
     """The configuration of every arm at each instant, and the arms that move (all where there is no motion)."""
@@ -209,11 +209,13 @@ def _postures(
         return [rest | {name: q} for name, q in asked] or [rest], list(dict(asked)) or list(rest)
     names, q = scene.joint_names(), scene.configuration()
     columns = [names.index(joint) for joint in motion.joint_names]
-    postures = []
+    configurations = []
     for t in np.linspace(motion.breaks[0], motion.breaks[-1], _INSTANTS):
         q[columns] = motion(float(t))
-        postures.append(scene.split(q.copy()))
-    return postures, [name for name in scene.arms if any(joint.startswith(f"{name}/") for joint in motion.joint_names)]
+        configurations.append(scene.split(q.copy()))
+    return configurations, [
+        name for name in scene.arms if any(joint.startswith(f"{name}/") for joint in motion.joint_names)
+    ]
 
 
 def _link_boxes(robot: Robot) -> list[tuple[str, Array, Array]]:

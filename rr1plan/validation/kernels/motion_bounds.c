@@ -36,13 +36,21 @@ static ColumnMotion expand_column(RefereeSearch *s, int64_t c, int64_t piece, do
     return (ColumnMotion){terms[0], fabs(speed) * half + rest, rest, speed};
 }
 
-// Ranges of all columns of q on each piece.
-static void set_ranges(RefereeSearch *s) {
+// The chords of all columns of q.
+static void set_chords(RefereeSearch *s) {
     for (int64_t i = 0; i < s->piece_count; i++) {
         double half = s->break_count > 1 ? 0.5 * (s->breaks[i + 1] - s->breaks[i]) : 0.0;
         for (int64_t c = 0; c < s->column_count; c++) {
             ColumnMotion column = expand_column(s, c, i, half, half);
-            s->ranges[c * s->piece_count + i] = (ColumnRange){column.value - column.change, column.value + column.change};
+            const double *terms = s->terms_scratch;
+            double even = 0.0, odd = 0.0, power = 1.0;
+            for (int64_t k = 1; k < s->terms; k++) {
+                power *= half;
+                *(k % 2 ? &odd : &even) += terms[k] * power;
+            }
+            // With x from -1 to 1, x^k is no farther than 1 from the line through its ends.
+            s->chords[c * s->piece_count + i] =
+                (ColumnChord){column.value + even - odd, column.value + even + odd, column.rest};
         }
     }
 }
@@ -54,21 +62,28 @@ static void expand_arm(RefereeSearch *s, int64_t arm, int64_t piece, double at, 
     for (int64_t i = 0; i < count; i++) s->columns[columns[i]] = expand_column(s, columns[i], piece, at, half);
 }
 
-// Over several pieces: the largest change from the value that is there, with no steady speed.
-static void widen_arm(RefereeSearch *s, int64_t arm, int64_t first, int64_t stop) {
+// Over several pieces: a steady speed that gets from one end of them to the other, and the largest deviation from that.
+//
+// Between its ends a piece deviates from a straight line by no more than its chord does at one of them, and its bulge.
+static void span_pieces(RefereeSearch *s, int64_t arm, int64_t first, int64_t stop, double middle) {
     const int64_t *columns = s->arm_columns + s->arms[arm].first_column;
     int64_t count = s->arms[arm + 1].first_column - s->arms[arm].first_column;
+    const double *breaks = s->breaks;
     for (int64_t k = 0; k < count; k++) {
-        const ColumnRange *ranges = s->ranges + columns[k] * s->piece_count;
-        ColumnRange range = ranges[first];
-        for (int64_t i = first + 1; i < stop; i++) {
-            range.low = lesser(range.low, ranges[i].low);
-            range.high = greater(range.high, ranges[i].high);
-        }
+        const ColumnChord *chords = s->chords + columns[k] * s->piece_count;
         ColumnMotion *column = &s->columns[columns[k]];
-        column->change = greater(range.high - column->value, column->value - range.low);
-        column->rest = column->change;
-        column->speed = 0.0;
+        double speed = (chords[stop - 1].end - chords[first].begin) / (breaks[stop] - breaks[first]);
+        double change = 0.0, rest = 0.0;
+        for (int64_t i = first; i < stop; i++) {
+            double begin = chords[i].begin - column->value, end = chords[i].end - column->value;
+            double far = greater(fabs(begin), fabs(end));
+            double off = greater(fabs(begin - speed * (breaks[i] - middle)), fabs(end - speed * (breaks[i + 1] - middle)));
+            change = greater(change, far + chords[i].bulge);
+            rest = greater(rest, off + chords[i].bulge);
+        }
+        column->change = change;
+        column->rest = rest;
+        column->speed = speed;
     }
 }
 
@@ -192,8 +207,15 @@ static void sweep_body(RefereeSearch *s, int64_t arm, int64_t b) {
     }
 }
 
+// How far the joints of its chain from `shared` on carry a body [m].
+static inline double carried_by(const RefereeSearch *s, int64_t arm, int64_t b, int64_t shared) {
+    if (arm >= s->moving_count) return 0.0;
+    return s->sweeps[(s->arms[arm].first_body + b) * s->sweep_stride + shared].carried;
+}
+
 // What a body can move beside its steady velocity, by the joints of its chain from `shared` on [m].
 static double unsteadiness(const RefereeSearch *s, int64_t arm, int64_t b, int64_t shared) {
+    if (arm >= s->moving_count) return 0.0;
     const RefereeModel *model = model_of(s, arm);
     const RefereeBody *body = &model->bodies->bodies[b];
     const JointState *states = s->states + s->arms[arm].first_joint;

@@ -1,8 +1,9 @@
 // The referee's own kernels as one translation unit. They share no source with those of the planners.
 #include <stddef.h>
+#include <stdlib.h>
 
 #include "referee_tables.h"
-#include "simd.h"
+#include "referee_simd.h"
 
 #if defined(_WIN32)
 #define EXPORT __declspec(dllexport)
@@ -10,15 +11,17 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-#include "gjk.c"
+#include "referee_gjk.c"
 #include "motion_bounds.c"
-#include "clearance.c"
-#include "broad_phase.c"
+#include "referee_clearance.c"
+#include "referee_broad_phase.c"
+#include "memory.c"
 #include "cells.c"
 #include "surfaces.c"
 #include "search.c"
-#include "extremes.c"
-#include "probes.c"
+#include "referee_extremes.c"
+#include "limits.c"
+#include "referee_probes.c"
 #include "../../binding/cpu_level.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.
 #include "layout.inc"

@@ -102,12 +102,13 @@ typedef struct {
     const ArmJoint *joints;
     const JointFrame *frames;
     int64_t joint_count;
+    int64_t column_count;
     const RefereeBodies *bodies;
     const int64_t *chains;          // joints that carry each body, one body after the other
     const int64_t *element_bodies;  // first body of each element, shape (element_count + 1,)
     int64_t element_count;
     int64_t base_element;        // that of the base link, which no obstacle is checked against; -1: none
-    const uint8_t *own_checked;  // which pairs of its elements must not touch, shape (element_count, element_count)
+    const uint8_t *own_checked;  // which pairs of its elements must not touch, shape (element_count, element_count); or NULL
 } RefereeModel;
 
 // ---- the scene ---------------------------------------------------------------------------------
@@ -134,6 +135,12 @@ typedef struct {
     double high[3];
 } BoundingBox;
 
+// An owner that stands still, by where it begins along x [m].
+typedef struct {
+    double low;
+    int64_t owner;
+} SortedOwner;
+
 // ---- pairs -------------------------------------------------------------------------------------
 
 // Pairs in two groups, whose smallest clearances are reported apart: with the surroundings, and one arm's own.
@@ -149,10 +156,11 @@ typedef struct {
     int64_t body_b;
     int64_t elements;  // the pair of elements
     int64_t shared;    // joints of their chains that carry both
-    int64_t before;    // the last of those, -1: none
-    int64_t last_a;    // last joint that carries each body, -1: none
+    int64_t before;    // the last of those that moves, -1: none
+    int64_t last_a;    // last joint that carries each body and moves, -1: none
     int64_t last_b;
     int64_t group;
+    int64_t slices;  // mask of the slices of the motion on which they can come near
     double padding;  // distance to keep [m]
 } RefereePair;
 
@@ -201,13 +209,41 @@ typedef struct {
     double size, time;
 } Jump;
 
+// ---- limits ------------------------------------------------------------------------------------
+
+// Rows of the table of limits, and of the largest shares of limits used; velocity, acceleration and jerk are rows 1 to 3.
+enum { LIMIT_LOWER, LIMIT_VELOCITY, LIMIT_ACCELERATION, LIMIT_JERK, LIMIT_UPPER, LIMIT_ROWS };
+enum { TIGHTEST_POSITION, TIGHTEST_VELOCITY, TIGHTEST_ACCELERATION, TIGHTEST_JERK, TIGHTEST_ROWS };
+// What is wrong with a column: bits.
+enum {
+    FLAW_ABOVE = 1,
+    FLAW_BELOW = 2,
+    FLAW_VELOCITY = 4,
+    FLAW_ACCELERATION = 8,
+    FLAW_JERK = 16,
+    FLAW_POSITION_JUMP = 32,
+    FLAW_VELOCITY_JUMP = 64,
+    FLAW_ACCELERATION_JUMP = 128,
+    FLAW_START = 256,
+    FLAW_END = 512
+};
+
+// The largest share of a limit that is used, its column and its time.
+typedef struct {
+    double ratio;  // -inf where no column has a limit
+    double column;
+    double time;
+} Tightest;
+
 // ---- the search --------------------------------------------------------------------------------
 
-enum { SEARCH_START, SEARCH_STANDING, SEARCH_MOVING, SEARCH_DONE };
+enum { SEARCH_START, SEARCH_STATIONARY, SEARCH_MOVING, SEARCH_DONE };
 // Pairs of an arm that moves with itself and all that stands still, and with other arms that move.
-enum { PASS_STANDING, PASS_MOVING };
+enum { PASS_STATIONARY, PASS_MOVING };
 // Intervals that are open at once: with halving, one for each level.
 enum { SEARCH_DEPTH = 160 };
+// Pairs of bodies that are searched at once, unless those of two owners are more.
+enum { SEARCH_CHUNK = 4096 };
 // The broad phase cuts the whole motion into at most this many intervals.
 enum { MOTION_SLICES = 8 };
 
@@ -241,10 +277,10 @@ typedef struct {
     double linear[3];
 } JointState;
 
-// Range of a column of q on a piece.
+// A column of q on a piece: its values at both ends, and how far it gets from the straight line between them.
 typedef struct {
-    double low, high;
-} ColumnRange;
+    double begin, end, bulge;
+} ColumnChord;
 
 // How far a body reaches from a joint of its chain (1 for a sliding joint), and how far that joint and those after it
 // carry it.
@@ -263,16 +299,14 @@ typedef struct {
     int64_t column_count;
     // The scene. Owners are the arms, then each obstacle.
     const RefereeModel *models;
-    const RefereeArm *arms;
-    const int64_t *arm_columns;  // columns of each arm: of q, and those of arms that stand still after them
-    const LinkPose *bases;       // of each arm
-    const int64_t *own_arms;     // arms that stand still and whose own pairs no earlier one has in the same posture
+    const int64_t *arm_models;   // model of each arm, and that of the obstacles
+    const int64_t *columns_of_q;  // columns of each arm that moves, one after the other
+    const double *configurations;      // columns of the arms that stand still, one after the other [rad or m]
+    const double *base_poses;    // T_world_base of each arm, shape (arms, 4, 4)
+    const int64_t *own_arms;     // arms that stand still and whose own pairs no earlier one has in the same configuration
     int64_t own_arm_count;
     int64_t moving_count;    // arms that move
-    int64_t standing_count;  // arms that stand still
-    int64_t owner_count;
-    int64_t element_count;
-    int64_t joint_count;
+    int64_t stationary_count;  // arms that stand still
     double padding;       // distance to keep where no rule says otherwise [m]
     double most_padding;  // the largest one [m]
     const PaddingRule *rules;  // by ascending keys
@@ -283,21 +317,33 @@ typedef struct {
     double tolerance;        // smallest clearances are found within this [m]
     double touch;            // a clearance up to this is a contact [m]
     int64_t max_searches;    // of a chunk of pairs, before what is open is left undecided
-    // Scratch for all of the scene.
+    // Counts that follow from these, and memory that the caller gives; see `memory.c`.
+    int64_t owner_count;
+    int64_t element_count;
+    int64_t joint_count;
+    int64_t link_count;
+    int64_t body_count;
+    RefereeArm *arms;      // shape (arms + 1,)
+    int64_t *arm_columns;  // columns of each arm: of q, and those of arms that stand still after them
+    LinkPose *bases;       // of each arm
     LinkPose *links;
-    ColumnMotion *columns;  // those of q, then the postures of arms that stand still
-    ColumnRange *ranges;    // shape (column_count, piece_count)
+    ColumnMotion *columns;  // those of q, then the configurations of arms that stand still
+    ColumnChord *chords;    // shape (column_count, piece_count)
     JointState *states;     // shape (joint_count + 1,): the last one is at rest
     PlacedBody *placed;
-    Sweep *sweeps;          // shape (bodies, sweep_stride)
+    Sweep *sweeps;          // of bodies of arms that move, shape (bodies, sweep_stride)
     int64_t sweep_stride;   // longest chain + 1
-    int64_t *placed_on;     // of each body: number of the interval on which it was placed last
+    int64_t *placed_on;     // of the same bodies: number of the interval on which each was placed last
     double *terms_scratch;  // shape (terms,)
     BoundingBox *element_boxes;  // at one time, shape (element_count,)
     BoundingBox *owner_boxes;    // shape (owner_count,)
     BoundingBox *element_slices;  // over each slice of the motion, shape (MOTION_SLICES, element_count)
     BoundingBox *owner_slices;    // shape (MOTION_SLICES, owner_count)
     BoundingBox *owner_sweeps;    // over the whole motion, shape (owner_count,)
+    SortedOwner *sorted;          // owners that stand still, shape (owner_count,)
+    int64_t sorted_count;         // without those that are not bounded, which come after them
+    double widest;                // the longest of the bounded ones along x [m]
+    int64_t *near_owners;         // scratch, shape (owner_count,)
     TimeInterval *slices;         // shape (MOTION_SLICES,)
     int64_t slice_count;
     // A chunk of pairs: the bodies of an arm, or of two, that are near each other.
@@ -313,7 +359,7 @@ typedef struct {
     int64_t chunk_arms[2];  // arms of it that move, -1: none
     int64_t chunk_searches;
     int64_t chunk_slices;  // mask of the slices that are to be searched
-    int64_t whole;         // the whole motion is to be searched at once, not slices of it
+    double chunk_work;     // what is to be decided of it: pairs of bodies times seconds
     int64_t open;          // intervals that are open
     // Where the search is.
     int64_t stage;
@@ -329,7 +375,7 @@ typedef struct {
     int64_t has_nearest[2];  // whether a smallest clearance of each group is known
     double smallest[2];      // that clearance, or 0 with a contact to report [m]
     double proven[2];        // lower bound of it [m]
-    double decided;          // share of the chunk that is decided
+    double decided;          // what is decided of the chunk: pairs of bodies times seconds
     ElementPair ends[2];     // pair with the smallest clearance to the surroundings at the begin and at the end
 } RefereeSearch;
 

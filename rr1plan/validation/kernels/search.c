@@ -30,44 +30,67 @@ static double clearance_at(RefereeSearch *s, int64_t k, double time) {
     return value;
 }
 
-// Find the smallest clearance of the nearest pair of a group around the time it was seen, by golden sections.
+// A time and the clearance there.
+typedef struct {
+    double time, value;
+} TimedClearance;
+
+// The offset from the middle one of three points at which the parabola through them is lowest; 0 where it is not there.
+static double lowest_of_parabola(TimedClearance low, TimedClearance at, TimedClearance high) {
+    double left = at.time - low.time, right = high.time - at.time;
+    double below = low.value - at.value, above = high.value - at.value, bend = above * left + below * right;
+    if (!(left > 0.0 && right > 0.0 && bend > 0.0)) return 0.0;
+    return 0.5 * (below * right * right - above * left * left) / bend;
+}
+
+// Find the smallest clearance of the nearest pair of a group around the time it was seen.
 //
-// They end when two of them in a row change the clearance by less than `precision` [m]: one may be symmetric.
+// Of three times the middle one has the smallest clearance; they close in on it until the outer ones differ by less than
+// `precision` [m], by the lowest points of parabolas where those are good, else by golden sections.
 static void refine_nearest(RefereeSearch *s, int64_t group, double precision) {
-    const double golden = 0.6180339887498949;
+    enum { EACH_WAY = 4, ROUNDS = 60 };
     int64_t k = nearest_pair(s, group);
     const RefereePair *pair = &s->pairs[k];
     if (!s->has_nearest[group] || (pair->arm_a >= s->moving_count && pair->arm_b >= s->moving_count)) return;
-    double begin = s->breaks[0], finish = s->breaks[s->break_count - 1];
-    double at = s->elements[k].when, width = (finish - begin) / 64.0, center = at, best = 1e300;
-    if (!(width > 0.0)) {
-        clearance_at(s, k, at);
+    double begin = s->breaks[0], finish = s->breaks[s->break_count - 1], center = s->elements[k].when;
+    double step = (finish - begin) / 256.0;
+    TimedClearance at = {center, 1e300}, seen[2 * EACH_WAY + 3];
+    if (!(step > 0.0)) {
+        clearance_at(s, k, center);
         return;
     }
-    for (int i = -4; i < 5; i++) {
-        double time = lesser(greater(center + 0.25 * i * width, begin), finish), value = clearance_at(s, k, time);
-        if (value < best) {
-            best = value;
-            at = time;
-        }
+    int best = 1;
+    for (int i = 1; i <= 2 * EACH_WAY + 1; i++) {
+        double time = lesser(greater(center + (i - 1 - EACH_WAY) * step, begin), finish);
+        seen[i] = (TimedClearance){time, clearance_at(s, k, time)};
+        if (seen[i].value < seen[best].value) best = i;
     }
-    double low = greater(at - 0.25 * width, begin), high = lesser(at + 0.25 * width, finish);
-    double one = high - golden * (high - low), two = low + golden * (high - low);
-    double first = clearance_at(s, k, one), second = clearance_at(s, k, two), before = 1e300;
-    while (high - low > 1e-7 * (finish - begin) && greater(before, fabs(first - second)) > precision) {
-        before = fabs(first - second);
-        if (first <= second) {
-            high = two;
-            two = one;
-            second = first;
-            one = high - golden * (high - low);
-            first = clearance_at(s, k, one);
+    at = seen[best];
+    for (int side = -1; side < 2; side += 2) {
+        if (best + side > 0 && best + side <= 2 * EACH_WAY + 1) continue;
+        double time = lesser(greater(at.time + side * step, begin), finish);
+        seen[best + side] = (TimedClearance){time, clearance_at(s, k, time)};
+    }
+    TimedClearance low = seen[best - 1], high = seen[best + 1];
+    for (int round = 0; round < ROUNDS; round++) {
+        double left = at.time - low.time, right = high.time - at.time, width = greater(left, right);
+        if (greater(low.value, high.value) - at.value <= precision || left + right <= 1e-7 * (finish - begin)) return;
+        double wider = right > left ? 1.0 : -1.0, move = lowest_of_parabola(low, at, high);
+        if (round % 3 == 2 || move == 0.0) {
+            move = 0.382 * wider * width;
+        } else if (fabs(move) < 0.1 * width) {
+            // All but there: the farther end comes near.
+            move = wider * greater(4.0 * fabs(move), 1e-3 * width);
+        }
+        TimedClearance next = {at.time + move, 0.0};
+        if (next.time <= low.time || next.time >= high.time) return;
+        next.value = clearance_at(s, k, next.time);
+        TimedClearance *behind = move > 0.0 ? &low : &high, *ahead = move > 0.0 ? &high : &low;
+        if (next.value < at.value) {
+            *behind = at;
+            at = next;
         } else {
-            low = one;
-            one = two;
-            first = second;
-            two = low + golden * (high - low);
-            second = clearance_at(s, k, two);
+            *ahead = next;
         }
     }
 }
@@ -140,7 +163,7 @@ static void visit_interval(RefereeSearch *s) {
         s->check_count++;
         place_swept(s, pair->arm_a, pair->body_a);
         place_swept(s, pair->arm_b, pair->body_b);
-        IntervalClearance clearance = interval_clearance(s, k, at.time, at.half, at.single);
+        IntervalClearance clearance = interval_clearance(s, k, at.time, at.half);
         if (clearance.settled) {
             note_proven(s, pair->group, clearance.least);
             settled++;
@@ -162,27 +185,23 @@ static void begin_chunk(RefereeSearch *s, int64_t one, int64_t two) {
     s->chunk_arms[0] = one;
     s->chunk_arms[1] = two;
     s->pair_count = s->element_pair_count = s->chunk_searches = s->chunk_slices = 0;
-    s->decided = 0.0;
+    s->chunk_work = s->decided = 0.0;
 }
 
-// Open the next interval that the chunk starts from; whether there was one.
+// Open the next slice of the motion on which pairs of the chunk can come near; whether there was one.
 static int open_slice(RefereeSearch *s) {
     if (!s->chunk_slices) return 0;
-    if (s->whole) {
-        s->intervals[0] = whole_motion(s);
-        // Where nothing moves, the first instant is enough.
-        if (s->chunk_arms[0] < 0) s->intervals[0] = (TimeInterval){0, 1, 0, 0, 0.0, 0.0};
-        s->chunk_slices = 0;
-    } else {
-        int64_t slice = 0;
-        while (!(s->chunk_slices >> slice & 1)) slice++;
-        s->intervals[0] = s->slices[slice];
-        s->chunk_slices ^= (int64_t)1 << slice;
-    }
-    for (int64_t k = 0; k < s->pair_count; k++) s->items[k] = k;
+    int64_t slice = 0, count = 0;
+    while (!(s->chunk_slices >> slice & 1)) slice++;
+    s->chunk_slices ^= (int64_t)1 << slice;
+    s->intervals[0] = s->slices[slice];
+    // Where nothing moves, the first instant is enough.
+    if (s->chunk_arms[0] < 0) s->intervals[0] = (TimeInterval){0, 1, 0, 0, 0.0, 0.0};
+    for (int64_t k = 0; k < s->pair_count; k++)
+        if (s->pairs[k].slices >> slice & 1) s->items[count++] = k;
     s->intervals[0].low = 0;
-    s->intervals[0].high = s->pair_count;
-    s->open = s->pair_count > 0;
+    s->intervals[0].high = count;
+    s->open = count > 0;
     return 1;
 }
 
@@ -202,6 +221,19 @@ static int64_t body_count_of(const RefereeSearch *s, int64_t o) {
 // Add the pairs of an owner with `partner` and later ones while there is room for them.
 static void add_partners(RefereeSearch *s, int64_t owner) {
     int64_t bodies = body_count_of(s, owner);
+    if (owner >= s->moving_count) {
+        double need = needed_clearance(s, GROUP_OTHERS);
+        int64_t first = s->partner, count = find_near_owners(s, owner, first, need + s->most_padding);
+        for (int64_t n = 0; n < count; n++) {
+            s->partner = s->near_owners[n];
+            if (s->pair_count + bodies * body_count_of(s, s->partner) > s->pair_room) return;
+            add_pairs(s, owner, s->partner);
+        }
+        // Those that were passed over are farther away.
+        if (count < s->owner_count - first) note_proven(s, GROUP_OTHERS, need);
+        s->partner = s->owner_count;
+        return;
+    }
     for (; s->partner < s->owner_count; s->partner++) {
         if (s->pair_count + bodies * body_count_of(s, s->partner) > s->pair_room) return;
         add_pairs(s, owner, s->partner);
@@ -209,10 +241,9 @@ static void add_partners(RefereeSearch *s, int64_t owner) {
 }
 
 // Pairs of arms that stand still, with each other, with obstacles, and of one such arm.
-static void next_standing_chunk(RefereeSearch *s) {
+static void next_stationary_chunk(RefereeSearch *s) {
     int64_t arms = arm_count(s);
     begin_chunk(s, -1, -1);
-    s->whole = 1;
     while (s->arm < arms) {
         add_partners(s, s->arm);
         if (s->partner < s->owner_count) return;
@@ -237,9 +268,8 @@ static void next_moving_chunk(RefereeSearch *s) {
         s->stage = SEARCH_DONE;
         return;
     }
-    if (s->pass == PASS_STANDING) {
+    if (s->pass == PASS_STATIONARY) {
         begin_chunk(s, arm, -1);
-        s->whole = 1;
         if (s->partner == 0) {
             add_pairs(s, arm, arm);
             s->partner = moving;
@@ -253,11 +283,10 @@ static void next_moving_chunk(RefereeSearch *s) {
     }
     while (s->partner < moving) {
         begin_chunk(s, arm, s->partner);
-        s->whole = 0;
         add_pairs(s, arm, s->partner++);
         if (s->pair_count) return;
     }
-    s->pass = PASS_STANDING;
+    s->pass = PASS_STATIONARY;
     s->partner = 0;
     s->arm++;
 }
@@ -328,7 +357,7 @@ static void search_slices(RefereeSearch *s) {
 
 static void start_search(RefereeSearch *s) {
     int64_t arms = arm_count(s);
-    set_ranges(s);
+    set_chords(s);
     cut_slices(s);
     for (int64_t arm = s->moving_count; arm <= arms; arm++) {
         move_links(s, arm);
@@ -338,11 +367,12 @@ static void start_search(RefereeSearch *s) {
     for (int64_t e = s->arms[s->moving_count].first_element; e < s->element_count; e++)
         s->element_slices[e] = s->element_boxes[e];
     for (int64_t o = s->moving_count; o < s->owner_count; o++) s->owner_slices[o] = s->owner_sweeps[o] = s->owner_boxes[o];
+    sort_owners(s);
     if (s->with_clearance) search_ends(s);
     search_slices(s);
     if (s->with_clearance)
         for (int64_t group = 0; group < PAIR_GROUPS; group++) refine_nearest(s, group, 0.1 * s->tolerance);
-    s->stage = SEARCH_STANDING;
+    s->stage = SEARCH_STATIONARY;
     s->arm = s->moving_count;
     s->partner = s->arm + 1;
 }
@@ -356,8 +386,8 @@ EXPORT void rr1_prove_motion(RefereeSearch *s, int64_t budget) {
         } else if (!open_slice(s)) {
             report_marks(s);
             if (s->left_count > 0) return;
-            if (s->stage == SEARCH_STANDING) {
-                next_standing_chunk(s);
+            if (s->stage == SEARCH_STATIONARY) {
+                next_stationary_chunk(s);
             } else {
                 next_moving_chunk(s);
             }

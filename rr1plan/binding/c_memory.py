@@ -1,0 +1,208 @@
+"""Memory shared with C: arrays as arguments of functions, and structs of pointers to arrays."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.binding.c_sources import KernelSources
+
+# Vectors across two lines of the processor's cache take twice as long.
+_LINE = 64
+_DTYPES: dict[str, np.dtype[Any]] = {
+    "double": np.dtype(np.float64),
+    "float": np.dtype(np.float32),
+    "int64_t": np.dtype(np.int64),
+    "uint64_t": np.dtype(np.uint64),
+    "int16_t": np.dtype(np.int16),
+    "int8_t": np.dtype(np.int8),
+    "uint8_t": np.dtype(np.uint8),
+}
+_start_of: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+
+
+class CStruct:
+    """A C struct that keeps the targets of its pointers alive.
+
+    Args:
+        sources: Sources that declare it.
+        name: Name of the struct.
+        fields: Values of its fields, see `set`. Omitted fields are zero.
+
+    Attributes:
+        value: The struct itself.
+        address: Where it is.
+
+    Raises:
+        TypeError: an array of another type than declared.
+    """
+
+    def __init__(self, sources: KernelSources, name: str, **fields: Any) -> None:
+        self.sources, self.name = sources, name
+        self.value = sources.classes[name]()
+        self.address = ctypes.addressof(self.value)
+        self._targets: dict[str, Any] = {}
+        self._rooms: list[tuple[dict[str, _Part], NDArray[Any]]] = []
+        self.set(**fields)
+
+    def set(self, **fields: Any) -> None:
+        """Set fields: numbers, or for pointers C-contiguous arrays or other structs, which are kept alive.
+
+        Raises:
+            TypeError: an array of another type than declared.
+        """
+        pointers = self.sources.pointers(self.name)
+        for key, given in fields.items():
+            if key in pointers:
+                setattr(self.value, key, address_of(self.sources, given, pointers[key]))
+                self._targets[key] = given
+            else:
+                setattr(self.value, key, given)
+
+    def give_room(self, *, unset: bool = False, **counts: int) -> None:
+        """Let pointers lead to new memory, aligned for vectors, in which what is used together shares pages and lines.
+
+        Args:
+            unset: Whether it may hold anything; otherwise it is zeroed.
+            **counts: Of each field how many items it leads to.
+        """
+        layout, size = _layout(self.sources, self.name, tuple(counts.items()))
+        room = np.empty(size, np.uint8) if unset else np.zeros(size, np.uint8)
+        begin = ctypes.addressof(_start_of(room))
+        first = -begin % _LINE
+        for key, part in layout.items():
+            setattr(self.value, key, begin + first + part.offset)
+        self._rooms.append((layout, room[first:]))
+
+    def copied(self, **fields: Any) -> CStruct:
+        """A copy of the struct, with new values for some fields."""
+        other: CStruct = object.__new__(type(self))
+        other.sources, other.name = self.sources, self.name
+        other.value = type(self.value).from_buffer_copy(self.value)
+        other.address = ctypes.addressof(other.value)
+        other._targets, other._rooms = dict(self._targets), list(self._rooms)
+        other.set(**fields)
+        return other
+
+    def part(self, field: str) -> Any:
+        """What a pointer leads to: an array, or another struct."""
+        if field not in self._targets:
+            layout, room = next((layout, room) for layout, room in self._rooms if field in layout)
+            self._targets[field] = layout[field].of(room)
+        return self._targets[field]
+
+    @property
+    def targets(self) -> dict[str, Any]:
+        """What its pointers lead to, by field."""
+        keys = [*self._targets, *(key for layout, _ in self._rooms for key in layout)]
+        return {key: self.part(key) for key in dict.fromkeys(keys)}
+
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """The arrays that its pointers point to."""
+        return [given for given in self.targets.values() if not isinstance(given, CStruct)]
+
+
+def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str) -> int:
+    """Address of a struct or an array, to be kept alive by the caller.
+
+    Args:
+        sources: Sources that declare the type.
+        given: The struct or array.
+        kind: The C type at that address: a struct (one per row of the array) or a type of number.
+
+    Raises:
+        TypeError: `given` is of another type.
+    """
+    if isinstance(given, CStruct):
+        if given.name != kind:
+            raise TypeError(f"a {given.name} is no {kind}")
+        return given.address
+    flags, expected = given.flags, _DTYPES.get(kind)
+    if not flags.c_contiguous:
+        raise TypeError(f"an array for {kind} is not C-contiguous")
+    if expected is None:
+        row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
+        size = sources.item_size(kind)
+        if row != size:
+            raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
+    elif given.dtype is not expected and given.dtype != expected:
+        raise TypeError(f"an array of {given.dtype} is no array of {kind}")
+    if flags.writeable and given.size:
+        return ctypes.addressof(_start_of(given))  # three times as fast as the general case below
+    address: int = given.__array_interface__["data"][0]
+    return address
+
+
+def argument_type(sources: KernelSources, kind: str) -> Any:
+    """The type of an argument of an exported function, as `ctypes` takes it.
+
+    Args:
+        sources: Sources that declare the function.
+        kind: A type of number; or a pointer type with a `*`, which takes an array, a `CStruct` or an address.
+    """
+    if not kind.endswith("*"):
+        return {"int64_t": ctypes.c_int64, "double": ctypes.c_double}[kind]
+    target = kind.removesuffix("*")
+    expected = _DTYPES.get(target)
+
+    class Pointer:
+        """A pointer argument."""
+
+        @classmethod
+        def from_param(cls, given: Any) -> Any:
+            """The value passed to C."""
+            if type(given) is np.ndarray and given.dtype is expected:  # most arguments, in half of the time
+                flags = given.flags
+                if flags.c_contiguous and flags.writeable and given.size:
+                    return ctypes.byref(_start_of(given))
+            return ctypes.c_void_p(given if type(given) is int else address_of(sources, given, target))
+
+    return Pointer
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Part of a block of memory.
+
+    Args:
+        offset, size: Where it begins, and its bytes.
+        item: Bytes of an item.
+        dtype: Of numbers; None of structs, of which each is a row of bytes.
+    """
+
+    offset: int
+    size: int
+    item: int
+    dtype: np.dtype[Any] | None
+
+    def of(self, room: NDArray[Any]) -> NDArray[Any]:
+        """Its array."""
+        own = room[self.offset : self.offset + self.size]
+        return own.reshape(-1, self.item) if self.dtype is None else own.view(self.dtype)
+
+
+@lru_cache(maxsize=256)
+def _layout(sources: KernelSources, name: str, counts: tuple[tuple[str, int], ...]) -> tuple[dict[str, _Part], int]:
+    """Parts for items of some pointers of a struct, one behind the other, and bytes enough for any alignment."""
+    parts, end = {}, 0
+    for field, count in counts:
+        kind = sources.pointers(name)[field]
+        item = sources.item_size(kind)
+        parts[field] = _Part(end, count * item, item, _DTYPES.get(kind))
+        end += -(-count * item // _LINE) * _LINE
+    return parts, end + _LINE
+
+
+def zeroed(sources: KernelSources, kind: str, count: int) -> NDArray[Any]:
+    """Zeroed memory for structs (rows of bytes) or numbers, aligned for vectors."""
+    item = sources.item_size(kind)
+    room = np.zeros(count * item + _LINE, np.uint8)
+    part = _Part(-room.__array_interface__["data"][0] % _LINE, count * item, item, _DTYPES.get(kind))
+    return part.of(room)

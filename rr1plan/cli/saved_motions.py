@@ -1,0 +1,64 @@
+"""`validate` and `play`: what becomes of a saved motion, in its own scene or in another."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from typing import Any
+
+import rr1plan as rp
+from rr1plan.cli.console import Console, milliseconds
+from rr1plan.cli.plan import told_to
+from rr1plan.errors import InputError, NoPlanError
+from rr1plan.load_motion import load_motion
+from rr1plan.pipeline import MotionPlan
+from rr1plan.scene.model_library import load_scene
+
+
+def validate(options: Namespace, console: Console) -> int:
+    """Check a saved motion with the referee."""
+    checks = {"torque_limits": options.torque_limits, "jerk_limits": options.jerk_limits}
+    motion = saved_motion(options.motion, options, console, checks)
+    say_changes(motion, console)
+    console.say(str(motion.report))
+    console.result({**motion.report.to_dict(), **about(motion)})
+    return 0 if motion.report.valid else 4
+
+
+def play(options: Namespace, console: Console) -> int:
+    """Replay a saved motion in MuJoCo."""
+    motion = saved_motion(options.motion, options, console)
+    try:
+        trajectory = motion.trajectory
+    except NoPlanError as error:
+        raise InputError(f"{error}; only a motion with times can be replayed") from error
+    say_changes(motion, console)
+    with console.progress("replaying") as advance:
+        replay = rp.simulate(
+            trajectory, motion.scene, mode=options.mode, timestep=options.timestep, progress=told_to(advance)
+        )
+    console.say(str(replay))
+    console.say(f"  it took {milliseconds(replay.wall_seconds)}")
+    console.result({**replay.to_dict(), **about(motion)})
+    return 0 if replay else 4
+
+
+def saved_motion(file: str, options: Namespace, console: Console, checks: dict[str, bool] | None = None) -> MotionPlan:
+    """A motion from a file of any kind, judged in the scene that the options name or in its own."""
+    with console.progress("loading the scene"):
+        where = None if options.scene is None else load_scene(options.scene)
+    with console.progress("checking") as advance:
+        return load_motion(file, where, topic=options.topic, **(checks or {}), progress=told_to(advance))
+
+
+def say_changes(motion: MotionPlan, console: Console) -> None:
+    """Where a motion is looked at, what it is made of, and what differs from where it was made."""
+    console.say(f"in the scene {motion.scene.name}: {motion.size()}")
+    if motion.changes:
+        console.say("the scene differs from the one that the motion was made in:")
+    for change in motion.changes:
+        console.say(f"  {change}")
+
+
+def about(motion: MotionPlan) -> dict[str, Any]:
+    """The same as plain values, for JSON."""
+    return {"scene": motion.scene.name, "changes": list(motion.changes)}

@@ -1,0 +1,206 @@
+"""`demo`, `view` and `cspace`: what a person looks at."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+import rr1plan as rp
+from rr1plan.checks import counted
+from rr1plan.cli.console import Console, milliseconds
+from rr1plan.cli.plan import named_query, page_options, summary, told_to, words
+from rr1plan.cli.saved_motions import saved_motion, say_changes
+from rr1plan.errors import InputError
+from rr1plan.export.csv_files import save_csv
+from rr1plan.export.motion_files import is_motion_file
+from rr1plan.export.plan_files import save_trajectory
+from rr1plan.files.file_access import check_writable
+from rr1plan.pipeline import MotionPlan, plan_motion
+from rr1plan.planners import chosen_planner
+from rr1plan.scene.model_library import load_problems, load_scene, scene_names
+
+# Short edges [rad] make a tree that shows how it grew.
+_TREE_RANGE = 0.15
+
+
+def demo(options: Namespace, console: Console) -> int:
+    """From a question to a certified, replayed, visible motion, saying what was done and how long it took."""
+    look, watch = page_options(options), console.watch
+    with watch.stage("load the scene"), console.progress("loading the scene"):
+        problem = named_query(options.scene, options.query)
+    folder = _made(Path(options.output))
+    scene = problem.scene
+    console.say("rr1plan demo")
+    console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {counted(len(scene.obstacles), 'obstacle')}")
+    with watch.stage("plan, shorten, retime, validate"), console.progress("planning") as advance:
+        motion = plan_motion(problem, rng=options.seed, progress=told_to(advance))
+    if not motion.result.found:
+        console.error(str(motion), 3)
+        return 3
+    console.say(f"  {str(motion).replace(chr(10), chr(10) + '  ')}")
+    with watch.stage("replay in MuJoCo"), console.progress("replaying") as advance:
+        replay = rp.simulate(motion.trajectory, scene, progress=told_to(advance))
+    console.say(f"  {str(replay).replace(chr(10), chr(10) + '  ')}")
+    with watch.stage("write the files"):
+        files = _write_demo(folder, motion, look)
+    console.say("how long each step took")
+    steps = {**watch.seconds}
+    inner = "".join(f"\n      {name}: {milliseconds(seconds)}" for name, seconds in motion.seconds.items())
+    for name, seconds in steps.items():
+        console.say(f"  {name}: {milliseconds(seconds)}{inner if name.startswith('plan') else ''}")
+    console.say("wrote")
+    for what, file in files.items():
+        console.say(f"  {what}: {file}")
+    console.result(
+        {**summary(motion), "replay": replay.to_dict(), "steps": steps, "files": {k: str(v) for k, v in files.items()}}
+    )
+    return 0 if motion.valid and replay else 4
+
+
+def _made(folder: Path) -> Path:
+    """A folder that is there and can be written to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {folder}: {error.strerror}") from error
+    check_writable(folder / "motion.json")
+    return folder
+
+
+def _write_demo(folder: Path, motion: MotionPlan, look: rp.ViewOptions | None) -> dict[str, Path]:
+    return {
+        "the page that plays it, offline": motion.save_html(folder / "motion.html", options=look),
+        "the motion": motion.save(folder / "motion.json"),
+        "the trajectory": save_trajectory(folder / "trajectory.json", motion.trajectory, motion.scene),
+        "the trajectory as a table": save_csv(folder / "trajectory.csv", motion.trajectory),
+    }
+
+
+def view(options: Namespace, console: Console) -> int:
+    """A scene or a saved motion in the browser, or as one offline page."""
+    look = page_options(options)
+    if options.html is not None:
+        check_writable(options.html)
+    scene, motion = _what(options, console)
+    if options.html is not None:
+        page = (
+            rp.save_html(options.html, scene, options=look)
+            if motion is None
+            else motion.save_html(options.html, options=look)
+        )
+        console.say(f"page: {page}")
+        console.result({"page": str(page)})
+        return 0
+    live: dict[str, Any] = {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
+    with rp.show(scene, options=look, **live) if motion is None else motion.show(options=look, **live) as viewer:
+        console.say(f"page: {viewer.url}  (close it or press Ctrl-C to end)")
+        console.result({"url": viewer.url})
+        viewer.wait()
+    return 0
+
+
+def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | None]:
+    """A scene, and a motion in it when the name is a motion file's."""
+    is_scene = options.what in scene_names() or not is_motion_file(options.what)
+    if is_scene and options.topic is not None:
+        raise InputError(f"{options.what} is no motion file; --topic names the topic of a bag")
+    if is_scene and options.scene is None:
+        with console.progress(f"loading {options.what}"):
+            return load_scene(options.what), None
+    if is_scene:
+        raise InputError(f"{options.what} is no motion file; --scene names the scene of a motion")
+    motion = saved_motion(options.what, options, console)
+    say_changes(motion, console)
+    return motion.scene, motion
+
+
+def _with_tree(name: str) -> rp.Planner:
+    """A planner that keeps what it explored, where it can."""
+    if name == rp.RrtConnect.name:
+        return rp.RrtConnect(range=_TREE_RANGE, tree=True)
+    planner = chosen_planner(name)
+    return rp.OmplPlanner(name, tree=True) if isinstance(planner, rp.OmplPlanner) else planner
+
+
+# Where no path exists the planner stops after this many iterations: enough for a tree to look at.
+_HOPELESS_ITERATIONS = 1500
+
+
+def cspace(options: Namespace, console: Console) -> int:
+    """Draw the configuration space of two joints, with a query of a two-joint arm and its answer."""
+    look = page_options(options)
+    scene, problem = load_scene(options.scene), _flat_query(options)
+    pictures = _pictures(options, scene)
+    if problem is None:
+        idle = [option for option in ("--planner", "--seconds", "--seed") if option in options.given]
+        if idle:
+            raise InputError(f"{idle[0]} has no effect: there is no query of two joints to plan for")
+    with console.progress("checking every cell") as advance:
+        picture = rp.cspace(
+            scene,
+            problem,
+            arm=options.arm,
+            joints=None if options.joints is None else (options.joints[0], options.joints[1]),
+            at=None if options.at is None else words(options.at),
+            resolution=options.resolution,
+            progress=told_to(advance),
+        )
+    result = None
+    if problem is not None:
+        with console.progress("looking for a proof that no path exists"):
+            hopeless = picture.proves_no_path
+        budget = rp.Budget(options.seconds, _HOPELESS_ITERATIONS if hopeless else None)
+        with console.progress("planning") as advance:
+            result = _with_tree(options.planner).plan(
+                problem, budget=budget, rng=options.seed, progress=told_to(advance)
+            )
+        picture = picture.with_result(result)
+    with console.progress("drawing"):
+        files = {
+            kind: picture.save_html(file, options=look) if kind == "page" else picture.save(file)
+            for kind, file in pictures.items()
+        }
+    console.say(str(picture))
+    if result is not None:
+        found = result.reason if result.path is None else f"path found in {milliseconds(result.seconds)}"
+        console.say(f"  {result.planner}: {found}")
+    for kind, file in files.items():
+        console.say(f"{kind}: {file}")
+    console.result(
+        {
+            "components": picture.grid.components,
+            "free_share": float(picture.grid.free.mean()),
+            "proves_no_path": picture.proves_no_path,
+            "verdict": picture.verdict,
+            "planned": None if result is None else result.status.value,
+            "files": {kind: str(file) for kind, file in files.items()},
+        }
+    )
+    return 0
+
+
+def _flat_query(options: Namespace) -> rp.Problem | None:
+    """The query to draw: the one asked for, or the first that the picture can show; None for a picture without."""
+    if options.query is not None:
+        return named_query(options.scene, options.query)
+    for problem in load_problems(options.scene).values():
+        own = problem.scene.arms[problem.arms[0]].robot.joint_names
+        shown = options.arm in (None, problem.arms[0]) and options.joints in (None, list(own))
+        if problem.nq == 2 and len(problem.arms) == 1 and shown:
+            return problem
+    return None
+
+
+def _pictures(options: Namespace, scene: rp.Scene) -> dict[str, str]:
+    """The files asked for, or a PNG, by what they are.
+
+    Raises:
+        InputError: one cannot be written.
+    """
+    asked = {kind: getattr(options, kind) for kind in ("png", "svg", "pdf", "html")}
+    if not any(asked.values()):
+        asked["png"] = f"{scene.name}-cspace.png"
+    for file in filter(None, asked.values()):
+        check_writable(file)
+    return {"page" if kind == "html" else kind: file for kind, file in asked.items() if file}

@@ -1,0 +1,1 @@
+"""Convex solids by themselves: hulls, support tables, bounding spheres; and triangle meshes in trees."""

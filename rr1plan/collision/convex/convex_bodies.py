@@ -1,0 +1,161 @@
+"""Our shapes as Coal's.
+
+Every one of them is solid but for the meshes of obstacles that are not convex: their surface is hollow to Coal, and
+`coal_pairs.py` adds their inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, TypeGuard
+
+import coal
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.collision.coal_meshes import surface_of
+from rr1plan.errors import BackendError, InputError
+from rr1plan.progress import ProgressCallback
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.shapes.convex_decomposition import convex_pieces
+from rr1plan.shapes.convex_hulls import convex_hull, is_own_hull
+
+# Octomap's keys have 16 bits: cells farther out would be dropped in silence.
+_OCTREE_REACH = 32_000
+
+
+def solid_pieces(shape: Shape) -> tuple[Shape, ...]:
+    """The shape as shapes that Coal treats as solid: itself, or the convex pieces of a mesh.
+
+    Raises:
+        InputError: a mesh without volume, or a point cloud too far out for an octree.
+    """
+    if isinstance(shape, PointCloud):
+        _check_reach(shape)
+    return _mesh_pieces(_Whole(shape)) if isinstance(shape, Mesh) else (shape,)
+
+
+def obstacle_pieces(shape: Shape) -> tuple[Shape, ...]:
+    """The shape of an obstacle as what is checked: itself, or of a convex mesh its hull.
+
+    Raises:
+        InputError: a point cloud too far out for an octree.
+    """
+    if isinstance(shape, Mesh):
+        return _obstacle_mesh(shape)
+    return solid_pieces(shape)
+
+
+@lru_cache(maxsize=256)
+def _obstacle_mesh(mesh: Mesh) -> tuple[Mesh, ...]:
+    return (convex_hull(mesh.vertices),) if mesh.convex or is_own_hull(mesh) else (mesh,)
+
+
+def is_concave(shape: Shape) -> TypeGuard[Mesh]:
+    """Whether it is a mesh that is checked triangle by triangle."""
+    return isinstance(shape, Mesh) and not shape.convex
+
+
+def is_surfaceless(shape: Shape) -> bool:
+    """Whether it is a half-space, a point cloud or a concave mesh: distances are measured to it, not from it."""
+    return isinstance(shape, HalfSpace | PointCloud) or is_concave(shape)
+
+
+def cut_meshes(scene: Scene, progress: ProgressCallback) -> None:
+    """Make the convex pieces of all concave meshes that move, which may take long, ahead of their use.
+
+    Args:
+        scene: The scene.
+        progress: Called about ten times a second, its fraction the share of the time allowed that is spent; False
+            cancels.
+
+    Raises:
+        InputError: a mesh without volume, or one whose decomposition takes too long (both with its element's name).
+        CancelledError: `progress` returned False.
+    """
+    # Arms of one robot have the same meshes.
+    robots = {id(arm.robot): (name, arm.robot) for name, arm in scene.arms.items()}
+    arms = ((f"{name}/{link.name}", link.collisions) for name, robot in robots.values() for link in robot.links)
+    attachments = ((name, held.geometries) for name, held in scene.attachments.items())
+    for element, geometries in (*arms, *attachments):
+        for mesh in (g.shape for g in geometries if isinstance(g.shape, Mesh) and not g.shape.convex):
+            try:
+                _mesh_pieces(_Whole(mesh, progress))
+            except InputError as error:
+                raise InputError(f"shape of {element!r}: {error}") from error
+
+
+def _check_reach(cloud: PointCloud) -> None:
+    """Refuse a point cloud that Coal would lose cells of, here and not when Coal is asked."""
+    reach = float(np.abs(cloud.points).max()) / cloud.resolution
+    if reach > _OCTREE_REACH:
+        raise InputError(
+            f"point cloud reaches {reach:.0f} cells from its origin, expected at most {_OCTREE_REACH}; "
+            "take a coarser resolution or fewer points"
+        )
+
+
+@dataclass(frozen=True)
+class _Whole:
+    """A mesh to be cut into pieces, and who is told how far that is."""
+
+    mesh: Mesh
+    progress: ProgressCallback | None = field(default=None, compare=False)
+
+
+@lru_cache(maxsize=256)
+def _mesh_pieces(whole: _Whole) -> tuple[Mesh, ...]:
+    mesh = whole.mesh
+    return (convex_hull(mesh.vertices),) if mesh.convex else tuple(convex_pieces(mesh, progress=whole.progress))
+
+
+def occupied_cells(cloud: PointCloud) -> Array:
+    """Centers of the occupied cells of the grid of side `resolution` [m], shape (n, 3)."""
+    keys = np.unique(np.floor(cloud.points / cloud.resolution), axis=0)
+    return np.asarray((keys + 0.5) * cloud.resolution)
+
+
+@lru_cache(maxsize=256)
+def coal_geometry(shape: Shape) -> Any:
+    """A shape as a `coal.CollisionGeometry`."""
+    try:
+        return _coal_geometry(shape)
+    except InputError:
+        raise
+    except Exception as error:
+        raise BackendError(f"Coal cannot take a {type(shape).__name__}: {error}") from error
+
+
+def _coal_geometry(shape: Shape) -> Any:
+    match shape:
+        case Box(size):
+            return coal.Box(*size)
+        case Sphere(radius):
+            return coal.Sphere(radius)
+        case Cylinder(radius, length):
+            return coal.Cylinder(radius, length)
+        case Capsule(radius, length):
+            return coal.Capsule(radius, length)
+        case HalfSpace(normal, offset):
+            return coal.Halfspace(np.array(normal), offset)
+        case PointCloud():
+            return _octree(shape)
+        case _:
+            return _convex(shape) if shape.convex else surface_of(shape)
+
+
+def _convex(mesh: Mesh) -> Any:
+    vertices, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for vertex in mesh.vertices:
+        vertices.append(vertex)
+    for a, b, c in mesh.faces:
+        triangles.append(coal.Triangle(int(a), int(b), int(c)))
+    return coal.Convex(vertices, triangles)
+
+
+def _octree(cloud: PointCloud) -> Any:
+    _check_reach(cloud)
+    # The cells' centers, not the points: a point on a cell's face then cannot fall on either side.
+    return coal.makeOctree(occupied_cells(cloud), cloud.resolution)

@@ -1,0 +1,149 @@
+"""Points whose hull, widened by a radius, is a solid: what separating directions are measured with."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, read_only
+from rr1plan.collision.convex.support_cells import corners_per_bit, support_cells
+from rr1plan.collision.convex.vertex_blocks import in_vertex_blocks
+from rr1plan.kernels.planner_kernels import constants
+from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+
+_INTS = NDArray[np.int64]
+_KIND = constants()
+
+
+class CoreTables(NamedTuple):
+    """The `cores`, `core_values`, `points`, `blocks` and `lowest` of `EdgeTables`, or some of their rows."""
+
+    rows: _INTS
+    values: Array
+    points: Array
+    blocks: Array
+    lowest: _INTS
+
+
+_NONE = np.zeros(0, np.int64)
+
+
+class Cores:
+    """Rows of the kernel's tables, as they are added."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[int, ...]] = []
+        self._values: list[Array] = []
+        self._points: list[Array] = [np.zeros((0, 3))]
+        self._blocks: list[Array] = [np.zeros((0, 4))]
+        self._lowest: list[_INTS] = [_NONE]
+        self._counts = np.zeros(3, np.int64)
+
+    def add(self, frame: int, shape: Shape, T: Array) -> int:
+        """The row of a shape placed in a frame."""
+        rotate, shift = T[:3, :3], T[:3, 3]
+        if isinstance(shape, Cylinder):
+            middle, radius, kind, blocks, lowest, shared = (
+                shift,
+                0.0,
+                _KIND["CORE_CYLINDER"],
+                np.zeros((0, 4)),
+                _NONE,
+                0,
+            )
+            points = np.array([shift, rotate[:, 2], [0.5 * shape.length, shape.radius, 0.0]])
+            reach = float(np.hypot(0.5 * shape.length, shape.radius)) * (1.0 + 1e-9)
+        else:
+            points, blocks, lowest, shared = _placed_blocks(shape, rotate, shift)
+            radius, kind = core_radius(shape), _KIND["CORE_POINTS"]
+            middle = points.mean(axis=0)
+            reach = float(np.linalg.norm(points - middle, axis=1).max()) * (1.0 + 1e-9)
+        first, first_block, first_word = self._counts.tolist()
+        self._rows.append((frame, first, first + len(points), kind, first_block, first_word, shared))
+        self._values.append(np.array([*middle, radius, reach, *rotate.ravel()]))
+        self._points.append(points)
+        self._blocks.append(blocks)
+        self._lowest.append(lowest)
+        self._counts += len(points), len(blocks), len(lowest)
+        return len(self._rows) - 1
+
+    def tables(self) -> CoreTables:
+        """What was added, counted from zero."""
+        rows, values = np.array(self._rows, np.int64).reshape(-1, 7), np.array(self._values).reshape(-1, 14)
+        points, blocks = (np.ascontiguousarray(np.concatenate(parts)) for parts in (self._points, self._blocks))
+        return CoreTables(*map(read_only, (rows, values, points, blocks, np.concatenate(self._lowest))))
+
+
+NO_CORES = Cores().tables()
+
+
+def joined_cores(parts: Sequence[CoreTables]) -> tuple[CoreTables, list[int]]:
+    """Tables as one, and how many cores come before those of each part."""
+    before, points, blocks, words = [0], 0, 0, 0
+    full = []
+    for part in parts:
+        if len(part.rows):
+            full.append(part._replace(rows=part.rows + np.array([0, points, points, 0, blocks, words, 0])))
+        before.append(before[-1] + len(part.rows))
+        points, blocks = points + len(part.points), blocks + len(part.blocks)
+        words += len(part.lowest)
+    if len(full) == 1:
+        return full[0], before[:-1]
+    return CoreTables(*(np.concatenate(tables) for tables in zip(*(full or parts), strict=True))), before[:-1]
+
+
+@lru_cache(maxsize=512)
+def shape_core(shape: Shape) -> CoreTables:
+    """The core of a shape in its own frame."""
+    cores = Cores()
+    cores.add(0, shape, np.eye(4))
+    return cores.tables()
+
+
+@lru_cache(maxsize=512)
+def _blocks(shape: Shape) -> tuple[Array, Array, _INTS]:
+    points, balls = in_vertex_blocks(extremes(shape))
+    # Few corners are all looked at.
+    lowest = support_cells(points) if len(points) > _KIND["BLOCK_POINTS"] else _NONE
+    return read_only(points), read_only(balls), read_only(lowest)
+
+
+def _placed_blocks(shape: Shape, rotate: Array, shift: Array) -> tuple[Array, Array, _INTS, int]:
+    """Points of a shape's core in blocks, and balls around these, in a frame; its lowest corners, and per bit."""
+    points, balls, lowest = _blocks(shape)
+    # The rounding of a product with a rotation and a sum.
+    radii = balls[:, 3] + 1e-14 * (1.0 + float(np.abs(shift).max()))
+    balls = np.column_stack([balls[:, :3] @ rotate.T + shift, radii])
+    return points @ rotate.T + shift, balls, lowest, corners_per_bit(len(points)) if len(lowest) else 0
+
+
+def extremes(shape: Shape) -> Array:
+    """Points of a shape's core that no other point of it is farther out than, in its frame, shape (n, 3)."""
+    match shape:
+        case Sphere():
+            return np.zeros((1, 3))
+        case Capsule(_, length):
+            return np.array([[0.0, 0.0, -0.5 * length], [0.0, 0.0, 0.5 * length]])
+        case Box(size):
+            return _around(0.5 * np.array(size))
+        case Cylinder(radius, length):
+            # Corners of the box around it are farther out than any of its own.
+            return _around(np.array([radius, radius, 0.5 * length]))
+        case _:
+            assert isinstance(shape, Mesh)
+            return np.array(shape.vertices)
+
+
+def _around(half: Array) -> Array:
+    """Corners of a box of so much to both sides, shape (8, 3)."""
+    return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
+
+
+def core_radius(shape: Shape) -> float:
+    """How far a shape reaches beyond its core [m]."""
+    return shape.radius if isinstance(shape, Sphere | Capsule) else 0.0

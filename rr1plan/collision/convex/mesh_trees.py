@@ -1,0 +1,194 @@
+"""Triangle meshes that are not convex, as the kernels read them: triangles in the leaves of a tree of boxes.
+
+A node has eight children, whose boxes are tested at once. Triangles are put in order by halving across the longest side
+of their centroids, at whole leaves and whole nodes, so that eight neighbors in that order make a node, on every level.
+
+What is inside is decided part by part, a part being triangles that are connected by edges which no third one has. Faces
+that disagree with their neighbors about the outside are turned round. Then each edge of a closed part is run along as
+often in one direction as in the other; any other part is open and has no inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, read_only
+from rr1plan.kernels.planner_kernels import constants
+from rr1plan.shapes import Mesh
+
+_INTS = NDArray[np.int64]
+LANES = constants()["LANES"]
+# Where there is no child (`MESH_NOWHERE`).
+_NOWHERE = 1e30
+
+
+@dataclass(frozen=True, eq=False)
+class MeshTree:
+    """Triangles under a tree of boxes, in the frame of the box around them; rows as in `mesh_tables.h`.
+
+    Args:
+        ranges: Root, and 1 if some triangles enclose a volume, of each mesh, shape (m, 2).
+        nodes: Boxes of the children of each node, shape (n, 48).
+        children: First child of each node, shape (n,).
+        triangles: Corners of the triangles [m], shape (t, 9).
+        is_closed: 1 for each triangle of a closed surface, shape (t,).
+    """
+
+    ranges: _INTS
+    nodes: Array
+    children: _INTS
+    triangles: Array
+    is_closed: _INTS
+
+
+NO_MESHES = MeshTree(
+    np.zeros((0, 2), np.int64), np.zeros((0, 48)), np.zeros(0, np.int64), np.zeros((0, 9)), np.zeros(0, np.int64)
+)
+
+
+def box_of_mesh(mesh: Mesh) -> tuple[Array, Array]:
+    """Center and half sizes of the box around a mesh's triangles in its own frame [m], shape (3,) each."""
+    used = mesh.vertices[mesh.faces.ravel()]
+    low, high = used.min(axis=0), used.max(axis=0)
+    center = 0.5 * (low + high)
+    return center, np.maximum(high - center, center - low)
+
+
+@lru_cache(maxsize=64)
+def mesh_tree(mesh: Mesh) -> MeshTree:
+    """The tree of a mesh, made once."""
+    center, _ = box_of_mesh(mesh)
+    turns = orientations_of(mesh)
+    corners = (mesh.vertices - center)[np.where(turns[:, None] < 0, mesh.faces[:, ::-1], mesh.faces)]
+    order = _in_order(corners.mean(axis=1))
+    low, high = corners.min(axis=1)[order], corners.max(axis=1)[order]
+    nodes: list[Array] = []
+    children: list[_INTS] = []
+    begin, count = -1, len(order)
+    while not nodes or count > 1:
+        step = -LANES if not nodes else LANES
+        count = -(-count // LANES)
+        low, high, boxes = _grouped(low, high, count)
+        children.append(begin + step * np.arange(count, dtype=np.int64))
+        begin = sum(map(len, nodes))
+        nodes.append(boxes)
+    return MeshTree(
+        read_only(np.array([[begin, int(turns.any())]], np.int64)),
+        read_only(np.concatenate(nodes)),
+        read_only(np.concatenate(children)),
+        read_only(corners[order].reshape(-1, 9)),
+        read_only(np.abs(turns[order])),
+    )
+
+
+def joined_trees(parts: Sequence[MeshTree]) -> MeshTree:
+    """The tables of several meshes as one."""
+    if len(parts) <= 1:
+        return parts[0] if parts else NO_MESHES
+    ranges, children, nodes, triangles = [], [], 0, 0
+    for part in parts:
+        ranges.append(part.ranges + np.array([nodes, 0]))
+        children.append(np.where(part.children < 0, part.children - triangles, part.children + nodes))
+        nodes, triangles = nodes + len(part.nodes), triangles + len(part.triangles)
+    return MeshTree(
+        np.concatenate(ranges),
+        np.concatenate([part.nodes for part in parts]),
+        np.concatenate(children),
+        np.concatenate([part.triangles for part in parts]),
+        np.concatenate([part.is_closed for part in parts]),
+    )
+
+
+def _grouped(low: Array, high: Array, count: int) -> tuple[Array, Array, Array]:
+    """Boxes (n, 3) of which each eight make a node: the boxes of these, and their rows, shape (count, 48)."""
+    ends = np.full((2, count * LANES, 3), _NOWHERE)
+    ends[0, : len(low)], ends[1, : len(high)] = low, high
+    lows, highs = ends.reshape(2, count, LANES, 3)
+    outer = np.where(lows < _NOWHERE, highs, -_NOWHERE)
+    rows = np.concatenate([lows.transpose(0, 2, 1), highs.transpose(0, 2, 1)], axis=1).reshape(count, 48)
+    return lows.min(axis=1), outer.max(axis=1), rows
+
+
+def _in_order(points: Array) -> _INTS:
+    """An order of points in which neighbors follow each other, eight by eight, and eight of those by eight."""
+    done: list[_INTS] = []
+    waiting = [np.arange(len(points))]
+    while waiting:
+        part = waiting.pop()
+        if len(part) <= LANES:
+            done.append(part)
+            continue
+        unit = LANES
+        while unit * LANES < len(part):
+            unit *= LANES
+        first = max(1, -(-len(part) // unit) // 2) * unit
+        axis = int(np.ptp(points[part], axis=0).argmax())
+        halved = part[np.argpartition(points[part, axis], first)]
+        waiting += [halved[first:], halved[:first]]
+    return np.concatenate(done)
+
+
+# ---- inside ----------------------------------------------------------------------------------------
+
+
+def orientations_of(mesh: Mesh) -> _INTS:
+    """Which triangles enclose something: 1 as they are, -1 turned round, 0 for an open surface, shape (t,)."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(mesh.faces)
+    _, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    faces = welded.ravel()[mesh.faces].astype(np.int64)
+    begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    triangle, direction = np.repeat(np.arange(count), 3), np.sign(end - begin)
+    key = np.minimum(begin, end) * (1 + welded.max()) + np.maximum(begin, end)
+    _, edge, sharing = np.unique(key, return_inverse=True, return_counts=True)
+    order = np.argsort(edge, kind="stable")
+    shared = order[sharing[edge[order]] == 2].reshape(-1, 2)
+    links = triangle[shared]
+    graph = coo_matrix((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(count, count))
+    number, part = connected_components(graph, directed=False)
+    # Edges of each part, as several parts may meet in one.
+    _, edge = np.unique(part[triangle] * len(sharing) + edge, return_inverse=True)
+    part_of_edge = np.zeros(edge.max() + 1, np.int64)
+    part_of_edge[edge] = part[triangle]
+
+    def closed(turns: _INTS) -> NDArray[np.bool_]:
+        """Which parts run along each of their edges as often in one direction as in the other."""
+        balance = np.bincount(edge, weights=direction * turns[triangle])
+        return np.asarray(np.bincount(part_of_edge, weights=balance != 0, minlength=number) == 0)
+
+    turns = np.ones(count, np.int64)
+    whole = closed(turns)
+    if not whole.all():
+        rest = ~whole[part[links[:, 0]]]
+        _turn_alike(turns, links[rest], np.where(direction[shared[rest]].sum(axis=1) == 0, 1, -1))
+        whole = closed(turns)
+    return np.where(whole[part], turns, 0)
+
+
+def _turn_alike(turns: _INTS, links: _INTS, alike: _INTS) -> None:
+    """Turn triangles round so that neighbors face the same side, as far as that goes.
+
+    Args:
+        turns: 1 or -1 for each triangle, written.
+        links: Pairs of neighbors, shape (m, 2).
+        alike: 1 for those that face the same side, -1 for those that do not, shape (m,).
+    """
+    beside: dict[int, list[tuple[int, int]]] = {}
+    for (a, b), same in zip(links.tolist(), alike.tolist(), strict=True):
+        beside.setdefault(a, []).append((b, same))
+        beside.setdefault(b, []).append((a, same))
+    while beside:
+        waiting = [next(iter(beside))]
+        while waiting:
+            at = waiting.pop()
+            for other, same in beside.pop(at, ()):
+                if other in beside:
+                    turns[other] = same * turns[at]
+                    waiting.append(other)

@@ -1,0 +1,1 @@
+"""The arrays that the collision kernels read, made from geometries."""

@@ -1,0 +1,167 @@
+"""What the exact kernel knows of bodies by themselves: each a core, a radius around it, and volumes that bound it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, read_only
+from rr1plan.collision.arm_geometry import Solid
+from rr1plan.collision.convex.convex_bodies import occupied_cells
+from rr1plan.collision.convex.enclosing_ball import around_points
+from rr1plan.collision.convex.mesh_trees import box_of_mesh
+from rr1plan.kernels.planner_kernels import constants
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+
+# Stands for infinity where infinity times zero would be NaN.
+FAR = 1e12
+_INTS = NDArray[np.int64]
+_KIND = constants()
+
+
+@dataclass(frozen=True, eq=False)
+class BodyTables:
+    """The tables of some bodies by themselves; columns as in `ExactTables`.
+
+    Args:
+        bodies, values, corners: As there, corners and chains counted from these bodies' first.
+        degrees, neighbors: How many edges leave each corner, and where they lead, corner after corner.
+        poses, centers: Where the bodies and the centers of their balls are at q = 0.
+    """
+
+    bodies: _INTS
+    values: Array
+    corners: Array
+    degrees: _INTS
+    neighbors: _INTS
+    poses: Array
+    centers: Array
+
+
+def flat(T: Array) -> Array:
+    """A transform as its rotation row by row and its translation, shape (12,)."""
+    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
+
+
+def body_tables(solids: Sequence[Solid], joint_poses: Array) -> BodyTables:
+    """The tables of solids, their chains left empty."""
+    cores = [body_core(solid.shape) for solid in solids]
+    around = [neighbors(solid.shape) for solid in solids]
+    joints = np.array([solid.joint for solid in solids], dtype=np.int64)
+    T = np.array([solid.placement for solid in solids]).reshape(-1, 4, 4)
+    balls = np.array([core.ball for core in cores]).reshape(-1, 3)
+    ends = np.cumsum([len(core.points) for core in cores], dtype=np.int64)
+    begins = np.concatenate([[0], ends])[:-1]
+    bodies, values = np.zeros((len(solids), 6), np.int64), np.empty((len(solids), 27))
+    bodies[:, 0], bodies[:, 1] = [core.kind for core in cores], joints
+    bodies[:, 2], bodies[:, 3] = begins, ends
+    values[:, :9], values[:, 9:12] = T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]
+    values[:, 12:15] = np.einsum("nij,nj->ni", T[:, :3, :3], balls) + T[:, :3, 3]
+    values[:, 15:] = np.array([core.values for core in cores]).reshape(-1, 12)
+    R, t = joint_poses[joints, :9].reshape(-1, 3, 3), joint_poses[joints, 9:]
+    poses = np.empty((len(solids), 12))
+    poses[:, :9] = (R @ T[:, :3, :3]).reshape(-1, 9)
+    poses[:, 9:] = np.einsum("nij,nj->ni", R, T[:, :3, 3]) + t
+    centers = np.einsum("nij,nj->ni", R, values[:, 12:15]) + t
+    return BodyTables(
+        bodies,
+        values,
+        np.concatenate([np.zeros((0, 3)), *(core.points for core in cores)]),
+        np.concatenate([np.zeros(0, np.int64), *(degrees for degrees, _ in around)]),
+        np.concatenate([np.zeros(0, np.int64), *(to + begin for (_, to), begin in zip(around, begins, strict=True))]),
+        poses,
+        centers,
+    )
+
+
+@lru_cache(maxsize=256)
+def neighbors(shape: Shape) -> tuple[_INTS, _INTS]:
+    """How many edges leave each point of a shape's core, and where they lead, point after point."""
+    count = len(body_core(shape).points)
+    if not (isinstance(shape, Mesh) and shape.convex):
+        return np.zeros(count, np.int64), np.zeros(0, np.int64)
+    edges = np.concatenate([shape.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2])])
+    edges = np.unique(edges, axis=0).astype(np.int64)
+    return np.bincount(edges[:, 0], minlength=count), edges[:, 1].copy()
+
+
+class BodyCore(NamedTuple):
+    """A shape as a core and a radius around it.
+
+    Args:
+        kind: Of the exact kernel.
+        ball: Center of the ball around it, in its frame [m].
+        values: The ball's radius, the radius around the core, center and half sizes of its box, its size and its
+            offset: 12 numbers.
+        points: Of the core, in its frame [m], shape (n, 3).
+    """
+
+    kind: int
+    ball: tuple[float, ...]
+    values: tuple[float, ...]
+    points: Array
+
+
+_ZERO, _NONE = (0.0, 0.0, 0.0), read_only(np.zeros((0, 3)))
+
+
+@lru_cache(maxsize=1024)
+def body_core(shape: Shape) -> BodyCore:
+    """What the exact kernel knows of a shape."""
+    match shape:
+        case Sphere(r):
+            return BodyCore(_KIND["BODY_POINT"], _ZERO, (r, r, *_ZERO, r, r, r, *_ZERO, 0.0), _NONE)
+        case Box((x, y, z)):
+            half = 0.5 * x, 0.5 * y, 0.5 * z
+            return BodyCore(_KIND["BODY_BOX"], _ZERO, (math.hypot(*half), 0.0, *_ZERO, *half, *half, 0.0), _NONE)
+        case Cylinder(r, length):
+            half = r, r, 0.5 * length
+            ball = math.hypot(r, half[2])
+            return BodyCore(_KIND["BODY_CYLINDER"], _ZERO, (ball, 0.0, *_ZERO, *half, *half, 0.0), _NONE)
+        case Capsule(r, length):
+            end = 0.5 * length
+            values = (end + r, r, *_ZERO, r, r, end + r, 0.0, 0.0, end, 0.0)
+            return BodyCore(_KIND["BODY_SEGMENT"], _ZERO, values, _NONE)
+        case HalfSpace(normal, offset):
+            values = (FAR, 0.0, *_ZERO, FAR, FAR, FAR, *normal, offset)
+            return BodyCore(_KIND["BODY_HALF_SPACE"], _ZERO, values, _NONE)
+        case PointCloud():
+            return _cells(shape)
+        case _:
+            return _corners(shape) if shape.convex else _surface(shape)
+
+
+def _cells(cloud: PointCloud) -> BodyCore:
+    cells, half = occupied_cells(cloud), 0.5 * cloud.resolution
+    low, high = cells.min(axis=0) - half, cells.max(axis=0) + half
+    ball = float(np.linalg.norm(0.5 * (high - low)))
+    return _bounded(_KIND["BODY_CELLS"], 0.5 * (low + high), ball, low, high, (half, half, half), cells)
+
+
+def _surface(mesh: Mesh) -> BodyCore:
+    """The bounds of a mesh that is not convex; its triangles are in its `MeshTree`."""
+    center, half = box_of_mesh(mesh)
+    ball = float(np.linalg.norm(mesh.vertices[mesh.faces.ravel()] - center, axis=1).max()) * (1.0 + 1e-12)
+    values = (ball, 0.0, *center.tolist(), *half.tolist(), *_ZERO, 0.0)
+    return BodyCore(_KIND["BODY_MESH"], tuple(center.tolist()), values, _NONE)
+
+
+def _corners(mesh: Mesh) -> BodyCore:
+    points = np.array(mesh.vertices)
+    ball = around_points(points)
+    low, high = points.min(axis=0), points.max(axis=0)
+    return _bounded(_KIND["BODY_CORNERS"], ball[:3], float(ball[3]), low, high, _ZERO, points)
+
+
+def _bounded(
+    kind: int, center: Array, radius: float, low: Array, high: Array, size: tuple[float, ...], points: Array
+) -> BodyCore:
+    """One without a radius around its core, its box from corner to corner."""
+    box = *(0.5 * (low + high)).tolist(), *(0.5 * (high - low)).tolist()
+    return BodyCore(kind, tuple(center.tolist()), (radius, 0.0, *box, *size, 0.0), points)

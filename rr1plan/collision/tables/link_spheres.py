@@ -1,0 +1,273 @@
+"""The sphere tables of the bodies that move: those of an arm made once for its geometry, joined for a scene's arms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, read_only
+from rr1plan.collision.arm_geometry import ArmGeometry
+from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.convex.bounding_spheres import SphereCover, cover
+from rr1plan.collision.convex.convex_cores import NO_CORES, Cores, CoreTables, core_radius, extremes
+from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
+from rr1plan.collision.tables.arm_tables import ArmTables, arm_tables, joint_motion, moved
+from rr1plan.collision.tables.body_groups import group_rows
+from rr1plan.object_cache import kept_in
+from rr1plan.transforms import rotation_about
+
+_INTS = NDArray[np.int64]
+# No ball inside: a ball around the whole body is no part of it.
+_NOTHING = -1e12
+# More than what placing corners in a joint's frame rounds [m].
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class LinkSpheres:
+    """Tables of the bodies that move; columns as in `EdgeTables`.
+
+    Args:
+        joints, joint_values, bodies, groups, group_boxes, spheres, chain, chain_reach: As there.
+        cores: The cores of the bodies, in their order.
+        body: Index in `bodies` of each solid of the arms, -1 where it does not move, shape (n,).
+    """
+
+    joints: _INTS
+    joint_values: Array
+    bodies: _INTS
+    groups: _INTS
+    group_boxes: Array
+    spheres: Array
+    chain: _INTS
+    chain_reach: Array
+    cores: CoreTables
+    body: _INTS
+
+
+# ---- all arms of a scene ---------------------------------------------------------------------------
+
+
+def instance_spheres(instances: ArmInstances) -> LinkSpheres:
+    """The tables of all arms that move, made once."""
+    return kept_in(instances.kept, "spheres", lambda: _instance_spheres(instances))
+
+
+def _instance_spheres(instances: ArmInstances) -> LinkSpheres:
+    joints, values = [np.zeros((1, 3), np.int64)], [np.zeros((1, 13))]
+    bodies, groups, spheres = [np.zeros((0, 4), np.int64)], [np.zeros((0, 6), np.int64)], [np.zeros((0, 6))]
+    group_boxes = [np.zeros((0, 6))]
+    chains, reaches, body = [np.zeros(0, np.int64)], [np.zeros(0)], [np.zeros(0, np.int64)]
+    cores, first_core = _SharedCores(), [np.zeros((0, 7), np.int64)]
+    core_values = [np.zeros((0, 14))]
+    # Joints, bodies, groups, spheres and chain entries of the arms before.
+    joint = row = group = sphere = link = 0
+    for geometry, base, column in zip(instances.geometries, instances.bases, instances.first_column, strict=True):
+        own = arm_spheres(geometry)
+        rows, placed = own.joints[1:].copy(), own.joint_values[1:].copy()
+        roots = rows[:, 0] == 0
+        placed[roots, :12] = moved(base, placed[roots, :12])
+        rows[~roots, 0] += joint
+        rows[:, 2] += column
+        joints.append(rows)
+        values.append(placed)
+        bodies.append(own.bodies + np.array([joint, sphere, sphere, group]))
+        groups.append(own.groups + np.array([joint, sphere, row, row, link, link]))
+        group_boxes.append(own.group_boxes)
+        spheres.append(own.spheres)
+        chains.append(own.chain + joint)
+        reaches.append(own.chain_reach)
+        body.append(np.where(own.body < 0, -1, own.body + row))
+        first_core.append(own.cores.rows + cores.first(geometry, own.cores) + np.array([joint, 0, 0, 0, 0, 0, 0]))
+        core_values.append(own.cores.values)
+        joint, row, group = joint + len(rows), row + len(own.bodies), group + len(own.groups)
+        sphere, link = sphere + len(own.spheres), link + len(own.chain)
+    return LinkSpheres(
+        read_only(np.concatenate(joints)),
+        read_only(np.concatenate(values)),
+        read_only(np.concatenate(bodies)),
+        read_only(np.concatenate(groups)),
+        read_only(np.concatenate(group_boxes)),
+        read_only(np.concatenate(spheres)),
+        read_only(np.concatenate(chains)),
+        read_only(np.concatenate(reaches)),
+        CoreTables(*map(read_only, (np.concatenate(first_core), np.concatenate(core_values), *cores.joined()))),
+        read_only(np.concatenate(body)),
+    )
+
+
+class _SharedCores:
+    """Points of cores and what belongs to them, once for each geometry."""
+
+    def __init__(self) -> None:
+        self._first: dict[ArmGeometry, _INTS] = {}
+        self._parts = [NO_CORES]
+        self._end = np.zeros(7, np.int64)
+
+    def first(self, geometry: ArmGeometry, cores: CoreTables) -> _INTS:
+        """What is added to the rows of a geometry's cores, shape (7,)."""
+        if geometry not in self._first:
+            self._first[geometry] = self._end.copy()
+            self._parts.append(cores)
+            points, blocks, words = len(cores.points), len(cores.blocks), len(cores.lowest)
+            self._end += np.array([0, points, points, 0, blocks, words, 0])
+        return self._first[geometry]
+
+    def joined(self) -> tuple[Array, Array, _INTS]:
+        """Points, blocks and support tables."""
+        points, blocks, lowest = (
+            np.concatenate(parts) for parts in zip(*(part[2:] for part in self._parts), strict=True)
+        )
+        return points, blocks, lowest
+
+
+# ---- one arm, in the frame of its base -------------------------------------------------------------
+
+
+def arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
+    """The tables of an arm's bodies that move, made once."""
+    return kept_in(geometry.kept, "spheres", lambda: _arm_spheres(geometry))
+
+
+@dataclass(frozen=True, eq=False)
+class _Joints:
+    """The driven joints alone, each turning about or sliding along its z axis.
+
+    `carrier[j]` is the driven joint that carries joint j of the model (0: the world), and `offset[j]` the pose
+    of joint j in its frame.
+    """
+
+    rows: _INTS
+    values: Array
+    carrier: list[int]
+    offset: list[Array]
+
+
+def _arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
+    joints = _driven_joints(arm_tables(geometry))
+    body = np.where(geometry.groups > 0, np.cumsum(geometry.groups > 0) - 1, -1)
+    moving = [solid for solid, group in zip(geometry.solids, geometry.groups, strict=True) if group > 0]
+    bodies, spheres = np.zeros((len(moving), 4), np.int64), [np.zeros((0, 6))]
+    chains: list[list[int]] = []
+    reaches: list[list[float]] = []
+    boxes = np.zeros((len(moving), 6))
+    cores = Cores()
+    first = 0
+    for i, solid in enumerate(moving):
+        T = joints.offset[solid.joint] @ solid.placement
+        rows = _sphere_rows(cover(solid.shape), T)
+        above = []
+        joint = joints.carrier[solid.joint]
+        while joint:
+            above.append(joint)
+            joint = int(joints.rows[joint, 0])
+        bodies[i] = above[0], first, first + len(rows), 0
+        spheres.append(rows)
+        chains.append(above[::-1])
+        cores.add(above[0], solid.shape, T)
+        corners = extremes(solid.shape) @ T[:3, :3].T + T[:3, 3]
+        boxes[i, :3] = corners.min(axis=0) - core_radius(solid.shape) - _ROUNDING
+        boxes[i, 3:] = corners.max(axis=0) + core_radius(solid.shape) + _ROUNDING
+        reaches.append(_reaches(joints, above, np.concatenate([rows[:, :3], corners])))
+        first += len(rows)
+    bodies, groups, all_spheres, chain, reach = _group(bodies, np.concatenate(spheres), chains, reaches)
+    centers = all_spheres[groups[:, 1], :3]
+    group_boxes = np.column_stack(
+        [
+            np.minimum.reduceat(boxes[:, :3], groups[:, 2]) - centers,
+            np.maximum.reduceat(boxes[:, 3:], groups[:, 2]) - centers,
+        ]
+    )
+    return LinkSpheres(
+        read_only(joints.rows),
+        read_only(joints.values),
+        read_only(bodies),
+        read_only(groups),
+        read_only(group_boxes),
+        read_only(all_spheres),
+        read_only(chain),
+        read_only(reach),
+        cores.tables(),
+        read_only(body),
+    )
+
+
+def _group(
+    bodies: _INTS, spheres: Array, chains: list[list[int]], reaches: list[list[float]]
+) -> tuple[_INTS, _INTS, Array, _INTS, Array]:
+    """Bodies with their groups, these, spheres with the balls around them, and the chains; see the kernel's `Cover`."""
+    groups, chain, reach = group_rows(bodies[:, 0].tolist(), chains, reaches)
+    rows = [spheres]
+    for g, (_, _, first, last, _, _) in enumerate(groups.tolist()):
+        bodies[first:last, 3] = g
+        balls = bodies[first:last, 1]
+        if last - first == 1:
+            groups[g, 1] = balls[0]
+            continue
+        within = np.setdiff1d(np.arange(balls[0], bodies[last - 1, 2]), balls)
+        groups[g, 1] = len(spheres) + len(rows) - 1
+        ball = enclosing_ball(spheres[within, :4])
+        # The balls around the bodies are known to hold them too.
+        ball[3] = min(ball[3], ball_reach(spheres[balls, :4], ball[:3]).max() * (1.0 + 1e-9))
+        rows.append(np.array([[*ball, _NOTHING, 0.0]]))
+    return bodies, groups, np.concatenate(rows), chain, reach
+
+
+def matrix(flat: Array) -> Array:
+    """The transform (4, 4) of a rotation row by row and a translation."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = flat[:9].reshape(3, 3), flat[9:12]
+    return T
+
+
+def _turn_from_z(axis: Array) -> Array:
+    """A rotation that takes z to an axis, shape (4, 4)."""
+    T = np.eye(4)
+    cross = np.array([-axis[1], axis[0], 0.0])
+    sine = float(np.linalg.norm(cross))
+    if sine > 1e-12:
+        T[:3, :3] = rotation_about(cross / sine, float(np.arctan2(sine, axis[2])))
+    elif axis[2] < 0.0:
+        T[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    return T
+
+
+def _driven_joints(tables: ArmTables) -> _Joints:
+    rows, values = [(0, 0, 0)], [np.zeros(13)]
+    carrier, offset = [0], [np.eye(4)]
+    for (parent, prismatic, column, _), row in zip(tables.joints[1:].tolist(), tables.joint_values[1:], strict=True):
+        T = offset[parent] @ joint_motion(prismatic, row)
+        axis, gain = row[12:15], row[15]
+        if column < 0:
+            carrier.append(carrier[parent])
+            offset.append(T)
+            continue
+        turn = _turn_from_z(axis)
+        rows.append((carrier[parent], prismatic, column))
+        T = T @ turn
+        values.append(np.array([*T[:3, :3].ravel(), *T[:3, 3], gain]))
+        carrier.append(len(rows) - 1)
+        offset.append(turn.T)
+    return _Joints(np.array(rows, np.int64), np.array(values), carrier, offset)
+
+
+def _sphere_rows(made: SphereCover, T: Array) -> Array:
+    """The ball around a solid, then its spheres, in the frame of the joint that carries it."""
+    centers = np.concatenate([made.ball[None, :3], made.centers])
+    radii = np.array([made.ball[3], *made.radii])
+    inner = np.array([_NOTHING, *np.maximum(made.inner, _NOTHING)])
+    apart = np.linalg.norm(centers - centers[0], axis=1) * (1.0 + 1e-9) + 1e-12
+    return np.column_stack([centers @ T[:3, :3].T + T[:3, 3], radii, inner, apart])
+
+
+def _reaches(joints: _Joints, above: list[int], points: Array) -> list[float]:
+    """How far points of a body can be from the axis of each joint of its chain [m], root first."""
+    reach = [float(np.hypot(points[:, 0], points[:, 1]).max())]
+    beyond = float(np.linalg.norm(points, axis=1).max())
+    for joint in above[:-1]:
+        x, y, z = joints.values[joint, 9:12]
+        reach.append(float(np.hypot(x, y)) + beyond)
+        beyond += float(np.linalg.norm([x, y, z]))
+    return [r * (1.0 + 1e-9) + 1e-9 for r in reach[::-1]]

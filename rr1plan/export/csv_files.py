@@ -1,0 +1,111 @@
+"""Samples of a trajectory as CSV."""
+
+from __future__ import annotations
+
+import pathlib
+
+import numpy as np
+
+from rr1plan.checks import counted, of_kind
+from rr1plan.errors import FormatError, InputError
+from rr1plan.files.file_access import read_text, write_text
+from rr1plan.trajectory import Trajectory
+
+_File = str | pathlib.Path
+_TIMES = ("t", "time")
+_HEADER = "t,q:<joint>...,v:<joint>...,a:<joint>..."
+
+
+def save_csv(file: _File, trajectory: Trajectory, *, dt: float = 0.01) -> pathlib.Path:
+    """Write samples of a trajectory as CSV and return the file's path; see `csv_text`.
+
+    Args:
+        file: The file.
+        trajectory: A trajectory that ends at rest.
+        dt: Time between rows [s]; the last row is the end.
+
+    Raises:
+        InputError: the trajectory does not end at rest, or the file cannot be written.
+    """
+    return write_text(file, csv_text(trajectory, dt))
+
+
+def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
+    """Samples of a trajectory as CSV.
+
+    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`; SI units and radians; the velocities of the
+    last row are exactly zero.
+
+    Args:
+        trajectory: A trajectory that ends at rest.
+        dt: Time between rows [s]; the last row is the end.
+
+    Raises:
+        InputError: the trajectory does not end at rest.
+    """
+    of_kind("trajectory", trajectory, Trajectory)
+    times = trajectory.sample_times(dt)
+    q, v, a = (trajectory(times, derivative) for derivative in range(3))
+    if np.abs(v[-1]).max(initial=0.0) > 1e-6:
+        joint = trajectory.joint_names[int(np.argmax(np.abs(v[-1])))]
+        raise InputError(f"the trajectory does not end at rest: {joint!r} has the speed {np.abs(v[-1]).max():.3g}")
+    v[-1] = 0.0
+    header = ["t", *(f"{kind}:{name}" for kind in "qva" for name in trajectory.joint_names)]
+    rows = np.column_stack([times, q, v, a]).tolist()
+    return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+
+
+def load_csv(file: _File) -> Trajectory:
+    """Read a trajectory from CSV samples: one column of times, and columns of each joint.
+
+    The header names them: `t` (or `time`) [s], `q:<joint>` (or the bare name) for positions, `v:<joint>` for
+    velocities, `a:<joint>` for accelerations, in any order; SI units and radians. Between rows lie straight lines,
+    cubics or quintics, by what the columns carry; see `Trajectory.from_samples`.
+
+    Raises:
+        FormatError: another header, a row of another length, not numbers, or times that do not increase.
+    """
+    lines = read_text(file).splitlines()
+    header = [column.strip() for column in lines[0].split(",")] if lines else []
+    time, names, columns = _columns(header, file)
+    rows = np.array([_row(line, len(header), file, number) for number, line in enumerate(lines[1:], 2) if line.strip()])
+    if not len(rows):
+        raise FormatError("has no rows", file)
+    q = rows[:, [columns[0][name] for name in names]]
+    qd, qdd = (rows[:, [where[name] for name in names]] if where else None for where in columns[1:])
+    try:
+        return Trajectory.from_samples(names, rows[:, time], q, qd, qdd)
+    except InputError as error:
+        raise FormatError(str(error), file) from error
+
+
+def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[str, int]]]:
+    """The index of the time, the names of the joints, and the index of each one's position, velocity, acceleration."""
+    columns: list[dict[str, int]] = [{}, {}, {}]
+    times = [i for i, column in enumerate(header) if column in _TIMES]
+    for i, column in enumerate(header):
+        if i in times:
+            continue
+        kind, name = (column[0], column[2:]) if column[:2] in ("q:", "v:", "a:") else ("q", column)
+        where = columns["qva".index(kind)]
+        if name in where:
+            raise FormatError(f"has the column {column!r} twice", file, 1)
+        where[name] = i
+    names = list(columns[0])
+    if len(times) != 1 or not names or "" in names:
+        raise FormatError(f"has another header, expected {_HEADER}", file, 1)
+    for quantity, where in (("velocities", columns[1]), ("accelerations", columns[2])):
+        if where and set(where) != set(names):
+            odd = sorted(set(where) ^ set(names))
+            raise FormatError(f"has {quantity} for other joints than positions: {', '.join(odd)}", file, 1)
+    return times[0], names, columns
+
+
+def _row(line: str, count: int, file: _File, number: int) -> list[float]:
+    try:
+        row = [float(cell) for cell in line.split(",")]
+    except ValueError as error:
+        raise FormatError(str(error), file, number) from error
+    if len(row) != count:
+        raise FormatError(f"has {counted(len(row), 'value')}, expected {count}", file, number)
+    return row

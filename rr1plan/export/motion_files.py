@@ -1,0 +1,152 @@
+"""Motions from files of any kind, fitted to the joints of a scene.
+
+.json                     a motion, trajectory or path that rr1plan wrote
+.csv                      samples of a trajectory
+.yaml, .yml               a ROS JointTrajectory
+.bag, .mcap, .db3, folder a ROS bag with one JointTrajectory
+"""
+
+from __future__ import annotations
+
+import pathlib
+from collections.abc import Sequence
+
+from rr1plan.checks import file_path
+from rr1plan.errors import FormatError, InputError, UnknownNameError
+from rr1plan.export.csv_files import load_csv
+from rr1plan.export.plan_files import SavedMotion, read_plan_file, units
+from rr1plan.export.ros_trajectories import (
+    BAG_SUFFIXES,
+    YAML_SUFFIXES,
+    holds_joint_trajectory,
+    load_joint_trajectory,
+    refuse_topic,
+)
+from rr1plan.path import Path
+from rr1plan.scene import Scene, scene_differences
+from rr1plan.trajectory import Trajectory
+
+SUFFIXES = (".json", ".csv", *YAML_SUFFIXES, *BAG_SUFFIXES)
+_File = str | pathlib.Path
+
+
+def read_motion(file: _File, scene: Scene | None = None, topic: str | None = None) -> SavedMotion:
+    """Read a motion from a file of any kind.
+
+    Args:
+        file: The file, or a bag's folder.
+        scene: A scene whose meshes serve where those that the file refers to are not beside it.
+        topic: The topic of a bag (default: the only one that holds a JointTrajectory).
+
+    Raises:
+        FormatError: another kind of file, or one that cannot be read as what it claims to be.
+        InputError: a topic, and the file is no bag.
+        UnknownNameError: the bag has no such topic.
+        MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
+    """
+    path = file_path(file)
+    if path.suffix in (".json", ".csv"):
+        refuse_topic(path, topic)
+        return read_plan_file(path, scene) if path.suffix == ".json" else SavedMotion(trajectory=load_csv(path))
+    if path.suffix in (*YAML_SUFFIXES, *BAG_SUFFIXES) or path.is_dir():
+        return SavedMotion(trajectory=load_joint_trajectory(path, topic=topic))
+    refuse_topic(path, topic)
+    raise FormatError(
+        f"has the suffix {path.suffix!r}, expected a motion: {', '.join(SUFFIXES)}, or a bag's folder", file
+    )
+
+
+def is_motion_file(file: _File) -> bool:
+    """Whether a name is a motion's, by its suffix; a YAML file's, by what it holds."""
+    path = file_path(file)
+    if path.suffix in YAML_SUFFIXES:
+        return holds_joint_trajectory(path)
+    return path.suffix in SUFFIXES or path.is_dir()
+
+
+def fit_trajectory(trajectory: Trajectory, scene: Scene) -> Trajectory:
+    """The trajectory with its columns named and ordered as the scene has them; see `fit_joints`."""
+    names, order = fit_joints(trajectory.joint_names, scene)
+    if names == trajectory.joint_names:
+        return trajectory
+    return Trajectory(names, trajectory.breaks, trajectory.coefficients[:, :, order])
+
+
+def fit_path(path: Path, scene: Scene) -> Path:
+    """The path with its columns named and ordered as the scene has them; see `fit_joints`."""
+    names, order = fit_joints(path.joint_names, scene)
+    return path if names == path.joint_names else Path(names, path.waypoints[:, order])
+
+
+def fit_joints(joint_names: Sequence[str], scene: Scene) -> tuple[tuple[str, ...], list[int]]:
+    """The scene's columns that a motion's are, and the index of each among the motion's.
+
+    A column is named "arm/joint", "arm_joint" as ROS programs do, or "joint" where only one arm has such a joint.
+
+    Raises:
+        UnknownNameError: a joint that the scene does not plan for.
+        InputError: a name that several arms have, or an arm with only some of its joints.
+    """
+    found: dict[str, int] = {}
+    for i, name in enumerate(joint_names):
+        column = _column(name, scene)
+        if column in found:
+            raise InputError(f"{name!r} and {joint_names[found[column]]!r} are both the joint {column!r}")
+        found[column] = i
+    arms = [arm for arm in scene.arms if any(column.split("/", 1)[0] == arm for column in found)]
+    columns = scene.joint_names(arms) if arms else ()
+    missing = [name for name in columns if name not in found]
+    if missing:
+        raise InputError(f"the motion has no column for {', '.join(missing)}: it must move all joints of an arm")
+    return columns, [found[name] for name in columns]
+
+
+def _column(name: str, scene: Scene) -> str:
+    columns = scene.joint_names()
+    if name in columns:
+        return name
+    fitting = [c for c in columns if name in (c.split("/", 1)[1], c.replace("/", "_"))]
+    if len(fitting) > 1:
+        raise InputError(f"several arms have a joint {name!r}; name it {' or '.join(map(repr, fitting))}")
+    if not fitting:
+        raise UnknownNameError("joint", name, columns)
+    return fitting[0]
+
+
+def changes(saved: SavedMotion, scene: Scene) -> tuple[str, ...]:
+    """What differs between the scene that a motion was made in, as far as its file tells, and another."""
+    if saved.scene is not None:
+        return scene_differences(saved.scene, scene)
+    if saved.made_for is None or saved.made_for.sha256 == scene.content_hash:
+        return ()
+    made, now = saved.made_for.arms, scene.arms
+    lines = [f"arm {name!r} is gone" for name in made if name not in now]
+    lines += [f"arm {name!r} is new" for name in now if name not in made]
+    lines += [
+        f"arm {name!r} has another robot, or other limits, than the {made[name].robot!r} of the motion"
+        for name in now
+        if name in made and made[name].sha256 != now[name].robot.content_hash
+    ]
+    known = f"of the motion's scene {saved.made_for.scene!r} only the hash is known, which this one does not have"
+    return (*lines, known)
+
+
+def check_units(saved: SavedMotion, joint_names: Sequence[str], scene: Scene) -> None:
+    """Refuse a motion in meters for a joint that turns, or in radians for one that slides.
+
+    Args:
+        saved: What a file holds.
+        joint_names: The names that its columns have there.
+        scene: The scene that it is for.
+
+    Raises:
+        InputError: units that do not fit, by name.
+    """
+    names, order = fit_joints(joint_names, scene)
+    if saved.units is None:
+        return
+    for name, unit, i in zip(names, units(names, scene), order, strict=True):
+        if saved.units[i] != unit:
+            raise InputError(
+                f"the motion has the joint {joint_names[i]!r} in {saved.units[i]}, but {name!r} is in {unit}"
+            )

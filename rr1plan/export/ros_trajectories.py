@@ -1,0 +1,215 @@
+"""Trajectories of ROS programs: a `trajectory_msgs/JointTrajectory` in a YAML file or in a bag.
+
+A joint trajectory controller interpolates by what the points carry: positions alone, straight lines; velocities too,
+cubics; accelerations too, quintics. So does `Trajectory.from_samples`.
+"""
+
+from __future__ import annotations
+
+import pathlib
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+
+from rr1plan.checks import file_path, known_name, shown
+from rr1plan.errors import FormatError, InputError, MissingPackageError
+from rr1plan.files.documents import read_yaml_documents
+from rr1plan.trajectory import Trajectory
+
+BAG_SUFFIXES = (".bag", ".mcap", ".db3")
+YAML_SUFFIXES = (".yaml", ".yml")
+_MESSAGE = "trajectory_msgs/msg/JointTrajectory"
+# Messages that hold a JointTrajectory, by the name of the field.
+_WRAPPERS = ("joint_trajectory", "trajectory", "goal")
+_File = str | pathlib.Path
+
+
+class _Duration(msgspec.Struct, forbid_unknown_fields=True):
+    """A duration in ROS 2's fields or ROS 1's."""
+
+    sec: int = 0
+    nanosec: int = 0
+    secs: int = 0
+    nsecs: int = 0
+
+    @property
+    def seconds(self) -> float:
+        return self.sec + self.secs + 1e-9 * (self.nanosec + self.nsecs)
+
+
+class _Point(msgspec.Struct, forbid_unknown_fields=True):
+    """A `trajectory_msgs/JointTrajectoryPoint`."""
+
+    positions: list[float]
+    time_from_start: _Duration | float
+    velocities: list[float] = []
+    accelerations: list[float] = []
+    effort: list[float] = []
+
+
+class _JointTrajectory(msgspec.Struct, forbid_unknown_fields=True):
+    """A `trajectory_msgs/JointTrajectory`."""
+
+    joint_names: list[str]
+    points: list[_Point]
+    header: Any = None
+
+
+def load_joint_trajectory(file: _File, *, topic: str | None = None) -> Trajectory:
+    """Read the one JointTrajectory of a YAML file or a bag.
+
+    Args:
+        file: A .yaml or .yml file, as `ros2 topic echo` prints the message (alone, or in a RobotTrajectory or an
+            action's goal); or a bag of ROS 1 or 2 (a .bag file, a folder, or the .mcap or .db3 file in it).
+        topic: The topic of a bag (default: the only one that holds such messages).
+
+    Returns:
+        The trajectory, with the names of joints that the message has.
+
+    Raises:
+        FormatError: another kind of file, several messages, or points that carry different things.
+        UnknownNameError: the bag has no such topic.
+        MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
+    """
+    path = file_path(file)
+    if path.suffix in YAML_SUFFIXES:
+        refuse_topic(path, topic)
+        message = _from_yaml(path)
+    else:
+        message = _from_bag(path, topic)
+    try:
+        return _trajectory(message)
+    except InputError as error:
+        raise FormatError(str(error), file) from error
+
+
+def refuse_topic(file: _File, topic: str | None) -> None:
+    """Refuse the name of a topic for a file that is no bag.
+
+    Raises:
+        InputError: there is one.
+    """
+    if topic is not None:
+        raise InputError(f"topic is {shown(topic)}, but {file} is no bag and has no topics (option topic)")
+
+
+def holds_joint_trajectory(file: _File) -> bool:
+    """Whether a YAML file holds a JointTrajectory, and not a scene, say."""
+    try:
+        documents = read_yaml_documents(file)
+    except FormatError:
+        return False
+    return bool(documents) and "joint_names" in _unwrapped(documents[0])
+
+
+def _from_yaml(file: pathlib.Path) -> _JointTrajectory:
+    documents = read_yaml_documents(file)
+    if len(documents) != 1:
+        raise FormatError(f"holds {len(documents)} messages, expected one JointTrajectory", file)
+    return _converted(_unwrapped(documents[0]), file)
+
+
+def _unwrapped(data: Any) -> dict[Any, Any]:
+    """The JointTrajectory in the messages around it; {} where there is none."""
+    for _ in range(4):
+        if isinstance(data, list) and len(data) == 1:
+            data = data[0]
+        if not isinstance(data, dict) or "joint_names" in data:
+            break
+        inner = [key for key in _WRAPPERS if key in data]
+        if not inner:
+            break
+        data = data[inner[0]]
+    return data if isinstance(data, dict) else {}
+
+
+def _converted(data: Any, file: pathlib.Path) -> _JointTrajectory:
+    if "joint_names" not in data:
+        raise FormatError(f"holds no {_MESSAGE}: expected the keys joint_names and points", file)
+    try:
+        return msgspec.convert(data, _JointTrajectory)
+    except msgspec.ValidationError as error:
+        raise FormatError(f"is not a {_MESSAGE}: {error}", file) from error
+
+
+def _from_bag(file: pathlib.Path, topic: str | None) -> _JointTrajectory:
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise MissingPackageError("rosbags", "reading a ROS bag", "ros") from error
+    # The database of a ROS 2 bag is read by way of its folder, which describes it.
+    bag = file.parent if file.suffix in (".mcap", ".db3") else file
+    _check_regular(file, bag)
+    try:
+        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            (message,) = _messages(reader, topic, file)
+    except InputError:
+        raise
+    except Exception as error:  # rosbags raises what it runs into
+        raise FormatError(f"cannot be read as a ROS bag: {error}", file) from error
+    data = {
+        "joint_names": list(message.joint_names),
+        "points": [
+            {
+                **{n: getattr(p, n).tolist() for n in ("positions", "velocities", "accelerations", "effort")},
+                "time_from_start": {n: getattr(p.time_from_start, n) for n in ("sec", "nanosec")},
+            }
+            for p in message.points
+        ],
+    }
+    return _converted(data, file)
+
+
+def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
+    """Refuse a bag that is not there, or that has a FIFO or a device in it, which would be waited for."""
+    try:
+        parts = [file, *(bag.iterdir() if bag.is_dir() else ())]
+        odd = [part for part in parts if part.exists() and not part.is_file() and not part.is_dir()]
+        there = file.exists()
+    except OSError as error:
+        raise FormatError(f"cannot be read: {error.strerror}", file) from error
+    if odd:
+        raise FormatError(f"holds {odd[0].name}, expected regular files", file)
+    if not there:
+        raise FormatError("there is no such file", file)
+
+
+def _messages(reader: Any, topic: str | None, file: pathlib.Path) -> Iterator[Any]:
+    """The only message of a bag's topic."""
+    connections = [c for c in reader.connections if c.msgtype == _MESSAGE]
+    topics = sorted({c.topic for c in connections})
+    if not topics:
+        kinds = ", ".join(sorted({c.msgtype for c in reader.connections})) or "nothing"
+        raise FormatError(f"holds no {_MESSAGE}, only {kinds}", file)
+    if topic is None and len(topics) > 1:
+        raise FormatError(
+            f"has several topics with a {_MESSAGE}: {', '.join(topics)}; say which one with option topic", file
+        )
+    chosen = [c for c in connections if c.topic == (topics[0] if topic is None else known_name("topic", topic, topics))]
+    count = sum(c.msgcount for c in chosen)
+    if count != 1:
+        raise FormatError(f"has {count} messages on {chosen[0].topic}, expected one {_MESSAGE}", file)
+    for connection, _, data in reader.messages(connections=chosen):
+        yield reader.deserialize(data, connection.msgtype)
+
+
+def _trajectory(message: _JointTrajectory) -> Trajectory:
+    points = message.points
+    if not points:
+        raise InputError("the message has no points, expected at least one")
+    times = [t if isinstance(t := p.time_from_start, float) else t.seconds for p in points]
+    rows = []
+    for name in ("positions", "velocities", "accelerations"):
+        values = [getattr(p, name) for p in points]
+        if any(values) != all(values):
+            raise InputError(f"some points have {name}, point {[bool(v) for v in values].index(False)} has none")
+        bad = next((i for i, v in enumerate(values) if v and len(v) != len(message.joint_names)), None)
+        if bad is not None:
+            raise InputError(f"point {bad} has {len(values[bad])} {name}, expected {len(message.joint_names)}")
+        rows.append(values if any(values) else None)
+    q, qd, qdd = rows
+    if q is None:
+        raise InputError("the points have no positions")
+    return Trajectory.from_samples(message.joint_names, times, q, qd, qdd)

@@ -1,0 +1,135 @@
+"""TOML, JSON and YAML files as tables, bounded in size, depth and expansion.
+
+The parsers' own bounds do not suffice: a TOML key of 100,000 dots takes tomllib hours, YAML's merge keys and
+aliases of aliases make 2 ** n entries of n lines, and each of them ends in a `RecursionError` somewhere.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rr1plan.errors import FormatError
+from rr1plan.files.checked_tables import Table
+from rr1plan.files.file_access import MAX_BYTES, read_text
+
+MAX_DEPTH = 100
+# Strings (up to their end or the line's) and comments; keys with dots in what is left. Both take linear time.
+_QUOTED = re.compile(r""" "(?:\\.|[^"\\])*+(?:"|$) | '[^']*+(?:'|$) | \#.* """, re.VERBOSE)
+_DOTTED = re.compile(r"[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++)*+")
+
+
+def read_toml(file: str | Path, max_bytes: int = MAX_BYTES) -> Table:
+    """The outermost table of a TOML file.
+
+    Raises:
+        FormatError: the file cannot be read, is not TOML, or is nested deeper than 100.
+    """
+    return parse_toml(read_text(file, max_bytes), file)
+
+
+def parse_toml(text: str, file: str | Path) -> Table:
+    """The outermost table of a TOML document; `file` is where it came from, for messages.
+
+    Raises:
+        FormatError: it is not TOML, or is nested deeper than 100.
+    """
+    return Table(_parse(text, file, "TOML", _bounded_toml), file, text=text)
+
+
+def read_json(file: str | Path, max_bytes: int = MAX_BYTES) -> Table:
+    """The outermost object of a JSON file.
+
+    Raises:
+        FormatError: the file cannot be read, is not JSON, or is nested deeper than 100.
+    """
+    return Table(_parse(read_text(file, max_bytes), file, "JSON, or was cut off", json.loads), file)
+
+
+def read_yaml(file: str | Path, max_bytes: int = MAX_BYTES) -> Table:
+    """The outermost mapping of a YAML file.
+
+    Raises:
+        FormatError: the file cannot be read, is not YAML, is nested deeper than 100, has merge keys, or aliases
+            that expand to more than the whole file.
+    """
+    documents = _parse(read_text(file, max_bytes), file, "YAML", _bounded_yaml)
+    if len(documents) > 1:
+        raise FormatError(f"has {len(documents)} documents, expected one", file)
+    return Table(documents[0] if documents else None, file)
+
+
+def read_yaml_documents(file: str | Path, max_bytes: int = MAX_BYTES) -> list[Any]:
+    """The documents of a YAML file, separated by "---", without empty ones.
+
+    Raises:
+        FormatError: as `read_yaml`.
+    """
+    documents = _parse(read_text(file, max_bytes), file, "YAML", _bounded_yaml)
+    return [document for document in documents if document is not None]
+
+
+def _parse(text: str, file: str | Path, kind: str, parse: Callable[[str], Any]) -> Any:
+    try:
+        data = parse(text)
+    except RecursionError as error:
+        raise FormatError(f"is nested deeper than {MAX_DEPTH}", file) from error
+    except Exception as error:  # PyYAML's constructors raise whatever they run into
+        raise FormatError(f"is not {kind}: {error}", file, _line(error)) from error
+    _check_nesting(data, len(text), file)
+    return data
+
+
+def _line(error: Exception) -> int | None:
+    """The line [1-based] that a parser found its error in."""
+    mark = getattr(error, "problem_mark", None)
+    if mark is not None:
+        return int(mark.line) + 1
+    found = re.search(r"(?:at )?line (\d+)", str(error))
+    return int(found[1]) if found else None
+
+
+def _check_nesting(data: Any, most: int, file: str | Path) -> None:
+    """Refuse nests that are too deep, or that have more entries than the text they are from has characters."""
+    level, entries, depth = [data], 0, 0
+    while level:
+        inner: list[Any] = []
+        for item in level:
+            values = item.values() if isinstance(item, dict) else item if isinstance(item, list) else ()
+            entries += len(values)
+            if entries > most:
+                raise FormatError("has aliases of aliases that expand to more than the whole file", file)
+            inner += [value for value in values if isinstance(value, dict | list)]
+        level, depth = inner, depth + 1
+        if depth > MAX_DEPTH:
+            raise FormatError(f"is nested deeper than {MAX_DEPTH}", file)
+
+
+def _bounded_toml(text: str) -> Any:
+    for number, line in enumerate(text.splitlines(), 1):
+        # No line of a common file comes here, unless it is a list of numbers.
+        if line.count(".") <= MAX_DEPTH:
+            continue
+        for key in _DOTTED.finditer(_QUOTED.sub("s", line)):
+            if key[0].count(".") > MAX_DEPTH:
+                raise ValueError(f"a key has more than {MAX_DEPTH} dots (at line {number})")
+    return tomllib.loads(text)
+
+
+def _bounded_yaml(text: str) -> list[Any]:
+    # Most scenes are not YAML, and the parser takes its time to load.
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        """PyYAML's, which would copy merged mappings into each other."""
+
+        def flatten_mapping(self, node: yaml.MappingNode) -> None:
+            for key, _ in node.value:
+                if key.tag == "tag:yaml.org,2002:merge":
+                    raise yaml.constructor.ConstructorError(None, None, "merge keys (<<) are refused", key.start_mark)
+
+    return list(yaml.load_all(text, Loader))

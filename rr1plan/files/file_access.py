@@ -1,0 +1,147 @@
+"""Reading of regular files with a size limit, and atomic writing.
+
+All readers of the package open files here; FIFOs, devices and folders are rejected.
+
+A file is written to a temporary file in the same folder, flushed to disk and renamed, so a crash leaves
+the old file or the new one, never half of one. A symbolic link is kept, and its target is replaced.
+"""
+
+from __future__ import annotations
+
+import gzip
+import os
+import stat
+import tempfile
+import zlib
+from pathlib import Path
+from typing import BinaryIO
+
+from rr1plan.checks import file_path, resolved_path
+from rr1plan.errors import FormatError, InputError
+
+MAX_BYTES = 256 * 1024 * 1024
+# Without O_NONBLOCK opening a FIFO waits for a writer. It has no effect on regular files.
+_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
+_KINDS = {stat.S_IFDIR: "folder", stat.S_IFIFO: "FIFO", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
+
+
+def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
+    """The content of a regular file, unpacked when its name ends in ".gz".
+
+    Args:
+        file: The file.
+        max_bytes: Largest size, packed or unpacked.
+
+    Raises:
+        InputError: no file name at all.
+        FormatError: not there, not a regular file, not readable, too large, or a damaged archive.
+    """
+    path = file_path(file)
+    try:
+        with _open(path) as stream:
+            size = os.fstat(stream.fileno()).st_size
+            with gzip.GzipFile(fileobj=stream) if path.suffix == ".gz" else stream as content:
+                data = b"" if size > max_bytes else content.read(max_bytes + 1)
+    except FileNotFoundError as error:
+        raise FormatError("there is no such file", path) from error
+    except (OSError, EOFError, zlib.error) as error:
+        raise FormatError(f"cannot be read: {getattr(error, 'strerror', None) or error}", path) from error
+    if max(size, len(data)) > max_bytes:
+        raise FormatError(f"is larger than {max_bytes} bytes, the most that is read", path)
+    return data
+
+
+def _open(path: Path) -> BinaryIO:
+    """A regular file, opened for reading."""
+    handle = os.open(path, _FLAGS)
+    mode = os.fstat(handle).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(handle)
+        kind = _KINDS.get(stat.S_IFMT(mode), "special file")
+        raise FormatError(f"is a {kind}, expected a regular file", path)
+    return os.fdopen(handle, "rb")
+
+
+def is_regular(path: Path) -> bool:
+    """Whether there is a regular file of this name; False for an invalid name."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def read_text(file: str | Path, max_bytes: int = MAX_BYTES) -> str:
+    """A UTF-8 file's text; see `read_bytes`.
+
+    Raises:
+        FormatError: as `read_bytes`, or not UTF-8.
+    """
+    try:
+        return read_bytes(file, max_bytes).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise FormatError(f"is not UTF-8 text (byte {error.start})", file) from error
+
+
+def write_text(file: str | os.PathLike[str], text: str) -> Path:
+    """Write a UTF-8 file atomically and return its path; see `write_bytes`."""
+    return write_bytes(file, text.encode("utf-8"))
+
+
+def check_writable(file: str | Path) -> None:
+    """Require a name under which a file can be written, before its content is computed.
+
+    Raises:
+        InputError: no file name at all, that of a folder or device, or one in a folder that is not there or not
+            writeable.
+    """
+    path = file_path(file)
+    try:
+        _refuse_to_replace(path)
+        tempfile.TemporaryFile(dir=resolved_path(path).parent).close()
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _refuse_to_replace(path: Path) -> None:
+    """Reject a folder, a FIFO or a device, because renaming would replace it."""
+    if path.exists() and not path.is_file():
+        kind = _KINDS.get(stat.S_IFMT(path.stat().st_mode), "special file")
+        raise InputError(f"cannot write {path}: it is a {kind}, expected a regular file or a new name")
+
+
+def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
+    """Write a file atomically and return its path.
+
+    Raises:
+        InputError: no file name at all, a folder's or a device's, or the folder is not there or not writeable; an old
+            file is left as it was.
+    """
+    path = file_path(file)
+    target = resolved_path(path)
+    try:
+        _refuse_to_replace(path)
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".rr1plan.", suffix=".tmp")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        Path(temporary).chmod(_new_file_mode(target))
+        Path(temporary).replace(target)
+    except BaseException as error:
+        Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise InputError(f"cannot write {path}: {error.strerror}") from error
+        raise
+    return path
+
+
+def _new_file_mode(path: Path) -> int:
+    """The mode of the replaced file, or the default of the umask (a temporary file has 0600)."""
+    if path.exists():
+        return path.stat().st_mode & 0o777
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask

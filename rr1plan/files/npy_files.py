@@ -1,0 +1,57 @@
+"""Arrays in NumPy's formats, .npy and .npz, with bounded size and a uniform error for damaged data.
+
+Damaged data makes numpy and zipfile raise many types of errors, which are listed here.
+"""
+
+from __future__ import annotations
+
+import io
+import tokenize
+import zipfile
+import zlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.files.file_access import MAX_BYTES
+
+Arrays = dict[str, NDArray[Any]]
+
+# Besides ValueError, which numpy raises for most: no zip archive or a damaged one (BadZipFile), damaged compression
+# (zlib.error), an archive that was cut off (EOFError), encrypted or compressed in an unknown way (RuntimeError, with
+# its kind NotImplementedError), a header that is no Python literal (TokenError, SyntaxError), a header with other
+# entries (LookupError, TypeError), a shape larger than the memory (MemoryError, OverflowError).
+_DAMAGED = (
+    zipfile.BadZipFile, zlib.error, EOFError, RuntimeError,
+    tokenize.TokenError, SyntaxError, LookupError, TypeError, MemoryError, OverflowError,
+)  # fmt: skip
+
+
+def parse_array(data: bytes) -> NDArray[Any]:
+    """The array of a .npy file.
+
+    Raises:
+        ValueError: the data is something else, damaged, or holds Python objects.
+    """
+    try:
+        array = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+    except _DAMAGED as error:
+        raise ValueError(f"damaged array: {error}") from error
+    return np.asarray(array)
+
+
+def parse_archive(data: bytes) -> Arrays:
+    """The arrays of a .npz file by name.
+
+    Raises:
+        ValueError: the data is something else, damaged, holds Python objects, or is larger than 256 MiB unpacked.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > MAX_BYTES:
+                raise ValueError(f"larger than {MAX_BYTES} bytes unpacked, the most that is read")
+            entries = {entry.filename: archive.read(entry) for entry in archive.infolist()}
+    except _DAMAGED as error:
+        raise ValueError(f"damaged archive: {error}") from error
+    return {name.removesuffix(".npy"): parse_array(entry) for name, entry in entries.items()}

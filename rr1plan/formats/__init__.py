@@ -1,1 +1,0 @@
-"""Files in, values out: robots, meshes, scenes and plans."""

@@ -1,0 +1,43 @@
+// Solids that do not move: of obstacles and of links, in the frames of the objects they belong to, and where those are.
+#ifndef RR1_FIXED_SOLIDS_H
+#define RR1_FIXED_SOLIDS_H
+
+#include "arm_geometry.h"
+#include "obstacle_tables.h"
+
+typedef struct {
+    double values[16];  // row by row
+} Transform;
+
+typedef struct {
+    int64_t object;
+    int64_t body;         // row of the exact kernel's tables, -1: a link, whose row is the arm's
+    int64_t place;        // in `ObstacleTables`, -1: nothing that moves is checked against it
+    int64_t core;         // as there
+    int64_t first_point;  // of `points`, if it has a core; -1: that is in place and stays there
+    int64_t first_block;  // of `blocks`
+    int64_t kind;         // as in `ObstacleKind`
+    int64_t is_exact;
+} FixedSolid;
+
+// What a solid is, in its own frame.
+typedef struct {
+    double ball_center[3];  // of the ball around it
+    double bounds[12];      // from `ball_radius` on as in `ExactShape`
+    double half[3];         // as in `ObstacleShape`
+    double radius;
+    double middle[3];  // as in `CoreShape`
+    double reach;
+} SolidShape;
+
+typedef struct {
+    int64_t count;
+    const FixedSolid *solids;
+    const SolidShape *shapes;
+    const Transform *frames;  // of solids in those of their objects
+    Transform *objects;       // in the world
+    const Point *points;      // of cores, in the frames of their solids
+    const PointBlock *blocks;
+} FixedSolids;
+
+#endif

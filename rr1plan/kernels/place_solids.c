@@ -1,0 +1,167 @@
+// Solids that do not move are put where their objects are: once for a scene, and again when an object has been moved.
+#include "fixed_solids.h"
+#include "scene_tables.h"
+#include "support_table.h"
+
+static void placed_point(const Pose *at, const double p[3], double out[3]) {
+    for (int r = 0; r < 3; r++) {
+        const double *R = at->rotation + 3 * r;
+        out[r] = R[0] * p[0] + R[1] * p[1] + R[2] * p[2] + at->origin[r];
+    }
+}
+
+static Pose pose_of(const FixedSolids *fixed, int64_t i) {
+    const double *A = fixed->objects[fixed->solids[i].object].values, *B = fixed->frames[i].values;
+    Pose at;
+    for (int r = 0; r < 3; r++, A += 4) {
+        for (int c = 0; c < 3; c++) at.rotation[3 * r + c] = A[0] * B[c] + A[1] * B[4 + c] + A[2] * B[8 + c];
+        at.origin[r] = A[0] * B[3] + A[1] * B[7] + A[2] * B[11] + A[3];
+    }
+    return at;
+}
+
+static void set_body(const SolidShape *shape, const Pose *at, ExactShape *row, Pose *pose, ExactPoint *center) {
+    for (int k = 0; k < 9; k++) row->rotation[k] = at->rotation[k];
+    for (int k = 0; k < 3; k++) row->origin[k] = at->origin[k];
+    placed_point(at, shape->ball_center, row->ball_center);
+    for (int k = 0; k < 12; k++) (&row->ball_radius)[k] = shape->bounds[k];
+    *pose = *at;
+    *center = (ExactPoint){row->ball_center[0], row->ball_center[1], row->ball_center[2]};
+}
+
+// Low x, y, z, high x, y, z of the box around a solid, `stride` numbers apart.
+static void set_shape(
+    const FixedSolid *solid, const SolidShape *shape, const Pose *at, ObstacleShape *row, double *box, int64_t stride
+) {
+    const double *box_center = shape->bounds + 2, *box_half = shape->bounds + 5, *normal = shape->bounds + 8;
+    if (solid->kind == OBSTACLE_HALF_SPACE) {
+        double height = shape->bounds[11];
+        *row = (ObstacleShape){.low = -INFINITY};
+        for (int r = 0; r < 3; r++) {
+            const double *R = at->rotation + 3 * r;
+            row->rotation[3 * r + 2] = R[0] * normal[0] + R[1] * normal[1] + R[2] * normal[2];
+            height += row->rotation[3 * r + 2] * at->origin[r];
+        }
+        for (int k = 0; k < 3; k++) {
+            row->center[k] = height * row->rotation[3 * k + 2];
+            box[k * stride] = -INFINITY;
+            box[(3 + k) * stride] = INFINITY;
+        }
+        // Where the normal lies along an axis, the box ends at the plane.
+        for (int k = 0; k < 3; k++) {
+            double along = row->rotation[3 * k + 2];
+            if (row->rotation[3 * ((k + 1) % 3) + 2] != 0.0 || row->rotation[3 * ((k + 2) % 3) + 2] != 0.0) continue;
+            box[(along > 0.0 ? 3 + k : k) * stride] = height / along;
+        }
+        return;
+    }
+    for (int k = 0; k < 9; k++) row->rotation[k] = at->rotation[k];
+    placed_point(at, box_center, row->center);
+    const double *half = solid->is_exact ? shape->half : box_half;
+    for (int k = 0; k < 3; k++) row->half[k] = half[k];
+    row->radius = shape->radius;
+    row->low = -half[2];
+    for (int k = 0; k < 3; k++) {
+        const double *R = at->rotation + 3 * k;
+        double extent = abs_number(R[0]) * box_half[0] + abs_number(R[1]) * box_half[1] + abs_number(R[2]) * box_half[2];
+        box[k * stride] = row->center[k] - extent;
+        box[(3 + k) * stride] = row->center[k] + extent;
+    }
+}
+
+static void set_core(
+    const FixedSolids *fixed, int64_t i, const Pose *at, const CoreRange *core, CoreShape *shape, Point *points,
+    PointBlock *blocks
+) {
+    const FixedSolid *solid = &fixed->solids[i];
+    placed_point(at, fixed->shapes[i].middle, shape->middle);
+    shape->radius = 0.0;
+    shape->reach = fixed->shapes[i].reach;
+    for (int k = 0; k < 9; k++) shape->axes[k] = at->rotation[k];
+    int64_t count = core->last_point - core->first_point;
+    for (int64_t k = 0; k < count; k++) {
+        placed_point(at, &fixed->points[solid->first_point + k].x, &points[core->first_point + k].x);
+    }
+    double largest = max_number(max_number(abs_number(at->origin[0]), abs_number(at->origin[1])), abs_number(at->origin[2]));
+    for (int64_t k = 0; k < (count + BLOCK_POINTS - 1) / BLOCK_POINTS; k++) {
+        const PointBlock *block = &fixed->blocks[solid->first_block + k];
+        placed_point(at, block->center, blocks[core->first_block + k].center);
+        // The rounding of a product with a rotation and a sum.
+        blocks[core->first_block + k].radius = block->radius + 1e-14 * (1.0 + largest);
+    }
+}
+
+// The exact kernel's rows of all solids that have one: `placed` and `centers` are of its scratch memory.
+EXPORT void rr1_place_bodies(const FixedSolids *fixed, ExactShape *shapes, Pose *placed, ExactPoint *centers) {
+    for (int64_t i = 0; i < fixed->count; i++) {
+        int64_t b = fixed->solids[i].body;
+        Pose at = pose_of(fixed, i);
+        if (b >= 0) set_body(&fixed->shapes[i], &at, &shapes[b], &placed[b], &centers[b]);
+    }
+}
+
+// The rows of all solids that have a place in tables of `count` obstacles, and their boxes.
+EXPORT void rr1_place_shapes(const FixedSolids *fixed, ObstacleShape *shapes, double *boxes, int64_t count) {
+    for (int64_t i = 0; i < fixed->count; i++) {
+        const FixedSolid *solid = &fixed->solids[i];
+        Pose at = pose_of(fixed, i);
+        if (solid->place < 0) continue;
+        set_shape(solid, &fixed->shapes[i], &at, &shapes[solid->place], &boxes[solid->place], count);
+    }
+}
+
+// The cores of all solids that have one.
+EXPORT void rr1_place_cores(
+    const FixedSolids *fixed, const CoreRange *cores, CoreShape *shapes, Point *points, PointBlock *blocks
+) {
+    for (int64_t i = 0; i < fixed->count; i++) {
+        int64_t core = fixed->solids[i].core;
+        Pose at = pose_of(fixed, i);
+        if (core >= 0 && fixed->solids[i].first_point >= 0) set_core(fixed, i, &at, &cores[core], &shapes[core], points, blocks);
+    }
+}
+
+// What rounding may take from a gap to obstacles as far out as these [m].
+EXPORT double rr1_obstacle_rounding(const ObstacleShape *shapes, int64_t count) {
+    double largest = 0.0;
+    for (int64_t o = 0; o < count; o++) {
+        const ObstacleShape *row = &shapes[o];
+        for (int k = 0; k < 9; k++) largest = max_number(largest, abs_number(row->rotation[k]));
+        for (int k = 0; k < 3; k++) largest = max_number(largest, abs_number(row->center[k]));
+        for (int k = 0; k < 3; k++) largest = max_number(largest, row->half[k]);
+        largest = max_number(largest, row->radius);
+    }
+    return 1e-12 * largest;
+}
+
+// Move an object: the tables and the scratch memory are as if they had been made with it at the pose, shape (4, 4).
+EXPORT void rr1_move_object(SceneTables *scene, Scratch *scratch, int64_t object, const double *pose) {
+    const FixedSolids *fixed = scene->fixed;
+    const ObstacleTables *obstacles = scene->obstacles;
+    const ArmGeometry *arm = scene->arm;
+    ExactScratch *exact = scratch->exact;
+    for (int k = 0; k < 16; k++) fixed->objects[object].values[k] = pose[k];
+    for (int64_t i = 0; i < fixed->count; i++) {
+        const FixedSolid *solid = &fixed->solids[i];
+        if (solid->object != object) continue;
+        Pose at = pose_of(fixed, i);
+        if (solid->body >= 0) {
+            int64_t b = solid->body;
+            set_body(
+                &fixed->shapes[i], &at, (ExactShape *)&scene->exact->shapes[b], &exact->poses[b], &exact->centers[b]
+            );
+        }
+        if (solid->place >= 0) {
+            int64_t o = solid->place;
+            ObstacleShape *row = (ObstacleShape *)&obstacles->shapes[o];
+            set_shape(solid, &fixed->shapes[i], &at, row, (double *)&obstacles->boxes[o], obstacles->count);
+        }
+        if (solid->core >= 0) {
+            CoreShape *shape = (CoreShape *)&arm->core_shapes[solid->core];
+            set_core(
+                fixed, i, &at, &arm->cores[solid->core], shape, (Point *)arm->points, (PointBlock *)arm->blocks
+            );
+        }
+    }
+    scene->margin = scene->bare_margin + rr1_obstacle_rounding(obstacles->shapes, obstacles->count);
+}

@@ -1,0 +1,211 @@
+"""Resumable multi-start search for inverse kinematics solutions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+from rr1plan.checks import Array, positive_number, read_only
+from rr1plan.kernels.planner_kernels import CStruct, load_library
+from rr1plan.kernels.random_state import RandomState
+from rr1plan.model.ik_descent import Target, descend, errors_at
+from rr1plan.model.joint_turns import rotary
+from rr1plan.model.kinematic_chain import Chain
+from rr1plan.robot import Robot
+from rr1plan.scene.problem import PoseGoal, RegionGoal
+from rr1plan.transforms import rotation_from_quaternion
+
+# Share of the goal's tolerance that solutions use, and the share of a second search. Both leave room for the
+# rounding errors of other implementations of forward kinematics.
+_SHARE, _WHOLE = 0.9, 1.0 - 1e-6
+# A second search runs if the error of a descent is below this multiple of the tolerance.
+_NEAR = 2.0
+# Distance from the faces of a region, and position tolerance of a flat region [m].
+_REGION_MARGIN, _REGION_TOLERANCE = 1e-6, 1e-9
+_DISTINCT, _DISTINCT_REDUNDANT = 1e-3, 0.2
+# Starts between two returns to Python, e.g. for Ctrl-C.
+_CHUNK = 256
+_CAPACITY = 16
+
+
+def _target_of(goal: PoseGoal | RegionGoal) -> Target:
+    """The target of a goal's frame."""
+    if isinstance(goal, PoseGoal):
+        return Target(goal.position, goal.position, goal.rotation)
+    rotation = None if goal.quaternion is None else rotation_from_quaternion(goal.quaternion)
+    margin = np.minimum(_REGION_MARGIN, 0.25 * (goal.upper - goal.lower))
+    return Target(goal.lower + margin, goal.upper - margin, rotation)
+
+
+class IkSearch:
+    """Descents from seeds, then from random starts.
+
+    Args:
+        chain: Moves the frame.
+        robot: Whose joints these are.
+        goal: Where the frame has to get.
+        seeds: Where to start first, within the limits, shape (k, nq), k >= 1. Of all copies of a solution that are
+            whole turns apart the nearest to the first seed counts.
+        state: Of the random numbers; it advances.
+        separation: Solutions count as distinct from this difference in some joint on [rad or m]; None: 0.001, and 0.2
+            where the arm has more joints than the goal needs.
+
+    Attributes:
+        target: Target of the frame.
+        accepted: Accepted solutions so far.
+        rejected: Rejected solutions so far.
+
+    Raises:
+        InputError: a separation that is not above zero.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        robot: Robot,
+        goal: PoseGoal | RegionGoal,
+        seeds: Array,
+        state: RandomState,
+        separation: float | None = None,
+    ) -> None:
+        self.chain, self.robot, self.target = chain, robot, _target_of(goal)
+        self.accepted: list[Array] = []
+        self.rejected: list[Array] = []
+        if separation is None:
+            fixed = int((self.target.lower == self.target.upper).sum()) + 3 * (self.target.rotation is not None)
+            separation = _DISTINCT_REDUNDANT if robot.nq > fixed else _DISTINCT
+        tolerance = goal.position_tolerance if isinstance(goal, PoseGoal) else _REGION_TOLERANCE
+        self._whole = _WHOLE * tolerance, _WHOLE * goal.orientation_tolerance
+        self.position_tolerance = _SHARE * tolerance
+        self.orientation_tolerance = _SHARE * goal.orientation_tolerance
+        self._state, self._seeds = state, seeds
+        self._solutions, self._nearest = np.empty((_CAPACITY, robot.nq)), seeds[0].copy()
+        lower, upper, corner, extent, wraps = _joint_rows(robot)
+        self._struct = CStruct(
+            "IkSearch",
+            chain=chain.struct,
+            target=self.target.struct,
+            lower=lower,
+            upper=upper,
+            corner=corner,
+            extent=extent,
+            wraps=wraps,
+            preferred=seeds[0],
+            seeds=seeds,
+            seed_count=len(seeds),
+            column_count=robot.nq,
+            position_tolerance=self.position_tolerance,
+            orientation_tolerance=self.orientation_tolerance,
+            separation=positive_number("separation", separation),
+            solutions=self._solutions,
+            nearest=self._nearest,
+            nearest_squared=np.inf,
+            memory=np.empty(robot.nq + load_library().rr1_descent_memory(robot.nq)),
+        )
+        self._last = self._tried_before = 0
+        self._is_widened = False
+
+    @property
+    def tried(self) -> int:
+        """Starts so far."""
+        starts: int = self._struct.value.starts
+        return self._tried_before + starts
+
+    def nearest(self) -> Array:
+        """The configuration within the limits with the smallest error so far, shape (nq,)."""
+        limits = self.robot.limits
+        # The search stops slow descents early, so this one is completed.
+        return descend(self.chain, self.target, self._nearest, limits.lower, limits.upper)[0]
+
+    def is_reached(self, q: Array) -> bool:
+        """Whether the frame is within the goal's tolerances at q (nq,)."""
+        position, orientation = errors_at(self.chain, self.target, q)
+        return position <= self.position_tolerance and orientation <= self.orientation_tolerance
+
+    def collect(
+        self,
+        attempts: int,
+        accept: Callable[[Array], bool] | None = None,
+        most: int | None = None,
+        patience: int | None = None,
+    ) -> list[Array]:
+        """Continue for `attempts` starts and return the new accepted solutions.
+
+        If no start has ever reached nine tenths of the tolerance but one came close, as many further starts
+        use the whole tolerance, with a copy of the random state.
+
+        Args:
+            attempts: Number of starts.
+            accept: See `solve_ik`.
+            most: Most accepted solutions.
+            patience: See `solve_ik`.
+        """
+        found = self._collect(attempts, accept, most, patience)
+        if not (self.accepted or self.rejected or self._is_widened) and self._came_near():
+            self._widen()
+            found = self._collect(attempts, accept, most, patience)
+        return found
+
+    def _came_near(self) -> bool:
+        """Whether a descent ended so close to the goal that the whole tolerance may suffice."""
+        position, orientation = self._whole
+        weight = self.target.struct.value.weight
+        near: bool = self._struct.value.nearest_squared <= _NEAR**2 * (position**2 + (weight * orientation) ** 2)
+        return near
+
+    def _widen(self) -> None:
+        """Restart with the whole tolerance, first from the configuration with the smallest error."""
+        self.position_tolerance, self.orientation_tolerance = self._whole
+        self._is_widened, self._tried_before, self._state = True, self.tried, self._state.copy()
+        seeds = np.vstack([self.nearest(), self._seeds])
+        self._struct.set(
+            seeds=seeds,
+            seed_count=len(seeds),
+            starts=0,
+            position_tolerance=self.position_tolerance,
+            orientation_tolerance=self.orientation_tolerance,
+        )
+
+    def _collect(
+        self, attempts: int, accept: Callable[[Array], bool] | None, most: int | None, patience: int | None
+    ) -> list[Array]:
+        begin, self._last = len(self.accepted), self.tried
+        end = self.tried + attempts
+        while len(self.accepted) - begin < (most or np.inf):
+            stop = min(end, self._last + patience) if patience and self.accepted else end
+            if self.tried >= stop:
+                break
+            q = self._advance(min(stop, self.tried + _CHUNK))
+            if q is None:
+                continue
+            if accept is None or accept(q.copy()):
+                self.accepted.append(q)
+                self._last = self.tried
+            else:
+                self.rejected.append(q)
+        return self.accepted[begin:]
+
+    def _advance(self, starts: int) -> Array | None:
+        """The next solution, or None after `starts` starts in all."""
+        count = self._struct.value.solution_count
+        if count == len(self._solutions):
+            self._solutions = np.concatenate([self._solutions, np.empty_like(self._solutions)])
+            self._struct.set(solutions=self._solutions)
+        found = load_library().rr1_search_ik(self._struct, self._state, starts - self._tried_before)
+        return self._solutions[count].copy() if found else None
+
+
+def sampling_box(robot: Robot) -> tuple[Array, Array]:
+    """Bounds of random starts: the limits, or one turn for joints without limits."""
+    lower, upper = robot.limits.lower, robot.limits.upper
+    return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
+
+
+@lru_cache(maxsize=64)
+def _joint_rows(robot: Robot) -> Array:
+    """Rows lower, upper (limits), corner, extent (box of random starts), wraps (equal modulo 2 pi), shape (5, nq)."""
+    corner, end = sampling_box(robot)
+    limits = robot.limits
+    return read_only(np.array([limits.lower, limits.upper, corner, end - corner, rotary(robot)]))

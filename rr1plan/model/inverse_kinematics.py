@@ -1,0 +1,217 @@
+"""Multi-start numerical inverse kinematics: all distinct solutions of a goal.
+
+A descent within the joint limits runs from each start (the seeds first, then random ones); solutions that
+are equal modulo whole turns count once. The method needs no closed form and covers mimic joints,
+redundant arms and position-only goals. It is not complete: solutions close to a limit can be missed; more
+`attempts` miss fewer.
+
+The search is compiled (`inverse_kinematics.c`): a start takes about ten microseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import (
+    DEGREES,
+    Array,
+    Seed,
+    Value,
+    as_seed,
+    check_callback,
+    counted,
+    finite_array,
+    of_kind,
+    read_only,
+    shape_of,
+    whole_number,
+)
+from rr1plan.errors import InputError
+from rr1plan.kernels.random_state import random_state
+from rr1plan.model.forward_kinematics import Kinematics
+from rr1plan.model.ik_descent import Target, descend, errors_at, position_at
+from rr1plan.model.ik_search import IkSearch, sampling_box
+from rr1plan.model.joint_turns import nearest_copy
+from rr1plan.model.kinematic_chain import chain_of
+from rr1plan.robot import Robot
+from rr1plan.scene.problem import PoseGoal, RegionGoal
+
+_UNLIMITED_STARTS, _POSITION_STARTS = 20, 10
+_MOST_STARTS = 10_000_000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IkResult(Value):
+    """Result of inverse kinematics.
+
+    Args:
+        solutions: Distinct configurations within the limits, nearest to the first seed first, shape (k, nq).
+            Of copies modulo whole turns, the nearest to the first seed; `copies_within_limits` gives the others.
+        reason: Why there is no solution; empty if there is one.
+        attempts: Number of starts.
+        rejected: Number of distinct solutions that `accept` rejected.
+        nearest: The configuration within the limits with the smallest pose error, shape (nq,).
+        position_error: Position error there [m].
+        orientation_error: Orientation error there [rad].
+    """
+
+    solutions: Array
+    reason: str
+    attempts: int
+    rejected: int
+    nearest: Array
+    position_error: float
+    orientation_error: float
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a solution."""
+        return len(self.solutions) > 0
+
+    def __bool__(self) -> bool:
+        """The same as `found`."""
+        return self.found
+
+
+def solve_ik(
+    kinematics: Kinematics,
+    goal: PoseGoal | RegionGoal,
+    *,
+    seeds: ArrayLike | None = None,
+    accept: Callable[[Array], bool] | None = None,
+    attempts: int = 200,
+    max_solutions: int | None = None,
+    patience: int | None = None,
+    rng: Seed = None,
+) -> IkResult:
+    """Every distinct configuration found that brings a frame of an arm to its goal.
+
+    Solutions count as distinct from a difference of 0.001 rad (or m) in some joint on, of 0.2 where the arm has more
+    joints than the goal needs and solutions form a continuum. They use at most nine tenths of the goal's tolerance.
+    Where there is none, but a descent came near, a second attempt uses all of it.
+
+    Args:
+        kinematics: Of one moving arm: of its scene, of the robot alone, or `kinematics.for_arm(name)` of several.
+        goal: A position, a full pose, or a box for the frame's origin. A random start aims at a
+            random point of the box, a seed at the nearest.
+        seeds: Where to start first [rad or m], shape (nq,) or (k, nq), clipped to the limits
+            (default: the arm's configuration in the scene).
+        accept: Called with each distinct solution (nq,); False rejects it, e.g. one that is in collision.
+        attempts: Starts in all, seeds included; of a second attempt as many again.
+        max_solutions: Stop after so many accepted ones (default: all that are found).
+        patience: Stop after so many starts in a row that led to no other accepted one, once there is one (default:
+            never).
+        rng: Generator or seed of the random starts; the same seed gives the same answer.
+
+    Raises:
+        UnknownNameError: no such frame.
+        InputError: several arms, a goal of another kind, or numbers that make no sense.
+    """
+    of_kind("kinematics", kinematics, Kinematics)
+    own = kinematics.for_arm()
+    if not isinstance(goal, PoseGoal | RegionGoal):
+        raise InputError(f"goal is a {type(goal).__name__}, expected a PoseGoal or a RegionGoal")
+    link = own.frame(goal.frame)
+    for name, number in (("attempts", attempts), ("max_solutions", max_solutions), ("patience", patience)):
+        if number is not None or name == "attempts":
+            whole_number(name, number, 1, _MOST_STARTS)
+    check_callback("accept", accept)
+    robot = own.scene.arms[own.arms[0]].robot
+    starts = _seeds(own, robot, seeds)
+    chain = chain_of(own.scene_model.arm_model, link)
+    search = IkSearch(chain, robot, goal, starts, random_state(as_seed(rng)))
+    solutions = np.array(search.collect(attempts, accept, max_solutions, patience)).reshape(-1, robot.nq)
+    order = np.argsort(np.linalg.norm(solutions - starts[0], axis=1), kind="stable")
+    reason = "" if len(solutions) else why_none(search, link)
+    nearest = search.nearest()
+    return IkResult(
+        read_only(solutions[order]),
+        reason,
+        search.tried,
+        len(search.rejected),
+        read_only(nearest),
+        *errors_at(chain, search.target, nearest),
+    )
+
+
+def why_none(search: IkSearch, link: str) -> str:
+    """Why a search has no accepted solution.
+
+    Args:
+        search: The search.
+        link: Name of its frame for the message.
+    """
+    tried = f"({counted(search.tried, 'start')})"
+    if search.rejected:
+        found = counted(len(search.rejected), "configuration")
+        return f"{link} reaches the goal in {found}, none of them accepted {tried}"
+    rng, nearest = np.random.default_rng(search.tried), search.nearest()
+    outside = _outside_limits(search, nearest, rng)
+    if outside:
+        return f"{link} reaches the goal only outside the joint limits: {outside} {tried}"
+    position, orientation = errors_at(search.chain, search.target, nearest)
+    at = ", ".join(f"{value:.4g}" for value in position_at(search.chain, nearest))
+    miss = f"the goal is out of reach of {link}: the nearest it gets is {position:.4g} m away, at [{at}]"
+    if search.target.rotation is None:
+        return f"{miss} {tried}"
+    alone = "can" if _position_alone(search, nearest, rng) else "cannot"
+    return f"{miss}, turned by {orientation:.4g} rad; the position alone {alone} be reached {tried}"
+
+
+def _outside_limits(search: IkSearch, nearest: Array, rng: np.random.Generator) -> str:
+    """Message about the least excess of joint limits that reaches the goal; empty if it cannot be reached."""
+    robot, limits = search.robot, search.robot.limits
+    lower, upper = sampling_box(robot)
+    free = np.full(robot.nq, np.inf)
+    best, least = None, np.inf
+    for i in range(_UNLIMITED_STARTS):
+        start = nearest if i == 0 else rng.uniform(lower, upper)
+        q, _ = descend(search.chain, search.target, start, -free, free)
+        q = nearest_copy(robot, q, nearest)
+        over = float(np.maximum(limits.lower - q, q - limits.upper).clip(0.0).max(initial=0.0))
+        if over < least and search.is_reached(q):
+            best, least = q, over
+    if best is None:
+        return ""
+    return describe_excess(robot, best)
+
+
+def _position_alone(search: IkSearch, nearest: Array, rng: np.random.Generator) -> bool:
+    limits = search.robot.limits
+    aim = Target(search.target.lower, search.target.upper, None)
+    lower, upper = sampling_box(search.robot)
+    for i in range(_POSITION_STARTS):
+        start = nearest if i == 0 else rng.uniform(lower, upper)
+        _, square = descend(search.chain, aim, start, limits.lower, limits.upper)
+        if square <= search.position_tolerance**2:
+            return True
+    return False
+
+
+def describe_excess(robot: Robot, q: Array) -> str:
+    """Message about the joints of q that are out of limits; empty if none is."""
+    limits = robot.limits
+    if (q >= limits.lower).all() and (q <= limits.upper).all():
+        return ""
+    parts, degrees = [], False
+    for j, name in enumerate(robot.joint_names):
+        over = max(limits.lower[j] - q[j], q[j] - limits.upper[j])
+        if over > 0.0:
+            unit = "m" if robot.joint(name).kind == "prismatic" else "rad"
+            bounds = f"[{limits.lower[j]:.6g}, {limits.upper[j]:.6g}]"
+            parts.append(f"joint {name!r} at {q[j]:.6g} {unit}, outside {bounds} by {over:.3g} {unit}")
+            degrees |= unit == "rad" and over > np.pi
+    return "; ".join(parts) + (f" {DEGREES}" if degrees else "")
+
+
+def _seeds(kinematics: Kinematics, robot: Robot, seeds: ArrayLike | None) -> Array:
+    """Starts (k, nq) within the limits, k >= 1."""
+    shape = shape_of(seeds)
+    if seeds is None or (len(shape) > 0 and shape[0] == 0):
+        seeds = kinematics.scene.arms[kinematics.arms[0]].q
+    rows = np.atleast_2d(finite_array("seeds", seeds, (None, robot.nq) if len(shape) == 2 else (robot.nq,)))
+    return np.clip(rows, robot.limits.lower, robot.limits.upper)

@@ -1,0 +1,149 @@
+"""Search spaces: joint limits, and the treatment of continuous joints.
+
+The compiled planners wrap continuous joints (`rrt_connect.c`). For other planners these joints are unrolled: real
+intervals of two and a half turns around the start, with all copies of a goal within one turn. In both cases
+a path may cross half a turn, goes the shorter way round if that is free, and consists of the straight lines that
+were certified.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, read_only
+from rr1plan.errors import InputError
+from rr1plan.model.joint_turns import rotary
+from rr1plan.robot import Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene.problem import Problem
+
+_WINDOW = 2.5 * np.pi  # half the width of the interval of an unrolled joint [rad]
+_MOST_GOALS = 64  # most goals including copies
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """Bounds and topology of all columns of q.
+
+    Args:
+        lower, upper: Bounds [rad or m], infinite for columns that wrap, shape (nq,).
+        wraps: Columns without limits that are equivalent modulo 2 pi, shape (nq,).
+        continuous: Columns without limits, shape (nq,). A continuous joint that a mimic joint follows by half turns
+            does not wrap.
+    """
+
+    lower: Array
+    upper: Array
+    wraps: NDArray[np.bool_]
+    continuous: NDArray[np.bool_]
+
+    @staticmethod
+    def around(problem: Problem, goals: Array) -> Space:
+        """The joints' limits.
+
+        Raises:
+            InputError: a joint without limits that is not continuous.
+        """
+        space = joint_space(problem)
+        return space._widened(problem, goals, unrolled=space.continuous & ~space.wraps)
+
+    @staticmethod
+    def unrolled(problem: Problem, goals: Array) -> Space:
+        """The joints' limits, continuous joints as plain numbers around the start.
+
+        Raises:
+            InputError: a joint without limits that is not continuous.
+        """
+        space = joint_space(problem)
+        return space._widened(problem, goals, unrolled=space.continuous)
+
+    def _widened(self, problem: Problem, goals: Array, unrolled: NDArray[np.bool_]) -> Space:
+        start, wraps = problem.start, self.wraps & ~unrolled
+        lower = np.where(unrolled, start - _WINDOW, self.lower)
+        upper = np.where(unrolled, start + _WINDOW, self.upper)
+        endless = ~np.isfinite(upper - lower) & ~wraps
+        if endless.any():
+            name = problem.joint_names[int(np.argmax(endless))]
+            raise InputError(f"joint {name!r} has no position limits, expected finite ones")
+        # The start and goals satisfy the limits up to rounding; a planner requires them exactly.
+        lower = np.minimum(lower, np.minimum(start, goals.min(axis=0)))
+        upper = np.maximum(upper, np.maximum(start, goals.max(axis=0)))
+        return Space(lower, upper, wraps, self.continuous)
+
+    @cached_property
+    def extent(self) -> Array:
+        """Width of each column [rad or m], infinite for columns that wrap, shape (nq,)."""
+        return self.upper - self.lower
+
+    @cached_property
+    def movable(self) -> NDArray[np.bool_]:
+        """Which columns can move, shape (nq,)."""
+        return self.lower < self.upper
+
+    @cached_property
+    def can_move(self) -> bool:
+        """Whether any column can move."""
+        return bool(self.movable.any())
+
+    @cached_property
+    def is_shared(self) -> bool:
+        """Whether all columns have limits or wrap, so that the bounds do not depend on the start."""
+        return bool((np.isfinite(self.extent) | self.wraps).all())
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Length of the space's diagonal [rad], with 2 pi for a continuous joint."""
+        extents = np.where(self.continuous, 2.0 * np.pi, self.extent)
+        return float(np.sqrt(extents.dot(extents)))
+
+    def reduce(self, q: Array) -> Array:
+        """The movable columns of q."""
+        return np.asarray(q[..., self.movable])
+
+    def whole(self, q: Array, still: Array) -> Array:
+        """All columns from the movable ones; the others are taken from `still`, shape (nq,)."""
+        if len(still) == q.shape[-1]:
+            return q
+        full = np.broadcast_to(still, (*q.shape[:-1], len(still))).copy()
+        full[..., self.movable] = q
+        return full
+
+
+def joint_space(problem: Problem) -> Space:
+    """Joint limits of a problem's columns; cached for all scenes with the same robots."""
+    arms = problem.scene.arms
+    return _joint_space(tuple([arms[name].robot for name in problem.arms]))
+
+
+@lru_cache(maxsize=64)
+def _joint_space(robots: tuple[Robot, ...]) -> Space:
+    limits = Limits.stack([robot.limits for robot in robots])
+    continuous = np.concatenate([robot.continuous for robot in robots]) > 0.0
+    wraps = continuous & np.concatenate([rotary(robot) for robot in robots])
+    return Space(limits.lower, limits.upper, wraps, continuous)
+
+
+def with_copies(problem: Problem, goals: Array) -> Array:
+    """Goals and their copies one turn away in joints that wrap, nearest to the start first, shape (k, nq)."""
+    space = joint_space(problem)
+    turns = np.where(goals > problem.start, -2.0 * np.pi, 2.0 * np.pi)
+    chosen = _choices(tuple(np.flatnonzero(space.wraps).tolist()), len(problem.start))
+    copies = (goals + chosen[:, None] * turns).reshape(-1, len(problem.start))[: 16 * _MOST_GOALS]
+    far = np.linalg.norm(copies - problem.start, axis=1)
+    return copies[np.argsort(far, kind="stable")[:_MOST_GOALS]]
+
+
+@lru_cache(maxsize=64)
+def _choices(joints: tuple[int, ...], nq: int) -> Array:
+    """Indicator rows of subsets of joints, by ascending size, shape (k, nq)."""
+    sets = (chosen for count in range(len(joints) + 1) for chosen in itertools.combinations(joints, count))
+    some = list(itertools.islice(sets, 16 * _MOST_GOALS))
+    choices = np.zeros((len(some), nq))
+    for row, chosen in zip(choices, some, strict=True):
+        row[list(chosen)] = 1.0
+    return read_only(choices)

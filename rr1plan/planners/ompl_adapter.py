@@ -1,0 +1,294 @@
+"""The only module that imports OMPL: arrays in, arrays out; no OMPL object outlives the call.
+
+OMPL does not validate its input (it reads invalid numbers as memory, and reports NaN as solved), so all
+arguments are validated here. No exception crosses its C++ code: callbacks store the exception and stop
+the search, and it is raised again outside. Budgets are counted in the termination condition, which
+makes a search reproducible; the clock is read there and in every edge check.
+
+OMPL's PRM searches in a second thread, in which any exception terminates the process, and its roadmap
+differs from run to run. Here OMPL only grows the roadmap, in the calling thread, and Dijkstra's algorithm
+finds the path on it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import ompl.base as ob
+import ompl.geometric as og
+import ompl.util as ou
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from rr1plan.checks import Array, finite_number, known_name
+from rr1plan.errors import BackendError, InputError
+from rr1plan.planners.ompl_query import Answer, Question, Watch, interrupts_kept
+from rr1plan.planning import SearchTree
+
+# A path longer than the straight line by at most this share counts as optimal. Without it informed
+# samplers sample an ellipsoid of zero volume forever.
+_OPTIMAL = 1e-3
+_FIRST_ROADMAP, _ROADMAP_GROWTH = 100, 1.3  # termination checks between two queries of a roadmap
+_EXPANSION = 4  # checks for growing the roadmap per check for expanding it in narrow passages
+_NOT_SETTINGS = {"setProblemDefinition", "setName", "setProjectionEvaluator", "setDefaultConnectionStrategy"}
+
+
+def setting_names(planner: str) -> tuple[str, ...]:
+    """Settings of a planner, by OMPL's names."""
+    setters = [n for n in dir(getattr(og, planner)) if n.startswith("set") and n[3:4].isupper()]
+    without = _NOT_SETTINGS | ({"setExtendedFMT"} if planner == "BFMT" else set())
+    return tuple(sorted(_snake_case(name[3:]) for name in setters if name not in without))
+
+
+def solve(
+    planner: str, question: Question, watch: Watch, seed: int, settings: Mapping[str, Any], *, tree: bool = False
+) -> Answer:
+    """Run a planner of OMPL.
+
+    Args:
+        planner: OMPL's name of the planner.
+        question: The query.
+        watch: Budget and counters; the counters are updated.
+        seed: Seed of OMPL's generators, 1 .. 2^32 - 1.
+        settings: Values by OMPL's names; `range` 0 selects OMPL's default edge length.
+        tree: Whether to copy the explored graph.
+
+    Raises:
+        InputError, UnknownNameError: an invalid query or setting.
+        KeyboardInterrupt: Ctrl-C, after cleanup.
+        BackendError: OMPL failed.
+    """
+    if not 1 <= seed < 2**32:
+        raise InputError(f"seed is {seed}, expected 1 .. 2^32 - 1")
+    question = question.checked()
+    with interrupts_kept(watch):
+        try:
+            answer = _search(planner, question, watch, seed, settings, tree)
+            before = 0
+            while planner == "BFMT" and answer.waypoints is None and not watch.over and watch.checks > before:
+                before = watch.checks
+                settings = {**settings, "num_samples": 2 * settings.get("num_samples", 1000)}
+                answer = _search(planner, question, watch, seed, settings, tree)
+        except (RuntimeError, TypeError) as error:
+            if watch.error is None:
+                raise BackendError(f"OMPL's {planner} failed: {error}") from error
+            answer = Answer(None)
+    kept, watch.error = watch.error, None
+    try:
+        if kept is not None:
+            raise kept
+    finally:
+        del kept  # its traceback refers to this frame: a cycle would keep OMPL's objects alive
+    return answer
+
+
+def _search(
+    planner: str, question: Question, watch: Watch, seed: int, settings: Mapping[str, Any], tree: bool
+) -> Answer:
+    ou.setLogLevel(ou.LOG_NONE)
+    ou.RNG.setSeed(seed)
+    space = _space(question)
+    # OMPL's BIT* leaks its states when its planner data is read, so its certified edges are recorded here.
+    edges: list[tuple[tuple[float, ...], ...]] | None = [] if tree and planner == "BITstar" else None
+    information = _information(space, question, watch, edges)
+    definition = _definition(information, question)
+    search = getattr(og, planner)(information)
+    search.setProblemDefinition(definition)
+    for name, value in settings.items():
+        _set(search, planner, name, value)
+    if planner == "BFMT":
+        search.setExtendedFMT(False)  # it crashes if its samples do not suffice; `solve` restarts it with more
+    search.setup()
+    if isinstance(search, og.PRM):
+        answer = _search_roadmap(search, information, question, watch)
+    else:
+        if hasattr(search, "bestCost"):
+            watch.best_cost = lambda: float(search.bestCost().value())
+        try:
+            search.solve(ob.PlannerTerminationCondition(watch.guarded(watch.is_over, failed=True)))
+        finally:
+            watch.best_cost = None  # refers to the planner, and `watch` outlives it
+        answer = _solution(definition, len(question.lower))
+    if not tree:
+        return answer
+    return replace(answer, tree=_tree_of(edges) if edges is not None else _explored(search, information, question)[0])
+
+
+# ---- building ---------------------------------------------------------------------------------
+
+
+def _space(question: Question) -> Any:
+    n = len(question.lower)
+    bounds = ob.RealVectorBounds(n)
+    for i in range(n):
+        bounds.setLow(i, float(question.lower[i]))
+        bounds.setHigh(i, float(question.upper[i]))
+    space = ob.RealVectorStateSpace(n)
+    space.setBounds(bounds)
+    return space
+
+
+class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]  # the stubs of OMPL are not followed
+    """Passes whole edges to the callback. Stores no reference to OMPL's objects: that would leak them."""
+
+    def __init__(self, information: Any, n: int, valid: Callable[[Array, Array], bool]) -> None:
+        super().__init__(information)
+        self.valid, self.n = valid, n
+        self.a, self.b = np.zeros(n), np.zeros(n)
+
+    def checkMotion(self, a: Any, b: Any) -> bool:
+        """Whether the straight line between two states is free."""
+        self.a[:] = a[0 : self.n]
+        self.b[:] = b[0 : self.n]
+        return self.valid(self.a, self.b)
+
+
+def _information(
+    space: Any, question: Question, watch: Watch, edges: list[tuple[tuple[float, ...], ...]] | None = None
+) -> Any:
+    n = len(question.lower)
+    q = np.zeros(n)
+
+    def state_valid(state: Any) -> bool:
+        q[:] = state[0:n]
+        return watch.in_time() and question.state_valid(q)
+
+    def edge_valid(a: Array, b: Array) -> bool:
+        if not (watch.in_time() and question.edge_valid(a, b)):
+            return False
+        if edges is not None:
+            edges.append((tuple(a.tolist()), tuple(b.tolist())))
+        return True
+
+    information = ob.SpaceInformation(space)
+    information.setStateValidityChecker(watch.guarded(state_valid, failed=False))
+    information.setMotionValidator(_EdgeValidator(information, n, watch.guarded(edge_valid, failed=False)))
+    information.setup()
+    return information
+
+
+def _definition(information: Any, question: Question) -> Any:
+    definition = ob.ProblemDefinition(information)
+    goals = ob.GoalStates(information)
+    state = information.allocState()  # owned by Python; OMPL's freeState would free it twice
+    state[0 : len(question.start)] = question.start.tolist()
+    definition.addStartState(state)
+    for goal in question.goals:
+        state[0 : len(goal)] = goal.tolist()
+        goals.addState(state)
+    definition.setGoal(goals)
+    objective = ob.PathLengthOptimizationObjective(information)
+    nearest = float(np.linalg.norm(question.goals - question.start, axis=1).min())
+    objective.setCostThreshold(ob.Cost((1.0 + _OPTIMAL) * nearest))
+    definition.setOptimizationObjective(objective)
+    return definition
+
+
+def _set(search: Any, planner: str, name: str, value: Any) -> None:
+    setters = {_snake_case(n[3:]): n for n in dir(search) if n.startswith("set")}
+    setter = setters[known_name(f"setting of OMPL's {planner}", name, setting_names(planner))]
+    if not isinstance(value, bool | np.bool_) and finite_number(name, value) < 0.0:
+        raise InputError(f"setting {name!r} is {value}, expected a number of at least zero")
+    try:
+        getattr(search, setter)(value)
+    except TypeError as error:
+        kind = type(getattr(search, "get" + setter[3:])()).__name__
+        raise InputError(f"setting {name!r} is {value!r}, expected one {kind}") from error
+
+
+def _snake_case(name: str) -> str:
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+
+
+# ---- reading ----------------------------------------------------------------------------------
+
+
+def _solution(definition: Any, n: int) -> Answer:
+    """The exact solution as an array; an approximate solution does not count."""
+    if not definition.hasExactSolution():
+        near = float(definition.getSolutionDifference()) if definition.hasApproximateSolution() else None
+        return Answer(None, near)
+    states = definition.getSolutionPath().getStates()
+    return Answer(np.array([state[0:n] for state in states]))
+
+
+def _tree_of(edges: list[tuple[tuple[float, ...], ...]]) -> SearchTree:
+    """The graph of edges given by the coordinates of their vertices."""
+    index: dict[tuple[float, ...], int] = {}
+    pairs = [(index.setdefault(a, len(index)), index.setdefault(b, len(index))) for a, b in edges]
+    return SearchTree(np.array(list(index)), np.array(pairs, dtype=np.int64).reshape(-1, 2))
+
+
+def _explored(search: Any, information: Any, question: Question) -> tuple[SearchTree, NDArray[np.int64]]:
+    """A copy of the explored graph, and the indices of the goals in it."""
+    n = len(question.lower)
+    data = ob.PlannerData(information)
+    search.getPlannerData(data)
+    count = data.numVertices()
+    vertices = np.array([data.getVertex(i).getState()[0:n] for i in range(count)]).reshape(count, n)
+    edges = [(i, j) for i in range(count) for j in data.getEdges(i)]
+    goals = [data.getGoalIndex(i) for i in range(data.numGoalVertices())]
+    tree = SearchTree(vertices, np.array(edges, dtype=np.int64).reshape(-1, 2))
+    return tree, np.array(goals, dtype=np.int64)
+
+
+# ---- roadmaps ---------------------------------------------------------------------------------
+
+
+def _search_roadmap(search: Any, information: Any, question: Question, watch: Watch) -> Answer:
+    """Grow a roadmap in rounds and search it after each round; PRM* continues until the budget ends."""
+    optimizing = isinstance(search, og.PRMstar)
+    for _ in question.goals:
+        search.solve(ob.plannerAlwaysTerminatingCondition())  # only adds the start and one more goal
+    checks, answer = float(_FIRST_ROADMAP), Answer(None)
+    nearest = float(np.linalg.norm(question.goals - question.start, axis=1).min())
+    while not watch.over:
+        search.growRoadmapPtc(_after(watch, int(checks)))
+        search.expandRoadmapPtc(_after(watch, int(checks) // _EXPANSION))
+        checks *= _ROADMAP_GROWTH
+        answer = _query_roadmap(search, information, question)
+        if answer.waypoints is None:
+            continue
+        length = float(np.linalg.norm(np.diff(answer.waypoints, axis=0), axis=1).sum())
+        watch.note(length)
+        if not optimizing or length <= (1.0 + _OPTIMAL) * nearest:
+            break
+    return answer
+
+
+def _after(watch: Watch, checks: int) -> Any:
+    """A termination condition that is true after `checks` more termination checks."""
+    last = watch.checks + checks
+
+    def is_over() -> bool:
+        return watch.is_over() or watch.checks >= last
+
+    return ob.PlannerTerminationCondition(watch.guarded(is_over, failed=True))
+
+
+def _query_roadmap(search: Any, information: Any, question: Question) -> Answer:
+    """The shortest path on the roadmap (Dijkstra 1959), or the distance from the start's component to a goal."""
+    tree, ends = _explored(search, information, question)
+    vertices = tree.vertices
+    found = np.flatnonzero((vertices == question.start).all(axis=1))
+    if len(found) == 0:  # OMPL found the start invalid
+        return Answer(None)
+    start = int(found[0])
+    i, j = tree.edges.T
+    lengths = np.linalg.norm(vertices[i] - vertices[j], axis=1)
+    graph = coo_array((lengths, (i, j)), shape=(len(vertices), len(vertices))).tocsr()
+    table, links = dijkstra(graph, directed=False, indices=np.array([start]), return_predecessors=True)
+    far, before = table[0], links[0]
+    if len(ends) == 0 or not np.isfinite(far[ends]).any():
+        reached = vertices[np.isfinite(far)]
+        gaps = [np.linalg.norm(reached - goal, axis=1).min() for goal in question.goals]
+        return Answer(None, float(min(gaps)))
+    chain = [int(ends[np.argmin(far[ends])])]
+    while chain[-1] != start:
+        chain.append(int(before[chain[-1]]))
+    return Answer(vertices[chain[::-1]])

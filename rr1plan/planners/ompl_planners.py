@@ -1,0 +1,176 @@
+"""Planners of OMPL: their names, the conversion of a problem to a query, and the check of its result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, of_kind, true_or_false
+from rr1plan.planners.joint_space import Space, with_copies
+from rr1plan.planners.ompl_query import Answer, Question, Watch
+from rr1plan.planners.planning_query import STRAIGHT_LINES, Query
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.scene.problem import Problem
+
+
+@dataclass(frozen=True)
+class OmplKind:
+    """OMPL's name and a one-line description of a planner, and whether it improves its path until the budget ends."""
+
+    ompl: str
+    description: str
+    optimizing: bool = False
+
+
+KINDS: Mapping[str, OmplKind] = MappingProxyType(
+    {
+        "ompl_rrt_connect": OmplKind("RRTConnect", "two trees that grow toward each other (Kuffner, LaValle 2000)"),
+        "rrt": OmplKind("RRT", "one tree that grows toward random samples (LaValle 1998)"),
+        "rrt_star": OmplKind("RRTstar", "a tree that rewires itself to shorter paths (Karaman, Frazzoli 2011)", True),
+        "informed_rrt_star": OmplKind(
+            "InformedRRTstar", "RRT* that samples the ellipsoid of shorter paths (Gammell et al. 2014)", True
+        ),
+        "sorrt_star": OmplKind("SORRTstar", "informed RRT* that takes its samples best first (Gammell 2017)", True),
+        "aorrtc": OmplKind("AORRTC", "RRT-Connect restarted under a decreasing cost bound (Wilson 2025)", True),
+        "prm": OmplKind("PRM", "a roadmap of the whole space (Kavraki et al. 1996)"),
+        "prm_star": OmplKind("PRMstar", "a roadmap dense enough for shortest paths (Karaman, Frazzoli 2011)", True),
+        "bit_star": OmplKind("BITstar", "batches of samples, searched best first (Gammell et al. 2015)", True),
+        "fmt": OmplKind("FMT", "one wave front through a set of samples (Janson et al. 2015)"),
+        "bfmt": OmplKind("BFMT", "two wave fronts through a set of samples (Starek et al. 2015)"),
+        "kpiece1": OmplKind("KPIECE1", "a tree that expands sparsely covered cells first (Sucan, Kavraki 2009)"),
+        "bkpiece1": OmplKind("BKPIECE1", "KPIECE with two trees (Sucan, Kavraki 2009)"),
+        "lbkpiece1": OmplKind("LBKPIECE1", "BKPIECE with lazy edge checks (Sucan, Kavraki 2009)"),
+    }
+)
+
+_RANGE = 0.06  # longest edge of a tree, as a part of the space's diagonal
+
+
+class OmplPlanner(Planner):
+    """One of OMPL's planners.
+
+    Args:
+        name: A name of `planner_names()`, e.g. "ompl_rrt_connect".
+        tree: Whether the result keeps what was explored.
+        settings: The planner's own settings by OMPL's names, e.g. {"range": 0.5, "goal_bias": 0.1}; lengths in [rad].
+
+    Raises:
+        UnknownNameError: no such planner or setting; the message lists them.
+        InputError: a setting that is not a finite number.
+    """
+
+    def __init__(
+        self, name: str = "ompl_rrt_connect", *, tree: bool = False, settings: Mapping[str, float] | None = None
+    ) -> None:
+        self.name = known_name("planner", name, KINDS)
+        self.tree = true_or_false("tree", tree)
+        of_kind("settings", settings, Mapping, optional=True)
+        settings = dict(settings or {})
+        if settings:
+            from rr1plan.planners.ompl_adapter import setting_names
+
+            known = setting_names(KINDS[name].ompl)
+            for setting, value in settings.items():
+                known_name(f"setting of planner {name!r}", setting, known)
+                finite_number(setting, value)
+        self.settings: Mapping[str, float] = MappingProxyType(settings)
+
+    def __repr__(self) -> str:
+        settings = f", settings={dict(self.settings)!r}" if self.settings else ""
+        return f"OmplPlanner({self.name!r}{settings})"
+
+    @property
+    def optimizing(self) -> bool:
+        """Whether it improves its path until the budget ends."""
+        return KINDS[self.name].optimizing
+
+    def plan(
+        self,
+        problem: Problem,
+        *,
+        budget: Budget | None = None,
+        rng: Seed = None,
+        progress: ProgressCallback | None = None,
+    ) -> PlanResult:
+        """Plan; see `rr1plan.plan`."""
+        with Query(self.name, problem, budget, rng, progress) as query:
+            refused = query.early_exit()
+            return _Search(self, query).run() if refused is None else refused
+
+
+class _Search:
+    """The search for one query with a valid start and goals."""
+
+    def __init__(self, planner: OmplPlanner, query: Query) -> None:
+        self.planner, self.query = planner, query
+        self.watch = Watch(query.budget, query.began, self.goes_on, history=query.history)
+
+    def run(self) -> PlanResult:
+        """A straight line if one is free, otherwise OMPL's path, certified again.
+
+        The straight line to the nearest goal is a shortest path; lines to other goals suffice for planners that stop
+        at the first path.
+        """
+        query = self.query
+        straight = query.straight_line(1 if self.planner.optimizing else STRAIGHT_LINES, tree=self.planner.tree)
+        if straight is not None:
+            return straight
+        before = query.motion.edges_checked
+        answer = self.run_ompl()
+        found, tree = answer.waypoints, answer.tree
+        certified = found is not None and query.motion.path_is_free(found)
+        query.iterations, query.edges = self.watch.checks, query.edges + query.motion.edges_checked - before
+        if self.watch.cancelled:
+            return query.unsolved("", tree=tree)
+        if found is None:
+            return query.result(PlanStatus.TIMEOUT, reason=self.why(answer.difference), tree=tree)
+        if not certified:
+            reason = "a path was found, but the certificate of an edge failed when it was repeated"
+            return query.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
+        self.watch.note(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
+        return query.result(PlanStatus.FOUND, found, tree=tree)
+
+    def run_ompl(self) -> Answer:
+        """OMPL's result, with all columns of q."""
+        from rr1plan.planners import ompl_adapter as _ompl
+
+        problem, is_free = self.query.problem, self.query.motion.edge_is_free
+        goals, start = with_copies(problem, self.query.goals), problem.start
+        space = Space.unrolled(problem, goals)
+        # States are checked as edges of length zero by the kernel, because no other state has certified edges.
+        question = Question(
+            space.lower[space.movable],
+            space.upper[space.movable],
+            space.reduce(start),
+            space.reduce(goals),
+            lambda q: is_free(space.whole(q, start), space.whole(q, start)),
+            lambda a, b: is_free(space.whole(a, start), space.whole(b, start)),
+        )
+        kind = KINDS[self.planner.name].ompl
+        # Default edge length, short enough for narrow passages.
+        known = _ompl.setting_names(kind)
+        settings = {**({"range": _RANGE * space.diagonal} if "range" in known else {}), **self.planner.settings}
+        seed = int(as_generator(self.query.seed).integers(1, 2**32))
+        answer = _ompl.solve(kind, question, self.watch, seed, settings, tree=self.planner.tree)
+        tree, found = answer.tree, answer.waypoints
+        return replace(
+            answer,
+            waypoints=None if found is None else space.whole(found, start),
+            tree=None if tree is None else replace(tree, vertices=space.whole(tree.vertices, start)),
+        )
+
+    def goes_on(self) -> bool:
+        """Report progress; False if the callback cancels the search."""
+        self.query.iterations = self.watch.checks
+        self.query.in_time()
+        return not self.query.cancelled
+
+    def why(self, difference: float | None) -> str:
+        """Why there is no path."""
+        near = "" if difference is None else f"; the nearest it came to a goal is {difference:.3g} rad"
+        done = "budget used up" if self.watch.over else "the planner gave up"
+        used = f"{self.query.seconds:.3g} s and {counted(self.watch.checks, 'iteration')}"
+        return f"no path found: {done} after {used}{near}"

@@ -1,0 +1,83 @@
+"""The picture of a configuration space, for slides: workspace left, joint angles right."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from rr1plan.checks import counted
+from rr1plan.files.file_access import write_bytes
+from rr1plan.playback.cspace.cspace_colors import GOAL, INK, START, end_tints, layer_colors
+from rr1plan.playback.cspace.cspace_torus import draw_torus
+from rr1plan.playback.cspace.cspace_verdict import headline
+from rr1plan.playback.cspace.cspace_workspace import draw_workspace
+
+if TYPE_CHECKING:
+    from rr1plan.playback.cspace.configuration_space import CSpace
+
+# Letters that are read from the last row when the picture fills a slide.
+_STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 14,
+    "axes.titlesize": 15,
+    "axes.labelsize": 14,
+    "svg.hashsalt": "rr1plan",
+    "axes.edgecolor": INK,
+}
+
+
+def draw(cspace: CSpace, width: float) -> Figure:
+    """The whole picture as a matplotlib figure."""
+    with rc_context(_STYLE):
+        figure = Figure(figsize=(width, 0.56 * width), layout="constrained", facecolor="white")
+        FigureCanvasAgg(figure)
+        left, right = figure.subplots(1, 2)
+        draw_workspace(left, cspace)
+        draw_torus(right, cspace)
+        handles = _legend(cspace)
+        if handles:
+            figure.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)), frameon=False)
+        figure.suptitle(_title(cspace), fontsize=16, color=INK)
+    return figure
+
+
+def save(cspace: CSpace, file: FilePath, kind: str, dpi: int) -> FilePath:
+    """Write the picture as "png", "svg" or "pdf", atomically; the same picture gives the same bytes."""
+    buffer = io.BytesIO()
+    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
+    with rc_context(_STYLE):
+        draw(cspace, 13.0).savefig(buffer, format=kind, dpi=dpi, metadata=metadata)
+    return write_bytes(file, buffer.getvalue())
+
+
+def _legend(cspace: CSpace) -> list[Any]:
+    named = cspace.grid.name_spots()
+    colors = layer_colors(cspace.grid).items()
+    handles: list[Any] = [Patch(color=color, label=name) for name, color in colors if name not in named]
+    tree = cspace.drawn_tree
+    if tree is not None:
+        thinned = "" if len(tree.edges) == tree.explored else ", thinned"
+        handles += [Line2D([], [], color=START, label=f"tree of the start{thinned}")]
+        handles += [Line2D([], [], color=GOAL, label=f"tree of the goal{thinned}")] * bool(cspace.goals)
+    tints = end_tints(cspace)
+    if cspace.start is not None and tints:
+        start = cspace.grid.component_of(cspace.start)
+        handles += [
+            Patch(facecolor=color, edgecolor=INK, label=f"joined to the {'start' if part == start else 'goal'}")
+            for part, color in tints.items()
+        ]
+    return handles
+
+
+def _title(cspace: CSpace) -> str:
+    grid = cspace.grid
+    parts = f"{counted(grid.components, 'component')} of free space"
+    answer = headline(cspace)
+    return f"{grid.scene.name}: {answer} ({parts})" if answer else f"{grid.scene.name}: {parts}"

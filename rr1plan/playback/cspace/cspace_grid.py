@@ -1,0 +1,236 @@
+"""The configuration space of two joints on a grid: each obstacle's image, free space and its components.
+
+`cspace_images.py` computes the images. Components of free space are joined across the seams of the torus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rr1plan.checks import Array, Value, finite_array, items_of, known_name, read_only, whole_number
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError
+from rr1plan.playback.cspace.cspace_cells import Mask, label_components, shortest_way, widest_spot
+from rr1plan.playback.cspace.cspace_images import Images
+from rr1plan.robot import Joint
+from rr1plan.scene import Scene
+
+LIMITS = "joint limits"
+# Cells along each axis.
+FEWEST_CELLS, MOST_CELLS = 8, 2000
+# Half the length and half the height of a short name, as parts of the picture.
+_HALF_NAME, _ROOM = 0.07, 0.02
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CSpaceGrid(Value):
+    """Configuration space of two joints, cell by cell; index [i, j] is (first joint, second joint).
+
+    Args:
+        scene: The scene; everything but the two joints stands as it does there.
+        arm: The arm the joints belong to.
+        joint_names: The two joints.
+        axes: Values at the cell centers of each joint [rad], shapes (n,) and (m,).
+        periodic: Whether each axis is a full turn whose ends are the same place.
+        layers: For each obstacle (and "self-collision", "joint limits") the cells it makes impossible,
+            shape (n, m).
+        labels: Number of the component of free space of each cell, 0 where it is not free.
+    """
+
+    scene: Scene
+    arm: str
+    joint_names: tuple[str, str]
+    axes: tuple[Array, Array]
+    periodic: tuple[bool, bool]
+    layers: Mapping[str, Mask]
+    labels: NDArray[np.int32]
+
+    def __repr__(self) -> str:
+        cells = " x ".join(str(n) for n in self.labels.shape)
+        return f"CSpaceGrid({self.scene.name!r}, {self.joint_names[0]} x {self.joint_names[1]}, {cells} cells)"
+
+    @property
+    def free(self) -> Mask:
+        """Cells that nothing forbids, shape (n, m)."""
+        return self.labels > 0
+
+    @property
+    def turns(self) -> tuple[bool, bool]:
+        """Whether each joint turns; the other ones slide."""
+        first, second = (self.scene.arms[self.arm].robot.joint(name).kind != "prismatic" for name in self.joint_names)
+        return first, second
+
+    @property
+    def components(self) -> int:
+        """Number of components of free space on the grid."""
+        return int(self.labels.max(initial=0))
+
+    def cell(self, q: ArrayLike) -> tuple[int, int]:
+        """The cell that holds a configuration (2,) [rad]; periodic joints are wrapped.
+
+        Raises:
+            InputError: not two finite numbers, or outside the picture.
+        """
+        pair = finite_array("q", q, (2,))
+        i, j = (self._index(axis, float(value)) for axis, value in enumerate(pair))
+        return i, j
+
+    def _index(self, axis: int, value: float) -> int:
+        centers = self.axes[axis]
+        step = float(centers[1] - centers[0])
+        index = int(np.floor((value - centers[0]) / step + 0.5))
+        if self.periodic[axis]:
+            return index % len(centers)
+        if index == len(centers) and value <= centers[-1] + step * (0.5 + 1e-9):
+            index -= 1
+        if not 0 <= index < len(centers):
+            raise InputError(f"{self.joint_names[axis]} = {value} is outside the picture")
+        return index
+
+    def wrapped(self, q: ArrayLike) -> Array:
+        """A configuration (2,) [rad or m] inside the picture: periodic joints without whole turns.
+
+        Raises:
+            InputError: not two finite numbers, or outside the picture.
+        """
+        pair = np.array(finite_array("q", q, (2,)))
+        self.cell(pair)
+        for axis, centers in enumerate(self.axes):
+            if self.periodic[axis]:
+                low = 0.5 * (3.0 * centers[0] - centers[1])
+                pair[axis] = low + (pair[axis] - low) % (2.0 * np.pi)
+        return pair
+
+    def holds(self, q: ArrayLike) -> bool:
+        """Whether a configuration (2,) is inside the picture."""
+        try:
+            self.cell(q)
+        except InputError:
+            return False
+        return True
+
+    def component_of(self, q: ArrayLike) -> int:
+        """Number of the component of free space that holds a configuration (2,), 0 if it is not free or not inside."""
+        return int(self.labels[self.cell(q)]) if self.holds(q) else 0
+
+    def connected(self, a: ArrayLike, b: ArrayLike) -> bool:
+        """Whether two configurations (2,) are free and in the same component of free space on the grid."""
+        first, second = self.component_of(a), self.component_of(b)
+        return first > 0 and first == second
+
+    def why_not_free(self, q: ArrayLike) -> tuple[str, ...]:
+        """Names of the layers that forbid the cell of a configuration (2,)."""
+        cell = self.cell(q)
+        return tuple(name for name, mask in self.layers.items() if mask[cell])
+
+    def name_spots(self) -> dict[str, tuple[float, float]]:
+        """For each layer with room for a name the configuration [rad] in the middle of its widest part."""
+        count = sum((mask.astype(int) for mask in self.layers.values()), np.zeros(self.labels.shape, dtype=int))
+        n, m = self.labels.shape
+        rim, room = (int(_HALF_NAME * n), int(_ROOM * m)), _ROOM * max(n, m)
+        found = {name: widest_spot(mask & (count == 1), self.periodic, rim) for name, mask in self.layers.items()}
+        return {
+            name: (float(self.axes[0][i]), float(self.axes[1][j])) for name, (i, j, far) in found.items() if far > room
+        }
+
+    def shortest_path(self, a: ArrayLike, b: ArrayLike) -> Array | None:
+        """A shortest path over free cells (8 neighbors), unwrapped across the seams.
+
+        Args:
+            a: Start [rad], shape (2,).
+            b: Goal [rad], shape (2,).
+
+        Returns:
+            Cell centers from the cell of a to that of b, shape (k, 2), or None when there is no path.
+        """
+        if not self.connected(a, b):
+            return None
+        return self._unwrapped(shortest_way(self.free, self.periodic, self.cell(a), self.cell(b)))
+
+    def _unwrapped(self, cells: list[tuple[int, int]]) -> Array:
+        points = np.array([[self.axes[0][i], self.axes[1][j]] for i, j in cells])
+        for axis in (0, 1):
+            if self.periodic[axis]:
+                points[:, axis] = np.unwrap(points[:, axis])
+        return points
+
+
+def compute_grid(
+    scene: Scene,
+    arm: str | None = None,
+    joints: tuple[str, str] | None = None,
+    resolution: int = 360,
+    progress: Callable[[float], None] | None = None,
+) -> CSpaceGrid:
+    """The configuration space of two joints of an arm.
+
+    Args:
+        scene: The scene.
+        arm: The arm (default: the only one).
+        joints: Two of its planning joints (default: the first two).
+        resolution: Cells along each axis.
+        progress: Called with the fraction done, 0 to 1.
+
+    Raises:
+        UnknownNameError: no such arm or joint.
+        InputError: fewer than two joints, the same joint twice, or a resolution outside 8 to 2000.
+    """
+    arm = scene.only_arm(arm)
+    names = two_joints(scene, arm, joints)
+    resolution = whole_number("resolution", resolution, FEWEST_CELLS, MOST_CELLS)
+    columns = (scene.arms[arm].robot.joint_names.index(names[0]), scene.arms[arm].robot.joint_names.index(names[1]))
+    robot, limits = scene.arms[arm].robot, scene.arms[arm].robot.limits
+    spans = [(robot.joint(robot.joint_names[c]), float(limits.lower[c]), float(limits.upper[c])) for c in columns]
+    axes, periodic, inside = zip(*(_axis(*span, resolution) for span in spans), strict=True)
+    checker = CollisionChecker(scene, (arm,))
+    layers = Images(checker, scene.arms[arm].q, columns, axes, progress).compute()
+    outside = ~(inside[0][:, None] & inside[1][None, :])
+    if outside.any():
+        layers[LIMITS] = outside
+    blocked = np.zeros((resolution, resolution), dtype=bool)
+    for mask in layers.values():
+        blocked |= mask
+        read_only(mask)
+    labels = label_components(~blocked, (periodic[0], periodic[1]))
+    return CSpaceGrid(scene, arm, names, (axes[0], axes[1]), (periodic[0], periodic[1]), layers, labels)
+
+
+def two_joints(scene: Scene, arm: str, joints: tuple[str, str] | None) -> tuple[str, str]:
+    """The names of two planning joints of an arm (default: its first two).
+
+    Raises:
+        UnknownNameError: no such joint.
+        InputError: not two different names, or an arm with one joint.
+    """
+    known = scene.arms[arm].robot.joint_names
+    if joints is None:
+        if len(known) < 2:
+            raise InputError(f"arm {arm!r} has {len(known)} joint, a picture of its configuration space needs two")
+        return known[0], known[1]
+    names = [known_name("joint", name, known) for name in items_of("joints", joints, "two names")]
+    if len(names) != 2 or names[0] == names[1]:
+        raise InputError(f"the joints are {' and '.join(names) or 'none'}, expected two different ones")
+    return names[0], names[1]
+
+
+def _axis(joint: Joint, lower: float, upper: float, resolution: int) -> tuple[Array, bool, Mask]:
+    """Cell centers, whether the axis closes, and which centers are within the limits.
+
+    A joint that turns has the full turn about zero if its limits lie in it and leave at least half of it; others have
+    their limits.
+    """
+    unlimited, slides = not np.isfinite(lower) or not np.isfinite(upper), joint.kind == "prismatic"
+    if unlimited and slides:
+        raise InputError(f"joint {joint.name!r} slides without limits, a picture needs limits")
+    low, high = lower, upper
+    nearly_all = upper - lower >= np.pi - 1e-9 and lower >= -np.pi - 1e-9 and upper <= np.pi + 1e-9
+    if unlimited or (nearly_all and not slides):
+        low, high = -np.pi, np.pi
+    if not low < high:
+        raise InputError(f"joint {joint.name!r} has one value, {low}, a picture needs a range")
+    centers = low + (np.arange(resolution) + 0.5) * ((high - low) / resolution)
+    return read_only(centers), unlimited, (centers >= lower) & (centers <= upper)

@@ -1,0 +1,264 @@
+"""The lesson page: the arm in 3-D beside its configuration space, linked by sliders, clicks and the clock.
+
+The picture of the configuration space is drawn by the page itself from the cells of the grid, as a
+panel of the 3-D page, so one offline file holds everything.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, of_kind
+from rr1plan.errors import InputError
+from rr1plan.files.file_access import write_text
+from rr1plan.path import Path
+from rr1plan.playback.cspace.cspace_colors import layer_colors
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
+from rr1plan.playback.cspace.cspace_images import SELF
+from rr1plan.playback.cspace.cspace_verdict import tone, verdict
+from rr1plan.playback.cspace.search_trees import DrawnTree
+from rr1plan.playback.outlines import silhouette
+from rr1plan.playback.simulation.replay import Replay
+from rr1plan.playback.viewer.html_page import page_html
+from rr1plan.playback.viewer.page_document import Document, first_camera, pack_array, view_document
+from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
+from rr1plan.report import Report
+from rr1plan.shapes import HalfSpace
+from rr1plan.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from rr1plan.playback.cspace.configuration_space import CSpace
+
+_CRUMB = 255  # label of all components too small to have a color of their own
+
+
+def save_page(
+    cspace: CSpace,
+    file: str | os.PathLike[str],
+    *,
+    trajectory: Trajectory | None = None,
+    options: ViewOptions | None = None,
+) -> FilePath:
+    """Write the lesson as one self-contained page.
+
+    Args:
+        cspace: The configuration space, with a question and its answer if it has one.
+        file: Where to write it; written whole or not at all.
+        trajectory: The timed motion to play; None plays the path at a steady speed.
+        options: Title, first view, spheres, more panels (default: `ViewOptions()`). Without a view a planar arm of two
+            joints is looked at from above.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: the trajectory moves other joints than the two shown, or a file that cannot be
+            written.
+        MissingPackageError: Meshcat is not installed.
+    """
+    document, panel = page_parts(cspace, trajectory=trajectory, options=options)
+    return write_text(file, page_html(document, with_panel(options, panel)))
+
+
+def with_panel(options: ViewOptions | None, panel: Panel) -> ViewOptions:
+    """The options of a page with one more panel, the first."""
+    options = checked_options(options)
+    return replace(options, panels=(panel, *options.panels))
+
+
+def page_parts(
+    cspace: CSpace,
+    *,
+    trajectory: Trajectory | None = None,
+    report: Report | None = None,
+    replay: Replay | None = None,
+    options: ViewOptions | None = None,
+) -> tuple[Document, Panel]:
+    """The document of the page, and its panel.
+
+    Args:
+        cspace: The configuration space.
+        trajectory: The timed motion to play, or None.
+        report: The referee's verdict on the trajectory, or None.
+        replay: What a simulation made of the trajectory, or None.
+        options: Title and spheres.
+
+    Raises:
+        InputError: the trajectory moves other joints than the two shown.
+    """
+    of_kind("trajectory", trajectory, Trajectory, optional=True)
+    grid = cspace.grid
+    names = (f"{grid.arm}/{grid.joint_names[0]}", f"{grid.arm}/{grid.joint_names[1]}")
+    if trajectory is not None and set(trajectory.joint_names) != set(names):
+        raise InputError(
+            f"the trajectory moves {', '.join(trajectory.joint_names)}, expected the joints shown: {', '.join(names)}"
+        )
+    path = None if cspace.path is None else Path(names, cspace.path)
+    start = None if cspace.start is None else _configuration(grid, cspace.start)
+    scene = grid.scene if start is None else grid.scene.with_configuration(grid.arm, start)
+    document = view_document(scene, trajectory=trajectory, path=path, report=report, replay=replay, options=options)
+    document["ghosts"] = _ghosts(cspace)
+    if document["track"] is None:
+        document["camera"] = first_camera(scene, None, document["ghosts"])
+    _color_obstacles(document, layer_colors(grid))
+    panel = Panel(
+        "cspace",
+        "Configuration space",
+        html=_asset("cspace.html"),
+        css=_asset("cspace.css"),
+        script=_asset("cspace_picture.js") + _asset("cspace_workspace.js") + _asset("cspace.js"),
+        data=_data(cspace, names),
+        width=520,
+    )
+    return document, panel
+
+
+def _color_obstacles(document: Document, colors: Mapping[str, str]) -> None:
+    """Give obstacles without a color that of their images, so that both are found together."""
+    for row in document["obstacles"]:
+        for part in row["parts"]:
+            if part["color"] is None and row["name"] in colors:
+                part["color"] = [int(colors[row["name"]][i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
+
+
+def _asset(name: str) -> str:
+    return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")
+
+
+# ---- the data of the panel ---------------------------------------------------------------------
+
+
+def _data(cspace: CSpace, names: tuple[str, str]) -> dict[str, Any]:
+    grid = cspace.grid
+    joints = [grid.scene.arms[grid.arm].robot.joint(name) for name in grid.joint_names]
+    columns = grid.scene.joint_names()
+    steps = [float(centers[1] - centers[0]) for centers in grid.axes]
+    labels, shares = _ranked_components(cspace)
+    return {
+        "arm": grid.arm,
+        "columns": [columns.index(name) for name in names],
+        "joints": [{"name": joint.name, "straight": joint.kind == "prismatic"} for joint in joints],
+        "low": [float(c[0]) - 0.5 * s for c, s in zip(grid.axes, steps, strict=True)],
+        "high": [float(c[-1]) + 0.5 * s for c, s in zip(grid.axes, steps, strict=True)],
+        "periodic": list(grid.periodic),
+        "size": list(grid.free.shape),
+        "layers": _layers(grid),
+        "labels": _bytes(labels),
+        "shares": shares,
+        "start": None if cspace.start is None else cspace.start.tolist(),
+        "goals": [goal.tolist() for goal in cspace.goals],
+        "goalNames": list(cspace.goal_names),
+        "waypoints": None if cspace.path is None else pack_array(cspace.path, "f8"),
+        "tree": None if cspace.drawn_tree is None else _tree(cspace.drawn_tree),
+        "verdict": verdict(cspace),
+        "tone": tone(cspace),
+        "planar": _planar(grid),
+    }
+
+
+def _bytes(values: NDArray[np.uint8]) -> dict[str, Any]:
+    """Bytes as the words the page unpacks, zeros at the end."""
+    flat = np.ascontiguousarray(values, dtype=np.uint8).ravel()
+    return pack_array(np.frombuffer(flat.tobytes() + bytes(-len(flat) % 4), dtype="<u4"), "u4")
+
+
+def _layers(grid: CSpaceGrid) -> list[dict[str, Any]]:
+    kinds, spots = {SELF: "self", LIMITS: "limits"}, grid.name_spots()
+    return [
+        {
+            "name": name,
+            "spot": spots.get(name),
+            "color": color,
+            "kind": kinds.get(name, "thing"),
+            "cells": _bytes(np.packbits(grid.layers[name].ravel(), bitorder="little")),
+        }
+        for name, color in layer_colors(grid).items()
+    ]
+
+
+def _ranked_components(cspace: CSpace) -> tuple[NDArray[np.uint8], list[float]]:
+    """Components as the page colors them: the start's first, then the goals', then by size; and their shares."""
+    grid = cspace.grid
+    counts = np.bincount(grid.labels.ravel(), minlength=grid.components + 1)
+    ends = [grid.component_of(q) for q in ([] if cspace.start is None else [cspace.start]) + list(cspace.goals)]
+    by_size = (np.argsort(-counts[1:], kind="stable") + 1).tolist()
+    order = [k for k in dict.fromkeys([*ends, *by_size]) if k > 0]
+    rank = np.zeros(grid.components + 1, dtype=np.uint8)
+    rank[order] = np.minimum(np.arange(1, len(order) + 1), _CRUMB)
+    return rank[grid.labels], [float(counts[k] / grid.labels.size) for k in order[: _CRUMB - 1]]
+
+
+def _tree(tree: DrawnTree) -> dict[str, Any]:
+    """The edges that are drawn, those nearer to their root first, and the tree each belongs to."""
+    return {
+        "vertices": pack_array(tree.vertices),
+        "edges": pack_array(tree.edges, "u4"),
+        "sides": pack_array(tree.sides, "u4"),
+        "explored": tree.explored,
+    }
+
+
+def _ghosts(cspace: CSpace) -> list[dict[str, Any]]:
+    """The arm at the start and at every goal configuration, as the 3-D page draws ghosts."""
+    grid = cspace.grid
+    standing = [] if cspace.start is None else [("start", cspace.start)]
+    standing += [("goal", goal) for goal in cspace.goals]
+    return [{"kind": kind, "arm": grid.arm, "q": _configuration(grid, q).tolist()} for kind, q in standing]
+
+
+def _configuration(grid: CSpaceGrid, q: Any) -> Array:
+    """The arm's configuration with the two joints at q, the others as the scene has them."""
+    arm = grid.scene.arms[grid.arm]
+    full = np.array(arm.q)
+    for name, value in zip(grid.joint_names, q, strict=True):
+        full[arm.robot.joint_names.index(name)] = value
+    return full
+
+
+def _planar(grid: CSpaceGrid) -> dict[str, Any] | None:
+    """The arm as two bars in the plane, or None when it is not that: base, bars at zero, turning senses."""
+    arm = grid.scene.arms[grid.arm]
+    robot = arm.robot
+    joints = [robot.joint(name) for name in grid.joint_names]
+    if len(robot.joint_names) != 2 or any(joint.kind == "prismatic" for joint in joints):
+        return None
+    zero = {name: arm.base @ T for name, T in robot.link_poses(_configuration(grid, (0.0, 0.0))).items()}
+    axes = np.array([zero[joint.child][:3, :3] @ joint.axis for joint in joints])
+    if np.abs(axes[:, 2]).min() < 1.0 - 1e-9:
+        return None
+    base, elbow, tool = (zero[link][:3, 3] for link in (joints[0].child, joints[1].child, robot.tool))
+    senses = np.sign(axes[:, 2])
+    bars = [complex(*(b - a)[:2]) for a, b in ((base, elbow), (elbow, tool))]
+    trial = (0.7, -1.1)
+    turned = np.exp(1j * senses[0] * trial[0]) * (bars[0] + np.exp(1j * senses[1] * trial[1]) * bars[1])
+    there = (arm.base @ robot.link_poses(_configuration(grid, trial))[robot.tool])[:2, 3] - base[:2]
+    if abs(turned - complex(*there)) > 1e-9 or min(abs(bar) for bar in bars) < 1e-9:
+        return None
+    return {
+        "base": base.tolist(),
+        "bars": [[bar.real, bar.imag] for bar in bars],
+        "senses": senses.tolist(),
+        "height": float(tool[2]),
+        "names": _names(grid, float(tool[2])),
+    }
+
+
+def _names(grid: CSpaceGrid, height: float) -> list[dict[str, Any]]:
+    """Where the names of obstacles are written: their middles, seen from above."""
+    colors, named = layer_colors(grid), []
+    for name, thing in grid.scene.obstacles.items():
+        shadows = [
+            silhouette(g.shape, thing.pose @ g.pose) for g in thing.geometries if not isinstance(g.shape, HalfSpace)
+        ]
+        if shadows and name in colors:
+            middle = np.mean([shadow.mean(axis=0) for shadow in shadows], axis=0)
+            named.append({"name": name, "color": colors[name], "place": [*middle.tolist(), height]})
+    return named

@@ -1,0 +1,157 @@
+"""The right half of the figure: the square of two joint angles, its obstacles' images, tree and path in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.patheffects import withStroke
+
+from rr1plan.checks import Array
+from rr1plan.playback.cspace.cspace_colors import GOAL, INK, START, end_tints, layer_colors
+from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
+from rr1plan.playback.cspace.cspace_lines import along, gradient, write_name
+from rr1plan.playback.cspace.search_trees import DrawnTree
+
+if TYPE_CHECKING:
+    from rr1plan.playback.cspace.configuration_space import CSpace
+
+_STRIPE = 5
+
+
+def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Array:
+    """The layers as an image (rows: second joint upwards, columns: first joint), overlaps striped, (m, n, 3).
+
+    Args:
+        grid: The grid.
+        tints: Colors of components of free space, by number; the others stay white.
+    """
+    n, m = grid.free.shape
+    image = np.ones((n, m, 3))
+    for component, color in (tints or {}).items():
+        image[grid.labels == component] = to_rgb(color)
+    count = np.zeros((n, m), dtype=int)
+    stripe = (np.add.outer(np.arange(n), np.arange(m)) // _STRIPE).astype(int)
+    total = sum((mask.astype(int) for mask in grid.layers.values()), np.zeros((n, m), dtype=int))
+    for (_, mask), color in zip(grid.layers.items(), layer_colors(grid).values(), strict=True):
+        turn = mask & ((stripe % np.maximum(total, 1)) == count)
+        image[turn] = to_rgb(color)
+        count += mask
+    return np.asarray(image.transpose(1, 0, 2))
+
+
+def draw_torus(axes: Any, cspace: CSpace) -> None:
+    """Draw it."""
+    grid = cspace.grid
+    axes.set_title("configuration space", loc="left", color=INK)
+    extent = [*_edges(grid.axes[0]), *_edges(grid.axes[1])]
+    axes.imshow(
+        layer_image(grid, end_tints(cspace)),
+        origin="lower",
+        extent=extent,
+        interpolation="nearest",
+        aspect="auto",
+        zorder=0,
+    )
+    axes.set_box_aspect(1.0)
+    if cspace.drawn_tree is not None:
+        _draw_tree(axes, cspace, cspace.drawn_tree)
+    if cspace.path is not None:
+        _draw_path(axes, cspace.path, grid)
+    colors = layer_colors(grid)
+    for name, spot in grid.name_spots().items():
+        write_name(axes, name, spot, colors[name])
+    _draw_ends(axes, cspace)
+    _draw_seams(axes, grid)
+    axes.set(xlim=extent[:2], ylim=extent[2:])
+    for k, (axis, name, turns) in enumerate(zip((axes.xaxis, axes.yaxis), grid.joint_names, grid.turns, strict=True)):
+        axis.set_label_text(rf"$\theta_{k + 1}$ {name} [rad]" if turns else rf"$d_{k + 1}$ {name} [m]")
+        if turns:
+            _pi_ticks(axis, *_edges(grid.axes[k]))
+
+
+def _edges(centers: Array) -> tuple[float, float]:
+    half = 0.5 * float(centers[1] - centers[0])
+    return float(centers[0]) - half, float(centers[-1]) + half
+
+
+def wrapped_pieces(points: Array, grid: CSpaceGrid) -> list[Array]:
+    """A polyline in angles (k, 2) as pieces inside the picture, broken at the seams of the torus."""
+    dense = along(points, max(2, int(np.ceil(np.abs(np.diff(points, axis=0)).sum() / 0.01))))
+    inside, turns = dense.copy(), np.zeros(dense.shape)
+    for axis, closes in enumerate(grid.periodic):
+        if closes:
+            low, high = _edges(grid.axes[axis])
+            turns[:, axis] = np.floor((dense[:, axis] - low) / (high - low))
+            inside[:, axis] -= turns[:, axis] * (high - low)
+    cuts = np.flatnonzero(np.any(np.diff(turns, axis=0) != 0, axis=1)) + 1
+    return [piece for piece in np.split(inside, cuts) if len(piece) > 1]
+
+
+def _draw_tree(axes: Any, cspace: CSpace, tree: DrawnTree) -> None:
+    """The tree of the start and that of the goals, each in its end's color, a dot at each vertex of small ones."""
+    dense = len(tree.edges) > 800
+    for side, color in enumerate((START, GOAL)):
+        edges = tree.edges[tree.sides == side]
+        lines = [piece for a, b in edges for piece in wrapped_pieces(tree.vertices[[a, b]], cspace.grid)]
+        width, alpha = (0.7, 0.6) if dense else (1.4, 0.85)
+        axes.add_collection(LineCollection(lines, colors=color, linewidths=width, alpha=alpha, zorder=2))
+        dots = [piece[k] for piece in lines for k in (0, -1)]
+        if dots and not dense:
+            axes.plot(*np.array(dots).T, ".", color=color, markersize=4.5, zorder=2)
+
+
+def _draw_path(axes: Any, path: Array, grid: CSpaceGrid) -> None:
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    done = 0.0
+    for piece in wrapped_pieces(path, grid):
+        own = float(np.linalg.norm(np.diff(piece, axis=0), axis=1).sum())
+        axes.add_collection(gradient(piece, 3.4, color="white", zorder=3))
+        axes.add_collection(gradient(piece, 2.0, done / length, (done + own) / length, zorder=4))
+        done += own
+
+
+def _draw_ends(axes: Any, cspace: CSpace) -> None:
+    grid = cspace.grid
+
+    def mark(q: Array, label: str, color: str, **style: Any) -> None:
+        x, y = grid.wrapped(q)
+        axes.plot(x, y, color=color, markeredgecolor="white", markeredgewidth=1.4, zorder=7, **style)
+        # To the left of what is near the right edge, so that all of it is inside the picture.
+        side = -1 if grid.cell(q)[0] > 0.86 * len(grid.axes[0]) else 1
+        text = axes.annotate(
+            label, (x, y), xytext=(11 * side, 8), textcoords="offset points", ha="right" if side < 0 else "left"
+        )
+        text.set(color=color, fontsize=13, fontweight="bold", zorder=8)
+        text.set_path_effects([withStroke(linewidth=4, foreground="white")])
+
+    inside = [(n, q) for n, q in zip(cspace.goal_names, cspace.goals, strict=True) if grid.holds(q)]
+    for name, goal in inside:
+        mark(goal, name, GOAL, marker="*", markersize=20)
+    if cspace.start is not None and grid.holds(cspace.start):
+        mark(cspace.start, "start", START, marker="o", markersize=12)
+
+
+def _draw_seams(axes: Any, grid: CSpaceGrid) -> None:
+    """Say which edges of the picture are the same place."""
+    for axis, (closes, sides) in enumerate(zip(grid.periodic, (("left", "right"), ("bottom", "top")), strict=True)):
+        for side in sides:
+            axes.spines[side].set_linestyle((0, (5, 3)) if closes else "-")
+            axes.spines[side].set_linewidth(1.4 if closes else 1.0)
+        if closes:
+            spot = (
+                {"xy": (1.0, 1.015), "ha": "right"}
+                if axis == 0
+                else {"xy": (1.015, 0.5), "va": "center", "rotation": 90}
+            )
+            text = "dashed edges meet: the torus" if axis == 0 else ""
+            axes.annotate(text, xycoords="axes fraction", fontsize=12, color="#59616d", **spot)
+
+
+def _pi_ticks(axis: Any, low: float, high: float) -> None:
+    half_turns = np.arange(np.ceil(low / (np.pi / 2) - 1e-9), np.floor(high / (np.pi / 2) + 1e-9) + 1)
+    names = {-2: "−π", -1: "−π/2", 0: "0", 1: "π/2", 2: "π"}
+    axis.set_ticks(half_turns * np.pi / 2, [names.get(int(k), f"{k / 2:g}π") for k in half_turns])

@@ -1,0 +1,136 @@
+"""The answer to a query in words: what is proven, what was found, what is open."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rr1plan.checks import counted
+
+if TYPE_CHECKING:
+    from rr1plan.playback.cspace.configuration_space import CSpace
+
+
+def describe(cspace: CSpace) -> str:
+    """The configuration space, the query and its answer as lines of text."""
+    grid = cspace.grid
+    first, second = grid.joint_names
+    share = f"{grid.free.mean():.1%} free"
+    lines = [f"configuration space of {first} and {second}: {_cells(cspace, 'x')}, {share}, {_parts(cspace)}"]
+    lines += _others(cspace)
+    lines += [f"  {name}: {mask.mean():.1%} of the cells" for name, mask in grid.layers.items()]
+    for name, goal, reachable, blocked in zip(
+        cspace.goal_names, cspace.goals, cspace.reachable_goals, cspace.goals_blocked_by, strict=True
+    ):
+        where = f"{name} ({goal[0]:+.3f}, {goal[1]:+.3f})"
+        if blocked:
+            lines.append(f"  {where}: not free ({', '.join(blocked)})")
+        elif cspace.start_blocked_by:
+            lines.append(f"  {where}: free")
+        elif cspace.proves_no_path:
+            lines.append(f"  {where}: cut off from the start")
+        else:
+            lines.append(f"  {where}: {'same component as' if reachable else 'on the grid not joined to'} the start")
+    if cspace.start is not None:
+        lines.append(f"  {verdict(cspace)}")
+    return "\n".join(lines)
+
+
+def _others(cspace: CSpace) -> list[str]:
+    """Where the other joints of the arm are, which makes this a slice."""
+    arm = cspace.grid.scene.arms[cspace.grid.arm]
+    others = [(n, q) for n, q in zip(arm.robot.joint_names, arm.q, strict=True) if n not in cspace.grid.joint_names]
+    return [f"  a slice, at {', '.join(f'{name} = {value:.4g}' for name, value in others)}"] if others else []
+
+
+def headline(cspace: CSpace) -> str:
+    """The same in a few words, for a title."""
+    if cspace.found:
+        return "the same path in the workspace and in the configuration space"
+    if cspace.start_blocked_by:
+        return "the start is not free"
+    if cspace.proves_no_path and cspace.goals and not all(cspace.goals_blocked_by):
+        return "no path exists, start and goal lie in different components"
+    if cspace.proves_no_path:
+        return f"no path exists, {_why_none(cspace)}"
+    return "a slice" if _others(cspace) else ""
+
+
+def tone(cspace: CSpace) -> str:
+    """How the page says it: "bad" where no path exists, "good" where one may, "open" where neither is known."""
+    if cspace.start is None:
+        return ""
+    if cspace.proves_no_path:
+        return "bad"
+    return "good" if any(cspace.reachable_goals) else "open"
+
+
+def verdict(cspace: CSpace) -> str:
+    """The answer in a sentence, and goals that are out of reach by their names."""
+    fault = [f"The path does not answer the query: {cspace.path_fault}."] if cspace.path_fault else []
+    return " ".join([_answer(cspace), *fault, *(f"{why[0].upper()}{why[1:]}." for why in cspace.unreached)])
+
+
+def _answer(cspace: CSpace) -> str:
+    grid = cspace.grid
+    if cspace.start is None:
+        return f"{grid.free.mean():.0%} of all configurations are free, in {_parts(cspace)}."
+    if cspace.start_blocked_by:
+        return f"The start is not free: {' and '.join(cspace.start_blocked_by)}."
+    if cspace.found:
+        return f"Start and goal lie in the same component of free space{_about_path(cspace)}."
+    if cspace.proves_no_path:
+        return f"No path exists: {_why_none(cspace)}{_by_which_cells(cspace)}."
+    if any(cspace.reachable_goals):
+        return f"On this grid of {_cells(cspace)} start and goal lie in the same component of free space."
+    if not cspace.goals:
+        return "Open: no configuration was found that reaches the goal, but that is no proof."
+    start = f"Open: this grid of {_cells(cspace)} does not join start and goal, but that is no proof"
+    if cspace.decomposition is None:
+        return f"{start}."
+    size = cspace.decomposition.resolution
+    return f"{start}: certified cells, refined to a grid of {size} × {size}, do not separate them."
+
+
+def _why_none(cspace: CSpace) -> str:
+    if not cspace.goals:
+        return "no configuration reaches the goal"
+    if all(cspace.goals_blocked_by):
+        return "no configuration that reaches the goal is free"
+    return "start and goal are free, but in different components of free space"
+
+
+def _by_which_cells(cspace: CSpace) -> str:
+    """How fine the cells are that prove it, where it takes cells to prove it."""
+    if (cspace.goals and all(cspace.goals_blocked_by)) or cspace.decomposition is None:
+        return ""
+    cells = f"{cspace.decomposition.resolution} × {cspace.decomposition.resolution}"
+    return f", proven by certified cells on a grid of {cells}"
+
+
+def _about_path(cspace: CSpace) -> str:
+    notes = ["; the path leads over the seam"] if crosses_seam(cspace) else []
+    if cspace.path is not None and not cspace.grid.connected(cspace.path[0], cspace.path[-1]):
+        notes.append(f"; the path leads through a gap too narrow for this grid of {_cells(cspace)}")
+    return "".join(notes)
+
+
+def crosses_seam(cspace: CSpace) -> bool:
+    """Whether the path leaves the square somewhere and comes in again at the other side."""
+    if cspace.path is None:
+        return False
+    for axis, (centers, closes) in enumerate(zip(cspace.grid.axes, cspace.grid.periodic, strict=True)):
+        step = centers[1] - centers[0]
+        turns = np.floor((cspace.path[:, axis] - centers[0] + 0.5 * step) / (step * len(centers)))
+        if closes and len(np.unique(turns)) > 1:
+            return True
+    return False
+
+
+def _cells(cspace: CSpace, times: str = "×") -> str:
+    return f"{f' {times} '.join(str(n) for n in cspace.grid.free.shape)} cells"
+
+
+def _parts(cspace: CSpace) -> str:
+    return f"{counted(cspace.grid.components, 'component')} of free space"

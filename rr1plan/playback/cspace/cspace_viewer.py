@@ -1,0 +1,117 @@
+"""The lesson page that follows the running program."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rr1plan.checks import true_or_false
+from rr1plan.errors import InputError
+from rr1plan.path import Path
+from rr1plan.playback.cspace.configuration_space import CSpace, cspace
+from rr1plan.playback.cspace.cspace_page import page_parts, with_panel
+from rr1plan.playback.simulation.replay import Replay
+from rr1plan.playback.viewer.live_viewer import Viewer, open_viewer
+from rr1plan.playback.viewer.view_options import ViewOptions
+from rr1plan.report import Report
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
+from rr1plan.trajectory import Trajectory
+
+
+def show_page(
+    picture: CSpace,
+    *,
+    trajectory: Trajectory | None = None,
+    options: ViewOptions | None = None,
+    port: int | None = None,
+    open_browser: bool = True,
+    quiet: bool = False,
+) -> CSpaceViewer:
+    """Open the lesson live in the browser of this machine; the program can move the arm with `Viewer.update`.
+
+    Args:
+        picture: The configuration space, with a question and its answer if it has one.
+        trajectory: The timed motion to play; None plays the path at a steady speed.
+        options: Title, first view, spheres, more panels (default: `ViewOptions()`). Without a view a planar arm of two
+            joints is looked at from above.
+        port: First port to try, the next free one is taken; None: 7000.
+        open_browser: Open the page in a browser, where there is a screen.
+        quiet: Do not print the address, which is `Viewer.url`.
+
+    Raises:
+        InputError: the trajectory moves other joints than the two shown, or no port.
+        BackendError: no free port.
+        MissingPackageError: Meshcat is not installed.
+    """
+    open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
+    return open_viewer(CSpaceViewer(picture, trajectory=trajectory, options=options, port=port), open_browser, quiet)
+
+
+class CSpaceViewer(Viewer):
+    """A live page of a configuration space. `CSpace.show` makes one; see `Viewer` for its other methods.
+
+    Args:
+        picture: The configuration space.
+        trajectory: The timed motion to play, or None.
+        options: As in `show_page`.
+        port: First port to try, or None.
+    """
+
+    def __init__(
+        self,
+        picture: CSpace,
+        *,
+        trajectory: Trajectory | None = None,
+        options: ViewOptions | None = None,
+        port: int | None = None,
+    ) -> None:
+        document, panel = page_parts(picture, trajectory=trajectory, options=options)
+        self._open(picture.grid.scene, document, with_panel(options, panel), port)
+        self._picture = picture
+
+    def load(
+        self,
+        scene: Scene | CSpace,
+        *,
+        trajectory: Trajectory | None = None,
+        path: Path | None = None,
+        problem: Problem | None = None,
+        report: Report | None = None,
+        replay: Replay | None = None,
+        options: ViewOptions | None = None,
+    ) -> None:
+        """Show something else on the same page, in the workspace and in the configuration space.
+
+        Args:
+            scene: A scene, whose configuration space is computed at the resolution of the page: of the same arm and
+                joints where it has them. Or a `CSpace`, which brings its own query, path and tree.
+            trajectory: The timed motion to play, or None.
+            path: The answer to the query, or None.
+            problem: The query: its start and goals are drawn in both spaces, and the verdict is about it.
+            report: The referee's verdict on the trajectory, shown as a badge.
+            replay: What a simulation made of the trajectory.
+            options: Of these the title and the spheres count.
+
+        Raises:
+            UnknownNameError: a column that is no joint of the scene.
+            InputError: an arm without two joints, a problem, path or trajectory of other joints, or a closed viewer.
+        """
+        picture = scene if isinstance(scene, CSpace) else self._picture_of(scene, problem, path)
+        document, panel = page_parts(picture, trajectory=trajectory, report=report, replay=replay, options=options)
+        self._exchange(picture.grid.scene, document, (panel,))
+        self._picture = picture
+
+    def _picture_of(self, scene: Scene, problem: Problem | None, path: Path | None) -> CSpace:
+        grid, arm, joints = self._picture.grid, None, None
+        if problem is None and grid.arm in scene.arms:
+            arm = grid.arm
+            joints = grid.joint_names if set(grid.joint_names) <= set(scene.arms[arm].robot.joint_names) else None
+        picture = cspace(scene, problem, arm=arm, joints=joints, resolution=len(grid.free))
+        if path is None:
+            return picture
+        names = tuple(f"{picture.grid.arm}/{name}" for name in picture.grid.joint_names)
+        if path.joint_names != names:
+            raise InputError(
+                f"the path moves {', '.join(path.joint_names)}, expected the joints shown: {', '.join(names)}"
+            )
+        return replace(picture, path=path.waypoints)

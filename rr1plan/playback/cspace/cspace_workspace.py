@@ -1,0 +1,105 @@
+"""The left half of the figure: the arm among its obstacles, and the way of its tool."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.patches import Annulus, Circle, Polygon
+
+from rr1plan.checks import Array
+from rr1plan.playback.cspace.cspace_colors import GOAL, INK, START, layer_colors
+from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
+from rr1plan.playback.cspace.cspace_lines import along, gradient, write_name
+from rr1plan.playback.outlines import silhouette
+from rr1plan.shapes import HalfSpace
+
+if TYPE_CHECKING:
+    from rr1plan.playback.cspace.configuration_space import CSpace
+
+
+def draw_workspace(axes: Any, cspace: CSpace) -> None:
+    """Draw it."""
+    grid = cspace.grid
+    scene, arm = grid.scene, grid.scene.arms[grid.arm]
+    axes.set_title("workspace", loc="left", color=INK)
+    axes.set_aspect("equal")
+    reach = _draw_reach(axes, cspace)
+    colors = layer_colors(grid)
+    for name, obstacle in scene.obstacles.items():
+        for g in obstacle.geometries:
+            if not isinstance(g.shape, HalfSpace):
+                corners, color = silhouette(g.shape, obstacle.pose @ g.pose), colors.get(name, "#999999")
+                axes.add_patch(Polygon(corners, facecolor=color, edgecolor="none", zorder=2))
+                write_name(axes, name, corners.mean(axis=0), color)
+    for q, color, alpha in _configurations(cspace):
+        _draw_arm(axes, grid, q, color, alpha)
+    if cspace.path is not None:
+        tips = np.array([_tool(grid, q) for q in along(cspace.path, 200)])
+        axes.add_collection(gradient(tips, 2.2, zorder=6))
+    center = arm.base[:2, 3]
+    span = 1.08 * max(reach, 1e-3)
+    axes.set(xlim=(center[0] - span, center[0] + span), ylim=(center[1] - span, center[1] + span))
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _draw_reach(axes: Any, cspace: CSpace) -> float:
+    """Draw the ring that the tool of an arm with two joints that turn can reach; returns how far it gets."""
+    grid = cspace.grid
+    base = grid.scene.arms[grid.arm].base[:2, 3]
+    ring = all(grid.turns) and len(grid.scene.arms[grid.arm].robot.joint_names) == 2
+    firsts = grid.axes[0][:1] if ring else grid.axes[0][:: max(1, len(grid.axes[0]) // 24)]
+    seconds = grid.axes[1][:: max(1, len(grid.axes[1]) // (180 if ring else 24))]
+    radii = [float(np.linalg.norm(_tool(grid, np.array([a, b])) - base)) for a in firsts for b in seconds]
+    inner, outer = min(radii), max(radii)
+    if ring:
+        disc = Annulus((float(base[0]), float(base[1])), outer, max(outer - inner, 1e-6), zorder=0)
+        disc.set(facecolor="#eef1f5", edgecolor="#c5ccd6", linewidth=0.8)
+        axes.add_patch(disc)
+    return outer
+
+
+def _configurations(cspace: CSpace) -> list[tuple[Array, Any, float]]:
+    """Configurations to draw the arm in, with color and opacity: along the path, or start and goals."""
+    if cspace.path is not None:
+        return [
+            (q, colormaps["plasma"](0.05 + 0.8 * k / 8), 0.9 if k in (0, 8) else 0.4)
+            for k, q in enumerate(along(cspace.path, 9))
+        ]
+    if cspace.start is None:
+        return [(_configuration(cspace.grid), INK, 0.9)]
+    shown = [(goal, GOAL, 0.8) for goal in cspace.goals]
+    return [*shown, (cspace.start, START, 0.9)]
+
+
+def _configuration(grid: CSpaceGrid) -> Array:
+    arm = grid.scene.arms[grid.arm]
+    return np.array([arm.q[arm.robot.joint_names.index(name)] for name in grid.joint_names])
+
+
+def _link_poses(grid: CSpaceGrid, q: Array) -> dict[str, Array]:
+    arm = grid.scene.arms[grid.arm]
+    full = np.array(arm.q)
+    for name, value in zip(grid.joint_names, q, strict=True):
+        full[arm.robot.joint_names.index(name)] = value
+    return {link: arm.base @ T for link, T in arm.robot.link_poses(full).items()}
+
+
+def _tool(grid: CSpaceGrid, q: Array) -> Array:
+    return np.asarray(_link_poses(grid, q)[grid.scene.arms[grid.arm].robot.tool][:2, 3])
+
+
+def _draw_arm(axes: Any, grid: CSpaceGrid, q: Array, color: Any, alpha: float) -> None:
+    robot = grid.scene.arms[grid.arm].robot
+    poses = _link_poses(grid, q)
+    for link in robot.links:
+        for g in link.collisions or link.visuals:
+            if not isinstance(g.shape, HalfSpace):
+                corners = silhouette(g.shape, poses[link.name] @ g.pose)
+                axes.add_patch(Polygon(corners, facecolor=color, edgecolor="none", alpha=alpha, zorder=4))
+    for joint in robot.joints:
+        if joint.kind != "fixed":
+            x, y = (float(c) for c in poses[joint.child][:2, 3])
+            axes.add_patch(Circle((x, y), 0.012, color="white", alpha=alpha, zorder=5))

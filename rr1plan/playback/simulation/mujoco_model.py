@@ -1,0 +1,320 @@
+"""A MuJoCo model made from our own Scene, so that the simulator cannot disagree about the robot.
+
+Idea: every link is a body (frames included, nothing is fused), every collision shape a geom whose
+name tells its element, every movable joint has a servo, and the pairs that may touch are excluded
+one by one while MuJoCo's own parent-child filter is off: what MuJoCo reports as contact is exactly
+what `Scene.checked_pairs` forbids.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.errors import BackendError, InputError
+from rr1plan.playback.cloud_boxes import cloud_boxes
+from rr1plan.robot import Geometry, Joint, Link, Robot
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.shapes.convex_hulls import is_own_hull
+from rr1plan.transforms import quaternion_from_rotation
+
+# A moving body needs some mass in MuJoCo; a frame that has none gets this much [kg, kg m²].
+_NO_MASS = 1e-9
+# MuJoCo refuses principal moments below 1e-14 [kg m²].
+_LEAST_MOMENT = 1e-12
+# The least inertia that a servo is made for, and that of a motor whose joint carries nothing [kg m² or kg].
+_LEAST_CARRIED = 1e-4
+_NOTHING_CARRIED = 1e-7
+# Input signature of the `pid` actuator: position, velocity and feed-forward [MuJoCo's mjtCtrlInput].
+_POSITION_VELOCITY_FEEDFORWARD = 7
+# Half the thickness of a plate in place of a triangle [m].
+_HALF_PLATE = 1e-5
+# Triangles of one mesh; these take about ten seconds to build.
+_MOST_PLATES = 20_000
+# Boxes of one point cloud; these take about twenty seconds to build.
+_MOST_BOXES = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class MujocoScene:
+    """A compiled model and the way from our names to its numbers.
+
+    Args:
+        spec: The editable model, e.g. for `spec.to_xml()`.
+        model: The compiled model.
+        joint_names: "arm/joint" of every movable joint, in the order of qpos, qvel and actuators.
+        geom_elements: The scene element each geom belongs to, by geom id.
+        effort_limits: Largest effort of each of those joints [Nm or N], inf where there is none. Servos keep it, except
+            in arms whose masses are estimated.
+        massless_joints: Those of `joint_names` that carry no mass; each has a motor of some inertia instead.
+    """
+
+    spec: Any
+    model: Any
+    joint_names: tuple[str, ...]
+    geom_elements: tuple[str, ...]
+    effort_limits: Array
+    massless_joints: tuple[str, ...] = ()
+
+
+def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80.0) -> MujocoScene:
+    """Build and compile a scene's MuJoCo model.
+
+    Args:
+        scene: The scene; arms start in their configurations.
+        timestep: Step of the integrator [s].
+        stiffness: Natural frequency of the joint servos [rad/s]; gains follow from the inertia each
+            joint carries in the scene's configuration (kp = stiffness² M_jj), critically damped.
+
+    Returns:
+        The model with one `pid` actuator (position, velocity, feed-forward) for each movable joint.
+
+    Raises:
+        BackendError: MuJoCo does not take the scene.
+        InputError: a point cloud of too many cells.
+    """
+    builder = _Builder(scene, timestep)
+    spec = builder.spec
+    model = _compile(spec)
+    configuration = _qpos(scene, builder.joints)
+    inertia = _joint_inertia(model, configuration)
+    massless = tuple(j.name for j, carried in zip(builder.joints, inertia, strict=True) if carried < _NOTHING_CARRIED)
+    for name in massless:
+        spec.joint(name).armature = _LEAST_CARRIED
+    for joint, carried in zip(builder.joints, inertia, strict=True):
+        limited = not scene.arms[joint.arm].robot.links_of_assumed_mass
+        _add_servo(spec, joint, stiffness, max(float(carried), _LEAST_CARRIED), limited)
+    spec.add_key(name="configuration", qpos=configuration)
+    model = _compile(spec)
+    elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
+    efforts = np.array([joint.joint.effort for joint in builder.joints])
+    return MujocoScene(spec, model, tuple(j.name for j in builder.joints), elements, efforts, massless)
+
+
+def _compile(spec: Any) -> Any:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise BackendError(f"MuJoCo does not take the scene: {error}") from error
+
+
+@dataclass(frozen=True, eq=False)
+class _PlacedJoint:
+    """A movable joint under its scene name."""
+
+    name: str
+    arm: str
+    joint: Joint
+
+
+class _Builder:
+    """Fills an MjSpec from a scene."""
+
+    def __init__(self, scene: Scene, timestep: float) -> None:
+        self.scene = scene
+        self.spec = mujoco.MjSpec()
+        self.spec.modelname = scene.name
+        self.spec.option.timestep = timestep
+        self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        self.spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+        self.spec.compiler.balanceinertia = True
+        self.joints: list[_PlacedJoint] = []
+        self.elements: dict[str, str] = {}
+        self.meshes: dict[int, list[str]] = {}
+        for name, arm in scene.arms.items():
+            self._add_arm(name, arm.robot, arm.base)
+        for name, held in scene.attachments.items():
+            body = self._add_body(self.spec.body(f"{held.arm}/{held.link}"), _body_name(name), held.pose)
+            self._add_geoms(body, name, held.geometries)
+        for name, obstacle in scene.obstacles.items():
+            body = self._add_body(self.spec.worldbody, _body_name(name), obstacle.pose)
+            self._add_geoms(body, name, obstacle.geometries)
+        for a, b in _excluded_pairs(scene):
+            self.spec.add_exclude(bodyname1=_body_name(a), bodyname2=_body_name(b))
+
+    def _add_arm(self, arm: str, robot: Robot, base: Array) -> None:
+        self._add_link(self.spec.worldbody, arm, robot.links[0], base)
+        for joint in robot.joints:
+            body = self._add_link(self.spec.body(f"{arm}/{joint.parent}"), arm, robot.link(joint.child), joint.origin)
+            if joint.kind != "fixed":
+                self._add_joint(body, arm, joint)
+
+    def _add_link(self, parent: Any, arm: str, link: Link, pose: Array) -> Any:
+        body = self._add_body(parent, f"{arm}/{link.name}", pose)
+        body.explicitinertial = True
+        if link.inertial is not None and link.inertial.mass > 0.0:
+            inertia = _definite(link.inertial.inertia)
+            body.mass = link.inertial.mass
+            body.ipos = link.inertial.com
+            body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+        else:
+            body.mass = _NO_MASS
+            body.inertia = [_NO_MASS] * 3
+        self._add_geoms(body, f"{arm}/{link.name}", link.collisions)
+        return body
+
+    def _add_body(self, parent: Any, name: str, pose: Array) -> Any:
+        return parent.add_body(name=name, pos=pose[:3, 3], quat=quaternion_from_rotation(pose[:3, :3]))
+
+    def _add_joint(self, body: Any, arm: str, joint: Joint) -> None:
+        slides = joint.kind == "prismatic"
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
+        name = f"{arm}/{joint.name}"
+        # Limits are the referee's to hold; in the simulator they would only push back softly.
+        body.add_joint(name=name, type=kind, axis=joint.axis, limited=mujoco.mjtLimited.mjLIMITED_FALSE)
+        self.joints.append(_PlacedJoint(name, arm, joint))
+
+    def _add_geoms(self, body: Any, element: str, geometries: tuple[Geometry, ...]) -> None:
+        for index, geometry in enumerate(geometries):
+            for part, options in enumerate(self._geom_options(geometry.shape)):
+                name = f"{element}#{index}.{part}"
+                T = geometry.pose @ _offset(options.pop("offset", None))
+                quat = quaternion_from_rotation(T[:3, :3] @ options.pop("turn", np.eye(3)))
+                color = geometry.color or (0.6, 0.6, 0.6, 1.0)
+                body.add_geom(name=name, pos=T[:3, 3], quat=quat, rgba=color, mass=0.0, **options)
+                self.elements[name] = element
+
+    def _geom_options(self, shape: Shape) -> Iterator[dict[str, Any]]:
+        kinds = mujoco.mjtGeom
+        match shape:
+            case Box():
+                yield {"type": kinds.mjGEOM_BOX, "size": np.array(shape.size) / 2}
+            case Sphere():
+                yield {"type": kinds.mjGEOM_SPHERE, "size": [shape.radius, 0, 0]}
+            case Cylinder():
+                yield {"type": kinds.mjGEOM_CYLINDER, "size": [shape.radius, shape.length / 2, 0]}
+            case Capsule():
+                yield {"type": kinds.mjGEOM_CAPSULE, "size": [shape.radius, shape.length / 2, 0]}
+            case HalfSpace():
+                normal = np.array(shape.normal)
+                yield {
+                    "type": kinds.mjGEOM_PLANE,
+                    "size": [1, 1, 1],
+                    "offset": normal * shape.offset,
+                    "turn": _frame_along(normal),
+                }
+            case Mesh():
+                for name in self._mesh_names(shape):
+                    yield {"type": kinds.mjGEOM_MESH, "meshname": name}
+            case PointCloud():
+                for center, half in zip(*_few_boxes(shape), strict=True):
+                    yield {"type": kinds.mjGEOM_BOX, "size": half, "offset": center}
+
+    def _mesh_names(self, mesh: Mesh) -> list[str]:
+        if id(mesh) not in self.meshes:
+            names: list[str] = []
+            for points in [mesh.vertices] if mesh.convex or is_own_hull(mesh) else _plates(mesh):
+                name = f"mesh{sum(map(len, self.meshes.values())) + len(names)}"
+                convex = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+                self.spec.add_mesh(name=name, uservert=points.ravel(), inertia=convex)
+                names.append(name)
+            self.meshes[id(mesh)] = names
+        return self.meshes[id(mesh)]
+
+
+def _plates(mesh: Mesh) -> Iterator[Array]:
+    """Corners of a thin plate for each triangle, as MuJoCo takes the hull of any mesh."""
+    if len(mesh.faces) > _MOST_PLATES:
+        raise InputError(
+            f"a mesh of {len(mesh.faces)} triangles is not convex, MuJoCo is given at most {_MOST_PLATES} of them; "
+            "try a decimated mesh, or its hull"
+        )
+    around = _HALF_PLATE * np.concatenate([np.eye(3), -np.eye(3)])
+    for corners in mesh.vertices[mesh.faces]:
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        length = float(np.linalg.norm(normal))
+        thin = length <= _HALF_PLATE * float(np.ptp(corners, axis=0).max())
+        # A needle has no normal to rely on: a little of everything around its corners.
+        sides = around if thin else _HALF_PLATE * np.array([normal, -normal]) / length
+        yield (corners[:, None] + sides).reshape(-1, 3)
+
+
+def _few_boxes(cloud: PointCloud) -> tuple[Array, Array]:
+    centers, halves = cloud_boxes(cloud)
+    if len(centers) > _MOST_BOXES:
+        raise InputError(
+            f"a point cloud at resolution {cloud.resolution} m takes {len(centers)} boxes, MuJoCo is given at most "
+            f"{_MOST_BOXES}; try a coarser resolution"
+        )
+    return centers, halves
+
+
+def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Pairs of bodies that may touch: an arm's own, and what the scene allows between arms and things."""
+    owned: dict[str | None, list[str]] = {}
+    for element in scene.element_names:
+        owned.setdefault(scene.owner(element), []).append(element)
+    for arm in scene.arms:
+        yield from ((a, b) for a, b in combinations(owned.get(arm, ()), 2) if scene.may_touch(a, b))
+    seen = set()
+    for rule in scene.allowed:
+        first, second = (owned.get(name, [name]) if name in scene.arms else [name] for name in (min(rule), max(rule)))
+        for a in first:
+            for b in second:
+                same_arm = scene.owner(a) is not None and scene.owner(a) == scene.owner(b)
+                if a != b and not same_arm and frozenset((a, b)) not in seen:
+                    seen.add(frozenset((a, b)))
+                    yield a, b
+
+
+def _body_name(element: str) -> str:
+    """An element's body; MuJoCo keeps the name "world" for itself."""
+    return f"{element}#" if element.rstrip("#") == "world" else element
+
+
+def _definite(inertia: Array) -> Array:
+    """The inertia, or a little more of it for a body that is a point or nearly one."""
+    least = float(np.linalg.eigvalsh(inertia)[0])
+    return inertia if least >= _LEAST_MOMENT else inertia + _LEAST_MOMENT * np.eye(3)
+
+
+def _offset(xyz: Any) -> Array:
+    T = np.eye(4)
+    if xyz is not None:
+        T[:3, 3] = xyz
+    return T
+
+
+def _frame_along(normal: Array) -> Array:
+    """A rotation matrix whose z axis is `normal` (3,)."""
+    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    x = np.cross(helper, normal)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(normal, x), normal])
+
+
+def _qpos(scene: Scene, joints: list[_PlacedJoint]) -> Array:
+    values = {name: arm.robot.joint_values(arm.q) for name, arm in scene.arms.items()}
+    return np.array([values[j.arm][j.joint.name] for j in joints])
+
+
+def _joint_inertia(model: Any, qpos: Array) -> Array:
+    """Inertia that each joint carries at qpos, the diagonal of the mass matrix, shape (nv,)."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    return np.asarray(mass_matrix(model, data).diagonal())
+
+
+def mass_matrix(model: Any, data: Any) -> Array:
+    """The joint-space mass matrix of a model whose position stage has run, shape (nv, nv)."""
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    return M
+
+
+def _add_servo(spec: Any, placed: _PlacedJoint, stiffness: float, inertia: float, limited: bool) -> None:
+    actuator = spec.add_actuator(name=placed.name, target=placed.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    actuator.set_to_pid(
+        kp=stiffness**2 * inertia, kv=2.0 * stiffness * inertia, ctrlspec=_POSITION_VELOCITY_FEEDFORWARD
+    )
+    if limited and np.isfinite(placed.joint.effort):
+        actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        actuator.forcerange = [-placed.joint.effort, placed.joint.effort]

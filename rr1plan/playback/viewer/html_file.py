@@ -1,0 +1,54 @@
+"""One HTML file that plays a motion offline."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path as FilePath
+
+from rr1plan.files.file_access import write_text
+from rr1plan.path import Path
+from rr1plan.playback.simulation.replay import Replay
+from rr1plan.playback.viewer.html_page import page_html
+from rr1plan.playback.viewer.page_document import view_document
+from rr1plan.playback.viewer.view_options import ViewOptions
+from rr1plan.report import Report
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
+from rr1plan.trajectory import Trajectory
+
+
+def save_html(
+    file: str | os.PathLike[str],
+    scene: Scene,
+    *,
+    trajectory: Trajectory | None = None,
+    path: Path | None = None,
+    problem: Problem | None = None,
+    report: Report | None = None,
+    replay: Replay | None = None,
+    options: ViewOptions | None = None,
+) -> FilePath:
+    """Write one self-contained page: it asks no server for anything, and works from a USB stick.
+
+    Args:
+        file: Where to write it; written whole or not at all.
+        scene: The arms and obstacles.
+        trajectory: The motion to play; its columns are joints of the scene.
+        path: A path without times: drawn, and played at a steady speed when there is no trajectory.
+        problem: The question: its start and goal are drawn as ghosts.
+        report: The referee's verdict on the trajectory, shown as a badge.
+        replay: What a simulation made of the trajectory.
+        options: Title, first view, spheres, panels (default: `ViewOptions()`).
+
+    Returns:
+        The file.
+
+    Raises:
+        UnknownNameError: a column that is no joint of the scene.
+        InputError: a file that cannot be written, data JSON cannot hold.
+        MissingPackageError: Meshcat is not installed.
+    """
+    document = view_document(
+        scene, trajectory=trajectory, path=path, problem=problem, report=report, replay=replay, options=options
+    )
+    return write_text(file, page_html(document, options))

@@ -1,0 +1,147 @@
+"""One HTML page, whole in itself: Meshcat's viewer, our page around it, and the document.
+
+The page may not load anything from anywhere: its content security policy names the hashes of
+its own scripts and nothing else, so neither a request nor a script smuggled in by a name in a
+file can run. Data stands in `<script type="application/json">` with every "<" escaped.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+import re
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path as FilePath
+from typing import Any
+
+from rr1plan.checks import finite_array
+from rr1plan.errors import BackendError, InputError, MissingPackageError
+from rr1plan.playback.viewer.page_document import Document
+from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
+
+_SCRIPTS = (
+    "math.js", "shapes.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "player.js", "controls.js",
+    "live.js", "main.js",
+)  # fmt: skip
+
+
+def page_html(document: Document, options: ViewOptions | None = None, *, live: bool = False, version: int = 0) -> str:
+    """The page as text.
+
+    Args:
+        document: What `view_document` made.
+        options: The panels, the first view, and whether the motion runs; title and spheres are in the document.
+        live: The page asks the server it came from for updates.
+        version: Of the document, so that the server knows whether the page has the newest.
+
+    Raises:
+        InputError: data JSON cannot hold.
+        MissingPackageError: Meshcat is not installed.
+        BackendError: Meshcat is there without its viewer.
+    """
+    options = checked_options(options)
+    panels = options.panels
+    scripts = [_meshcat(), _script(panels)]
+    settings = {
+        "live": live,
+        "version": version,
+        "view": options.view,
+        "play": options.play,
+        "panels": [{"name": p.name, "data": p.data} for p in panels],
+    }
+    slots = {
+        "TITLE": html.escape(document["title"]),
+        "POLICY": html.escape(_policy(scripts, live)),
+        "STYLE": _asset("page.css") + "".join(_sealed(p.css, "style") for p in panels),
+        "PANELS": "".join(_panel_html(p) for p in panels),
+        "DOCUMENT": json_for_html(document),
+        "SETTINGS": json_for_html(settings),
+        "MESHCAT": scripts[0],
+        "SCRIPT": scripts[1],
+    }
+    return re.sub(r"\{\{([A-Z]+)\}\}", lambda m: slots[m.group(1)], _asset("page.html"))
+
+
+def embed_html(text: str, height: int = 600) -> str:
+    """A page inside a notebook's page."""
+    style = f"width:100%;height:{int(height)}px;border:0;border-radius:8px"
+    return f'<iframe srcdoc="{html.escape(text)}" style="{style}"></iframe>'
+
+
+def json_for_html(value: Any) -> str:
+    """JSON that can stand inside a script element whatever the strings in it are.
+
+    Raises:
+        InputError: a value JSON cannot hold, NaN and infinity included.
+    """
+    try:
+        text = json.dumps(value, allow_nan=False, separators=(",", ":"), ensure_ascii=True)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"the page cannot hold this data: {error}") from error
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def check_size(size: Any) -> tuple[int, int]:
+    """A picture's width and height [px] as whole numbers between 16 and 8192.
+
+    Raises:
+        InputError: anything else.
+    """
+    width, height = (int(v) for v in finite_array("size", size, (2,)))
+    if not (16 <= width <= 8192 and 16 <= height <= 8192):
+        raise InputError(f"size is {width} x {height}, expected 16 to 8192 pixels each way")
+    return width, height
+
+
+@cache
+def _asset(name: str) -> str:
+    return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")
+
+
+@cache
+def _meshcat() -> str:
+    """Meshcat's own viewer, as its package ships it (its licences stand in the page's head)."""
+    # Found, not imported: the Python package would bring ZeroMQ and IPython along.
+    found = find_spec("meshcat")
+    if found is None or found.origin is None:
+        raise MissingPackageError("meshcat", "the 3-D page")
+    script = FilePath(found.origin).parent / "viewer" / "dist" / "main.min.js"
+    try:
+        return _sealed(script.read_text(encoding="utf-8"), "script")
+    except OSError as error:
+        raise BackendError(f"the package meshcat has no viewer at {script}; try to install it again") from error
+
+
+def _script(panels: Sequence[Panel]) -> str:
+    parts = [_asset(name) for name in _SCRIPTS]
+    mounts = [f"mounts[{json.dumps(p.name)}] = function (viewer, root, data) {{\n{p.script}\n}};" for p in panels]
+    body = "\n".join([*parts[:-1], *mounts, parts[-1]])
+    return _sealed(f"(function () {{\n'use strict';\nconst mounts = {{}};\n{body}\n}})();\n", "script")
+
+
+def _sealed(text: str, element: str) -> str:
+    """Text that cannot close the element it stands in."""
+    if re.search(rf"</{element}", text, re.IGNORECASE):
+        raise InputError(f"a {element} of the page contains '</{element}', expected it to be written otherwise")
+    return text
+
+
+def _panel_html(panel: Panel) -> str:
+    head = f"<h2>{html.escape(panel.title)}</h2>"
+    width = f"--panel-width:{int(panel.width)}px"
+    return f'<section class="panel" id="panel-{panel.name}" style="{width}">{head}{panel.html}</section>'
+
+
+def _policy(scripts: Sequence[str], live: bool) -> str:
+    hashes = [base64.b64encode(hashlib.sha256(s.encode("utf-8")).digest()).decode("ascii") for s in scripts]
+    allowed = " ".join(f"'sha256-{h}'" for h in hashes)
+    connect = "'self'" if live else "'none'"
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
+        f"img-src data: blob:; connect-src {connect}; base-uri 'none'; form-action 'none'"
+    )

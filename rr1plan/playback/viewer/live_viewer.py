@@ -1,0 +1,286 @@
+"""A page that follows the running program."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import webbrowser
+from collections.abc import Mapping
+from dataclasses import replace
+from time import monotonic
+from types import TracebackType
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import finite_array, finite_number, positive_number, true_or_false
+from rr1plan.errors import InputError
+from rr1plan.path import Path
+from rr1plan.playback.simulation.replay import Replay
+from rr1plan.playback.viewer.html_page import embed_html, page_html
+from rr1plan.playback.viewer.page_document import Document, view_document
+from rr1plan.playback.viewer.page_server import PageServer
+from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
+from rr1plan.report import Report
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
+from rr1plan.trajectory import Trajectory
+
+_RELOAD = 2.0  # [s] after its last page has gone, a page counts as closed, not as being loaded again
+_TICK = 0.1  # [s] between two looks at the open pages
+
+
+class Viewer:
+    """A live page. `show` makes one; it is also a context manager that closes it.
+
+    Args:
+        scene: The arms and obstacles.
+        trajectory, path, problem, report, replay, options, port: As in `show`.
+
+    Raises:
+        UnknownNameError: a column that is no joint of the scene.
+        InputError: a port that is no port, data JSON cannot hold.
+        BackendError: no free port.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        trajectory: Trajectory | None = None,
+        path: Path | None = None,
+        problem: Problem | None = None,
+        report: Report | None = None,
+        replay: Replay | None = None,
+        options: ViewOptions | None = None,
+        port: int | None = None,
+    ) -> None:
+        document = view_document(
+            scene, trajectory=trajectory, path=path, problem=problem, report=report, replay=replay, options=options
+        )
+        self._open(scene, document, checked_options(options), port)
+
+    def _open(self, scene: Scene, document: Document, options: ViewOptions, port: int | None) -> None:
+        """Serve a document."""
+        self._scene = scene
+        self._document = document
+        self._options = options
+        self._ended = threading.Event()
+        page_html(document, options)
+        self._server = PageServer(self._html, port)
+        self._server.set_document(document)
+
+    @property
+    def url(self) -> str:
+        """Address of the page, for browsers of this machine."""
+        return self._server.url
+
+    @property
+    def pages(self) -> int:
+        """How many pages look on."""
+        return self._server.pages
+
+    @property
+    def closed(self) -> bool:
+        """The page is served no longer."""
+        return not self._server.running
+
+    def load(
+        self,
+        scene: Scene,
+        *,
+        trajectory: Trajectory | None = None,
+        path: Path | None = None,
+        problem: Problem | None = None,
+        report: Report | None = None,
+        replay: Replay | None = None,
+        options: ViewOptions | None = None,
+    ) -> None:
+        """Show something else on the same page; the arguments are those of `show`.
+
+        Of the options the title and the spheres count; view and panels are those that the page was opened with.
+
+        Raises:
+            UnknownNameError: a column that is no joint of the scene.
+            InputError: the viewer is closed.
+        """
+        document = view_document(
+            scene, trajectory=trajectory, path=path, problem=problem, report=report, replay=replay, options=options
+        )
+        self._exchange(scene, document)
+
+    def _exchange(self, scene: Scene, document: Document, panels: tuple[Panel, ...] = ()) -> None:
+        """Send another document to the pages, and the data of these panels to the panels of the same names."""
+        known = {panel.name: panel for panel in (*self._options.panels, *panels)}
+        data = {panel.name: panel.data for panel in panels}
+        self._server.set_document({**document, "panels": data} if data else document)
+        self._scene, self._document = scene, document
+        self._options = replace(self._options, panels=tuple(known.values()))
+
+    def update(self, q: ArrayLike | Mapping[str, str | ArrayLike]) -> None:
+        """Put the arms somewhere, at once and as often as you like; pages show the newest.
+
+        Args:
+            q: Configuration of all arms of the scene [rad or m], shape (nq,), or a mapping from arm
+                to its configuration or a configuration's name (the others stay as the scene has them).
+
+        Raises:
+            UnknownNameError: no such arm or configuration.
+            InputError: wrong shape, not finite, or the viewer is closed.
+        """
+        if isinstance(q, Mapping):
+            configurations = {
+                n: self._scene.arm(n).robot.configuration(v, f"configuration of {n!r}") for n, v in q.items()
+            }
+            q = np.concatenate([configurations.get(name, arm.q) for name, arm in self._scene.arms.items()])
+        values = finite_array("q", q, (len(self._document["columns"]),))
+        self._server.set_frame(values.astype("<f8").tobytes())
+
+    def play(self) -> None:
+        """Let the motion run."""
+        self._server.command("play")
+
+    def pause(self) -> None:
+        """Stop the clock."""
+        self._server.command("pause")
+
+    def seek(self, t: float) -> None:
+        """Show a moment of the motion [s].
+
+        Raises:
+            InputError: not a finite number.
+        """
+        self._server.command("seek", finite_number("t", t))
+
+    def set_speed(self, speed: float) -> None:
+        """Play so many times as fast as real time.
+
+        Raises:
+            InputError: not a number above zero.
+        """
+        self._server.command("speed", positive_number("speed", speed))
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Keep the program alive until the page has been opened and closed again, or Ctrl-C, or `close`.
+
+        Where several pages are open, until the last one is closed. Loading a page again does not close it.
+
+        Args:
+            timeout: Longest wait [s]; None waits without a limit.
+
+        Returns:
+            False when the time ran out.
+
+        Raises:
+            InputError: a timeout that is no number >= 0.
+        """
+        if timeout is not None and finite_number("timeout", timeout) < 0.0:
+            raise InputError(f"timeout is {timeout}, expected a time >= 0 [s]")
+        began = monotonic()
+        visits_before = self._server.visits - self.pages
+        try:
+            while True:
+                now = monotonic()
+                opened = self._server.visits > visits_before
+                if opened and not self.pages and now - self._server.last_sign > _RELOAD:
+                    return True
+                left = _TICK if timeout is None else began + timeout - now
+                if self._ended.wait(max(0.0, min(_TICK, left))):
+                    return True
+                if left <= 0.0:
+                    return False
+        except KeyboardInterrupt:
+            return True
+
+    def close(self) -> None:
+        """Serve the page no longer; more than once is fine."""
+        self._server.close()
+        self._ended.set()
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<Viewer {'closed' if self.closed else self.url}>"
+
+    def _repr_html_(self) -> str:
+        """In a notebook: the page itself, without a server, so that it works far from this machine too."""
+        return embed_html(page_html(self._document, self._options))
+
+    def _html(self, version: int) -> str:
+        return page_html(self._document, self._options, live=True, version=version)
+
+
+_SomeViewer = TypeVar("_SomeViewer", bound=Viewer)
+
+
+def show(
+    scene: Scene,
+    *,
+    trajectory: Trajectory | None = None,
+    path: Path | None = None,
+    problem: Problem | None = None,
+    report: Report | None = None,
+    replay: Replay | None = None,
+    options: ViewOptions | None = None,
+    port: int | None = None,
+    open_browser: bool = True,
+    quiet: bool = False,
+) -> Viewer:
+    """Open a live page in the browser of this machine, and print its address.
+
+    The page is served as long as the program runs: end a script with `show(...).wait()`.
+
+    Args:
+        scene: The arms and obstacles.
+        trajectory: The motion to play; its columns are joints of the scene.
+        path: A path without times: drawn, and played at a steady speed when there is no trajectory.
+        problem: The question: its start and goal are drawn as ghosts.
+        report: The referee's verdict on the trajectory, shown as a badge.
+        replay: What a simulation made of the trajectory.
+        options: Title, first view, spheres, panels (default: `ViewOptions()`).
+        port: First port to try, the next free one is taken; None: 7000.
+        open_browser: Open the page in a browser, where there is a screen.
+        quiet: Do not print the address, which is `Viewer.url`.
+
+    Raises:
+        UnknownNameError: a column that is no joint of the scene.
+        InputError: a port that is no port, data JSON cannot hold.
+        BackendError: no free port.
+        MissingPackageError: Meshcat is not installed.
+    """
+    open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
+    viewer = Viewer(
+        scene,
+        trajectory=trajectory,
+        path=path,
+        problem=problem,
+        report=report,
+        replay=replay,
+        options=options,
+        port=port,
+    )
+    return open_viewer(viewer, open_browser, quiet)
+
+
+def open_viewer(viewer: _SomeViewer, open_browser: bool, quiet: bool) -> _SomeViewer:
+    """Print the address of a viewer's page and open it in a browser, where there is a screen; returns the viewer."""
+    if not quiet:
+        print(f"page: {viewer.url}", flush=True)  # noqa: T201  (a script has no other way to say where its page is)
+    if open_browser and _has_screen():
+        webbrowser.open(viewer.url)
+    return viewer
+
+
+def _has_screen() -> bool:
+    """Without one, Python would start a browser inside the terminal."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,0 +1,165 @@
+"""Pictures of the page, taken by a real browser without a window."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path as FilePath
+from time import monotonic
+from typing import Any
+
+from rr1plan.checks import file_path, finite_number
+from rr1plan.errors import BackendError, InputError, MissingPackageError
+from rr1plan.files.file_access import check_writable, write_bytes
+from rr1plan.playback.viewer.html_page import check_size
+from rr1plan.playback.viewer.live_viewer import Viewer
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+# A browser that draws without a graphics card and speaks to nobody.
+_FLAGS = [
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+_PATIENCE = 90.0  # [s] for a page to come up, drawn by a busy processor
+
+
+def find_browser() -> str | None:
+    """The file of a Chromium on this machine, or None."""
+    return next((found for name in _BROWSERS if (found := shutil.which(name))), None)
+
+
+@contextmanager
+def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
+    """A headless browser, as playwright's browser context; it is gone afterwards.
+
+    Raises:
+        MissingPackageError: playwright or a Chromium is not installed.
+        BackendError: the browser does not start.
+    """
+    try:
+        from playwright.sync_api import Error, sync_playwright
+    except ImportError as error:
+        raise MissingPackageError("playwright", "taking a picture of the page", "dev") from error
+    binary = find_browser()
+    if binary is None:
+        raise MissingPackageError("chromium", "taking a picture of the page (a browser of the system)")
+    width, height = size
+    with (
+        tempfile.TemporaryDirectory(prefix="rr1plan-browser-", ignore_cleanup_errors=True) as folder,
+        sync_playwright() as playwright,
+    ):
+        try:
+            context = playwright.chromium.launch_persistent_context(
+                folder, executable_path=binary, args=_FLAGS, viewport={"width": width, "height": height}
+            )
+        except Error as error:
+            raise BackendError(f"{binary} does not start: {error}") from error
+        context.set_default_timeout(1e3 * _PATIENCE)
+        try:
+            yield context
+        finally:
+            context.close()
+
+
+def screenshot(
+    file: str | os.PathLike[str],
+    page: str | os.PathLike[str] | Viewer,
+    *,
+    size: tuple[int, int] = (1280, 800),
+    time: float | None = None,
+    bare: bool = False,
+) -> FilePath:
+    """A PNG of a page, for slides and galleries.
+
+    Args:
+        file: The picture to write.
+        page: A page that `save_html` wrote, or a live viewer.
+        size: Width and height [px].
+        time: The moment of the motion [s]; None takes it as it opens, at the start.
+        bare: Without the cards around the picture, which then shows all that stands in the scene.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: no such page, a picture's name that does not end in .png, one that cannot be written, or a size or
+            time that makes no sense.
+        MissingPackageError: playwright or a Chromium is not installed.
+        BackendError: the browser does not start, or the page does not.
+    """
+    file = file_path(file)
+    if file.suffix.lower() != ".png":
+        raise InputError(f"cannot save {str(file)!r} as PNG, expected a name that ends in .png")
+    check_writable(file)
+    if time is not None:
+        time = finite_number("time", time)
+    url = page.url if isinstance(page, Viewer) else _file_url(page)
+    with open_browser(check_size(size)) as context:
+        tab = context.pages[0]
+        open_page(tab, url + ("#bare" if bare else ""))
+        settle_page(tab, time, whole=bare)
+        return write_bytes(file, tab.screenshot(type="png"))
+
+
+def open_page(page: Any, url: str) -> None:
+    """Go to an address.
+
+    Raises:
+        BackendError: the page does not come up.
+    """
+    from playwright.sync_api import Error
+
+    try:
+        page.goto(url)
+    except Error as error:
+        raise BackendError(f"the page does not come up: {error}") from error
+
+
+def settle_page(page: Any, time: float | None = None, *, whole: bool = False) -> None:
+    """Wait until the page stands, stop it at a moment, frame the arms or all that stands, wait until that is drawn.
+
+    Raises:
+        BackendError: the page does not come up.
+    """
+    wait_until(page, "Boolean(window.RR1 && RR1.ready)")
+    seek = "([t, whole]) => { RR1.pause(); RR1.seek(t === null ? RR1.player.start : t); RR1.look(null, whole); }"
+    page.evaluate(seek, [time, whole])
+    frames = page.evaluate("RR1.frames")
+    wait_until(page, f"RR1.frames > {frames} + 3")
+
+
+def wait_until(page: Any, expression: str) -> None:
+    """Ask the page until a JavaScript expression is true (playwright's own way needs `eval`, which the page forbids).
+
+    Raises:
+        BackendError: it does not become true, or the page is gone.
+    """
+    from playwright.sync_api import Error
+
+    end = monotonic() + _PATIENCE
+    try:
+        while not page.evaluate(expression):
+            if monotonic() > end:
+                raise BackendError(f"the page does not come up: waited {_PATIENCE:g} s for {expression}")
+            page.wait_for_timeout(30)
+    except Error as error:
+        raise BackendError(f"the page does not come up: {error}") from error
+
+
+def _file_url(file: str | os.PathLike[str]) -> str:
+    found = file_path(file)
+    if not found.is_file():
+        raise InputError(f"there is no page {str(file)!r}; write it with save_html first")
+    return found.resolve().as_uri()

@@ -1,0 +1,308 @@
+"""What the page needs to know, as one plain value that JSON can hold.
+
+A robot is described once, however many arms are copies of it: its joints, so that the page
+computes forward kinematics itself, and its shapes, so that the page draws all copies of a shape
+in one call. A motion is sent as polynomials, not as poses: a hundred times smaller, and exact.
+
+Arrays travel as base64 of little-endian numbers, `{"dtype": "f4", "shape": [...], "data": "..."}`.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rr1plan.checks import Array, known_name, number_array, of_kind
+from rr1plan.path import Path
+from rr1plan.playback.simulation.replay import Replay
+from rr1plan.playback.viewer.camera import choose_camera
+from rr1plan.playback.viewer.page_shapes import ShapeTable
+from rr1plan.playback.viewer.view_options import ViewOptions, checked_options
+from rr1plan.report import Report
+from rr1plan.robot import Geometry, Joint, Robot
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import JointGoal, PoseGoal, Problem, RegionGoal, frame_link
+from rr1plan.trajectory import Trajectory
+
+Document = dict[str, Any]
+
+_LARGEST_TRACK = 600_000  # numbers; a longer motion is sent as samples, 60 a second or fewer
+_SAMPLE_RATE = 60.0
+_PATH_SPEED = 1.0  # [rad/s] at which a path without times is shown
+_MOST_GHOSTS = 4
+
+
+def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
+    """An array as JSON can hold it: dtype ("f4", "f8", "u4"), shape and base64 data."""
+    known_name("dtype", dtype, ("f4", "f8", "u4"))
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond its range a number is infinite
+        plain = array if isinstance(array, np.ndarray) and array.dtype.kind in "iuf" else number_array("array", array)
+        values: NDArray[Any] = np.ascontiguousarray(plain, dtype="<" + dtype)
+    return {"dtype": dtype, "shape": list(values.shape), "data": base64.b64encode(values.tobytes()).decode("ascii")}
+
+
+def view_document(
+    scene: Scene,
+    *,
+    trajectory: Trajectory | None = None,
+    path: Path | None = None,
+    problem: Problem | None = None,
+    report: Report | None = None,
+    replay: Replay | None = None,
+    options: ViewOptions | None = None,
+) -> Document:
+    """Everything the page shows, as plain values.
+
+    Args:
+        scene: The arms and obstacles.
+        trajectory: The motion to play; its columns are joints of the scene.
+        path: A path without times: drawn, and played at a steady speed when there is no trajectory.
+        problem: The question: its start and goal are drawn as ghosts.
+        report: The referee's verdict on the trajectory, shown as a badge.
+        replay: What a simulation made of the trajectory, drawn as a shadow beside it.
+        options: The title, and whether spheres are shown; the rest of them is for `page_html`.
+
+    Raises:
+        UnknownNameError: a column that is no joint of the scene.
+        InputError: no scene, or something else in the place of the others.
+    """
+    of_kind("scene", scene, Scene)
+    of_kind("trajectory", trajectory, Trajectory, optional=True)
+    of_kind("path", path, Path, optional=True)
+    of_kind("problem", problem, Problem, optional=True)
+    of_kind("report", report, Report, optional=True)
+    of_kind("replay", replay, Replay, optional=True)
+    options = checked_options(options)
+    spheres = options.spheres
+    shapes = ShapeTable(pack_array)
+    robots: dict[int, int] = {}
+    rows = [_arm_row(name, scene, robots) for name in scene.arms]
+    unique = {index: scene.arms[row["name"]].robot for row in rows for index in [row["robot"]]}
+    motion = trajectory if trajectory is not None or path is None else _steady(path)
+    ghosts = [] if problem is None else _ghosts(problem)
+    return {
+        "title": scene.name if options.title is None else options.title,
+        "description": scene.description,
+        "robots": [_robot(unique[i], shapes, spheres) for i in sorted(unique)],
+        "arms": rows,
+        "columns": list(scene.joint_names()) if scene.arms else [],
+        "obstacles": [_object(name, o.geometries, o.pose, shapes) for name, o in scene.obstacles.items()],
+        "attachments": [
+            _object(name, a.geometries, a.pose, shapes)
+            | {"arm": a.arm, "link": a.link, "spheres": _spheres({name: a.geometries}) if spheres else None}
+            for name, a in scene.attachments.items()
+        ],
+        "shapes": shapes.rows,
+        "track": None if motion is None else _track(motion, scene) | {"timed": trajectory is not None},
+        "replay": None if replay is None else _track(_replayed(replay), scene) | {"summary": _summary(replay)},
+        "path": None if path is None else _waypoints(path, scene),
+        "ghosts": ghosts,
+        "targets": [] if problem is None else _targets(problem),
+        "report": None if report is None else _finite(report.to_dict()),
+        "camera": first_camera(scene, motion, ghosts),
+    }
+
+
+def first_camera(scene: Scene, motion: Trajectory | None, ghosts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """From where the page is looked at first: at the motion, or where there is none at the ghosts."""
+    return choose_camera(scene, motion, [(ghost["arm"], ghost["q"]) for ghost in ghosts])._asdict()
+
+
+def _finite(value: Any) -> Any:
+    """Plain values without NaN and infinity, which JSON cannot hold: they become None."""
+    if isinstance(value, dict):
+        return {name: _finite(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+# ---- robots ------------------------------------------------------------------------------
+
+
+def _arm_row(name: str, scene: Scene, robots: dict[int, int]) -> dict[str, Any]:
+    arm = scene.arms[name]
+    index = robots.setdefault(id(arm.robot), len(robots))
+    return {"name": name, "robot": index, "base": _numbers(arm.base), "q": arm.q.tolist()}
+
+
+def _robot(robot: Robot, shapes: ShapeTable, spheres: bool) -> dict[str, Any]:
+    index = {name: i for i, name in enumerate(robot.link_names)}
+    bounds = zip(robot.limits.lower.tolist(), robot.limits.upper.tolist(), strict=True)
+    return {
+        "name": robot.name,
+        "links": list(robot.link_names),
+        "tool": index[robot.tool],
+        "joints": [_joint(robot, joint, index) for joint in robot.joints],
+        "names": list(robot.joint_names),
+        "kinds": [robot.joint(name).kind for name in robot.joint_names],
+        "limits": [[low if np.isfinite(low) else None, up if np.isfinite(up) else None] for low, up in bounds],
+        "visuals": _link_parts(robot, index, shapes, "visuals"),
+        "collisions": _link_parts(robot, index, shapes, "collisions"),
+        "spheres": _spheres({link.name: link.collisions for link in robot.links}) if spheres else None,
+    }
+
+
+def _joint(robot: Robot, joint: Joint, index: Mapping[str, int]) -> dict[str, Any]:
+    column, factor, offset = (-1, 0.0, 0.0) if joint.kind == "fixed" else affine_value(robot, joint)
+    return {
+        "kind": {"fixed": 0, "prismatic": 1}.get(joint.kind, 2),
+        "parent": index[joint.parent],
+        "child": index[joint.child],
+        "origin": _numbers(joint.origin),
+        "axis": joint.axis.tolist(),
+        "column": column,
+        "factor": factor,
+        "offset": offset,
+    }
+
+
+def affine_value(robot: Robot, joint: Joint) -> tuple[int, float, float]:
+    """A movable joint's value as factor * q[column] + offset; column -1 means the offset alone."""
+    factor, offset = 1.0, 0.0
+    while joint.name not in robot.joint_names and joint.name not in robot.locked_joints and joint.mimic is not None:
+        offset += factor * joint.mimic.offset
+        factor *= joint.mimic.multiplier
+        joint = robot.joint(joint.mimic.joint)
+    if joint.name in robot.joint_names:
+        return robot.joint_names.index(joint.name), factor, offset
+    return -1, 0.0, offset + factor * robot.locked_joints[joint.name]
+
+
+def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind: str) -> list[dict[str, Any]]:
+    """The shapes of all links; a link without visual shapes is seen by its collision shapes."""
+    parts = []
+    for link in robot.links:
+        own = getattr(link, kind) or (link.collisions if kind == "visuals" else ())
+        parts += [_part(g, shapes) | {"link": index[link.name]} for g in own]
+    return parts
+
+
+def _spheres(links: Mapping[str, Iterable[Geometry]]) -> dict[str, Any]:
+    """Spheres around the shapes of links: of each its link, its level (see `collision.covers`), center and radius."""
+    # Only here: what computes them loads Coal.
+    from rr1plan.collision.sphere_covers import cover_geometries
+
+    covers = [cover_geometries(name, geometries) for name, geometries in links.items()]
+    rows = [np.column_stack([c.centers, c.radii]) for c in covers]
+    return {
+        "links": pack_array(np.repeat(np.arange(len(covers)), [len(c.radii) for c in covers]), "u4"),
+        "levels": pack_array(np.concatenate([c.levels for c in covers]), "u4"),
+        "spheres": pack_array(np.concatenate(rows), "f8"),
+    }
+
+
+# ---- objects -----------------------------------------------------------------------------
+
+
+def _part(geometry: Geometry, shapes: ShapeTable) -> dict[str, Any]:
+    color = None if geometry.color is None else [float(c) for c in geometry.color]
+    return {"shape": shapes.index(geometry.shape), "pose": _numbers(geometry.pose), "color": color}
+
+
+def _object(name: str, geometries: Iterable[Geometry], pose: Array, shapes: ShapeTable) -> dict[str, Any]:
+    return {"name": name, "pose": _numbers(pose), "parts": [_part(g, shapes) for g in geometries]}
+
+
+def _numbers(T: Array) -> list[float]:
+    """A transform as 16 numbers, column after column (as WebGL reads them)."""
+    return [float(v) for v in T.T.ravel()]
+
+
+# ---- motions -----------------------------------------------------------------------------
+
+
+def _columns(joint_names: Iterable[str], scene: Scene) -> list[int]:
+    known = scene.joint_names() if scene.arms else ()
+    place = {name: i for i, name in enumerate(known)}
+    return [place[known_name("joint of the scene", name, known)] for name in joint_names]
+
+
+def _track(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
+    """A motion as polynomials; one with very many pieces as straight lines between samples."""
+    columns = _columns(trajectory.joint_names, scene)
+    exact = trajectory.coefficients.size <= _LARGEST_TRACK
+    sent = trajectory if exact else _sampled(trajectory)
+    return {
+        "columns": columns,
+        "breaks": pack_array(sent.breaks, "f8"),
+        "coefficients": pack_array(sent.coefficients),
+        "exact": exact,
+    }
+
+
+def _sampled(trajectory: Trajectory) -> Trajectory:
+    most = max(2, _LARGEST_TRACK // (2 * len(trajectory.joint_names)))
+    dt = max(1.0 / _SAMPLE_RATE, trajectory.duration / most)
+    times, positions = trajectory.sample(dt)
+    slopes = np.diff(positions, axis=0) / np.diff(times)[:, None]
+    return Trajectory(trajectory.joint_names, times, np.stack([positions[:-1], slopes], axis=1))
+
+
+def _steady(path: Path) -> Trajectory:
+    """A path as a motion whose fastest joint has a steady speed."""
+    steps = np.abs(np.diff(path.waypoints, axis=0)).max(axis=1, initial=0.0) / _PATH_SPEED
+    moving = steps > 1e-9
+    if not moving.any():
+        return Trajectory.rest(path.joint_names, path.waypoints[0])
+    starts, ends = path.waypoints[:-1][moving], path.waypoints[1:][moving]
+    slopes = (ends - starts) / steps[moving][:, None]
+    breaks = np.concatenate([[0.0], np.cumsum(steps[moving])])
+    return Trajectory(path.joint_names, breaks, np.stack([starts, slopes], axis=1))
+
+
+def _replayed(replay: Replay) -> Trajectory:
+    """What the simulator recorded, as straight lines between its samples."""
+    if len(replay.times) < 2:
+        return Trajectory.rest(replay.joint_names, replay.actual[0])
+    slopes = np.diff(replay.actual, axis=0) / np.diff(replay.times)[:, None]
+    return Trajectory(replay.joint_names, replay.times, np.stack([replay.actual[:-1], slopes], axis=1))
+
+
+def _summary(replay: Replay) -> dict[str, Any]:
+    return {
+        "mode": replay.mode,
+        "worst_error": replay.worst_error,
+        "tracked": replay.tracked,
+        "contacts": [list(c.pair) for c in replay.contacts],
+    }
+
+
+def _waypoints(path: Path, scene: Scene) -> dict[str, Any]:
+    return {"columns": _columns(path.joint_names, scene), "waypoints": pack_array(path.waypoints)}
+
+
+# ---- the question ------------------------------------------------------------------------
+
+
+def _ghosts(problem: Problem) -> list[dict[str, Any]]:
+    """The start, and every goal that is a configuration (a few of them), arm by arm."""
+    starts = problem.scene.split(problem.start, problem.arms)
+    ghosts: list[dict[str, Any]] = [{"kind": "start", "arm": a, "q": starts[a].tolist()} for a in problem.arms]
+    for arm, goals in problem.goal.items():
+        joint_goals = [g for g in goals if isinstance(g, JointGoal)]
+        ghosts += [{"kind": "goal", "arm": arm, "q": np.asarray(g.q).tolist()} for g in joint_goals[:_MOST_GHOSTS]]
+    return ghosts
+
+
+def _targets(problem: Problem) -> list[dict[str, Any]]:
+    """Every goal that is a place in the world."""
+    targets: list[dict[str, Any]] = []
+    for arm, goals in problem.goal.items():
+        for goal in goals:
+            if isinstance(goal, PoseGoal):
+                T = np.eye(4)
+                T[:3, 3] = goal.position
+                T[:3, :3] = np.eye(3) if goal.rotation is None else goal.rotation
+                kind = {"kind": "pose", "pose": _numbers(T), "turned": goal.rotation is not None}
+            elif isinstance(goal, RegionGoal):
+                kind = {"kind": "region", "lower": goal.lower.tolist(), "upper": goal.upper.tolist()}
+            else:
+                continue
+            link = frame_link(problem.scene.arms[arm].robot, goal.frame)
+            targets.append({"arm": arm, "link": link} | kind)
+    return targets

@@ -1,0 +1,97 @@
+"""How a page looks: its title, its first view, what is drawn beside the motion."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import check_text, items_of, of_kind, shown, true_or_false, whole_number
+from rr1plan.errors import InputError
+from rr1plan.playback.viewer.camera import check_view
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Something of your own beside the 3-D view, e.g. a picture of the configuration space.
+
+    Args:
+        name: A name unique on the page; letters, digits and "-".
+        title: Headline of the panel.
+        html: What stands in the panel.
+        css: Style rules.
+        script: JavaScript statements, run once with three names in reach: `viewer` (see
+            `page/main.js` for what it offers), `root` (the panel's element), `data`.
+        data: Anything JSON can hold; `pack_array` puts arrays in.
+        width: Width of the column of panels [px].
+
+    Raises:
+        InputError: a name with other characters.
+    """
+
+    name: str
+    title: str
+    _: KW_ONLY
+    html: str = ""
+    css: str = ""
+    script: str = ""
+    data: Any = None
+    width: int = 420
+
+    def __post_init__(self) -> None:
+        for name in ("name", "title", "html", "css", "script"):
+            check_text(f"panel {name}", getattr(self, name))
+        whole_number("panel width", self.width, 1, 10_000)
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9-]*", self.name):
+            raise InputError(f"panel name is {shown(self.name)}, expected letters, digits and '-'")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewOptions:
+    """How a page shows its scene and motion, the same for live pages and files.
+
+    Args:
+        title: Headline of the page (default: the scene's name).
+        view: Where it is looked at from first: a name ("front", "back", "left", "right", "top", "corner"), azimuth and
+            elevation [rad], or a direction of the world, shape (3,). None chooses a view that shows the motion.
+        spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
+        panels: Panels beside the 3-D view, of different names.
+        play: The motion runs from the start.
+
+    Raises:
+        UnknownNameError: no view of that name.
+        InputError: a view that is no direction, or panels of the same name.
+    """
+
+    title: str | None = None
+    view: str | ArrayLike | None = None
+    spheres: bool = False
+    panels: Sequence[Panel] = ()
+    play: bool = True
+
+    def __post_init__(self) -> None:
+        if self.title is not None:
+            check_text("title", self.title)
+        panels = items_of("panels", self.panels, "Panel")
+        for panel in panels:
+            of_kind("one of the panels", panel, Panel)
+        names = [panel.name for panel in panels]
+        if len(set(names)) != len(names):
+            raise InputError(f"panels are named {names}, expected names unique on the page")
+        object.__setattr__(self, "view", check_view(self.view))
+        object.__setattr__(self, "spheres", true_or_false("spheres", self.spheres))
+        object.__setattr__(self, "panels", panels)
+        object.__setattr__(self, "play", true_or_false("play", self.play))
+
+
+def checked_options(options: ViewOptions | None) -> ViewOptions:
+    """The options, or the usual ones.
+
+    Raises:
+        InputError: something else.
+    """
+    of_kind("options", options, ViewOptions, optional=True)
+    return ViewOptions() if options is None else options

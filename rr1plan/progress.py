@@ -1,0 +1,46 @@
+"""What long work reports while it runs, and how it is cancelled; the same for planners, proofs and replays."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rr1plan.errors import CancelledError
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far long work is.
+
+    Args:
+        stage: What is being done: a planner's name, "shorten", "validate", "simulate", ...
+        seconds: Wall time so far [s].
+        fraction: Of the work or of the budget, 0 to 1.
+        best_cost: Length of the best path so far, of planners that improve theirs.
+    """
+
+    stage: str
+    seconds: float
+    fraction: float
+    best_cost: float | None = None
+
+
+# It may return False to cancel the work.
+ProgressCallback = Callable[[Progress], bool | None]
+
+
+def fraction_callback(stage: str, progress: ProgressCallback | None) -> Callable[[float], None] | None:
+    """What reports a fraction as progress; None where nobody wants to know.
+
+    It raises `CancelledError` when `progress` returns False.
+    """
+    if progress is None:
+        return None
+    began = time.perf_counter()
+
+    def report(fraction: float) -> None:
+        if progress(Progress(stage, time.perf_counter() - began, fraction)) is False:
+            raise CancelledError(f"cancelled: the progress callback returned False in stage {stage!r}")
+
+    return report

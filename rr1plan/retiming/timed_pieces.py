@@ -1,0 +1,73 @@
+"""Polynomial pieces in local time, with their durations."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.retiming.polynomial_extrema import peaks
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.trajectory import Trajectory
+
+SHORTEST = 1e-11
+"""Shorter pieces [s] are dropped: their durations are below the rounding error of the breaks."""
+
+
+class Pieces(NamedTuple):
+    """Polynomials q(t) = sum_k coefficients[i, k] t^k for 0 <= t <= durations[i].
+
+    Args:
+        durations: Length of each piece [s], shape (m,).
+        coefficients: Lowest power first, shape (m, k + 1, nq).
+    """
+
+    durations: Array
+    coefficients: Array
+
+    @property
+    def duration(self) -> float:
+        """All of it [s]."""
+        return float(self.durations.sum())
+
+    def stretched(self, factor: float) -> Pieces:
+        """The same motion, `factor` times as long."""
+        powers = factor ** -np.arange(self.coefficients.shape[1], dtype=np.float64)
+        return Pieces(self.durations * factor, self.coefficients * powers[None, :, None])
+
+    def within(self, limits: Limits, *, jerk: bool = False) -> Pieces:
+        """The same motion, stretched until the exact extrema of its derivatives satisfy the limits; never shortened."""
+        factor = max(1.0, self._excess(1, limits.velocity), self._excess(2, limits.acceleration) ** (1 / 2))
+        if jerk:
+            factor = max(factor, self._excess(3, limits.jerk) ** (1 / 3))
+        return self if factor == 1.0 else self.stretched(factor)
+
+    def _excess(self, derivative: int, limit: Array) -> float:
+        return float((peaks(self.coefficients, self.durations, derivative) / limit).max(initial=0.0))
+
+
+def concatenate(parts: list[Pieces]) -> Pieces:
+    """Motions in sequence."""
+    if len(parts) == 1:
+        return parts[0]
+    terms = max(part.coefficients.shape[1] for part in parts)
+    joined = np.zeros((sum(len(p.durations) for p in parts), terms, parts[0].coefficients.shape[2]))
+    row = 0
+    for part in parts:
+        joined[row : row + len(part.durations), : part.coefficients.shape[1]] = part.coefficients
+        row += len(part.durations)
+    return Pieces(np.concatenate([p.durations for p in parts]), joined)
+
+
+def as_trajectory(joint_names: tuple[str, ...], pieces: Pieces) -> Trajectory:
+    """The pieces as a trajectory that starts at time zero."""
+    kept = pieces.durations > SHORTEST
+    if not kept.any():
+        return Trajectory.rest(joint_names, pieces.coefficients[0, 0])
+    breaks = np.zeros(np.count_nonzero(kept) + 1)
+    np.cumsum(pieces.durations[kept], out=breaks[1:])
+    if not (np.isfinite(breaks[-1]) and (breaks[1:] > breaks[:-1]).all()):
+        # Pieces so short that breaks coincide: the constructor names them.
+        return Trajectory(joint_names, breaks, pieces.coefficients[kept])
+    return Trajectory.trusted(joint_names, breaks, pieces.coefficients[kept])

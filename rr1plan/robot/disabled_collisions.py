@@ -1,0 +1,209 @@
+"""Pairs of links that need no collision check, found by sampling, for robots without an SRDF.
+
+The idea of MoveIt's setup assistant: links joined by a joint may always touch; two links that touch
+in every sample say nothing about a motion; two that touch in none probably never can. Only the
+first two kinds are left out when a robot without an SRDF is loaded, the third is for the user to
+judge. Shapes are compared by Coal directly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
+from itertools import combinations
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from rr1plan.checks import Array, Seed, as_generator, of_kind, whole_number
+from rr1plan.robot import Joint, Robot
+from rr1plan.robot.contact_bands import ContactBand, contact_bands, sampling_bounds
+from rr1plan.robot.link_contacts import LinkBodies, Pair
+
+Reason = Literal["Adjacent", "Always", "Never"]
+
+_MOST_SAMPLES = 1_000_000
+
+
+def rigid_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
+    """Pairs of links with a constant relative pose, which need no check."""
+    body: dict[str, list[str]] = {}
+    for joint in joints:
+        members = body.setdefault(joint.parent, [joint.parent])
+        if joint.kind == "fixed":
+            members.append(joint.child)
+            body[joint.child] = members
+        else:
+            body[joint.child] = [joint.child]
+    bodies = {id(members): members for members in body.values()}  # each list is there once for each member
+    return frozenset(frozenset(pair) for members in bodies.values() for pair in combinations(members, 2))
+
+
+def adjacent_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
+    """Pairs of links connected by a movable joint, including links fixed to either."""
+    bodies: dict[str, set[str]] = {}
+    for joint in joints:
+        members = bodies.setdefault(joint.parent, {joint.parent})
+        if joint.kind == "fixed":
+            members.add(joint.child)
+            bodies[joint.child] = members
+        else:
+            bodies[joint.child] = {joint.child}
+    moving = [joint for joint in joints if joint.kind != "fixed"]
+    return frozenset(frozenset((a, b)) for j in moving for a in bodies[j.parent] for b in bodies[j.child])
+
+
+@dataclass(frozen=True, eq=False)
+class PairProposal(Mapping[Pair, Reason]):
+    """Pairs of links that need no check, each with the reason, and bands of contact to look at.
+
+    Args:
+        reasons: "Adjacent" for links that a joint joins, "Always" for links that touch in every sample, "Never" for
+            links that touch in none (a guess that grows with the samples).
+        bands: Pairs that touch whenever one joint is within an interval inside its range, which cuts the free space in
+            two. Where that comes from a shape larger than its link, the pair needs no check either.
+    """
+
+    reasons: Mapping[Pair, Reason]
+    bands: tuple[ContactBand, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reasons", MappingProxyType(dict(self.reasons)))
+
+    def __getitem__(self, pair: Pair) -> Reason:
+        return self.reasons[pair]
+
+    def __iter__(self) -> Iterator[Pair]:
+        return iter(self.reasons)
+
+    def __len__(self) -> int:
+        return len(self.reasons)
+
+    def __str__(self) -> str:
+        lines = sorted(f"{reason}: {' - '.join(sorted(pair))}" for pair, reason in self.reasons.items())
+        return "\n".join([*lines, *(f"Check: {band}" for band in self.bands)])
+
+
+def propose_disabled_collisions(robot: Robot, *, samples: int = 1000, rng: Seed = None) -> PairProposal:
+    """Pairs of links that need no check, each with the reason.
+
+    Args:
+        robot: The robot; its `disabled_collisions` is not looked at.
+        samples: How many random configurations decide, grippers opened and closed at random too.
+        rng: Generator or seed.
+
+    Returns:
+        A mapping from pair to reason, with the pairs that touch in a band which splits a joint's range in `bands`.
+
+    Raises:
+        InputError: `samples` below 1.
+    """
+    of_kind("robot", robot, Robot)
+    generator = as_generator(rng)
+    bodies = LinkBodies(robot)
+    reasons, mixed = sampled_reasons(robot, samples, generator, bodies)
+    return PairProposal(reasons, contact_bands(robot, mixed, generator, bodies))
+
+
+def sampled_reasons(
+    robot: Robot, samples: int, generator: np.random.Generator, bodies: LinkBodies | None = None
+) -> tuple[Mapping[Pair, Reason], frozenset[Pair]]:
+    """Pairs that need no check with the reason, and pairs that touch in some samples only.
+
+    Raises:
+        InputError: no robot, or `samples` below 1 or above a million.
+    """
+    of_kind("robot", robot, Robot)
+    whole_number("samples", samples, 1, _MOST_SAMPLES)
+    found: dict[Pair, Reason] = dict.fromkeys(adjacent_pairs(robot.joints) | rigid_pairs(robot.joints), "Adjacent")
+    bodies = bodies or LinkBodies(robot)
+    seen: dict[Pair, set[bool]] = {pair: set() for pair in bodies.pairs if pair not in found}
+    for _ in range(samples):
+        open_pairs = [pair for pair, outcomes in seen.items() if len(outcomes) < 2]
+        touching = bodies.touching(_sample(robot, generator), open_pairs)
+        for pair in open_pairs:
+            seen[pair].add(pair in touching)
+    found.update({pair: "Always" if True in seen[pair] else "Never" for pair in seen if len(seen[pair]) == 1})
+    return found, frozenset(pair for pair, outcomes in seen.items() if len(outcomes) == 2)
+
+
+def always_colliding(robot: Robot, samples: int, rng: Seed = None) -> frozenset[Pair]:
+    """Pairs of links that may not touch, but do at home and in each of some random configurations.
+
+    Args:
+        robot: The robot.
+        samples: Number of random configurations.
+        rng: Generator or seed.
+    """
+    generator = as_generator(rng)
+    bodies = LinkBodies(robot)
+    touching = touching_links(robot, robot.home, bodies)
+    for _ in range(samples):
+        if not touching:
+            break
+        touching &= bodies.touching(_sample(robot, generator), list(touching))
+    return frozenset(touching)
+
+
+def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int, rng: Seed = None) -> frozenset[Pair]:
+    """Those of some pairs of links that touch in each of some random configurations, grippers as they are held."""
+    generator = as_generator(rng)
+    bodies = LinkBodies(robot)
+    stuck = set(pairs)
+    for _ in range(samples):
+        if not stuck:
+            break
+        stuck &= bodies.touching(robot.joint_values(_random(robot, generator)), list(stuck))
+    return frozenset(stuck)
+
+
+def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed = None) -> Array:
+    """A configuration without self-collision near `wish`, or `wish` itself if it is free.
+
+    Args:
+        robot: The robot.
+        wish: Desired configuration [rad], shape (nq,).
+        samples: Number of random configurations to try.
+        rng: Generator or seed.
+
+    Returns:
+        The nearest free configuration found; `wish` if none was found.
+    """
+    generator = as_generator(rng)
+    bodies = LinkBodies(robot)
+    pairs = [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
+    values = robot.joint_values(wish)
+    if not bodies.touching(values, pairs):
+        return wish
+    candidates = sorted(
+        (_random(robot, generator) for _ in range(samples)), key=lambda q: float(np.abs(q - wish).sum())
+    )
+    return next((q for q in candidates if not bodies.touching(robot.joint_values(q), pairs)), wish)
+
+
+def touching_links(robot: Robot, q: Array, bodies: LinkBodies | None = None) -> set[Pair]:
+    """Pairs of links in contact at q (nq,), except for allowed ones; `bodies` if already built."""
+    bodies = bodies or LinkBodies(robot)
+    return bodies.touching(
+        robot.joint_values(q), [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
+    )
+
+
+def _sample(robot: Robot, generator: np.random.Generator) -> dict[str, float]:
+    """Random values of all joints, held ones included."""
+    locked = {
+        name: _between(robot.joint(name).lower, robot.joint(name).upper, generator) for name in robot.locked_joints
+    }
+    return replace(robot, locked_joints=locked).joint_values(_random(robot, generator))
+
+
+def _random(robot: Robot, generator: np.random.Generator) -> Array:
+    return generator.uniform(*sampling_bounds(robot))
+
+
+def _between(lower: float, upper: float, generator: np.random.Generator) -> float:
+    """A value between limits; a full turn where there are none."""
+    if np.isfinite(upper - lower):
+        return float(generator.uniform(lower, upper))
+    return float(generator.uniform(-np.pi, np.pi))

@@ -1,0 +1,102 @@
+"""Joint limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import Array, Value, items_of, number_array, of_kind, positive_number, read_only, shown
+from rr1plan.errors import InputError
+
+_POSITIVE = ("velocity", "acceleration", "jerk", "effort")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Limits(Value):
+    """Limits of n joints; infinite if unknown.
+
+    Args:
+        lower: Lowest position [rad or m], shape (n,).
+        upper: Highest position [rad or m], shape (n,).
+        velocity: Highest speed [rad/s or m/s], shape (n,).
+        acceleration: Highest acceleration [rad/s² or m/s²], shape (n,).
+        jerk: Highest jerk [rad/s³ or m/s³], shape (n,).
+        effort: Highest torque or force [Nm or N], shape (n,).
+
+    Raises:
+        InputError: NaN, different lengths, lower above upper, another limit not above zero.
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    effort: Array
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(
+            self,
+            lower: ArrayLike,
+            upper: ArrayLike,
+            velocity: ArrayLike,
+            acceleration: ArrayLike,
+            jerk: ArrayLike,
+            effort: ArrayLike,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        n = None
+        for name in ("lower", "upper", *_POSITIVE):
+            array = number_array(f"limits: {name}", getattr(self, name))
+            n = array.shape if n is None else n
+            if array.ndim != 1 or array.shape != n or np.isnan(array).any():
+                raise InputError(f"limits: {name} is {shown(array)}, expected {n} numbers without NaN")
+            object.__setattr__(self, name, read_only(array))
+        if (self.lower > self.upper).any():
+            j = int(np.argmax(self.lower > self.upper))
+            raise InputError(f"limits: joint {j} has lower {self.lower[j]} above upper {self.upper[j]}")
+        for name in _POSITIVE:
+            array = getattr(self, name)
+            if (array <= 0).any():
+                j = int(np.argmax(array <= 0))
+                raise InputError(f"limits: {name} of joint {j} is {array[j]}, expected a number above zero")
+
+    def __len__(self) -> int:
+        return len(self.lower)
+
+    def scaled(self, *, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
+        """The same limits with velocity, acceleration and jerk multiplied by factors above zero.
+
+        Raises:
+            InputError: a factor that is not a number above zero.
+        """
+        velocity, acceleration = positive_number("velocity", velocity), positive_number("acceleration", acceleration)
+        jerk = positive_number("jerk", jerk)
+        if velocity == acceleration == jerk == 1.0:
+            return self
+        return replace(
+            self,
+            velocity=self.velocity * velocity,
+            acceleration=self.acceleration * acceleration,
+            jerk=self.jerk * jerk,
+        )
+
+    @staticmethod
+    def stack(parts: list[Limits]) -> Limits:
+        """The concatenated limits of several arms.
+
+        Raises:
+            InputError: an empty list, or something other than limits.
+        """
+        parts = list(items_of("parts", parts, "Limits"))
+        for part in parts:
+            of_kind("one of the parts", part, Limits)
+        if len(parts) == 1:
+            return parts[0]
+        names = ("lower", "upper", *_POSITIVE)
+        return Limits(**{name: np.concatenate([np.empty(0), *(getattr(p, name) for p in parts)]) for name in names})

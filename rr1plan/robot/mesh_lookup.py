@@ -1,0 +1,141 @@
+"""Lookup of a URDF's meshes, restricted to folders of the robot.
+
+`package://name/rest` is `rest` in the package's folder: one of the given `package_dirs` or of
+ROS_PACKAGE_PATH (either the package itself or the folder that holds it), or a folder of that name
+next to the URDF or above it. A plain or `file://` name is relative to the URDF. Files outside
+these folders are rejected, also through symbolic links.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from urllib.parse import unquote
+
+from rr1plan.checks import file_path, items_of, resolved_path
+from rr1plan.errors import FormatError, InputError
+from rr1plan.files.file_access import is_regular
+from rr1plan.shapes.mesh_files import SUFFIXES
+
+_LEVELS = 5
+
+
+class MeshLookup:
+    """Finds mesh files.
+
+    Args:
+        package_dirs: Folders given by the user, first in the order.
+        file: The URDF, or None where it is not a file.
+
+    Raises:
+        InputError: no list of folders.
+    """
+
+    def __init__(self, package_dirs: Sequence[str | Path], file: str | Path | None) -> None:
+        given = [file_path(folder) for folder in items_of("package_dirs", package_dirs, "folders")]
+        path = os.environ.get("ROS_PACKAGE_PATH", "")
+        self._packages = given + [Path(folder) for folder in path.split(os.pathsep) if folder]
+        self._beside = None if file is None else resolved_path(file).parent
+        self._above = [] if self._beside is None else _folders_above(self._beside)
+        self._allowed = [resolved_path(folder) for folder in (*self._packages, *self._above)]
+
+    def find(self, name: str) -> Path:
+        """The file a URDF calls `name`.
+
+        Raises:
+            FormatError: not a file name, an unknown suffix or scheme, a way out of the folders, or no such file;
+                the message lists every place that was tried.
+        """
+        check_suffix(name, SUFFIXES)
+        return self.first(f"mesh {name!r}", self._places(name))
+
+    def first(self, what: str, places: Iterable[Path]) -> Path:
+        """The first of some places that is a regular file inside the robot's folders.
+
+        Args:
+            what: What is looked for, for messages.
+            places: Paths in the order in which they are tried.
+
+        Raises:
+            FormatError: none of them is; the message lists all.
+        """
+        tried: list[Path] = []
+        why = "is not there"
+        for place in places:
+            tried.append(place)
+            if not is_regular(place):
+                why = "is no regular file" if os.path.lexists(place) else why
+                continue
+            if self._is_allowed(place):
+                return place
+            why = "is outside the robot's folders"
+        listed = ", ".join(str(place) for place in tried) or "nowhere"
+        raise FormatError(
+            f"{what} {why}; tried {listed}; name the folder it is in with option package_dirs, or in ROS_PACKAGE_PATH"
+        )
+
+    @property
+    def packages(self) -> tuple[Path, ...]:
+        """The folders given by the user, then those of ROS_PACKAGE_PATH."""
+        return tuple(self._packages)
+
+    def _is_allowed(self, place: Path) -> bool:
+        resolved = resolved_path(place)
+        return any(resolved.is_relative_to(folder) for folder in self._allowed)
+
+    def _places(self, name: str) -> Iterator[Path]:
+        scheme, separator, rest = name.partition("://")
+        if separator and scheme in ("package", "model"):
+            yield from self._package_places(rest)
+        elif separator and scheme != "file":
+            raise FormatError(f"mesh {name!r} has the unknown scheme {scheme!r}, expected package or file")
+        else:
+            path = Path(unquote(rest) if separator else name)
+            folders = [self._beside] if self._beside is not None else self._packages
+            yield from (folder / path for folder in folders)
+
+    def _package_places(self, rest: str) -> Iterator[Path]:
+        package, _, inside = rest.partition("/")
+        if ".." in Path(rest).parts:
+            raise FormatError(f"mesh 'package://{rest}' leads out of its package")
+        for folder in self._packages:
+            yield folder / package / inside
+            if folder.name == package or (folder / "package.xml").is_file():
+                yield folder / inside
+        for folder in self._above:
+            yield folder / package / inside
+            if folder.name == package:
+                yield folder / inside
+
+
+def check_suffix(name: str, suffixes: Sequence[str]) -> None:
+    """Refuse the name of a mesh that no file can have, or with a suffix that is not read.
+
+    Raises:
+        FormatError: such a name.
+    """
+    try:
+        suffix = file_path(name).suffix.lower()
+    except InputError as error:
+        raise FormatError(f"a mesh's {error}") from error
+    if suffix not in suffixes:
+        raise FormatError(f"mesh {name!r} has an unknown suffix, expected one of {', '.join(suffixes)}")
+
+
+def _folders_above(folder: Path) -> list[Path]:
+    """The URDF's folder and those above it that may hold its meshes.
+
+    Up to the folder that holds the URDF's package (its package.xml), or five levels where there is
+    none, but never the home folder, the file system's root or what holds them.
+    """
+    home = Path.home().resolve()
+    found = [folder]
+    for parent in list(folder.parents)[:_LEVELS]:
+        if len(parent.parts) <= 2 or home.is_relative_to(parent):
+            break
+        inside_package = (found[-1] / "package.xml").is_file()
+        found.append(parent)
+        if inside_package:
+            break
+    return found

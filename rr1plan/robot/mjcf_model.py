@@ -1,0 +1,255 @@
+"""An MJCF document, compiled by MuJoCo, whose meshes this package has read.
+
+MuJoCo resolves default classes, frames, angles, replicas, shapes fitted to meshes and masses of shapes. It is given
+vertices instead of mesh files, and geoms that take part in no contact, so that it makes no hulls.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import warnings
+from collections.abc import Container, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from rr1plan.checks import Array, near_array
+from rr1plan.errors import FormatError, InputError
+from rr1plan.robot.mesh_lookup import MeshLookup, check_suffix
+from rr1plan.robot.mjcf_document import Document, MeshFile
+from rr1plan.robot.mujoco_warnings import mujoco_warnings
+from rr1plan.shapes import Mesh
+from rr1plan.shapes.mesh_files import joined_mesh, read_mesh
+from rr1plan.transforms import rotation_from_quaternion
+
+log = logging.getLogger(__name__)
+
+SUFFIXES = (".stl", ".obj")
+# Of all meshes together: MuJoCo copies each.
+MAX_FACES = 5_000_000
+# Geoms of groups 0 to 2 are seen in MuJoCo's viewer, until others are switched on.
+_SEEN_GROUPS = 3
+# MuJoCo's default, of water [kg/m³].
+_DENSITY = 1000.0
+_LENGTHS = ("body_pos", "body_ipos", "jnt_pos", "jnt_range", "site_pos", "qpos0", "key_qpos", "eq_data")
+_NUMBERS = (
+    "body_quat", "body_iquat", "body_mass", "body_inertia", "jnt_axis", "dof_damping", "dof_frictionloss", "geom_pos",
+    "geom_quat", "geom_size", "geom_rgba", "site_quat",
+)  # fmt: skip
+_LINE = re.compile(r"line (\d+)")
+
+
+@dataclass(frozen=True)
+class GeomUse:
+    """What a geom is for.
+
+    Args:
+        collides: It may be in contact: by its bits, by a pair, or as a shape of a hidden group.
+        switched_off: It collides here although its bits say that it does not.
+        looks: It is seen.
+        given_mass: Its mass or density is written in the file, not MuJoCo's default.
+    """
+
+    collides: bool
+    switched_off: bool
+    looks: bool
+    given_mass: bool
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledDocument:
+    """What MuJoCo made of a document.
+
+    Args:
+        document: The document.
+        spec: Its editable model.
+        model: Its compiled model. No geom has contact bits.
+        geoms: The editable geoms, by geom id.
+        uses: What each of them is for.
+        meshes: The meshes that were read, by name, as the file says they are placed and scaled.
+    """
+
+    document: Document
+    spec: Any
+    model: Any
+    geoms: tuple[Any, ...]
+    uses: tuple[GeomUse, ...]
+    meshes: dict[str, Mesh]
+
+    def error_at(self, element: Any, message: str) -> FormatError:
+        """A `FormatError` at the line of an element of the editable model."""
+        return _at(self.document, element, message)
+
+    def pose(self, position: Array, quaternion: Array) -> Array:
+        """A transform of the compiled model, shape (4, 4)."""
+        T = np.eye(4)
+        T[:3, :3] = rotation_from_quaternion(quaternion)
+        T[:3, 3] = position
+        return T
+
+
+def compile_document(document: Document, lookup: MeshLookup) -> CompiledDocument:
+    """Compile a document.
+
+    Args:
+        document: The document.
+        lookup: The robot's folders.
+
+    Raises:
+        FormatError: what MuJoCo refuses, ranges and keyframes that it passes over, or a mesh that cannot be read.
+    """
+    with mujoco_warnings() as said, warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always")
+        spec = _parsed(document)
+        _check_ranges(document, spec)
+        paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
+        uses = {id(geom): (geom, _use(geom, paired)) for geom in spec.geoms}
+        meshes = _Meshes(document, lookup, spec).read(list(uses.values()))
+        for pair in list(spec.pairs):
+            spec.delete(pair)
+        for geom in spec.geoms:
+            geom.contype = geom.conaffinity = 0
+        try:
+            model = spec.compile()
+        except (ValueError, RuntimeError) as error:
+            raise _refusal(document, error) from error
+    for warning in dict.fromkeys(text.strip() for text in (*said, *(str(w.message) for w in raised))):
+        log.warning("%s: %s", document.file, warning)
+    _check_keyframes(document, spec, model)
+    _check_numbers(document, model)
+    kept = sorted((geom.id, geom, use) for geom, use in uses.values() if geom.id >= 0)
+    geoms, used = tuple(geom for _, geom, _ in kept), tuple(use for _, _, use in kept)
+    return CompiledDocument(document, spec, model, geoms, used, meshes)
+
+
+def _parsed(document: Document) -> Any:
+    try:
+        return mujoco.MjSpec.from_string(document.text)
+    except (ValueError, RuntimeError) as error:
+        raise _refusal(document, error) from error
+
+
+def _refusal(document: Document, error: Exception) -> FormatError:
+    """MuJoCo's message at the element that it is about."""
+    text = str(error)
+    lines = _LINE.findall(text)
+    message = text.split("\nElement")[0].removeprefix("XML Error: ").removeprefix("Error: ").strip()
+    return document.error(f"MuJoCo does not take it: {message}", int(lines[-1]) if lines else None)
+
+
+def _use(geom: Any, paired: Container[str]) -> GeomUse:
+    """What a geom is for; `paired` are the names of those that are in a pair."""
+    hidden = geom.group >= _SEEN_GROUPS
+    touches = bool(geom.contype or geom.conaffinity) or (bool(geom.name) and geom.name in paired)
+    weighed = np.isfinite(geom.mass) or geom.density != _DENSITY
+    return GeomUse(
+        collides=touches or hidden,
+        switched_off=hidden and not touches,
+        looks=not hidden and geom.rgba[3] > 0.0,
+        given_mass=bool(weighed),
+    )
+
+
+# ---- what MuJoCo passes over ------------------------------------------------------------------
+
+
+def _check_ranges(document: Document, spec: Any) -> None:
+    """Refuse ranges that MuJoCo takes for none."""
+    automatic = mujoco.mjtLimited.mjLIMITED_AUTO
+    for joint in spec.joints:
+        lower, upper = joint.range
+        if joint.limited == automatic and spec.compiler.autolimits and lower >= upper and (lower or upper):
+            raise _at(document, joint, f"joint {joint.name!r} has range {lower:g} to {upper:g}, expected lower < upper")
+
+
+def _at(document: Document, element: Any, message: str) -> FormatError:
+    lines = _LINE.findall(element.info or "")
+    return document.error(message, int(lines[-1]) if lines else None)
+
+
+def _check_keyframes(document: Document, spec: Any, model: Any) -> None:
+    for index, key in enumerate(spec.keys):
+        if len(key.qpos) not in (0, model.nq):
+            name = key.name or str(index)
+            raise _at(document, key, f"keyframe {name!r} has {len(key.qpos)} values in qpos, expected {model.nq}")
+
+
+def _check_numbers(document: Document, model: Any) -> None:
+    """Refuse a model with a number that is not finite, such as 1e200 squared, or a length beyond all reason."""
+    for name in _NUMBERS:
+        if not np.isfinite(getattr(model, name)).all():
+            raise FormatError(f"gives MuJoCo a number that is not finite ({name})", document.file)
+    for name in _LENGTHS:
+        try:
+            near_array(name, getattr(model, name), (None,) * getattr(model, name).ndim)
+        except InputError as error:
+            raise FormatError(str(error), document.file) from error
+
+
+# ---- meshes -----------------------------------------------------------------------------------
+
+
+class _Meshes:
+    """Reads the meshes that geoms use, and gives them to MuJoCo."""
+
+    def __init__(self, document: Document, lookup: MeshLookup, spec: Any) -> None:
+        self.document = document
+        self.lookup = lookup
+        self.spec = spec
+        self.faces = 0
+
+    def read(self, uses: Iterable[tuple[Any, GeomUse]]) -> dict[str, Mesh]:
+        """The meshes with files that are used, by name; geoms whose mesh is only looked at and not there are deleted.
+
+        Raises:
+            FormatError: a mesh that collides or gives mass and cannot be read, or more triangles than are read.
+        """
+        users: dict[str, list[tuple[Any, GeomUse]]] = {}
+        for geom, use in uses:
+            if geom.meshname:
+                users.setdefault(geom.meshname, []).append((geom, use))
+        found: dict[str, Mesh] = {}
+        for asset in list(self.spec.meshes):
+            file = self.document.meshes.get(asset.name)
+            if asset.name not in users:
+                self.spec.delete(asset)
+            elif file is not None:
+                mesh = self._mesh(asset, file, users[asset.name])
+                if mesh is not None:
+                    found[asset.name] = mesh
+        return found
+
+    def _mesh(self, asset: Any, file: MeshFile, users: list[tuple[Any, GeomUse]]) -> Mesh | None:
+        try:
+            check_suffix(file.name, SUFFIXES)
+            mesh = joined_mesh([part.mesh for part in read_mesh(self.lookup.first(f"mesh {file.name!r}", file.places))])
+        except FormatError as error:
+            if any(_matters(geom, use) for geom, use in users):
+                raise file.element.error(str(error)) from error
+            log.warning("%s:%d: %s; links are shown without it", *file.element.at, error)
+            for geom, _ in users:
+                self.spec.delete(geom)
+            self.spec.delete(asset)
+            return None
+        self.faces += len(mesh.faces)
+        if self.faces > MAX_FACES:
+            raise file.element.error(f"the meshes have more than {MAX_FACES} triangles; try decimated ones")
+        asset.uservert = mesh.vertices.ravel()
+        asset.userface = mesh.faces.ravel()
+        return _placed(mesh, np.array(asset.refpos), np.array(asset.refquat), np.array(asset.scale))
+
+
+def _matters(geom: Any, use: GeomUse) -> bool:
+    """Whether a robot without this geom would hit or weigh something else."""
+    weightless = geom.mass == 0.0 or geom.parent.explicitinertial or geom.parent.name == "world"
+    return use.collides or geom.type != mujoco.mjtGeom.mjGEOM_MESH or not weightless
+
+
+def _placed(mesh: Mesh, position: Array, quaternion: Array, scale: Array) -> Mesh:
+    """A mesh as MuJoCo places it by refpos, refquat and scale."""
+    R = rotation_from_quaternion(quaternion)
+    vertices = ((mesh.vertices - position) @ R) * scale
+    return Mesh(vertices, mesh.faces[:, ::-1] if np.prod(scale) < 0.0 else mesh.faces)

@@ -1,0 +1,286 @@
+"""Assembly of a `Robot` from a URDF and an SRDF: planning joints, tool, limits, configurations."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array, check_text, items_of, known_name, shown
+from rr1plan.errors import InputError
+from rr1plan.robot import Joint, Robot
+from rr1plan.robot.disabled_collisions import adjacent_pairs, rigid_pairs
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.link_masses import with_assumed_masses
+from rr1plan.robot.self_contacts import self_contacts
+from rr1plan.robot.srdf import Semantics, chain_joints
+from rr1plan.robot.urdf import Tree
+
+log = logging.getLogger(__name__)
+
+UNKNOWN_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.25}
+SECONDS_TO_VELOCITY = 0.25
+SECONDS_TO_ACCELERATION = 0.1
+_TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Options of a robot; None selects the default from the files.
+
+    Args:
+        groups: What to plan for, as one: names of SRDF groups, or chains as (base link, tip link).
+        joints: The joints to plan for, in this order.
+        tool: The link whose frame goals mean.
+    """
+
+    groups: Sequence[str | Sequence[str]] | None = None
+    joints: Sequence[str] | None = None
+    tool: str | None = None
+
+
+def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
+    """A robot from its URDF and SRDF.
+
+    Args:
+        tree: The URDF.
+        semantics: The SRDF, or None.
+        choice: Options.
+
+    Raises:
+        UnknownNameError: no such group, joint or link.
+        InputError: no joint to plan for, or one that cannot be.
+    """
+    known, chosen = _chosen_groups(tree, semantics or Semantics(), choice.groups)
+    if known.is_partial and len(known.groups) > 1 and choice.groups is None and choice.joints is None:
+        first, *others = known.groups
+        log.warning(
+            "%s: group %r is planned for, not %s; option groups takes several", tree.name, first, ", ".join(others)
+        )
+    joints = {joint.name: joint for joint in tree.joints}
+    groups, names = _planning_joints(tree, known, chosen, choice.joints)
+    limits = urdf_limits([joints[n] for n in names])
+    locked = {
+        j.name: float(np.clip(known.default_positions.get(j.name, 0.0), j.lower, j.upper))
+        for j in tree.joints
+        if j.kind != "fixed" and j.mimic is None and j.name not in names
+    }
+    states = _states(known, groups, names)
+    configurations = _configurations(states, limits)
+    robot = Robot(
+        name=tree.name,
+        links=tree.links,
+        joints=tree.joints,
+        joint_names=names,
+        limits=limits,
+        configurations={"home": _middle(limits)} | configurations,
+        locked_joints=locked,
+        disabled_collisions=known.disabled | rigid_pairs(tree.joints),
+        tool=_tool(tree, known, groups, names, choice.tool),
+        locked_joint_states=_locked_states(known, locked),
+        source=tree.source,
+    )
+    robot = with_assumed_masses(robot)
+    robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, "home" in states)
+    if not any(link.collisions for link in robot.links):
+        log.warning("%s: no link has a <collision>, so no collision will be found", robot.name)
+    elif robot.unchecked_links:
+        bare = ", ".join(robot.unchecked_links)
+        log.warning("%s: links without a <collision>, never checked though they are visible: %s", robot.name, bare)
+    return robot
+
+
+def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robot:
+    """The robot with its unchecked pairs of links, and a home configuration without self-collision."""
+    found = self_contacts(robot, has_rules, keeps_home)
+    always, at_home = (
+        _listed(found.always - adjacent_pairs(robot.joints) - robot.disabled_collisions),
+        _listed(found.at_home),
+    )
+    if always and has_rules:
+        log.warning("%s: touching wherever it is, not checked though the SRDF asks for it: %s", robot.name, always)
+    elif always:
+        log.info("%s: always touching, not checked: %s", robot.name, always)
+    never = robot.disabled_collisions | found.always
+    if at_home and (has_rules or keeps_home):
+        log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, at_home)
+    elif at_home:
+        # As MoveIt's setup assistant has it; without this no configuration of the robot would be free.
+        log.warning("%s: touching at home and nearly everywhere, not checked: %s", robot.name, at_home)
+        never |= found.at_home
+    return replace(robot, disabled_collisions=never, configurations={**robot.configurations, "home": found.home})
+
+
+def _listed(pairs: Iterable[frozenset[str]]) -> str:
+    return ", ".join(sorted(" - ".join(sorted(pair)) for pair in pairs))
+
+
+def urdf_limits(joints: Sequence[Joint]) -> Limits:
+    """The limits of joints, with conservative defaults for those that URDF lacks.
+
+    A velocity that is missing becomes 1 rad/s (0.25 m/s); the acceleration is what reaches the
+    velocity in 0.25 s, the jerk what reaches that acceleration in 0.1 s.
+    """
+    velocity = np.array([j.velocity if np.isfinite(j.velocity) else UNKNOWN_VELOCITY[j.kind] for j in joints])
+    unknown = [j.name for j in joints if not np.isfinite(j.velocity)]
+    if unknown:
+        log.warning("no velocity limit for %s: 1 rad/s (0.25 m/s) is taken", ", ".join(unknown))
+    acceleration = velocity / SECONDS_TO_VELOCITY
+    return Limits(
+        lower=np.array([j.lower for j in joints]),
+        upper=np.array([j.upper for j in joints]),
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=acceleration / SECONDS_TO_ACCELERATION,
+        effort=np.array([j.effort for j in joints]),
+    )
+
+
+def _chosen_groups(
+    tree: Tree, known: Semantics, wanted: Sequence[str | Sequence[str]] | None
+) -> tuple[Semantics, tuple[str, ...]]:
+    """The semantics with the chosen chains added as groups, and the names of the chosen groups."""
+    entries = () if wanted is None else items_of("groups", wanted, "groups")
+    chains: dict[str, tuple[str, str]] = {}
+    names: list[str] = []
+    for entry in entries:
+        if isinstance(entry, str):
+            names.append(known_name("group", entry, known.groups))
+        else:
+            base, tip = _chain_ends(tree, entry)
+            names.append(f"{base} to {tip}")
+            chains[names[-1]] = base, tip
+    if wanted is not None:
+        _check_distinct("groups", names)
+    members = {name: chain_joints(tree.joints, *ends) for name, ends in chains.items()}
+    return replace(known, groups={**known.groups, **members}, chains={**known.chains, **chains}), tuple(names)
+
+
+def _chain_ends(tree: Tree, entry: Any) -> tuple[str, str]:
+    ends = items_of("one of groups", entry, "names of two links")
+    if len(ends) != 2:
+        raise InputError(f"one of groups is {shown(entry)}, expected a name or two: (base link, tip link)")
+    links = [link.name for link in tree.links]
+    return known_name("link", ends[0], links), known_name("link", ends[1], links)
+
+
+def _planning_joints(
+    tree: Tree, known: Semantics, groups: tuple[str, ...], chosen: Sequence[str] | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The planning groups, if any, and the planning joints."""
+    joints = {joint.name: joint for joint in tree.joints}
+    if chosen is not None:
+        names = items_of("joints", chosen, "names")
+        for name in names:
+            check_text("one of joints", name)
+            if not _is_driven(joints[known_name("joint", name, joints)]):
+                raise InputError(f"joint {name!r} is fixed or mimics another, it cannot be planned for")
+        _check_distinct("joints", names)
+        return groups, tuple(names)
+    movable = tuple(n for n, j in joints.items() if _is_driven(j) and n not in known.passive)
+    groups = groups or _default_groups(tree, known)
+    # Groups may share joints, such as a torso that carries both arms.
+    names = tuple(dict.fromkeys(n for g in groups for n in known.groups[g] if n in movable)) if groups else movable
+    if not names:
+        where = f" in group {' or '.join(map(repr, groups))}" if groups else ""
+        raise InputError(f"there is no joint to plan for{where}, expected at least one that moves by itself")
+    return groups, names
+
+
+def _is_driven(joint: Joint) -> bool:
+    return joint.kind != "fixed" and joint.mimic is None
+
+
+def _check_distinct(what: str, names: Sequence[str]) -> None:
+    if not names or len(set(names)) != len(names):
+        raise InputError(f"{what} is {shown(list(names))}, expected at least one name and none twice")
+
+
+def _default_groups(tree: Tree, known: Semantics) -> tuple[str, ...]:
+    """The arm with an end effector, else the first group with joints that is not a gripper."""
+    carriers = [e.parent_group for e in known.end_effectors if e.parent_group not in (None, e.group)]
+    grippers = {e.group for e in known.end_effectors if _is_below(tree, known.groups[e.group], e.parent_link)}
+    others = [name for name in known.groups if name not in grippers]
+    return tuple(name for name in (*carriers, *others) if name and known.groups[name])[:1]
+
+
+def _is_below(tree: Tree, names: Sequence[str], link: str) -> bool:
+    """Whether all these joints are descendants of a link, like those of a gripper."""
+    links = {link}
+    for joint in tree.joints:
+        if joint.parent in links:
+            links.add(joint.child)
+    return all(joint.parent in links for joint in tree.joints if joint.name in names)
+
+
+def _states(known: Semantics, groups: tuple[str, ...], names: tuple[str, ...]) -> dict[str, Array]:
+    """The named states that fix every planning joint, each (nq,): of one group, or of all chosen groups together."""
+    own_first = sorted(known.states.items(), key=lambda item: item[0][0] not in groups)
+    together: dict[str, dict[str, float]] = {}
+    for (group, state), values in known.states.items():
+        if group in groups:
+            together[state] = {**together.get(state, {}), **values}
+    found: dict[str, Array] = {}
+    for state, values in (*((state, values) for (_, state), values in own_first), *together.items()):
+        if state not in found and set(names) <= set(values):
+            found[state] = np.array([values[n] for n in names])
+    return found
+
+
+def _configurations(states: Mapping[str, Array], limits: Limits) -> dict[str, Array]:
+    """The named states of all planning joints; "home" may be another of them."""
+    found = dict(states)
+    inside: dict[str, Array] = {}
+    for state, q in states.items():
+        if (q < limits.lower).any() or (q > limits.upper).any():
+            log.warning("the state %r is outside the joints' limits", state)
+        else:
+            inside[state] = q
+    if inside and "home" not in found:
+        found["home"] = inside.get("ready", next(iter(inside.values())))
+    return found
+
+
+def _middle(limits: Limits) -> Array:
+    """Zero where it is well inside a joint's range, else the middle of the range."""
+    with np.errstate(invalid="ignore"):
+        middle = 0.5 * (limits.lower + limits.upper)
+    inside = (limits.lower < 0.0) & (limits.upper > 0.0)
+    return np.where(inside, 0.0, middle)
+
+
+def _locked_states(known: Semantics, locked: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """The named states of joints other than planning joints, e.g. of a gripper."""
+    found: dict[str, dict[str, float]] = {}
+    for (_, state), values in known.states.items():
+        mine = {name: value for name, value in values.items() if name in locked}
+        if mine:
+            found.setdefault(state, {}).update(mine)
+    return found
+
+
+def _tool(tree: Tree, known: Semantics, groups: tuple[str, ...], names: tuple[str, ...], chosen: str | None) -> str:
+    """The chosen link, the tip of the first group's chain, or the last link after its last joint."""
+    links = [link.name for link in tree.links]
+    if chosen is not None:
+        return known_name("link", chosen, links)
+    for group in groups[:1]:
+        if group in known.chains:
+            return known.chains[group][1]
+        for effector in known.end_effectors:
+            if group in (effector.parent_group, effector.group):
+                return effector.parent_link
+        names = tuple(n for n in names if n in known.groups[group]) or names
+    for group, members in known.groups.items() if known.is_partial else ():
+        if members[-1:] == names[-1:]:
+            return known.chains[group][1]
+    link = next(j.child for j in tree.joints if j.name == names[-1])
+    while True:
+        below = [j.child for j in tree.joints if j.parent == link and j.kind == "fixed"]
+        named = [name for name in _TOOL_NAMES if name in below]
+        if not named and len(below) != 1:
+            return link
+        link = (named or below)[0]

@@ -1,0 +1,128 @@
+"""Parts of a robot: links, joints, shapes and masses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from rr1plan.checks import Array, Value, finite_array, of_kind, read_only
+from rr1plan.errors import InputError
+from rr1plan.shapes import Color, Shape
+from rr1plan.transforms import as_pose, identity, rotation_about
+
+JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
+
+
+class _ReadOnlyArrays(Value):
+    """Replaces arrays by read-only copies at construction."""
+
+    def __post_init__(self) -> None:
+        for name, value in self.__dict__.items():
+            if isinstance(value, np.ndarray) and value.flags.writeable:
+                object.__setattr__(self, name, read_only(value.copy()))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Inertial(_ReadOnlyArrays):
+    """Mass [kg], center of mass (3,) [m] in the link frame, inertia (3, 3) [kg m²] about it in link axes.
+
+    `assumed` is True if it was computed from the link's shapes, not read from the robot's file.
+    """
+
+    mass: float
+    com: Array
+    inertia: Array
+    assumed: bool = False
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Geometry(_ReadOnlyArrays):
+    """A shape at a pose (4, 4) in the frame of its link or obstacle, with a color (rgba, 0..1) or None.
+
+    Raises:
+        InputError: a name, shape, transform or color of the wrong kind.
+    """
+
+    name: str
+    shape: Shape
+    pose: Array = field(default_factory=identity)
+    color: Color | None = None
+
+    def __post_init__(self) -> None:
+        of_kind("name of a shape", self.name, str)
+        if not isinstance(self.shape, Shape):
+            raise InputError(f"shape {self.name!r} is of type {type(self.shape).__name__}, expected a shape")
+        object.__setattr__(self, "pose", as_pose(self.pose, f"pose of shape {self.name!r}"))
+        if self.color is not None:
+            r, g, b, a = finite_array(f"color of shape {self.name!r}", self.color, (4,)).tolist()
+            if not all(0.0 <= share <= 1.0 for share in (r, g, b, a)):
+                raise InputError(f"color of shape {self.name!r} is {(r, g, b, a)}, expected numbers from 0 to 1")
+            object.__setattr__(self, "color", (r, g, b, a))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Link(Value):
+    """A rigid body: inertial, visual and collision properties."""
+
+    name: str
+    inertial: Inertial | None = None
+    visuals: tuple[Geometry, ...] = ()
+    collisions: tuple[Geometry, ...] = ()
+
+    def __repr__(self) -> str:
+        mass = "no mass" if self.inertial is None else f"{self.inertial.mass:g} kg"
+        return f"Link({self.name!r}, {mass}, {len(self.visuals)} visual, {len(self.collisions)} collision)"
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """This joint's value is multiplier * (value of `joint`) + offset."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Joint(_ReadOnlyArrays):
+    """A joint between a parent and a child link.
+
+    Args:
+        name: Joint name.
+        kind: Revolute, continuous (no position limits), prismatic or fixed.
+        parent: Parent link.
+        child: Child link.
+        origin: T_parent_joint, shape (4, 4).
+        axis: Unit axis in the joint frame, shape (3,).
+        lower, upper: Position limits [rad or m]; -inf and inf for a continuous joint.
+        velocity: Highest speed [rad/s or m/s].
+        effort: Highest torque or force [Nm or N].
+        damping: Viscous friction [Nm s/rad].
+        friction: Coulomb friction [Nm].
+        mimic: The joint this one follows, or None.
+    """
+
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    origin: Array = field(default_factory=identity)
+    axis: Array = field(default_factory=lambda: read_only(np.array([0.0, 0.0, 1.0])))
+    lower: float = -np.inf
+    upper: float = np.inf
+    velocity: float = np.inf
+    effort: float = np.inf
+    damping: float = 0.0
+    friction: float = 0.0
+    mimic: Mimic | None = None
+
+    def motion(self, value: float) -> Array:
+        """T_joint_child at a joint value [rad or m], shape (4, 4)."""
+        T = np.eye(4)
+        if self.kind == "prismatic":
+            T[:3, 3] = value * self.axis
+        elif self.kind != "fixed":
+            T[:3, :3] = rotation_about(self.axis, value)
+        return T

@@ -1,0 +1,145 @@
+"""The joints of a URDF, and the origins that joints and shapes share."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+
+from rr1plan.checks import Array, read_only
+from rr1plan.errors import InputError
+from rr1plan.files.xml_reader import Element
+from rr1plan.robot import Joint, JointKind, Mimic
+from rr1plan.transforms import identity, pose
+
+log = logging.getLogger(__name__)
+
+_KINDS: dict[str, JointKind] = {
+    "revolute": "revolute",
+    "continuous": "continuous",
+    "prismatic": "prismatic",
+    "fixed": "fixed",
+    # A base that floats or rolls stands still while its arm moves.
+    "floating": "fixed",
+    "planar": "fixed",
+}
+
+
+def read_joint(element: Element) -> Joint:
+    """One joint; one that floats, is planar or has no range is a fixed one, with a warning.
+
+    Raises:
+        FormatError: an unknown type, a missing or inverted limit, a zero axis, a rate not above zero.
+    """
+    name = element.text("name")
+    kind = _kind(element, name)
+    parent = element.required("parent").text("link")
+    child = element.required("child").text("link")
+    if parent == child:
+        raise element.error(f"joint {name!r} joins link {parent!r} to itself")
+    origin = read_origin(element)
+    if kind == "fixed":
+        return Joint(name, kind, parent, child, origin)
+    lower, upper, velocity, effort = _limit(element, name, kind)
+    dynamics = element.child("dynamics")
+    damping, friction = (0.0, 0.0) if dynamics is None else (_coefficient(dynamics, n) for n in ("damping", "friction"))
+    joint = Joint(
+        name=name,
+        kind=kind,
+        parent=parent,
+        child=child,
+        origin=origin,
+        axis=_axis(element, name),
+        lower=lower,
+        upper=upper,
+        velocity=velocity,
+        effort=effort,
+        damping=damping,
+        friction=friction,
+        mimic=_mimic(element),
+    )
+    if lower < upper:
+        return joint
+    log.warning("%s:%d: joint %r has no range but %g alone, it is taken as fixed", *element.at, name, lower)
+    return Joint(name, "fixed", parent, child, read_only(origin @ joint.motion(lower)))
+
+
+def read_origin(element: Element) -> Array:
+    """The transform of an element's `<origin>`, shape (4, 4); identity where there is none.
+
+    Raises:
+        FormatError: not three finite numbers, angles that look like degrees, or a quaternion without a direction.
+    """
+    origin = element.child("origin")
+    if origin is None:
+        return identity()
+    xyz = origin.vector("xyz", 3, (0.0, 0.0, 0.0))
+    if "quat_xyzw" not in origin.attributes:
+        rotation = {"rpy": origin.vector("rpy", 3, (0.0, 0.0, 0.0))}
+    elif "rpy" in origin.attributes:
+        raise origin.error("<origin> has both rpy and quat_xyzw, expected one of them")
+    else:
+        x, y, z, w = origin.vector("quat_xyzw", 4)
+        rotation = {"quaternion": (w, x, y, z)}
+    try:
+        return pose(xyz, **rotation)
+    except InputError as error:
+        raise origin.error(str(error)) from error
+
+
+def _kind(element: Element, name: str) -> JointKind:
+    word = element.text("type")
+    if word not in _KINDS:
+        raise element.error(f"joint {name!r} has the unknown type {word!r}, expected one of {', '.join(_KINDS)}")
+    if _KINDS[word] != word:
+        log.warning("%s:%d: joint %r is %s, it is taken as fixed: bases stand still here", *element.at, name, word)
+    return _KINDS[word]
+
+
+def _axis(element: Element, name: str) -> Array:
+    """The unit axis; URDF's default is x."""
+    axis = element.child("axis")
+    xyz = np.array((1.0, 0.0, 0.0) if axis is None else axis.vector("xyz", 3))
+    length = float(np.linalg.norm(xyz))
+    if axis is not None and length < 1e-6:
+        raise axis.error(f"the axis of joint {name!r} is {xyz.tolist()}, expected a direction")
+    return read_only(xyz / length)
+
+
+def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, float, float]:
+    """Lower, upper, velocity and effort; files write 0 where the velocity is unknown, and 0 or -1 for the effort."""
+    limit = element.child("limit")
+    if limit is None:
+        if kind != "continuous":
+            raise element.error(f"{kind} joint {name!r} has no <limit>")
+        return -np.inf, np.inf, np.inf, np.inf
+    velocity = limit.number("velocity", np.inf)
+    if velocity == 0.0:
+        log.warning("%s:%d: joint %r has velocity 0, it is taken as unknown", *limit.at, name)
+        velocity = np.inf
+    elif velocity < 0.0:
+        raise limit.error(f"joint {name!r} has velocity {velocity}, expected a number above zero")
+    effort = limit.number("effort", np.inf)
+    if effort < 0.0:
+        log.warning("%s:%d: joint %r has effort %g, it is taken as unknown: no limit", *limit.at, name, effort)
+        effort = np.inf
+    if kind == "continuous":
+        return -np.inf, np.inf, velocity, effort or np.inf
+    lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
+    if lower > upper:
+        raise limit.error(f"joint {name!r} has lower limit {lower} and upper limit {upper}, expected lower < upper")
+    return lower, upper, velocity, effort or np.inf
+
+
+def _coefficient(dynamics: Element, name: str) -> float:
+    value = dynamics.number(name, 0.0)
+    if value < 0.0:
+        raise dynamics.error(f"<dynamics> {name}={value}, expected a number not below zero")
+    return value
+
+
+def _mimic(element: Element) -> Mimic | None:
+    mimic = element.child("mimic")
+    if mimic is None:
+        return None
+    return Mimic(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))

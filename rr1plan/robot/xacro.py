@@ -1,0 +1,120 @@
+"""Xacro: a robot written as macros, expanded to URDF by the optional package xacrodoc.
+
+A xacro file is a program: it reads files and evaluates expressions. Load only those you trust. It is expanded in
+a process with bounds of time and memory, so that one that does not end (`${10**10**10}`) is an error. It may include
+regular files only.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import logging
+import re
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rr1plan.checks import file_path, positive_number, resolved_path, shown
+from rr1plan.errors import BackendError, FormatError, InputError, MissingPackageError
+from rr1plan.files.file_access import read_bytes
+from rr1plan.files.xml_reader import MAX_BYTES
+
+log = logging.getLogger(__name__)
+
+_SECONDS = 60.0
+_MEMORY = 4 * 1024**3
+_WORKER = "import sys; sys.path[:] = sys.argv[1:]; from rr1plan.robot.xacro_worker import main; main()"
+# ANSI escape sequences.
+_COLOR = re.compile(r"\x1b\[[\d;]*m")
+
+
+def expand_xacro(
+    file: str | Path,
+    *,
+    package_dirs: Sequence[str | Path] = (),
+    arguments: Mapping[str, str] | None = None,
+    seconds: float = _SECONDS,
+) -> str:
+    """Expand a xacro file to URDF; `package://` names are left as they are.
+
+    Args:
+        file: The xacro file. It is trusted code.
+        package_dirs: Folders of packages, or folders that hold them, for `$(find package)`.
+        arguments: Values of its `xacro:arg`.
+        seconds: Time limit [s].
+
+    Raises:
+        MissingPackageError: xacrodoc is not installed (`pip install 'rr1plan[xacro]'`).
+        InputError: arguments that are no mapping of names to values.
+        FormatError: the file cannot be read or expanded, or not within the time limit and 4 GiB of memory.
+        BackendError: there is no Python interpreter to start (in a frozen program).
+    """
+    if importlib.util.find_spec("xacro") is None or importlib.util.find_spec("xacrodoc") is None:
+        raise MissingPackageError("xacrodoc", "reading xacro files", "xacro")
+    positive_number("seconds", seconds)
+    file = file_path(file)
+    read_bytes(file, MAX_BYTES)
+    request = {
+        "file": str(file),
+        "packages": _packages(package_dirs),
+        "arguments": _texts(arguments),
+        "bytes": _MEMORY,
+        "seconds": seconds,
+    }
+    answer = _answer(file, request, seconds)
+    if "package" in answer:
+        package = answer["package"]
+        raise FormatError(
+            f"refers to the package {package!r}, which is not found; name the folder that holds "
+            f"it with option package_dirs or, where the arm itself needs nothing from it, an empty folder {package!r}",
+            file,
+        )
+    if "error" in answer:
+        raise FormatError(f"cannot be expanded: {answer['error']}", file)
+    return str(answer["urdf"])
+
+
+def _packages(package_dirs: Sequence[str | Path]) -> dict[str, str]:
+    """The given folders, and the folders in them, by their names."""
+    known: dict[str, str] = {}
+    for folder in map(resolved_path, package_dirs):
+        known[folder.name] = str(folder)
+        if folder.is_dir():
+            known.update({child.name: str(child) for child in folder.iterdir() if child.is_dir()})
+    return known
+
+
+def _texts(arguments: Mapping[str, str] | None) -> dict[str, str]:
+    if arguments is not None and not isinstance(arguments, Mapping):
+        raise InputError(f"xacro_arguments is {shown(arguments)}, expected a mapping of names to values")
+    return {str(name): str(value) for name, value in (arguments or {}).items()}
+
+
+def _answer(file: Path, request: dict[str, Any], seconds: float) -> dict[str, str]:
+    """Response of the worker process."""
+    if getattr(sys, "frozen", False) or not sys.executable:
+        raise BackendError("a frozen program has no Python to expand xacro files with; try the URDF: xacro FILE > URDF")
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _WORKER, *sys.path],
+            input=json.dumps(request).encode(),
+            capture_output=True,
+            timeout=seconds,
+            check=False,
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+    except subprocess.TimeoutExpired as error:
+        raise FormatError(f"is not expanded within {seconds:g} s; a macro or expression may never end", file) from error
+    except OSError as error:
+        raise BackendError(f"{sys.executable} does not start, to expand {file}: {error}") from error
+    said = _COLOR.sub("", done.stderr.decode(errors="replace")).strip()
+    try:
+        answer: dict[str, str] = json.loads(done.stdout)
+    except ValueError as error:
+        raise FormatError(f"cannot be expanded: xacro ended with {done.returncode} and says {said!r}", file) from error
+    if said:
+        log.warning("%s: xacro says: %s", file, said)
+    return answer

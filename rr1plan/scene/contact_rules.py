@@ -1,0 +1,144 @@
+"""Contact rules of a scene as tables, so that scenes with hundreds of pairs are set up quickly.
+
+A name in a rule is that of an element, or of an arm for all elements that move with it. `Scene.may_touch`
+and `Scene.padding_of` evaluate the rules for a single pair; the tables here contain the same for all pairs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from operator import itemgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, read_only
+
+Indices = NDArray[np.int64]
+_Names = frozenset[str]
+
+
+@dataclass(frozen=True)
+class RuleContent:
+    """Cache key of contact rules: all data that determines which pairs need a check.
+
+    Args:
+        names: All elements.
+        owners: The arm of each element, None for an obstacle.
+        arms: Name, base link and unchecked pairs of links of each arm.
+        held: Name, arm, link and allowed links of each attached object.
+        allowed: Pairs of elements or arms that may touch.
+        near_pairs: Pairs of arms, or of an arm and an obstacle, that need a check (default: all pairs).
+    """
+
+    names: tuple[str, ...]
+    owners: tuple[str | None, ...]
+    arms: tuple[tuple[str, str, frozenset[_Names]], ...]
+    held: tuple[tuple[str, str, str, _Names], ...]
+    allowed: frozenset[_Names]
+    near_pairs: frozenset[_Names] | None = None
+
+
+@lru_cache(maxsize=128)
+def rules_of(content: RuleContent) -> ContactRules:
+    """The rules of a scene, shared by all scenes with equal content."""
+    return ContactRules(content)
+
+
+class ContactRules:
+    """Pairs of elements that must not touch, and their paddings.
+
+    Args:
+        content: Content of the rules.
+
+    Attributes:
+        names: All elements.
+        obstacles: Indices of the obstacles in `names`.
+    """
+
+    def __init__(self, content: RuleContent) -> None:
+        self._content = content
+        self.names = content.names
+        self._count = len(content.names)
+        self._index = {name: i for i, name in enumerate(content.names)}
+        self._of_arm: dict[str, list[int]] = {}
+        self.obstacles: list[int] = []
+        for i, arm in enumerate(content.owners):
+            if arm is None:
+                self.obstacles.append(i)
+            else:
+                self._of_arm.setdefault(arm, []).append(i)
+
+    @cached_property
+    def checked(self) -> Indices:
+        """The pairs that must not touch, by ascending indices, shape (m, 2)."""
+        index = self._index
+        checked = np.ones((self._count, self._count), dtype=np.bool_)
+        # Names of elements without a shape are skipped.
+        pairs = [(index[a], index[b]) for a, b in self._unchecked() if a in index and b in index]
+        rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        checked[rows, columns] = checked[columns, rows] = False
+        still = [f"{arm}/{base}" for arm, base, _ in self._content.arms]
+        fixed = self.obstacles + [index[name] for name in still if name in index]
+        checked[np.ix_(fixed, self.obstacles)] = checked[np.ix_(self.obstacles, fixed)] = False
+        for both in self._content.allowed:
+            if len(both) == 2:
+                one, two = (self._members(name) for name in both)
+                checked[np.ix_(one, two)] = checked[np.ix_(two, one)] = False
+        if self._content.near_pairs is not None:
+            checked &= self._are_near(self._content.near_pairs)
+        return read_only(np.argwhere(np.triu(checked, 1)))
+
+    def paddings(self, general: float, special: Mapping[_Names, float]) -> Array:
+        """Padding of each checked pair [m], shape (m,).
+
+        Args:
+            general: Default padding [m].
+            special: Paddings of pairs of elements or arms [m].
+        """
+        if not special:
+            return np.full(len(self.checked), general)
+        table = np.full((self._count, self._count), general)
+        for _, first, second, distance in sorted(self._blocks(special), key=itemgetter(0)):
+            table[np.ix_(first, second)] = distance
+        return table[self.checked[:, 0], self.checked[:, 1]]
+
+    def _are_near(self, pairs: frozenset[_Names]) -> NDArray[np.bool_]:
+        """Mask of the pairs of elements of `pairs` of arms or obstacles, shape (n, n)."""
+        named = zip(self._content.names, self._content.owners, strict=True)
+        owners = [name if arm is None else arm for name, arm in named]
+        number = {owner: i for i, owner in enumerate(dict.fromkeys(owners))}
+        table = np.zeros((len(number), len(number)), dtype=np.bool_)
+        for both in pairs:
+            one, two = (tuple(both) * 2)[:2]
+            if one in number and two in number:
+                table[number[one], number[two]] = table[number[two], number[one]] = True
+        index = [number[owner] for owner in owners]
+        return table[np.ix_(index, index)]
+
+    def _unchecked(self) -> Iterator[tuple[str, str]]:
+        """Pairs of one arm's links and held objects that need no check."""
+        for arm, _, never in self._content.arms:
+            for one, *two in map(tuple, never):
+                yield f"{arm}/{one}", f"{arm}/{two[0] if two else one}"
+        for name, arm, link, touch in self._content.held:
+            for near in touch | {link}:
+                yield name, f"{arm}/{near}"
+            for other, *also, _ in self._content.held:
+                if also == [arm, link]:
+                    yield name, other
+
+    def _blocks(self, special: Mapping[_Names, float]) -> Iterator[tuple[int, list[int], list[int], float]]:
+        """Blocks of the padding table: priority (the higher rule wins), rows, columns, distance."""
+        for both, distance in special.items():
+            # A rule with one arm name applies to pairs of that arm.
+            a, b = (tuple(both) * 2)[:2]
+            for x, y in {(a, b), (b, a)}:
+                rank = 3 * (x in self._index) + 2 * (y in self._index)
+                yield rank, self._members(x), self._members(y), distance
+
+    def _members(self, name: str) -> list[int]:
+        index = self._index.get(name)
+        return self._of_arm.get(name, []) if index is None else [index]

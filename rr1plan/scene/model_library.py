@@ -1,0 +1,346 @@
+"""Models by name: robots and scenes that ship with rr1plan, or from files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+from rr1plan.checks import check_text, file_path, known_name, of_kind
+from rr1plan.errors import FormatError, InputError, UnknownNameError
+from rr1plan.files.file_access import is_regular, write_text
+from rr1plan.robot import Robot
+from rr1plan.robot.mjcf_document import is_mjcf
+from rr1plan.robot.robot_builder import Choice, assemble
+from rr1plan.robot.robot_folder import RobotFolder, read_robot_folder
+from rr1plan.robot.robot_packages import installed_robots
+from rr1plan.robot.srdf import Semantics, joined_semantics, read_srdf
+from rr1plan.robot.urdf import Tree, read_urdf
+from rr1plan.robot.xacro import expand_xacro
+from rr1plan.scene import Arm, Obstacle, Scene
+from rr1plan.scene.motion_bench import read_bench_scene
+from rr1plan.scene.moveit_scene import read_moveit_scene
+from rr1plan.scene.problem import Problem
+from rr1plan.scene.scene_toml import SceneFile, parse_scene, read_scene, scene_text
+from rr1plan.shapes.convex_decomposition import Convexity
+
+_MJCF_SUFFIXES = (".xml", ".mjcf")
+_SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml", *_MJCF_SUFFIXES)
+# Of an MJCF scene: contacts of each with each standing link are allowed one by one.
+_MOST_SURROUNDINGS = 1000
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def models_folder() -> Path:
+    """The folder of the shipped models: inside an installed package, next to it in a source tree."""
+    inside = _PACKAGE / "models"
+    return inside if inside.is_dir() else _PACKAGE.parent / "models"
+
+
+# ---- robots ------------------------------------------------------------------------------
+
+
+def robot_names() -> tuple[str, ...]:
+    """The names of the shipped robots, sorted."""
+    return tuple(sorted(file.parent.name for file in (models_folder() / "robots").glob("*/robot.toml")))
+
+
+def installed_robot_names() -> tuple[str, ...]:
+    """The names of the robots that the extra `robots` installs (the package example-robot-data), sorted."""
+    return tuple(name for name in installed_robots() if name not in robot_names())
+
+
+def robot_folder(name: str) -> Path:
+    """The folder of a shipped robot.
+
+    Args:
+        name: One of `robot_names()`.
+
+    Raises:
+        UnknownNameError: no shipped robot of that name.
+    """
+    return models_folder() / "robots" / known_name("robot", name, robot_names())
+
+
+def load_robot(
+    name_or_file: str | Path,
+    *,
+    srdf: str | Path | Literal[False] | None = None,
+    groups: Sequence[str | Sequence[str]] | None = None,
+    joints: Sequence[str] | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    convex: Convexity = "hull",
+    tool: str | None = None,
+    xacro_arguments: Mapping[str, str] | None = None,
+) -> Robot:
+    """Load a robot that ships with rr1plan or is installed, or any arm from its URDF, xacro or MJCF file.
+
+    The planning joints are the given `joints`, those of the given `groups`, or else those of the
+    SRDF's arm that carries an end effector, of its first group, or all that move by themselves.
+    Every other joint that moves by itself is locked at zero, or at its limit nearest to zero. An MJCF file has a group
+    for each of its robots, named after its first body: the driven hinges and slides on the way to the tool. Its
+    keyframes are states, and its other joints are locked as in "home".
+
+    URDF knows no acceleration and no jerk: one that reaches the velocity in 0.25 s and a jerk that
+    reaches that in 0.1 s are taken. A velocity it does not give becomes 1 rad/s or 0.25 m/s.
+    Use `robot.with_limits` where you know better.
+
+    "home" is the SRDF's state of that name, else "ready", else its first one; without an SRDF, zero or
+    the middle of the range if that is free of self-collision, else a free configuration near it.
+
+    Where no SRDF switches pairs of links off, neighbors and links that touch in each of 200 random
+    configurations are not checked against each other; see `propose_disabled_collisions`. Where no configuration
+    is free even so, links that touch at home are not checked either, as the log warns.
+
+    Args:
+        name_or_file: One of `robot_names()`, one of `installed_robot_names()` (`pip install 'rr1plan[robots]'`), or a
+            .urdf, .xacro or MJCF (.xml, .mjcf) file. A xacro file is a program: load only those you trust.
+        srdf: The SRDF; None looks beside the URDF and in ../srdf for one of the same name, False
+            takes none.
+        groups: The SRDF groups to plan for, as one: the joints of the first, then those of the next, e.g. one arm or
+            both arms of a robot. Where the SRDF has no such group, or there is none, give a chain: (base link, tip
+            link). The robot's tool is that of the first.
+        joints: The joints to plan for, in this order.
+        package_dirs: Folders to look for `package://` meshes in, before those around the file; for MJCF,
+            folders besides its own in which meshes may be.
+        convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
+            (slow the first time, with a bar on a terminal; then kept on disk).
+        tool: The link that pose goals mean when they name none; by default the tip of the group's
+            chain, or the end of what hangs on the last planning joint. In MJCF files it is a body or a site, and the
+            joints between the base and the tool are planned for; by default a site with a tool's name, or the body that
+            holds the fingers.
+        xacro_arguments: Values of a xacro file's arguments; with some, or {}, a .urdf is expanded as well.
+
+    Raises:
+        UnknownNameError: no such robot, group, joint or link.
+        FormatError: a file that cannot be read as what it claims to be.
+        InputError: joints that cannot be planned for.
+        MissingPackageError: a xacro file, and xacrodoc is not installed.
+    """
+    if tool is not None:
+        check_text("tool", tool)
+    folder, file, beside = _locate(name_or_file)
+    if file.suffix in _MJCF_SUFFIXES and is_mjcf(file):
+        if xacro_arguments is not None:
+            raise InputError(f"{file} is MJCF; option xacro_arguments is for xacro files")
+        tree, own = _read_mjcf(file, package_dirs, convex, tool)
+    else:
+        tree, own = _read_tree(file, package_dirs, convex, xacro_arguments), None
+    semantics = _semantics(srdf, beside, tree, own)
+    if folder is not None:
+        tool = folder.tool if tool is None else tool
+        if groups is None and folder.group is not None:
+            groups = (folder.group,)
+    robot = assemble(tree, semantics, Choice(groups, joints, tool))
+    return robot if folder is None else folder.apply(robot)
+
+
+def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | None]:
+    """Folder of a shipped robot (or None), URDF or xacro file, and SRDF (or None)."""
+    file = file_path(name_or_file)
+    if isinstance(name_or_file, str) and name_or_file in robot_names():
+        folder = read_robot_folder(robot_folder(name_or_file))
+        return folder, folder.urdf, folder.srdf
+    installed = installed_robots()
+    if isinstance(name_or_file, str) and name_or_file in installed:
+        return None, *installed[name_or_file]
+    if file.suffix in (".urdf", ".xacro", *_MJCF_SUFFIXES):
+        return None, file, _srdf_beside(file)
+    if isinstance(name_or_file, Path) or len(file.parts) > 1:
+        raise InputError(
+            f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf, .xacro or .xml (MJCF)"
+        )
+    more = "" if installed else "More come with: pip install 'rr1plan[robots]'. Or give a .urdf, .xacro or MJCF file."
+    raise UnknownNameError("robot", name_or_file, (*robot_names(), *installed), more)
+
+
+def _read_mjcf(
+    file: Path, package_dirs: Sequence[str | Path], convex: Convexity, tool: str | None
+) -> tuple[Tree, Semantics]:
+    # MuJoCo takes a fifth of a second to be imported.
+    from rr1plan.robot.mjcf import read_mjcf
+
+    content = read_mjcf(file, package_dirs=package_dirs, convex=convex, tool=tool)
+    content.warn_of_surroundings()
+    return content.tree, content.semantics
+
+
+def _read_tree(
+    file: Path, package_dirs: Sequence[str | Path], convex: Convexity, arguments: Mapping[str, str] | None
+) -> Tree:
+    if file.suffix != ".xacro" and arguments is None:
+        return read_urdf(file, package_dirs=package_dirs, convex=convex)
+    text = expand_xacro(file, package_dirs=package_dirs, arguments=arguments)
+    return read_urdf(text, package_dirs=package_dirs, convex=convex, file=file)
+
+
+def _semantics(
+    srdf: str | Path | Literal[False] | None, beside: Path | None, tree: Tree, own: Semantics | None
+) -> Semantics | None:
+    """What the SRDF that was chosen, or the one beside the robot's file, adds to what that file says itself."""
+    if srdf is None:
+        found = _semantics_beside(beside, tree)
+    else:
+        found = None if srdf is False else read_srdf(file_path(srdf), tree)
+    if own is None or found is None:
+        return own or found
+    return joined_semantics(found, own)
+
+
+def _semantics_beside(srdf: Path | None, tree: Tree) -> Semantics | None:
+    """Content of an SRDF that was found next to the URDF; errors explain how to load the robot without it."""
+    try:
+        return None if srdf is None else read_srdf(srdf, tree)
+    except FormatError as error:
+        raise FormatError(
+            f"{error}; to load {tree.name!r} without this SRDF, rename it, or set option srdf to False"
+        ) from error
+
+
+def _srdf_beside(file: Path) -> Path | None:
+    """An SRDF of the same name next to a URDF, or in the folder "srdf" next to its folder."""
+    name = f"{file.name.removesuffix('.xacro').removesuffix('.xml').removesuffix('.urdf')}.srdf"
+    candidates = (file.parent / name, file.parent.parent / "srdf" / name)
+    return next((file for file in candidates if is_regular(file)), None)
+
+
+# ---- scenes ------------------------------------------------------------------------------
+
+
+def scene_names() -> tuple[str, ...]:
+    """The names of the shipped scenes, sorted."""
+    return tuple(sorted(file.stem for file in (models_folder() / "scenes").glob("*.toml")))
+
+
+def load_scene(name_or_file: str | Path) -> Scene:
+    """Load a scene that ships with rr1plan, or one from a file.
+
+    Args:
+        name_or_file: A name of `scene_names`, or a scene file (.toml), a MoveIt scene (.scene), a MotionBenchMaker
+            scene (.yaml, .yml) or an MJCF file (.xml, .mjcf). MoveIt's and MotionBenchMaker's hold obstacles only: add
+            arms with `scene.with_arm`. Of an MJCF file the robot is the arm "arm", and all other bodies that hit
+            things are obstacles where they stand in its first keyframe.
+
+    Raises:
+        UnknownNameError: no shipped scene of that name.
+        FormatError: the file is not a scene.
+    """
+    return load_scene_file(name_or_file).scene
+
+
+def load_scene_file(name_or_file: str | Path) -> SceneFile:
+    """Load a scene like `load_scene`, together with the named queries of the file.
+
+    Raises:
+        UnknownNameError: no shipped scene of that name.
+        FormatError: the file is not a scene.
+    """
+    file = _scene_file(name_or_file)
+    if file.suffix == ".scene":
+        return SceneFile(read_moveit_scene(file), {})
+    if file.suffix in (".yaml", ".yml"):
+        return SceneFile(read_bench_scene(file), {})
+    if file.suffix in _MJCF_SUFFIXES:
+        return SceneFile(_read_mjcf_scene(file), {})
+    return read_scene(file, load_robot)
+
+
+def _read_mjcf_scene(file: Path) -> Scene:
+    """The robot of an MJCF file as an arm, and what surrounds it as obstacles."""
+    from rr1plan.robot.mjcf import read_mjcf
+
+    content = read_mjcf(file)
+    if len(content.surroundings) > _MOST_SURROUNDINGS:
+        raise FormatError(
+            f"has {len(content.surroundings)} things around the robot, expected at most {_MOST_SURROUNDINGS}", file
+        )
+    arm = Arm(assemble(content.tree, content.semantics, Choice()))
+    obstacles: dict[str, Obstacle] = {}
+    allowed: set[frozenset[str]] = set()
+    for thing in content.surroundings:
+        name = thing.name.replace("/", "_")
+        while name == "arm" or name in obstacles:
+            name += "_"
+        obstacles[name] = Obstacle(thing.geometries, thing.pose)
+        if thing.stands:  # what stands on it stays there
+            allowed.update(frozenset((f"arm/{link}", name)) for link in content.standing)
+    return Scene({"arm": arm}, obstacles, allowed=frozenset(allowed), name=content.tree.name)
+
+
+def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
+    """The named queries of a scene that ships with rr1plan, or of a scene file, as problems; only .toml files have any.
+
+    Raises:
+        UnknownNameError: no shipped scene of that name.
+        FormatError: the file is not a scene.
+    """
+    return load_scene_file(name_or_file).problems
+
+
+def save_scene(
+    file: str | Path,
+    scene: Scene,
+    *,
+    problems: Mapping[str, Problem] | None = None,
+    robots: Mapping[str, str] | None = None,
+) -> Path:
+    """Write a scene file (.toml) from which `load_scene` loads the same scene, to the last bit.
+
+    Args:
+        file: The file; it is replaced atomically.
+        scene: The scene. Meshes and point clouds are written into the file.
+        problems: Named queries in that scene, for `load_problems`.
+        robots: Name or file of the robot of each arm, files relative to the scene file (default: the robot's name if it
+            ships with rr1plan, else the file it was loaded from).
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that
+            was loaded with another SRDF), or a file that cannot be written.
+        UnknownNameError: a name in `robots` is not an arm.
+    """
+    of_kind("scene", scene, Scene)
+    path = file_path(file)
+    of_kind("problems", problems, Mapping, optional=True)
+    of_kind("robots", robots, Mapping, optional=True)
+    for problem in (problems or {}).values():
+        of_kind("one of the problems", problem, Problem)
+    for name, robot in (robots or {}).items():
+        known_name("arm", name, scene.arms)
+        check_text(f"robot of arm {name!r}", robot)
+    names = {name: (robots or {}).get(name) or _robot_entry(name, arm.robot) for name, arm in scene.arms.items()}
+    text = scene_text(scene, problems, names)
+    again = parse_scene(text, path, load_robot).scene
+    for name, arm in scene.arms.items():
+        if again.arms[name].robot.content_hash != arm.robot.content_hash:
+            raise InputError(
+                f"{path} would not read back as this scene: the robot of arm {name!r} differs from what "
+                f"load_robot({names[name]!r}) makes; save its URDF and SRDF as files and name the URDF with robots="
+            )
+    return write_text(path, text)
+
+
+def _robot_entry(arm: str, robot: Robot) -> str:
+    """Entry of a robot in a scene file: its name if it ships with rr1plan, else its file."""
+    if robot.name in robot_names():
+        return robot.name
+    source = Path(robot.source)
+    if not robot.source or not source.is_file():
+        raise InputError(
+            f"the robot {robot.name!r} of arm {arm!r} was loaded from no file that is there now; "
+            f"name one with robots={{{arm!r}: 'robot.urdf'}}"
+        )
+    return str(source.absolute())
+
+
+def _scene_file(name_or_file: str | Path) -> Path:
+    """The scene file: a name with a suffix is a file, a bare name a shipped scene."""
+    file = file_path(name_or_file)
+    if file.suffix in _SCENE_SUFFIXES:
+        return file
+    if not isinstance(name_or_file, str) or len(file.parts) > 1:
+        expected = ", ".join(_SCENE_SUFFIXES)
+        raise InputError(f"scene file {str(file)!r} has the suffix {file.suffix!r}, expected one of {expected}")
+    return models_folder() / "scenes" / f"{known_name('scene', name_or_file, scene_names())}.toml"

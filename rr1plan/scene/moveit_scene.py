@@ -1,0 +1,248 @@
+"""MoveIt's `.scene` text, read in both its forms and written in the newer one.
+
+    name                     one line
+    * id                     one object; the line to its end
+    x y z / qx qy qz qw      its pose (missing in the older form)
+    number of shapes         then for each: type, measures, position, quaternion (xyzw), rgba
+    number of subframes      (missing in the older form) then for each: name, position, quaternion
+    .                        the end
+
+Subframes are read over. A capsule is written as a cylinder and two spheres, which is the same solid.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.errors import FormatError, InputError
+from rr1plan.files.file_access import read_text, write_text
+from rr1plan.robot import Geometry
+from rr1plan.scene import Obstacle, Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+from rr1plan.shapes.convex_hulls import convex_hull
+from rr1plan.transforms import pose, quaternion_from_rotation
+
+_MAX_COUNT = 10_000_000
+_CONE_SIDES = 32
+
+
+def read_moveit_scene(file: str | Path) -> Scene:
+    """Read the obstacles of a MoveIt `.scene` file.
+
+    Args:
+        file: The file, in the older or the newer form.
+
+    Returns:
+        A scene without arms; add them with `scene.with_arm`.
+
+    Raises:
+        FormatError: it ends too early, a number is not finite, an unknown type; names the line.
+    """
+    words = _Words(read_text(file), file)
+    scene = Scene(name=words.line() or Path(file).stem)
+    obstacles: dict[str, Obstacle] = {}
+    while (mark := words.word()) != ".":
+        if mark != "*":
+            raise words.error(f"expected '*' before an object or '.' at the end, got {mark!r}")
+        name = words.line()
+        if name in obstacles:
+            raise words.error(f"has two objects named {name!r}")
+        obstacle = _read_object(words, name)
+        if obstacle is not None:
+            obstacles[name] = obstacle
+    try:
+        return Scene(obstacles=obstacles, name=scene.name)
+    except InputError as error:
+        raise FormatError(str(error), file) from error
+
+
+def write_moveit_scene(file: str | Path, scene: Scene) -> Path:
+    """Write the obstacles of a scene as a MoveIt `.scene` file (arms and held objects are not part of it).
+
+    Args:
+        file: The file; it is replaced in one step.
+        scene: The scene.
+
+    Raises:
+        InputError: a shape the format has no word for (a point cloud), or the file cannot be written.
+    """
+    broken = [name for name in (scene.name, *scene.obstacles) if name.splitlines() not in ([name], [])]
+    if broken:
+        raise InputError(f"the name {broken[0]!r} has more than one line, which a .scene file cannot hold")
+    lines = [scene.name]
+    for name, obstacle in scene.obstacles.items():
+        shapes = [part for g in obstacle.geometries for part in _written_shapes(name, g)]
+        lines += [f"* {name}", *_pose_lines(obstacle.pose), str(len(shapes))]
+        for kind, T, color in shapes:
+            lines += [*kind, *_pose_lines(T), _numbers(color)]
+        lines.append("0")
+    return write_text(file, "\n".join([*lines, "."]) + "\n")
+
+
+class _Words:
+    """The words and lines of a text, with the place in it."""
+
+    def __init__(self, text: str, file: str | Path) -> None:
+        self.text, self.file, self.at = text, file, 0
+
+    def line(self) -> str:
+        end = self.text.find("\n", self.at)
+        end = len(self.text) if end < 0 else end
+        line, self.at = self.text[self.at : end].strip(), end + 1
+        return line
+
+    def peek_line(self) -> list[str]:
+        """The words of the next line that is not empty, without taking them."""
+        found = re.compile(r"\s*(\S[^\n]*)").match(self.text, self.at)
+        return found[1].split() if found else []
+
+    def word(self) -> str:
+        found = re.compile(r"\s*(\S+)").match(self.text, self.at)
+        if found is None:
+            raise self.error("ends too early")
+        self.at = found.end()
+        return found[1]
+
+    def number(self) -> float:
+        word = self.word()
+        try:
+            number = float(word)
+        except ValueError:
+            raise self.error(f"expected a number, got {word!r}") from None
+        if not math.isfinite(number):
+            raise self.error(f"expected a finite number, got {word!r}")
+        return number
+
+    def numbers(self, count: int) -> list[float]:
+        return [self.number() for _ in range(count)]
+
+    def count(self) -> int:
+        number = self.number()
+        if not (number.is_integer() and 0 <= number <= _MAX_COUNT):
+            raise self.error(f"expected a count, got {number}")
+        return int(number)
+
+    def error(self, message: str) -> FormatError:
+        return FormatError(message, self.file, self.text.count("\n", 0, min(self.at, len(self.text))) + 1)
+
+
+def _read_object(words: _Words, name: str) -> Obstacle | None:
+    """One object, or None when it has no shapes."""
+    newer = len(words.peek_line()) > 1
+    T = _read_pose(words) if newer else pose()
+    geometries: list[Geometry] = []
+    for i in range(words.count()):
+        try:
+            shapes = _read_shape(words)
+        except FormatError:
+            raise
+        except InputError as error:
+            raise words.error(f"object {name!r}: {error}") from error
+        own = _read_pose(words)
+        r, g, b, a = words.numbers(4)
+        color = None if a == 0.0 else (r, g, b, a)
+        geometries += [Geometry(f"{name}_{i}" if k == 0 else f"{name}_{i}_{k}", s, own, color) for k, s in shapes]
+    if newer:
+        for _ in range(words.count()):
+            words.word()
+            _read_pose(words)
+    return Obstacle(tuple(geometries), T) if geometries else None
+
+
+def _read_pose(words: _Words) -> Array:
+    x, y, z, qx, qy, qz, qw = words.numbers(7)
+    try:
+        return pose((x, y, z), quaternion=(qw, qx, qy, qz))
+    except InputError as error:
+        raise words.error(str(error)) from error
+
+
+def _read_shape(words: _Words) -> list[tuple[int, Shape]]:
+    kind = words.word()
+    if kind not in _READERS:
+        raise words.error(f"unknown type of shape {kind!r}, expected one of {', '.join(_READERS)}")
+    return list(enumerate(_READERS[kind](words)))
+
+
+def _read_box(words: _Words) -> list[Shape]:
+    x, y, z = words.numbers(3)
+    return [Box((x, y, z))]
+
+
+def _read_plane(words: _Words) -> list[Shape]:
+    a, b, c, d = words.numbers(4)
+    return [HalfSpace((a, b, c), -d / (math.hypot(a, b, c) or 1.0))]
+
+
+def _read_cone(words: _Words) -> list[Shape]:
+    return [cone(*words.numbers(2))]
+
+
+def cone(radius: float, length: float) -> Mesh:
+    """A convex mesh around a cone along z with its tip at the top: its base circle is inscribed in a polygon.
+
+    Raises:
+        InputError: a measure that is not finite or not above zero.
+    """
+    base = Cylinder(radius, length)
+    angles = 2.0 * np.pi * np.arange(_CONE_SIDES) / _CONE_SIDES
+    outer = base.radius / np.cos(np.pi / _CONE_SIDES)
+    ring = [(outer * np.cos(a), outer * np.sin(a), -base.length / 2) for a in angles]
+    return convex_hull(np.array([*ring, (0.0, 0.0, base.length / 2)]))
+
+
+def _read_mesh(words: _Words) -> list[Shape]:
+    n_vertices, n_faces = words.count(), words.count()
+    vertices = np.array(words.numbers(3 * n_vertices)).reshape(-1, 3)
+    faces = np.array([words.count() for _ in range(3 * n_faces)], dtype=np.int32).reshape(-1, 3)
+    return [Mesh(vertices, faces)]
+
+
+_READERS: dict[str, Callable[[_Words], list[Shape]]] = {
+    "box": _read_box,
+    "sphere": lambda words: [Sphere(words.number())],
+    "cylinder": lambda words: [Cylinder(*words.numbers(2))],
+    "cone": _read_cone,
+    "plane": _read_plane,
+    "mesh": _read_mesh,
+}
+
+
+def _written_shapes(name: str, geometry: Geometry) -> list[tuple[list[str], Array, Any]]:
+    """Type and dimensions, pose and color of the written shapes that represent one shape."""
+    shape, color = geometry.shape, geometry.color or (0.0, 0.0, 0.0, 0.0)
+    if isinstance(shape, Capsule):
+        ends = [geometry.pose @ pose((0.0, 0.0, z)) for z in (-shape.length / 2, shape.length / 2)]
+        rod = (["cylinder", _numbers((shape.radius, shape.length))], geometry.pose, color)
+        return [rod, *((["sphere", repr(shape.radius)], end, color) for end in ends)]
+    match shape:
+        case Box():
+            lines = ["box", _numbers(shape.size)]
+        case Sphere():
+            lines = ["sphere", repr(shape.radius)]
+        case Cylinder():
+            lines = ["cylinder", _numbers((shape.radius, shape.length))]
+        case HalfSpace():
+            lines = ["plane", _numbers((*shape.normal, -shape.offset))]
+        case Mesh():
+            rows = [_numbers(v) for v in shape.vertices] + [" ".join(str(int(i)) for i in f) for f in shape.faces]
+            lines = ["mesh", f"{len(shape.vertices)} {len(shape.faces)}", *rows]
+        case _:
+            raise InputError(f"obstacle {name!r} has a {type(shape).__name__}, which a .scene file has no word for")
+    return [(lines, geometry.pose, color)]
+
+
+def _pose_lines(T: Array) -> list[str]:
+    w, x, y, z = quaternion_from_rotation(T[:3, :3])
+    return [_numbers(T[:3, 3]), _numbers((x, y, z, w))]
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(repr(float(v)) for v in values)

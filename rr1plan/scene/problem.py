@@ -1,0 +1,334 @@
+"""Planning problems: a scene, the moving arms, their start configurations and goals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import KW_ONLY, dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import (
+    Array,
+    Value,
+    check_text,
+    finite_array,
+    finite_number,
+    known_name,
+    near_array,
+    of_kind,
+    positive_number,
+    read_only,
+    shape_of,
+    shown,
+)
+from rr1plan.errors import InputError
+from rr1plan.robot import Robot
+from rr1plan.scene import Scene
+from rr1plan.transforms import as_pose, quaternion_from_rotation, rotation_from_quaternion, unit_quaternion
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JointGoal(Value):
+    """Reach a configuration.
+
+    Args:
+        q: A configuration's name, or its numbers [rad or m], shape (nq,).
+    """
+
+    q: Array
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, q: str | ArrayLike) -> None: ...
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PoseGoal(Value):
+    """Bring a frame to a position or a pose in the world.
+
+    Args:
+        frame: A link of the arm, or "tool" for the robot's tool.
+        position: Target of the frame's origin [m], shape (3,); or a pose T_world_frame, shape (4, 4).
+        quaternion: Target orientation of the frame, wxyz; None leaves the orientation free.
+        position_tolerance: Largest distance from the target [m].
+        orientation_tolerance: Largest rotation angle from the target [rad].
+
+    After construction `position` is (3,) and `quaternion` a unit quaternion or None.
+
+    Raises:
+        InputError: not finite, wrong shape, or the orientation given twice.
+    """
+
+    frame: str
+    position: Array
+    quaternion: Array | None = None
+    _: KW_ONLY
+    position_tolerance: float = 1e-4
+    orientation_tolerance: float = 1e-3
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(
+            self,
+            frame: str,
+            position: ArrayLike,
+            quaternion: ArrayLike | None = None,
+            *,
+            position_tolerance: float = 1e-4,
+            orientation_tolerance: float = 1e-3,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        check_text("frame", self.frame)
+        if shape_of(self.position) == (4, 4):
+            if self.quaternion is not None:
+                raise InputError("PoseGoal got a full pose and a quaternion, expected one of them")
+            T = as_pose(self.position, "goal pose")
+            quaternion: Array | None = unit_quaternion(quaternion_from_rotation(T[:3, :3]))
+            position = T[:3, 3].copy()
+        else:
+            position = near_array("goal position", self.position, (3,))
+            quaternion = None if self.quaternion is None else unit_quaternion(self.quaternion)
+        positive_number("position_tolerance", self.position_tolerance)
+        positive_number("orientation_tolerance", self.orientation_tolerance)
+        object.__setattr__(self, "position", read_only(position))
+        object.__setattr__(self, "quaternion", quaternion)
+
+    @property
+    def rotation(self) -> Array | None:
+        """Target rotation matrix R_world_frame (3, 3), or None if the orientation is free."""
+        return None if self.quaternion is None else rotation_from_quaternion(self.quaternion)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RegionGoal(Value):
+    """Bring a frame's origin anywhere into a box of the world.
+
+    Args:
+        frame: A link of the arm, or "tool" for the robot's tool.
+        lower: Lowest corner [m], shape (3,).
+        upper: Highest corner [m], shape (3,).
+        quaternion: Target orientation of the frame, wxyz; None leaves the orientation free.
+        orientation_tolerance: Largest rotation angle from the target [rad].
+
+    Raises:
+        InputError: not finite, wrong shape, or lower above upper.
+    """
+
+    frame: str
+    lower: Array
+    upper: Array
+    quaternion: Array | None = None
+    _: KW_ONLY
+    orientation_tolerance: float = 1e-3
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(
+            self,
+            frame: str,
+            lower: ArrayLike,
+            upper: ArrayLike,
+            quaternion: ArrayLike | None = None,
+            *,
+            orientation_tolerance: float = 1e-3,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        lower = near_array("region lower", self.lower, (3,))
+        upper = near_array("region upper", self.upper, (3,))
+        if (lower > upper).any():
+            raise InputError(f"region has lower {lower.tolist()} above upper {upper.tolist()}")
+        if self.quaternion is not None:
+            object.__setattr__(self, "quaternion", unit_quaternion(self.quaternion))
+        positive_number("orientation_tolerance", self.orientation_tolerance)
+        object.__setattr__(self, "lower", read_only(lower))
+        object.__setattr__(self, "upper", read_only(upper))
+
+
+Goal = JointGoal | PoseGoal | RegionGoal
+# What a problem takes as the goal of an arm: a goal, a configuration's name or numbers, or a list of those.
+GoalLike = Goal | ArrayLike | Sequence[Goal | ArrayLike]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem(Value):
+    """A planning problem.
+
+    Args:
+        scene: The scene. Arms that do not move hold their configuration of the scene.
+        start: Start of the moving arms: for one arm a configuration's name or numbers (nq,); for
+            several a mapping by arm (a missing arm starts in its configuration of the scene).
+            None: the configurations of the scene.
+        goal: For one arm a goal, a configuration's name or numbers, or a list of alternatives;
+            for several a mapping from arm to one of those.
+        arms: The arms that move. Default: the arms of a goal mapping, or the only arm.
+
+    Attributes:
+        margin: Distance to keep beyond the scene's padding [m]: 0, or as set by `with_margin`.
+
+    After construction `start` is the composite configuration (nq,), `goal` a mapping from arm to a
+    tuple of alternatives, `arms` the moving arms in the order of the scene. The goal of a moving arm
+    without an entry in `goal` is its start.
+
+    Raises:
+        InputError, UnknownNameError: names, shapes or numbers that do not fit the scene.
+    """
+
+    scene: Scene
+    start: Array
+    goal: Mapping[str, tuple[Goal, ...]]
+    _: KW_ONLY
+    arms: tuple[str, ...] = None  # type: ignore[assignment]  # set below
+    margin: float = field(default=0.0, init=False)
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(
+            self,
+            scene: Scene,
+            start: ArrayLike | Mapping[str, ArrayLike] | None,
+            goal: GoalLike | Mapping[str, GoalLike],
+            *,
+            arms: str | Sequence[str] | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.scene, Scene):
+            raise InputError(f"scene is {shown(self.scene)}, expected a Scene; load one with load_scene")
+        arms = self._moving_arms()
+        object.__setattr__(self, "arms", arms)
+        object.__setattr__(self, "start", read_only(self._start(arms)))
+        object.__setattr__(self, "goal", MappingProxyType(self._goals(arms)))
+
+    def __repr__(self) -> str:
+        goals = [f"{arm}: {' or '.join(type(g).__name__ for g in goals)}" for arm, goals in self.goal.items()]
+        return f"Problem({self.scene.name!r}, {', '.join(goals)})"
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Column names "arm/joint" of the moving arms."""
+        return self.scene.joint_names(self.arms)
+
+    @property
+    def nq(self) -> int:
+        """Number of columns."""
+        return len(self.start)
+
+    def with_margin(self, distance: float) -> Problem:
+        """The same problem with a margin of `distance` [m] added to the padding of pairs with relative motion.
+
+        Raises:
+            InputError: below zero or not finite.
+        """
+        distance = finite_number("margin", distance)
+        if distance < 0.0:
+            raise InputError(f"margin is {distance}, expected a distance >= 0")
+        other = copy(self)
+        object.__setattr__(other, "margin", distance)
+        return other
+
+    def in_scene(self, scene: Scene) -> Problem:
+        """The same problem in another scene; joint values are matched by joint name.
+
+        Raises:
+            UnknownNameError: the scene has no arm or frame of that name.
+            InputError: an arm has other joints in `scene`.
+        """
+        of_kind("scene", scene, Scene)
+        start: dict[str, Array] = {}
+        goal: dict[str, list[Goal]] = {}
+        configurations = self.scene.split(self.start, self.arms)
+        for arm in self.arms:
+            old, new = self.scene.arms[arm].robot.joint_names, scene.arm(arm).robot.joint_names
+            if set(old) != set(new):
+                raise InputError(
+                    f"the problem moves the joints {', '.join(old)} of arm {arm!r}, which has {', '.join(new)} here"
+                )
+            order = [old.index(name) for name in new]
+            start[arm] = configurations[arm][order]
+            goal[arm] = [JointGoal(g.q[order]) if isinstance(g, JointGoal) else g for g in self.goal[arm]]
+        return Problem(scene, start, goal, arms=self.arms).with_margin(self.margin)
+
+    def _moving_arms(self) -> tuple[str, ...]:
+        arms: Any = self.arms
+        goal: Any = self.goal
+        if arms is not None:
+            if not isinstance(arms, str | Sequence):
+                raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
+            return self.scene.arm_names([arms] if isinstance(arms, str) else list(arms))
+        if isinstance(goal, Mapping):
+            return self.scene.arm_names(list(goal))
+        if len(self.scene.arms) > 1:
+            names = ", ".join(self.scene.arms)
+            raise InputError(f"which arm moves? expected a goal mapping from arm to goal, or arms=[...] of {names}")
+        return (self.scene.only_arm(),)
+
+    def _start(self, arms: tuple[str, ...]) -> Array:
+        robots = {name: self.scene.arms[name].robot for name in arms}
+        start: Any = self.start
+        if start is None:
+            given: Mapping[str, Any] = {}
+        elif isinstance(start, Mapping):
+            given = start
+            for name in given:
+                known_name("moving arm", name, arms)
+        elif len(arms) == 1:
+            given = {arms[0]: start}
+        elif isinstance(start, str):
+            given = dict.fromkeys(arms, start)
+        else:
+            values = finite_array("start", start, (sum(r.nq for r in robots.values()),))
+            given = {name: q for name, q in self.scene.split(values, arms).items() if name in arms}
+        return np.concatenate(
+            [robots[n].configuration(given[n], f"start of {n!r}") if n in given else self.scene.arms[n].q for n in arms]
+        )
+
+    def _goals(self, arms: tuple[str, ...]) -> dict[str, tuple[Goal, ...]]:
+        goal: Any = self.goal
+        if isinstance(goal, Mapping):
+            given = dict(goal)
+            for name in given:
+                known_name("moving arm", name, arms)
+        elif len(arms) == 1:
+            given = {arms[0]: goal}
+        else:
+            raise InputError(f"{len(arms)} arms move ({', '.join(arms)}); expected a goal mapping from arm to goal")
+        starts = self.scene.split(self.start, arms)
+        return {name: self._alternatives(name, given.get(name, starts[name])) for name in arms}
+
+    def _alternatives(self, arm: str, goal: Any) -> tuple[Goal, ...]:
+        robot = self.scene.arms[arm].robot
+        several = isinstance(goal, Sequence) and not isinstance(goal, str) and not _is_numbers(goal)
+        alternatives = tuple(_one_goal(robot, arm, g) for g in (goal if several else [goal]))
+        if not alternatives:
+            raise InputError(f"the goal of {arm!r} is an empty list, expected at least one goal")
+        return alternatives
+
+
+def _is_numbers(value: Sequence[Any]) -> bool:
+    return len(value) > 0 and all(isinstance(v, int | float | np.number) for v in value)
+
+
+def _one_goal(robot: Robot, arm: str, goal: Any) -> Goal:
+    """Validate a goal given as a goal, a configuration's name or its numbers."""
+    if isinstance(goal, PoseGoal | RegionGoal):
+        robot.link(frame_link(robot, goal.frame))
+        return goal
+    q = goal.q if isinstance(goal, JointGoal) else goal
+    return JointGoal(robot.configuration(q, f"goal of {arm!r}"))
+
+
+def frame_link(robot: Robot, frame: str) -> str:
+    """The link of a goal's frame; "tool" is the robot's tool unless a link has that name.
+
+    Raises:
+        UnknownNameError: no such link.
+    """
+    if frame == "tool" and frame not in robot.link_names:
+        return robot.tool
+    return known_name("frame", frame, robot.link_names)

@@ -1,0 +1,275 @@
+"""Content of a scene and queries of it: names, configurations, poses, contact rules."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import (
+    Array,
+    Value,
+    check_text,
+    finite_array,
+    finite_number,
+    items_of,
+    known_name,
+    of_kind,
+    read_only,
+    shown,
+)
+from rr1plan.errors import InputError
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
+from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair
+from rr1plan.shapes.content_digest import feed_digest
+
+
+@dataclass(frozen=True, eq=False)
+class SceneContent(Value):
+    """Content of a `Scene` and queries of it."""
+
+    arms: Mapping[str, Arm] = field(default_factory=dict)
+    obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
+    attachments: Mapping[str, Attachment] = field(default_factory=dict)
+    allowed: frozenset[Pair] = frozenset()
+    padding: float = 0.0
+    pair_padding: Mapping[Pair, float] = field(default_factory=dict)
+    name: str = "scene"
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        for name, kind in (("arms", Arm), ("obstacles", Obstacle), ("attachments", Attachment)):
+            of_kind(name, getattr(self, name), Mapping)
+            for value in getattr(self, name).values():
+                of_kind(f"one of the {name}", value, kind)
+        of_kind("pair_padding", self.pair_padding, Mapping)
+        for name in ("arms", "obstacles", "attachments", "pair_padding"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        for name in ("name", "description"):
+            check_text(f"{name} of the scene", getattr(self, name))
+        pairs = items_of("allowed", self.allowed, "pairs of names")
+        object.__setattr__(self, "allowed", frozenset(map(_checked_pair, pairs)))
+        self._check_names()
+        for value in (self.padding, *self.pair_padding.values()):
+            if finite_number("padding", value) < 0.0:
+                raise InputError(f"padding is {value}, expected a distance >= 0")
+
+    def _check_names(self) -> None:
+        names = [*self.arms, *self.obstacles, *self.attachments]
+        for name in names:
+            if not isinstance(name, str) or not name.isprintable() or not name or "/" in name:
+                raise InputError(
+                    f"{shown(name)} cannot name an element of a scene: expected printable text without '/'"
+                )
+        if len(set(names)) != len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(f"the scene has two elements named {twice!r}")
+        for held in self.attachments.values():
+            for link in (held.link, *held.touch):
+                self.arm(held.arm).robot.link(link)
+        for both in (*self.allowed, *self.pair_padding):
+            for name in both:
+                known_name("element", name, (*self.element_names, *self.arms))
+
+    def __repr__(self) -> str:
+        parts = (("arms", self.arms), ("obstacles", self.obstacles), ("attachments", self.attachments))
+        return ", ".join([f"Scene({self.name!r}", *(f"{n}=[{', '.join(names)}]" for n, names in parts if names)]) + ")"
+
+    @cached_property
+    def kept(self) -> dict[Any, Any]:
+        """Cache of values computed from this scene; neither copied nor pickled."""
+        return {}
+
+    @cached_property
+    def kept_for_any_padding(self) -> dict[Any, Any]:
+        """Cache of values that do not depend on padding, shared by scenes that differ in padding only."""
+        return {}
+
+    @cached_property
+    def element_names(self) -> tuple[str, ...]:
+        """Elements with collision geometry: "arm/link" of links with a shape, obstacles, attached objects."""
+        links = [f"{a}/{link.name}" for a, arm in self.arms.items() for link in arm.robot.links if link.collisions]
+        return (*links, *self.obstacles, *self.attachments)
+
+    def arm(self, name: str) -> Arm:
+        """An arm by name.
+
+        Raises:
+            UnknownNameError: no such arm.
+        """
+        return self.arms[known_name("arm", name, self.arms)]
+
+    def only_arm(self, name: str | None = None) -> str:
+        """`name` if there is such an arm, or for None the name of the only arm.
+
+        Raises:
+            UnknownNameError: no such arm.
+            InputError: None, and there is not exactly one arm.
+        """
+        if name is not None:
+            self.arm(name)
+            return name
+        if not self.arms:
+            raise InputError("the scene has no arm; add one: [arms.NAME] in a scene file, with_arm in Python")
+        if len(self.arms) != 1:
+            raise InputError(
+                f"the scene has {len(self.arms)} arms ({', '.join(self.arms)}); say which one with option arm"
+            )
+        return next(iter(self.arms))
+
+    def arm_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:
+        """The named arms in the order of the scene; all of them for None.
+
+        Raises:
+            UnknownNameError: no such arm.
+            InputError: not a sequence of names, an empty one, or a duplicate.
+        """
+        if arms is None:
+            return tuple(self.arms)
+        if isinstance(arms, str) or not isinstance(arms, Sequence):
+            raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
+        for name in arms:
+            self.arm(name)
+        if not arms or len(set(arms)) != len(arms):
+            raise InputError(f"arms is {shown(tuple(arms))}, expected distinct names, at least one")
+        return tuple(name for name in self.arms if name in arms)
+
+    def joint_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:
+        """Column names "arm/joint" of those arms, in order."""
+        return tuple(f"{a}/{j}" for a in self.arm_names(arms) for j in self.arms[a].robot.joint_names)
+
+    def limits(self, arms: Sequence[str] | None = None) -> Limits:
+        """Limits of those arms' planning joints, in order."""
+        return Limits.stack([self.arms[a].robot.limits for a in self.arm_names(arms)])
+
+    def configuration(self, arms: Sequence[str] | None = None) -> Array:
+        """The concatenated configurations of the named arms, shape (nq,)."""
+        return np.concatenate([self.arms[a].q for a in self.arm_names(arms)])
+
+    def split(self, q: Array, arms: Sequence[str] | None = None) -> dict[str, Array]:
+        """PlacedArm of every arm of the scene, with q (nq,) for the named ones and the scene's for the rest.
+
+        Raises:
+            UnknownNameError: no such arm.
+            InputError: q of another shape, or not finite.
+        """
+        configurations = {name: arm.q for name, arm in self.arms.items()}
+        start, names = 0, self.arm_names(arms)
+        q = finite_array("q", q, (sum(self.arms[name].robot.nq for name in names),))
+        for name in names:
+            nq = self.arms[name].robot.nq
+            configurations[name] = q[start : start + nq]
+            start += nq
+        return configurations
+
+    def link_poses(self, configurations: Mapping[str, Array] | None = None) -> dict[str, Array]:
+        """T_world_link of every link as "arm/link", by plain numpy; `configurations` by arm (default: the scene's)."""
+        of_kind("configurations", configurations, Mapping, optional=True)
+        poses = {}
+        for name, arm in self.arms.items():
+            q = arm.q if configurations is None else configurations.get(name, arm.q)
+            for link, T in arm.robot.link_poses(q).items():
+                poses[f"{name}/{link}"] = arm.base @ T
+        return poses
+
+    def may_touch(self, a: str, b: str) -> bool:
+        """Whether contact between two elements is allowed or not checked, by rules of the scene and the robots."""
+        arm_a, arm_b = self.owner(a), self.owner(b)
+        if arm_a is None and arm_b is None:
+            return True
+        if any(pair(x, y) in self.allowed for x in {a, arm_a} for y in {b, arm_b} if x and y and x != y):
+            return True
+        if arm_a is not None and arm_a == arm_b:
+            return self._own_contact(arm_a, a, b)
+        return self._is_mounting(a, b) or self._is_mounting(b, a)
+
+    def _is_mounting(self, link: str, obstacle: str) -> bool:
+        """Whether `link` is the base link of an arm, which does not move relative to an obstacle."""
+        arm = self.owner(link)
+        return arm is not None and obstacle in self.obstacles and link == f"{arm}/{self.arms[arm].robot.base}"
+
+    def _own_contact(self, arm: str, a: str, b: str) -> bool:
+        held_a, held_b = self.attachments.get(a), self.attachments.get(b)
+        if held_a is not None and held_b is not None:
+            return held_a.link == held_b.link
+        if held_a is None and held_b is None:
+            return frozenset((a.split("/", 1)[1], b.split("/", 1)[1])) in self.arms[arm].robot.disabled_collisions
+        held, link = (held_a, b) if held_a is not None else (held_b, a)
+        assert held is not None
+        return link.split("/", 1)[1] in held.touch | {held.link}
+
+    def owner(self, element: str) -> str | None:
+        """The arm an element moves with, or None for an obstacle."""
+        if not isinstance(element, str):
+            raise InputError(f"element is {shown(element)}, expected a name")
+        if element in self.attachments:
+            return self.attachments[element].arm
+        return element.split("/", 1)[0] if "/" in element else None
+
+    def padding_of(self, a: str, b: str) -> float:
+        """Distance to keep between two elements [m]."""
+        arm_a, arm_b = self.owner(a), self.owner(b)
+        for x, y in ((a, b), (a, arm_b), (arm_a, b), (arm_a, arm_b)):
+            if x and y and pair(x, y) in self.pair_padding:
+                return self.pair_padding[pair(x, y)]
+        return self.padding
+
+    @cached_property
+    def checked_pairs(self) -> tuple[tuple[str, str], ...]:
+        """All pairs of elements that must not touch, in a fixed order (never two obstacles)."""
+        names = self.element_names
+        return tuple((names[i], names[j]) for i, j in self.checked_index.tolist())
+
+    @cached_property
+    def checked_index(self) -> NDArray[np.int64]:
+        """Indices in `element_names` of the `checked_pairs`, shape (m, 2)."""
+        return self.contact_rules.checked
+
+    @cached_property
+    def checked_padding(self) -> Array:
+        """Distance to keep between each of the `checked_pairs` [m], shape (m,)."""
+        return read_only(self.contact_rules.paddings(self.padding, self.pair_padding))
+
+    @cached_property
+    def contact_rules(self) -> ContactRules:
+        """The pairs of elements that must not touch, shared by scenes with equal rules."""
+        names, held = self.element_names, self.attachments.items()
+        links = [name for name, arm in self.arms.items() for link in arm.robot.links if link.collisions]
+        content = RuleContent(
+            names,
+            (*links, *[None] * len(self.obstacles), *(thing.arm for thing in self.attachments.values())),
+            tuple((name, arm.robot.base, frozenset(arm.robot.disabled_collisions)) for name, arm in self.arms.items()),
+            tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
+            self.allowed,
+        )
+        return rules_of(content)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 of everything that affects plans: robots, poses, configurations, obstacles, rules (hex)."""
+        digest = hashlib.sha256()
+        for name, arm in self.arms.items():
+            feed_digest(digest, (name, arm.robot.content_hash, arm.base, arm.q))
+        for name, obstacle in sorted(self.obstacles.items()):
+            feed_digest(digest, (name, obstacle.pose, [(g.pose, g.shape) for g in obstacle.geometries]))
+        for name, held in sorted(self.attachments.items()):
+            feed_digest(digest, (name, held.arm, held.link, sorted(held.touch), held.pose))
+            feed_digest(digest, [(g.pose, g.shape) for g in held.geometries])
+        feed_digest(digest, sorted(sorted(p) for p in self.allowed))
+        feed_digest(digest, (float(self.padding), sorted((sorted(p), float(d)) for p, d in self.pair_padding.items())))
+        return digest.hexdigest()
+
+
+def _checked_pair(both: Any) -> Pair:
+    """A pair of names, from a set, a list or a tuple of them."""
+    names = items_of("one of allowed", both, "names")
+    for name in names:
+        check_text("an allowed element", name)
+    return frozenset(names)

@@ -1,0 +1,206 @@
+"""Messages about the differences between two scenes that affect motions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from rr1plan.checks import Array, counted, of_kind
+from rr1plan.robot import Geometry, Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene.scene import Scene
+from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.shapes.content_digest import feed_digest
+from rr1plan.transforms import rotation_angle
+
+_T = TypeVar("_T")
+
+
+def scene_differences(before: Scene, after: Scene) -> tuple[str, ...]:
+    """Differences between two scenes that affect motions, one sentence each; () if their hashes agree.
+
+    Args:
+        before: The scene in which a motion was planned.
+        after: Another scene.
+
+    Raises:
+        InputError: an argument is not a scene.
+    """
+    of_kind("before", before, Scene)
+    of_kind("after", after, Scene)
+    if before.content_hash == after.content_hash:
+        return ()
+    found = [
+        *_by_name("arm", before.arms, after.arms, _arm),
+        *_by_name("obstacle", before.obstacles, after.obstacles, _obstacle),
+        *_by_name("held object", before.attachments, after.attachments, _attachment),
+        *_rules(before, after),
+    ]
+    if list(before.arms) != list(after.arms) and set(before.arms) == set(after.arms):
+        found.append(f"the arms are in another order: {', '.join(after.arms)}")
+    return tuple(found)
+
+
+def _by_name(kind: str, before: Mapping[str, _T], after: Mapping[str, _T], compare: Any) -> Iterator[str]:
+    for name in (n for n in before if n not in after):
+        yield f"{kind} {name!r} is gone"
+    for name in after:
+        if name not in before:
+            yield f"{kind} {name!r} is new"
+        else:
+            yield from (f"{kind} {name!r} {change}" for change in compare(before[name], after[name]))
+
+
+def _arm(before: Arm, after: Arm) -> Iterator[str]:
+    yield from _moved(before.base, after.base)
+    one, two = before.robot, after.robot
+    if one.content_hash != two.content_hash:
+        yield from _robot(one, two)
+    if one.joint_names == two.joint_names and not np.array_equal(before.q, after.q):
+        yield f"stands elsewhere: {_largest(one.joint_names, after.q - before.q)}"
+
+
+def _obstacle(before: Obstacle, after: Obstacle) -> Iterator[str]:
+    yield from _moved(before.pose, after.pose)
+    yield from _shapes(before.geometries, after.geometries)
+
+
+def _attachment(before: Attachment, after: Attachment) -> Iterator[str]:
+    if (before.arm, before.link) != (after.arm, after.link):
+        yield f"is held by {after.arm}/{after.link}, not {before.arm}/{before.link}"
+    yield from _moved(before.pose, after.pose)
+    yield from _shapes(before.geometries, after.geometries)
+    if before.touch != after.touch:
+        now, then = (", ".join(sorted(held.touch)) or "no link" for held in (after, before))
+        yield f"may touch {now}, not {then}"
+
+
+def _moved(before: Array, after: Array) -> Iterator[str]:
+    if np.array_equal(before, after):
+        return
+    distance = float(np.linalg.norm(after[:3, 3] - before[:3, 3]))
+    angle = rotation_angle(before[:3, :3].T @ after[:3, :3])
+    parts = [f"moved by {1e3 * distance:.4g} mm"] if distance > 0.0 else []
+    parts += [f"turned by {angle:.4g} rad"] if angle > 0.0 else []
+    yield " and ".join(parts) or "moved by less than can be measured"
+
+
+def _shapes(before: tuple[Geometry, ...], after: tuple[Geometry, ...]) -> Iterator[str]:
+    """Differences in the shapes of an object, ignoring names and colors."""
+    if _content(before) == _content(after):
+        return
+    if len(before) != len(after):
+        yield f"has {counted(len(after), 'shape')}, was {len(before)}"
+        return
+    for one, two in zip(before, after, strict=True):
+        new, old = _described(two.shape), _described(one.shape)
+        if new != old:
+            yield f"has a {new}, was a {old}"
+        elif _content((one,)) != _content((two,)):
+            yield f"has another {new}" if np.array_equal(one.pose, two.pose) else f"has its {new} elsewhere"
+
+
+def _described(shape: Shape) -> str:
+    match shape:
+        case Box(size):
+            return f"box of {' x '.join(f'{edge:.6g}' for edge in size)} m"
+        case Sphere(radius):
+            return f"sphere of radius {radius:.6g} m"
+        case Cylinder(radius, length) | Capsule(radius, length):
+            return f"{type(shape).__name__.lower()} of radius {radius:.6g} m and length {length:.6g} m"
+        case HalfSpace(normal, offset):
+            return f"half-space with normal {normal} and offset {offset:.6g} m"
+        case PointCloud():
+            return f"cloud of {counted(len(shape.points), 'point')}"
+        case Mesh():
+            return f"mesh of {counted(len(shape.faces), 'triangle')}"
+
+
+def _content(geometries: tuple[Geometry, ...]) -> bytes:
+    collected = _Bytes()
+    feed_digest(collected, [(g.pose, g.shape) for g in geometries])
+    return bytes(collected.data)
+
+
+class _Bytes:
+    """Collects the input of a hash, for comparison."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+
+    def update(self, data: bytes) -> None:
+        self.data += data
+
+
+def _robot(before: Robot, after: Robot) -> Iterator[str]:
+    if before.name != after.name:
+        yield f"is a {after.name!r}, not a {before.name!r}"
+    if before.joint_names != after.joint_names:
+        yield f"plans for the joints {', '.join(after.joint_names)}, not {', '.join(before.joint_names)}"
+    else:
+        yield from _limits(before.joint_names, before.limits, after.limits)
+    for name in sorted({*before.locked_joints, *after.locked_joints}):
+        if before.locked_joints.get(name) != after.locked_joints.get(name):
+            yield f"holds {name!r} at {after.locked_joints.get(name)}, not {before.locked_joints.get(name)}"
+    yield from _parts("link", {x.name: x for x in before.links}, {x.name: x for x in after.links})
+    yield from _parts("joint", {x.name: x for x in before.joints}, {x.name: x for x in after.joints})
+    yield from _pairs("never checks", before.disabled_collisions, after.disabled_collisions)
+
+
+def _limits(names: tuple[str, ...], before: Limits, after: Limits) -> Iterator[str]:
+    for kind in before.__dataclass_fields__:
+        old, new = getattr(before, kind), getattr(after, kind)
+        changed = [f"{n} {b:.6g} (was {a:.6g})" for n, a, b in zip(names, old, new, strict=True) if a != b]
+        if changed:
+            yield f"has other {kind} limits: {', '.join(changed)}"
+
+
+def _parts(kind: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> Iterator[str]:
+    """Links or joints that are missing, new, or differ in content that the robot's hash covers."""
+    for name in (n for n in before if n not in after):
+        yield f"has no {kind} {name!r} any more"
+    for name in after:
+        if name not in before:
+            yield f"has a new {kind} {name!r}"
+        elif _part_content(before[name]) != _part_content(after[name]):
+            yield f"has another {kind} {name!r}"
+
+
+def _part_content(part: Any) -> bytes:
+    collected, skipped = _Bytes(), ("visuals", "collisions", "inertial")
+    values = [getattr(part, name) for name in part.__dataclass_fields__ if name not in skipped]
+    feed_digest(collected, values)
+    if hasattr(part, "collisions"):
+        own = part.inertial
+        feed_digest(collected, [] if own is None else [own.mass, own.com, own.inertia])
+        feed_digest(collected, [(g.name, g.pose, g.shape) for g in part.collisions])
+    return bytes(collected.data)
+
+
+def _rules(before: Scene, after: Scene) -> Iterator[str]:
+    if before.padding != after.padding:
+        yield f"the padding is {1e3 * after.padding:.4g} mm, was {1e3 * before.padding:.4g} mm"
+    yield from _pairs("contact is allowed between", before.allowed, after.allowed)
+    for both in sorted({*before.pair_padding, *after.pair_padding}, key=sorted):
+        old, new = (scene.pair_padding.get(both, scene.padding) for scene in (before, after))
+        if old != new or (both in before.pair_padding) != (both in after.pair_padding):
+            yield f"the padding between {_listed(both)} is {1e3 * new:.4g} mm, was {1e3 * old:.4g} mm"
+
+
+def _pairs(rule: str, before: frozenset[Pair], after: frozenset[Pair]) -> Iterator[str]:
+    for both in sorted(after - before, key=sorted):
+        yield f"{rule} {_listed(both)} now"
+    for both in sorted(before - after, key=sorted):
+        yield f"{rule} {_listed(both)} no more"
+
+
+def _listed(both: Pair) -> str:
+    return " and ".join(map(repr, sorted(both)))
+
+
+def _largest(names: tuple[str, ...], change: Array) -> str:
+    j = int(np.argmax(np.abs(change)))
+    return f"{names[j]} by {change[j]:.4g}"

@@ -1,0 +1,104 @@
+"""Elements of a scene: placed arms, obstacles, attached objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import Array, Value, shown
+from rr1plan.errors import InputError
+from rr1plan.robot import Geometry, Robot
+from rr1plan.transforms import as_pose, identity
+
+Pair = frozenset[str]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Arm(Value):
+    """A robot at a base pose, in a configuration.
+
+    Args:
+        robot: The robot.
+        base: T_world_base, shape (4, 4).
+        q: Values of its planning joints [rad or m], shape (nq,) (default: home).
+    """
+
+    robot: Robot
+    base: Array = field(default_factory=identity)
+    q: Array = "home"  # type: ignore[assignment]  # set below
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, robot: Robot, base: ArrayLike | None = None, q: str | ArrayLike = "home") -> None: ...
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.robot, Robot):
+            raise InputError(f"robot is {shown(self.robot)}, expected a Robot; load one with load_robot")
+        object.__setattr__(self, "base", as_pose(self.base, "arm base"))
+        object.__setattr__(self, "q", self.robot.configuration(self.q, "arm configuration"))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Obstacle(Value):
+    """A rigid object in the world, with one shape or several.
+
+    Args:
+        geometries: Its shapes, posed in the object's frame.
+        pose: T_world_object, shape (4, 4).
+    """
+
+    geometries: tuple[Geometry, ...]
+    pose: Array = field(default_factory=identity)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "geometries", posed_shapes(self.geometries))
+        object.__setattr__(self, "pose", as_pose(self.pose, "obstacle pose"))
+        if not self.geometries:
+            raise InputError("an obstacle has at least one shape, got none")
+
+
+def posed_shapes(values: Any) -> tuple[Geometry, ...]:
+    """Posed shapes.
+
+    Raises:
+        InputError: not shapes.
+    """
+    try:
+        geometries = tuple(values)
+    except TypeError:
+        geometries = (values,)
+    for one in geometries:
+        if not isinstance(one, Geometry):
+            raise InputError(f"got {shown(one)} as an object's shape, expected a shape, or Geometry values")
+    return geometries
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Attachment(Value):
+    """An object that moves with a link.
+
+    Args:
+        geometries: Its shapes, posed in the object's frame.
+        arm: The arm that holds it.
+        link: The link it is fixed to.
+        pose: T_link_object, shape (4, 4).
+        touch: Links of that arm it may touch (always its own link).
+    """
+
+    geometries: tuple[Geometry, ...]
+    arm: str
+    link: str
+    pose: Array
+    touch: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "geometries", posed_shapes(self.geometries))
+        object.__setattr__(self, "pose", as_pose(self.pose, "pose of the held object"))
+        object.__setattr__(self, "touch", frozenset(self.touch))
+
+
+def pair(a: str, b: str) -> Pair:
+    """The unordered pair of two element names."""
+    return frozenset((a, b))

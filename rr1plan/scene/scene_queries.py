@@ -1,0 +1,112 @@
+"""Reading and writing of the named queries of a scene file.
+
+    [queries.reach]
+    start = "home"                                              # or numbers; default: the scene's configuration
+    goal = { frame = "tool", position = [-0.3, 0.25, 0.2] }     # a goal, a name, numbers, or a list of those
+
+    [queries.swap]                                              # several arms
+    starts = { left = "home" }
+    goals = { left = [0.1, 0, 0, 0, 1, 0], right = "home" }
+
+A goal table has `frame` and either `position` (and `quaternion`, wxyz) or the corners `lower` and
+`upper` of a region.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rr1plan.files.checked_tables import Table, check_numbers, is_number
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, RegionGoal
+
+
+def read_queries(queries: Table, scene: Scene) -> dict[str, Problem]:
+    """The problems of a table of queries."""
+    return {name: read_query(queries.table(name), scene) for name in queries.names()}
+
+
+def read_query(entry: Table, scene: Scene) -> Problem:
+    """One problem."""
+    if entry.one_of({"goal": None, "goals": None}) == "goal":
+        goal, start = _read_goal(entry, "goal"), _read_start(entry, "start")
+    else:
+        goals, starts = entry.table("goals"), entry.table("starts")
+        goal = {arm: _read_goal(goals, arm) for arm in goals.names()}
+        start = {arm: _read_start(starts, arm) for arm in starts.names()}
+    arms = entry.strings("arms") or None
+    entry.finish()
+    with entry.blame():
+        return Problem(scene, start, goal, arms=arms)
+
+
+def problem_entries(problem: Problem) -> dict[str, Any]:
+    """Entries from which `read_query` makes the same problem again."""
+    starts = problem.scene.split(problem.start, problem.arms)
+    goals = {arm: [_goal_entry(goal) for goal in alternatives] for arm, alternatives in problem.goal.items()}
+    arms = list(problem.arms)
+    if len(arms) > 1:
+        return {"arms": arms, "starts": {arm: starts[arm].tolist() for arm in arms}, "goals": goals}
+    only = goals[arms[0]]
+    return {"arms": arms, "start": problem.start.tolist(), "goal": only[0] if len(only) == 1 else only}
+
+
+def _read_start(entry: Table, key: str) -> Any:
+    value = entry.raw(key)
+    if value is None or isinstance(value, str):
+        return value
+    return entry.numbers(key, (None,))
+
+
+def _read_goal(entry: Table, key: str) -> Any:
+    value = entry.required(key)
+    if isinstance(value, list) and value and not all(is_number(v) for v in value):
+        return [_one_goal(entry, f"{key}[{i}]", item) for i, item in enumerate(value)]
+    return _one_goal(entry, key, value)
+
+
+def _one_goal(entry: Table, place: str, value: Any) -> Any:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, list):
+        check_numbers(value, lambda message: entry.error(message, place))
+        return [float(v) if is_number(v) else v for v in value]
+    table = Table(value, entry.file, (*entry.path, place), entry.text)
+    frame = table.string("frame", "tool")
+    quaternion = table.numbers("quaternion", (4,)) if "quaternion" in table else None
+    tolerance = table.number("orientation_tolerance", 1e-3)
+    goal: PoseGoal | RegionGoal
+    with table.blame():
+        if table.one_of({"position": None, "lower": None}) == "position":
+            position = table.numbers("position", (3,))
+            goal = PoseGoal(
+                frame,
+                position,
+                quaternion,
+                position_tolerance=table.number("position_tolerance", 1e-4),
+                orientation_tolerance=tolerance,
+            )
+        else:
+            goal = RegionGoal(
+                frame,
+                table.numbers("lower", (3,)),
+                table.numbers("upper", (3,)),
+                quaternion,
+                orientation_tolerance=tolerance,
+            )
+    table.finish()
+    return goal
+
+
+def _goal_entry(goal: Goal) -> Any:
+    if isinstance(goal, JointGoal):
+        return goal.q.tolist()
+    entry: dict[str, Any] = {"frame": goal.frame}
+    if isinstance(goal, PoseGoal):
+        entry["position"] = goal.position.tolist()
+        entry["position_tolerance"] = goal.position_tolerance
+    else:
+        entry |= {"lower": goal.lower.tolist(), "upper": goal.upper.tolist()}
+    if goal.quaternion is not None:
+        entry["quaternion"] = goal.quaternion.tolist()
+    return entry | {"orientation_tolerance": goal.orientation_tolerance}

@@ -1,0 +1,340 @@
+"""Scene files: arms, obstacles, held objects, rules and named queries as readable TOML.
+
+    description = "An RR1 on a table."
+
+    [arms.rr1]
+    robot = "rr1"                      # a name, or a file relative to this one (and srdf, group, groups, joints, tool)
+    xyz = [0, 0, 0]                    # and rpy, quaternion (wxyz) or rotation (rows)
+    q = "home"                         # or numbers
+
+    [obstacles.box]
+    xyz = [-0.4, 0.1, 0.1]
+    box = [0.1, 0.1, 0.2]              # see `scene_shapes` for the others
+    color = "#8a9ba8"
+
+    [queries.reach]
+    goal = { frame = "tool", position = [-0.3, 0.25, 0.2] }
+
+The reader is strict: an unknown key, a wrong type, NaN or a missing entry is an error with its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from rr1plan.checks import of_kind, resolved_path, shown
+from rr1plan.files.checked_tables import Table, is_number
+from rr1plan.files.documents import parse_toml
+from rr1plan.files.file_access import read_text, write_text
+from rr1plan.files.toml_writer import to_toml
+from rr1plan.robot import Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
+from rr1plan.scene.problem import Problem
+from rr1plan.scene.scene_queries import problem_entries, read_queries
+from rr1plan.scene.scene_shapes import geometries_entries, pose_entries, read_geometries, read_pose
+
+
+class RobotLoader(Protocol):
+    """What reads robots for the scene: `rr1plan.load_robot` is one."""
+
+    def __call__(
+        self,
+        name_or_file: str,
+        *,
+        srdf: str | None = None,
+        groups: Sequence[str | Sequence[str]] | None = None,
+        joints: Sequence[str] | None = None,
+        tool: str | None = None,
+    ) -> Robot:
+        """A robot by name or by the absolute path of its file."""
+        ...
+
+
+_VERSION = 1
+_MAX_BYTES = 64 * 1024 * 1024
+_LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFile:
+    """What a scene file holds.
+
+    Args:
+        scene: The scene.
+        problems: Its named queries, as problems in that scene.
+    """
+
+    scene: Scene
+    problems: Mapping[str, Problem] = field(default_factory=dict)
+
+
+def read_scene(file: str | Path, load_robot: RobotLoader) -> SceneFile:
+    """Read a scene file.
+
+    Args:
+        file: The file; paths in it are relative to its folder, and meshes and points stay inside it.
+        load_robot: Reads the robots; called once for each that is named.
+
+    Raises:
+        FormatError: not TOML, or not a scene; names the place and the line.
+    """
+    return parse_scene(read_text(file, _MAX_BYTES), file, load_robot)
+
+
+def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFile:
+    """The scene that a scene file's text describes; see `read_scene`.
+
+    Args:
+        text: The content of the file.
+        file: The file, which paths in the text are relative to.
+        load_robot: Reads the robots; called once for each that is named.
+
+    Raises:
+        FormatError: not TOML, or not a scene; names the place and the line.
+    """
+    top = parse_toml(text, file)
+    if top.raw("version", _VERSION) != _VERSION:
+        raise top.error(f"is version {top.raw('version')!r}, expected {_VERSION}", "version")
+    folder = Path(file).absolute().parent
+    scene = Scene(name=top.string("name", Path(file).stem), description=top.string("description", ""))
+    arms = _read_arms(top.table("arms"), folder, load_robot)
+    with top.blame("arms"):
+        scene = replace(scene, arms=arms)
+    scene = _with_objects(scene, top, folder)
+    scene = _with_rules(scene, top)
+    problems = read_queries(top.table("queries"), scene)
+    top.finish()
+    return SceneFile(scene, problems)
+
+
+def write_scene(
+    file: str | Path,
+    scene: Scene,
+    problems: Mapping[str, Problem] | None = None,
+    robots: Mapping[str, str] | None = None,
+) -> Path:
+    """Write the `scene_text` of a scene to a file, which is replaced in one step.
+
+    Raises:
+        InputError: the folder is not there or not writeable.
+    """
+    return write_text(file, scene_text(scene, problems, robots))
+
+
+def scene_text(
+    scene: Scene, problems: Mapping[str, Problem] | None = None, robots: Mapping[str, str] | None = None
+) -> str:
+    """The text of a scene file that reads back as the same scene, to the last bit.
+
+    Args:
+        scene: The scene. Meshes and point clouds are written into the file.
+        problems: Named queries in that scene.
+        robots: Name or file of the robot of each arm (default: the robot's name); with a file go the planning joints
+            and the tool.
+
+    Raises:
+        InputError: no scene, or a number that TOML has no form for.
+    """
+    of_kind("scene", scene, Scene)
+    data: dict[str, Any] = {"version": _VERSION, "name": scene.name, "description": scene.description}
+    if scene.padding:
+        data["padding"] = scene.padding
+    if scene.allowed:
+        data["allowed"] = sorted(_both(p) for p in scene.allowed)
+    if scene.pair_padding:
+        rows = sorted((_both(p), distance) for p, distance in scene.pair_padding.items())
+        data["pair_padding"] = [{"between": both, "distance": distance} for both, distance in rows]
+    names = robots or {}
+    data["arms"] = {n: _arm_entries(arm, names.get(n, arm.robot.name)) for n, arm in scene.arms.items()}
+    data["obstacles"] = {
+        n: pose_entries(o.pose) | geometries_entries(n, o.geometries) for n, o in scene.obstacles.items()
+    }
+    data["attachments"] = {n: _attachment_entries(n, held) for n, held in scene.attachments.items()}
+    data["queries"] = {n: problem_entries(problem) for n, problem in (problems or {}).items()}
+    return to_toml(data)
+
+
+def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, Arm]:
+    loaded: dict[_Reference, Robot] = {}
+    finished: dict[tuple[_Reference, str, str], Robot] = {}  # arms with the same entries share one robot
+    arms_by_name = {}
+    for name in arms.names():
+        entry = arms.table(name)
+        key = _robot_reference(entry, folder)
+        if key not in loaded:
+            with entry.blame("robot"):
+                loaded[key] = load_robot(**key._asdict())
+        own = (key, repr(entry.raw("limits")), repr(entry.raw(_locked_key(entry))))
+        if own not in finished:
+            finished[own] = _with_settings(loaded[key], entry)
+        arms_by_name[name] = _read_arm(entry, finished[own])
+    return arms_by_name
+
+
+def _with_settings(robot: Robot, entry: Table) -> Robot:
+    if "limits" in entry:
+        robot = _with_limits(robot, entry)
+    return _with_locked_joints(robot, entry) if _locked_key(entry) in entry else robot
+
+
+def _read_arm(entry: Table, robot: Robot) -> Arm:
+    base = read_pose(entry)
+    q = entry.raw("q", "home")
+    if not isinstance(q, str):
+        q = entry.numbers("q", (None,))
+    with entry.blame("q"):
+        arm = Arm(robot, base, q)
+    entry.finish()
+    return arm
+
+
+class _Reference(NamedTuple):
+    """What a robot is loaded from."""
+
+    name_or_file: str
+    srdf: str | None
+    groups: tuple[str | tuple[str, ...], ...] | None
+    joints: tuple[str, ...] | None
+    tool: str | None
+
+
+def _robot_reference(entry: Table, folder: Path) -> _Reference:
+    """What an arm's robot is loaded from; a file is meant when the robot's name has a suffix or a slash."""
+    name, srdf = entry.string("robot"), entry.string("srdf", "")
+    with entry.blame("robot"):
+        if _is_file(name):
+            name = str(resolved_path(folder / name))
+    with entry.blame("srdf"):
+        srdf = str(resolved_path(folder / srdf)) if srdf else ""
+    groups = tuple(g if isinstance(g, str) else _chain(entry, g) for g in entry.rows("groups"))
+    group = entry.string("group", "")
+    if group and groups:
+        raise entry.error("expected one of group and groups, got both", "group")
+    return _Reference(
+        name,
+        srdf or None,
+        (group,) if group else groups or None,
+        entry.strings("joints") or None,
+        entry.string("tool", "") or None,
+    )
+
+
+def _chain(entry: Table, value: Any) -> tuple[str, ...]:
+    """An entry of groups that is no name."""
+    if not isinstance(value, list) or not all(isinstance(link, str) for link in value):
+        raise entry.error(f"expected names of groups or [base link, tip link], got {shown(value)}", "groups")
+    return tuple(value)
+
+
+def _is_file(robot: str) -> bool:
+    """Whether a scene file's entry for a robot means a file, not a robot's name."""
+    return "/" in robot or bool(Path(robot).suffix)
+
+
+def _with_limits(robot: Robot, entry: Table) -> Robot:
+    if isinstance(entry.raw("limits"), str):
+        with entry.blame("limits"):
+            return robot.with_limits(entry.string("limits"))
+    table = entry.table("limits")
+    values = {name: table.required(name) for name in _LIMITS}
+    for name, value in values.items():
+        if not isinstance(value, list) or len(value) != robot.nq or not all(is_number(v) for v in value):
+            raise table.error(f"expected {robot.nq} numbers", name)
+    table.finish()
+    with entry.blame("limits"):
+        return robot.with_limits(Limits(**values))
+
+
+def _locked_key(entry: Table) -> str:
+    """Files that were written before version 0.1 say `held`."""
+    return entry.spelled("locked_joints", "held")
+
+
+def _with_locked_joints(robot: Robot, entry: Table) -> Robot:
+    key = _locked_key(entry)
+    with entry.blame(key):
+        if isinstance(entry.raw(key), str):
+            return robot.with_locked_joints(entry.string(key))
+        table = entry.table(key)
+        return robot.with_locked_joints({joint: table.number(joint) for joint in table.names()})
+
+
+def _with_objects(scene: Scene, top: Table, folder: Path) -> Scene:
+    obstacles, attachments = top.table("obstacles"), top.table("attachments")
+    for name in obstacles.names():
+        entry = obstacles.table(name)
+        obstacle = Obstacle(read_geometries(entry, name, folder), read_pose(entry))
+        entry.finish()
+        with entry.blame():
+            scene = replace(scene, obstacles={**scene.obstacles, name: obstacle})
+    for name in attachments.names():
+        entry = attachments.table(name)
+        with entry.blame():
+            scene = _with_attachment(scene, name, entry, folder)
+        entry.finish()
+    return scene
+
+
+def _with_attachment(scene: Scene, name: str, entry: Table, folder: Path) -> Scene:
+    arm = scene.only_arm(entry.string("arm") if "arm" in entry else None)
+    robot = scene.arm(arm).robot
+    link = robot.link(entry.string("link", robot.tool)).name
+    touch = frozenset(robot.link(other).name for other in entry.strings("touch"))
+    held = Attachment(read_geometries(entry, name, folder), arm, link, read_pose(entry), touch)
+    return replace(scene, attachments={**scene.attachments, name: held})
+
+
+def _with_rules(scene: Scene, top: Table) -> Scene:
+    padding = top.number("padding", 0.0)
+    allowed: set[Pair] = {_read_pair(top, "allowed", both) for both in top.rows("allowed")}
+    distances: dict[Pair, float] = {}
+    for entry in top.tables("pair_padding"):
+        distances[_read_pair(entry, "between", entry.required("between"))] = entry.number("distance")
+        entry.finish()
+    with top.blame("allowed"):
+        scene = replace(scene, allowed=frozenset(allowed))
+    with top.blame("padding"):
+        return replace(scene, padding=padding, pair_padding=distances)
+
+
+def _read_pair(table: Table, key: str, value: Any) -> Pair:
+    if not isinstance(value, list) or len(value) != 2 or not all(isinstance(name, str) for name in value):
+        raise table.error(f"expected pairs of names, got {value!r}", key)
+    return pair(*value)
+
+
+def _both(names: Pair) -> list[str]:
+    """The two names of a pair, in order; twice the same for a pair of one element with itself."""
+    return sorted(names) * (2 if len(names) == 1 else 1)
+
+
+def _arm_entries(arm: Arm, robot: str) -> dict[str, Any]:
+    entries: dict[str, Any] = {"robot": robot} | pose_entries(arm.base)
+    if _is_file(robot):
+        entries |= {"joints": list(arm.robot.joint_names), "tool": arm.robot.tool}
+    named = [name for name, q in arm.robot.configurations.items() if np.array_equal(q, arm.q) and not _is_file(robot)]
+    entries["q"] = named[0] if named else arm.q.tolist()
+    entries["limits"] = _limits_entry(arm.robot)
+    if arm.robot.locked_joints:
+        entries["locked_joints"] = dict(arm.robot.locked_joints)
+    return entries
+
+
+def _limits_entry(robot: Robot) -> Any:
+    for name, preset in robot.presets.items():
+        if all(np.array_equal(getattr(preset, n), getattr(robot.limits, n)) for n in _LIMITS):
+            return name
+    return {name: getattr(robot.limits, name).tolist() for name in _LIMITS}
+
+
+def _attachment_entries(name: str, held: Attachment) -> dict[str, Any]:
+    entries: dict[str, Any] = {"arm": held.arm, "link": held.link} | pose_entries(held.pose)
+    if held.touch:
+        entries["touch"] = sorted(held.touch)
+    return entries | geometries_entries(name, held.geometries)

@@ -1,0 +1,194 @@
+"""Triangle meshes from STL, OBJ, PLY, DAE and glTF files.
+
+Binary STL is read here, as its loader needs half a second to be imported. Other
+files are read by trimesh from their bytes, so nothing but the file itself (and a glTF's buffers beside it) is
+opened: no material files, no textures, nothing remote. A DAE's unit scales it, as COLLADA says;
+its up axis is ignored, as all readers of robot descriptions do (many exporters write a wrong one).
+glTF's y axis is up and becomes z, as in Drake, Blender and RViz (since 2025).
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rr1plan.checks import file_path, finite_array, shown, true_or_false
+from rr1plan.errors import FormatError, InputError
+from rr1plan.files.file_access import read_bytes
+from rr1plan.files.xml_reader import first_attributes
+from rr1plan.shapes import Color, Mesh
+from rr1plan.shapes.convex_hulls import convex_hull
+from rr1plan.shapes.gltf_checks import Z_UP, external_buffers
+
+MAX_FACES = 1_000_000
+MAX_BYTES = 256 * 1024 * 1024
+MAX_COORDINATE = 1e9
+SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".gltf", ".glb")
+# Read without colors: these files have none, or one for each corner.
+_COLORLESS = (".stl", ".obj", ".ply")
+_GLTF = (".gltf", ".glb")
+# A triangle of a binary STL.
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+class _Triangles(NamedTuple):
+    """Vertices (n, 3) and faces (m, 3), as trimesh has them."""
+
+    vertices: Any
+    faces: Any
+    visual: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A part of a mesh file with its color, where the file gives one."""
+
+    mesh: Mesh
+    color: Color | None = None
+
+
+def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> tuple[MeshPart, ...]:
+    """Read a mesh file.
+
+    Args:
+        file: A .stl (ascii or binary), .obj, .ply, .dae, .gltf or .glb file.
+        scale: Factor of each axis, shape (3,); negative ones mirror.
+
+    Returns:
+        One part for each color; STL, OBJ and PLY have one part without a color.
+
+    Raises:
+        FormatError: an unknown suffix, a file that cannot be read, is too large, or holds no
+            triangle or a number that is not finite.
+    """
+    file = file_path(file)
+    kind = file.suffix.lower()
+    if kind not in SUFFIXES:
+        raise FormatError(f"has the suffix {kind!r}, expected one of {', '.join(SUFFIXES)}", file)
+    data = read_bytes(file, MAX_BYTES)
+    factors = np.array(scale)
+    if kind == ".dae":
+        factors = factors * _unit(data, file)
+    groups: dict[Color | None, list[Any]] = {}
+    for mesh in _binary_stl(data) if kind == ".stl" and _is_binary_stl(data) else _load(file, data, kind[1:]):
+        groups.setdefault(_color(mesh) if kind not in _COLORLESS else None, []).append(mesh)
+    faces = sum(len(mesh.faces) for meshes in groups.values() for mesh in meshes)
+    if faces == 0:
+        raise FormatError("has no triangle", file)
+    if faces > MAX_FACES:
+        raise FormatError(f"has {faces} triangles, expected at most {MAX_FACES}; try a decimated mesh", file)
+    return tuple(MeshPart(_join(file, meshes, factors), color) for color, meshes in groups.items())
+
+
+def load_mesh(file: str | Path, *, scale: float | tuple[float, float, float] = 1.0, hull: bool = False) -> Mesh:
+    """Read a mesh file as one shape for an obstacle.
+
+        scene = scene.with_obstacle("mug", load_mesh("mug.stl", scale=0.001), [0.4, 0.1, 0.0])
+
+    Args:
+        file: A mesh file, as `read_mesh` takes it.
+        scale: Factor of all axes or of each one (a file in millimeters: 0.001); negative ones mirror.
+        hull: Take the convex hull. Otherwise an obstacle is checked triangle by triangle, and an object that is held
+            or on a link is cut into convex pieces, which is slow the first time.
+
+    Raises:
+        FormatError: as `read_mesh`.
+        InputError: a scale that is not finite or is zero, or a hull without volume.
+    """
+    of_three = isinstance(scale, list | tuple | np.ndarray)
+    factors = np.broadcast_to(finite_array("scale", scale, (3,) if of_three else ()), (3,))
+    if (factors == 0.0).any() or np.abs(factors).max() > MAX_COORDINATE:
+        raise InputError(f"scale is {shown(scale)}, expected factors other than zero, none beyond {MAX_COORDINATE:g}")
+    true_or_false("hull", hull)
+    x, y, z = factors.tolist()
+    parts = [part.mesh for part in read_mesh(file, (x, y, z))]
+    if hull:
+        return convex_hull(np.concatenate([mesh.vertices for mesh in parts]))
+    return joined_mesh(parts)
+
+
+def joined_mesh(parts: Sequence[Mesh]) -> Mesh:
+    """Several meshes as one."""
+    if len(parts) == 1:
+        return parts[0]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in parts)])
+    faces = [mesh.faces + start for mesh, start in zip(parts, starts, strict=False)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in parts]), np.concatenate(faces))
+
+
+def _unit(data: bytes, file: Path) -> float:
+    """The length of a DAE's unit [m]; refuses document types on the way."""
+    word = first_attributes(data, "unit", file).get("meter", "1")
+    try:
+        unit = float(word)
+    except ValueError:
+        unit = np.nan
+    if not (np.isfinite(unit) and unit > 0.0):
+        raise FormatError(f"has the unit {word!r}, expected a number of meters above zero", file)
+    return unit
+
+
+def _is_binary_stl(data: bytes) -> bool:
+    """Whether it is as long as a binary STL of that many triangles; ASCII that begins alike is not."""
+    count = int.from_bytes(data[80:84], "little")
+    return count > 0 and len(data) == 84 + _TRIANGLE.itemsize * count
+
+
+def _binary_stl(data: bytes) -> list[Any]:
+    corners = np.frombuffer(data, _TRIANGLE, offset=84)["corners"].reshape(-1, 3)
+    with np.errstate(invalid="ignore"):
+        return [_Triangles(corners.astype(float), np.arange(len(corners)).reshape(-1, 3))]
+
+
+def _load(file: Path, data: bytes, kind: str) -> list[Any]:
+    """Trimesh's meshes of a file, placed."""
+    import trimesh
+
+    buffers = external_buffers(data, file) if file.suffix.lower() in _GLTF else None
+    try:
+        scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers, process=False)
+        meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
+        return meshes if buffers is None else [_Triangles(m.vertices @ Z_UP.T, m.faces, m.visual) for m in meshes]
+    except Exception as error:  # trimesh's parsers raise whatever they run into
+        raise FormatError(f"cannot be read as {kind.upper()}: {error}", file) from error
+
+
+def _color(mesh: Any) -> Color | None:
+    """The one color of a mesh's material, where it has one."""
+    material = getattr(mesh.visual, "material", None)
+    color = getattr(material, "main_color", None)
+    if color is None or getattr(material, "baseColorFactor", color) is None:  # trimesh's own gray
+        return None
+    r, g, b, a = (float(c) / 255.0 for c in color)
+    return r, g, b, a
+
+
+def _join(file: Path, meshes: list[Any], factors: Any) -> Mesh:
+    """One mesh of several; corners at the very same place become one vertex."""
+    for mesh in meshes:
+        _check(file, np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    corners = np.concatenate([mesh.vertices for mesh in meshes]) * factors
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    if np.prod(factors) < 0.0:
+        faces = faces[:, ::-1]  # so that a mirror image has its outside outside
+    vertices, where = np.unique(corners, axis=0, return_inverse=True)
+    try:
+        return Mesh(vertices, where.reshape(-1)[faces])
+    except InputError as error:
+        raise FormatError(str(error), file) from error
+
+
+def _check(file: Path, vertices: Any, faces: Any) -> None:
+    """Refuse what trimesh passes on from a damaged file."""
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise FormatError(f"has vertices of shape {vertices.shape}, expected three numbers each", file)
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise FormatError(f"has a triangle with the corner {faces.max()}, but {len(vertices)} vertices", file)
+    if not (np.abs(vertices) < MAX_COORDINATE).all():
+        raise FormatError("has a vertex that is not finite or farther away than a robot can be", file)

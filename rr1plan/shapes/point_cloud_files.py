@@ -1,0 +1,243 @@
+"""Point clouds from files: .npy arrays, .ply and .pcd scans, and text with a point in each line."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array, file_path
+from rr1plan.errors import FormatError
+from rr1plan.files.file_access import MAX_BYTES, read_bytes
+from rr1plan.files.npy_files import parse_array
+from rr1plan.shapes import PointCloud
+
+log = logging.getLogger(__name__)
+
+_MAX_HEADER = 100_000  # [bytes]
+_MAX_COLUMNS = 1000
+_PCD_TYPES = {(kind.upper(), size): f"<{kind}{size}" for kind in "iuf" for size in "1248" if kind != "f" or size > "2"}
+_PLY_TYPES = {
+    "char": "i1",
+    "uchar": "u1",
+    "short": "i2",
+    "ushort": "u2",
+    "int": "i4",
+    "uint": "u4",
+    "float": "f4",
+    "double": "f8",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "i2",
+    "uint16": "u2",
+    "int32": "i4",
+    "uint32": "u4",
+    "float32": "f4",
+    "float64": "f8",
+}
+
+
+def load_point_cloud(file: str | Path, *, resolution: float = 0.02) -> PointCloud:
+    """Read a scan as a shape for an obstacle.
+
+        scene = scene.with_obstacle("scan", load_point_cloud("scan.pcd"))
+
+    Args:
+        file: A .npy file of shape (n, 3), a .ply or .pcd file, or text with x, y, z in each line (.csv, .xyz, .txt).
+        resolution: Side of the cubes that the points become [m].
+
+    Raises:
+        FormatError: not there, another kind of file, or no points.
+        InputError: a resolution that is not above zero, or points that are too far away.
+    """
+    return PointCloud(read_points(file), resolution)
+
+
+def read_points(file: str | Path) -> Array:
+    """Points of a file, shape (n, 3); see `load_point_cloud`.
+
+    Rows of NaN in a .ply or .pcd file are rays that met nothing, and left out.
+
+    Raises:
+        FormatError: not there, another kind of file, or not points.
+    """
+    file = file_path(file)
+    suffix = file.suffix.lower()
+    if suffix not in _READERS:
+        raise FormatError(f"points cannot be read from {file.suffix!r}, expected one of {', '.join(_READERS)}", file)
+    data = read_bytes(file)
+    try:
+        points = _READERS[suffix](data)
+    except (ValueError, LookupError, OverflowError, MemoryError) as error:
+        what = f"it has no {error}" if isinstance(error, LookupError) else error
+        raise FormatError(f"is not a list of points: {what}", file) from error
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "iuf":
+        raise FormatError(f"holds {points.dtype} of shape {points.shape}, expected numbers of shape (n, 3)", file)
+    if suffix in (".ply", ".pcd"):
+        points = _without_nan(points, file)
+    return np.asarray(points, dtype=np.float64)
+
+
+def _without_nan(points: Any, file: Path) -> Any:
+    kept = ~np.isnan(points).any(axis=1)
+    if not kept.any():
+        raise FormatError("has no point", file)
+    if not kept.all():
+        log.info("%s: %d of %d points are NaN and left out", file, np.sum(~kept), len(kept))
+    return points[kept]
+
+
+def _from_array(data: bytes) -> Any:
+    return parse_array(data)
+
+
+def _from_text(data: bytes) -> Any:
+    rows = [line.replace(",", " ").split() for line in data.decode().splitlines()]
+    rows = [row for row in rows if row and not row[0].startswith("#")]
+    for row in rows:
+        if len(row) != 3:
+            raise ValueError(f"expected three numbers in each line, got {' '.join(row)!r}")
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _from_ply(data: bytes) -> Any:
+    """The vertices of a PLY file; faces and other elements after them are left out."""
+    lines, body = _header(data, b"end_header")
+    if lines[:1] != [["ply"]] or len(lines) < 2 or lines[1][:1] != ["format"] or len(lines[1]) != 3:
+        raise ValueError("it does not begin as a PLY file")
+    order = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}[lines[1][1]]
+    elements: list[tuple[str, int, list[str], list[str]]] = []
+    for words in lines[2:-1]:
+        match words:
+            case ["comment" | "obj_info", *_]:
+                pass
+            case ["element", name, number]:
+                elements.append((name, _whole(number), [], []))
+            case ["property", kind, name]:
+                elements[-1][2].append(name)
+                elements[-1][3].append((order or "<") + _PLY_TYPES[kind])
+            case ["property", "list", _, _, name]:
+                elements[-1][2].append(name)
+                elements[-1][3].append("")  # rows of several lengths
+            case _:
+                raise ValueError(f"{' '.join(words)!r} is no line of a header")
+    if not elements or elements[0][0] != "vertex" or "" in elements[0][3]:
+        raise ValueError("its first element is not a vertex of numbers")
+    _, count, names, formats = elements[0]
+    return _columns(body, formats, [names.index(axis) for axis in "xyz"], count, text=not order)
+
+
+def _from_pcd(data: bytes) -> Any:
+    """The fields x, y and z of a PCD file, the format of the Point Cloud Library."""
+    lines, body = _header(data, b"DATA")
+    header = {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
+    names, kinds = header["FIELDS"], header["TYPE"]
+    counts = [_whole(word) for word in header.get("COUNT", ["1"] * len(names))]
+    (rows,) = (_whole(word) for word in header["POINTS"])
+    (coding,) = header["DATA"]
+    if coding not in ("ascii", "binary", "binary_compressed"):
+        raise ValueError(f"its DATA is {coding}, expected ascii, binary or binary_compressed")
+    formats: list[str] = []
+    places: dict[str, int] = {}
+    for name, kind, size, count in zip(names, kinds, header["SIZE"], counts, strict=True):
+        places[name] = len(formats)
+        formats += [_PCD_TYPES[kind, size]] * min(count, _MAX_COLUMNS)
+    if coding == "binary_compressed":
+        body = _interleaved(_uncompressed(body), names, counts, header["SIZE"], rows)
+    return _columns(body, formats, [places[axis] for axis in "xyz"], rows, text=coding == "ascii")
+
+
+def _uncompressed(body: bytes) -> bytes:
+    """Bytes that LibLZF compressed, behind their two sizes: literal runs, and references to what came before."""
+    packed, size = (int.from_bytes(body[at : at + 4], "little") for at in (0, 4))
+    data = body[8 : 8 + packed]
+    if len(data) < packed or size > MAX_BYTES:
+        raise ValueError(f"it holds {len(data)} of {packed} bytes for {size}, of which {MAX_BYTES} are the most")
+    out = bytearray()
+    at = 0
+    try:
+        while at < packed:
+            control = data[at]
+            at += 1
+            if control < 32:
+                out += data[at : at + control + 1]
+                at += control + 1
+                continue
+            length = control >> 5
+            if length == 7:
+                length += data[at]
+                at += 1
+            back = (control % 32 << 8) + data[at] + 1
+            at += 1
+            # What is referred to may reach into what it becomes: then it repeats.
+            seen = out[len(out) - back :][: length + 2] if back <= len(out) else b""
+            out += (seen * (-(-(length + 2) // back)))[: length + 2]
+            if not seen or len(out) > size:
+                break
+    except IndexError:
+        pass
+    if len(out) != size:
+        raise ValueError("its compressed data are damaged")
+    return bytes(out)
+
+
+def _interleaved(data: bytes, names: list[str], counts: list[int], sizes: list[str], rows: int) -> bytes:
+    """The points one after the other, of which compressed files hold one field after the other."""
+    widths = [min(count, _MAX_COLUMNS) * _whole(size) for _, count, size in zip(names, counts, sizes, strict=True)]
+    if len(data) != rows * sum(widths):
+        raise ValueError(f"it holds {len(data)} bytes, the header says {rows * sum(widths)}")
+    starts = np.cumsum([0, *(rows * width for width in widths)]).tolist()
+    fields = [
+        np.frombuffer(data, np.uint8, rows * width, start).reshape(rows, width)
+        for width, start in zip(widths, starts, strict=False)
+    ]
+    return np.concatenate(fields, axis=1).tobytes()
+
+
+def _header(data: bytes, last: bytes) -> tuple[list[list[str]], bytes]:
+    """The words of the header's lines up to the one that begins with `last`, and what follows."""
+    found = re.search(rb"^" + last + rb"[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
+    if found is None:
+        raise ValueError(f"its header has no line {last.decode()!r}")
+    return [line.split() for line in data[: found.end()].decode("ascii").splitlines()], data[found.end() :]
+
+
+def _columns(body: bytes, formats: list[str], columns: list[int], rows: int, *, text: bool) -> Any:
+    """Some columns of rows of numbers."""
+    if len(formats) > _MAX_COLUMNS:
+        raise ValueError(f"it has more than {_MAX_COLUMNS} values for each point")
+    if rows == 0:
+        return np.empty((0, len(columns)))
+    if not text:
+        row = np.dtype([(str(i), form) for i, form in enumerate(formats)])
+        if len(body) < rows * row.itemsize:
+            raise ValueError(f"it holds {len(body)} bytes, the header says {rows * row.itemsize}")
+        values = np.frombuffer(body, row, count=rows)
+        return np.stack([values[str(i)].astype(np.float64) for i in columns], axis=1)
+    lines = body.splitlines()[:rows]
+    if len(lines) < rows or not lines[0].strip():
+        raise ValueError(f"it holds {len(lines)} lines, the header says {rows}")
+    table = np.loadtxt(lines, ndmin=2, comments=None, encoding="ascii")
+    if table.shape != (rows, len(formats)):
+        raise ValueError(f"it holds numbers of shape {table.shape}, the header says {(rows, len(formats))}")
+    return table[:, columns]
+
+
+def _whole(word: str) -> int:
+    if not (word.isascii() and word.isdigit() and len(word) < 12):
+        raise ValueError(f"{word!r} is no count")
+    return int(word)
+
+
+_READERS: dict[str, Callable[[bytes], Any]] = {
+    ".npy": _from_array,
+    ".ply": _from_ply,
+    ".pcd": _from_pcd,
+    ".csv": _from_text,
+    ".xyz": _from_text,
+    ".txt": _from_text,
+}

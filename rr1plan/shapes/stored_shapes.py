@@ -1,0 +1,84 @@
+"""Meshes and point clouds in files of their own, named by the hash of their content.
+
+The folder lies beside the documents that refer to them, so that many motions of one robot share its meshes. A file
+whose content does not have the hash that is its name is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from rr1plan.errors import FormatError, InputError
+from rr1plan.files.file_access import read_bytes, write_bytes
+from rr1plan.files.npy_files import Arrays, parse_archive
+from rr1plan.shapes import Mesh, PointCloud
+from rr1plan.shapes.content_digest import feed_digest
+
+FOLDER = "geometry"
+
+
+def shape_hash(shape: Mesh | PointCloud) -> str:
+    """SHA-256 of a shape's content (hex)."""
+    digest = hashlib.sha256()
+    feed_digest(digest, shape)
+    return digest.hexdigest()
+
+
+def store_shapes(folder: Path, shapes: Mapping[str, Mesh | PointCloud]) -> None:
+    """Write shapes to files, each in one step; those that are there already stay.
+
+    Args:
+        folder: The folder; it is made where it is missing.
+        shapes: The shapes by their hashes.
+
+    Raises:
+        InputError: the folder or a file cannot be written.
+    """
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {folder}: {error.strerror}") from error
+    for sha256, shape in shapes.items():
+        try:
+            read_shape(folder, sha256)
+        except FormatError:
+            packed = io.BytesIO()
+            np.savez_compressed(packed, **{name: getattr(shape, name) for name in shape.__dataclass_fields__})
+            write_bytes(_file(folder, sha256), packed.getvalue())
+
+
+def read_shape(folder: Path, sha256: str) -> Mesh | PointCloud:
+    """The shape with a hash.
+
+    Raises:
+        FormatError: there is no such file, or it holds something else.
+    """
+    file = _file(folder, sha256)
+    try:
+        shape = _shape(parse_archive(read_bytes(file)))
+    except FormatError:
+        raise
+    except ValueError as error:  # an InputError of the shape is one
+        raise FormatError(f"holds no mesh or point cloud: {error}", file) from error
+    if shape_hash(shape) != sha256:
+        raise FormatError(
+            "was altered after it was written: its content does not have the sha256 that is its name", file
+        )
+    return shape
+
+
+def _shape(arrays: Arrays) -> Mesh | PointCloud:
+    if set(arrays) == set(Mesh.__dataclass_fields__):
+        return Mesh(arrays["vertices"], arrays["faces"], bool(arrays["convex"]))
+    if set(arrays) == set(PointCloud.__dataclass_fields__):
+        return PointCloud(arrays["points"], arrays["resolution"].item())
+    raise InputError(f"its arrays are {', '.join(arrays) or 'none'}")
+
+
+def _file(folder: Path, sha256: str) -> Path:
+    return folder / f"{sha256}.npz"

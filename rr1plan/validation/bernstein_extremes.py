@@ -1,0 +1,78 @@
+"""Exact extremes of piecewise polynomials and of their rates, by their Bernstein coefficients (`extremes.c`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.validation.referee_kernels import SOURCES, load_library
+
+ORDERS = 4
+"""Position, velocity, acceleration, jerk."""
+
+
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """What the columns of a motion reach; the first axis is position, velocity, acceleration, jerk.
+
+    Args:
+        peaks: Highest value of each column, when [s], lowest value, when; shape (4, nq, 4).
+        jumps: Largest jump at a break, of position, velocity and acceleration, and when [s]; shape (3, nq, 2).
+        end: Value at the last instant, shape (4, nq).
+    """
+
+    peaks: Array
+    jumps: Array
+    end: Array
+
+    @property
+    def high(self) -> Array:
+        """Highest value of each column, shape (4, nq)."""
+        return self.peaks[:, :, 0]
+
+    @property
+    def high_time(self) -> Array:
+        """When [s], shape (4, nq)."""
+        return self.peaks[:, :, 1]
+
+    @property
+    def low(self) -> Array:
+        """Lowest value of each column, shape (4, nq)."""
+        return self.peaks[:, :, 2]
+
+    @property
+    def low_time(self) -> Array:
+        """When [s], shape (4, nq)."""
+        return self.peaks[:, :, 3]
+
+    @property
+    def jump(self) -> Array:
+        """Largest jump at a break, of position, velocity and acceleration, shape (3, nq)."""
+        return self.jumps[:, :, 0]
+
+    @property
+    def jump_time(self) -> Array:
+        """When [s]; 0 where nothing jumps; shape (3, nq)."""
+        return self.jumps[:, :, 1]
+
+
+def extremes(breaks: Array, coefficients: Array) -> Extremes:
+    """Highest and lowest values of every column and its rates, and jumps between pieces.
+
+    Args:
+        breaks: Times of the breaks [s], shape (m + 1,), or (1,) for a duration of zero.
+        coefficients: Local coefficients, lowest power first, shape (m, d + 1, nq).
+
+    Returns:
+        Values to 1e-13 relative, and the first time at which each is reached.
+    """
+    breaks, coefficients = np.ascontiguousarray(breaks), np.ascontiguousarray(coefficients)
+    terms, nq = coefficients.shape[1:]
+    peaks, jumps, end = np.empty((ORDERS, nq, 4)), np.empty((ORDERS - 1, nq, 2)), np.empty((ORDERS, nq))
+    scratch = np.empty(terms * (SOURCES.constants["EXTREMES_DEPTH"] + 2 + ORDERS * terms))
+    # As rows of structs.
+    rows = peaks.reshape(-1, 4), jumps.reshape(-1, 2)
+    load_library().rr1_find_extremes(breaks, len(breaks), coefficients, *coefficients.shape, *rows, end, scratch)
+    return Extremes(peaks, jumps, end)

@@ -1,0 +1,154 @@
+"""The cells of a point cloud in blocks, to ask only those near a body.
+
+A block is a box around neighboring cells. Boxes around the blocks, and around the cells of the near
+ones, give lower bounds that leave few cells to ask. Every cell asked of a convex body leaves a
+separating plane, and that plane bounds the distances of all other cells as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.shapes import PointCloud
+from rr1plan.validation.hull_support import Core
+from rr1plan.validation.polynomial_bounds import Index
+from rr1plan.validation.referee_kernels import (
+    BOX,
+    CENTER,
+    COUNT,
+    HALF,
+    MIDDLE,
+    ORIGIN,
+    ROUND,
+    SHAPE,
+    RefereeStruct,
+    load_library,
+)
+
+# Cells of a block: fewer make more blocks to look through, more make more cells.
+_BLOCK = 64
+# A cell is asked no more when it could be nearer than the nearest by less than this [m].
+_ROUNDING = 1e-9
+
+# Distance [m] of a body to the cell at a center (3,) in the cloud's frame, and the normal from the body
+# to the cell (3,) in the cloud's frame with the body's support along it from the cloud's origin [m];
+# None where no plane parts them.
+Ask = Callable[[Array], tuple[float, tuple[Array, float] | None]]
+
+
+class BodyBox(NamedTuple):
+    """A box around a body: axes as columns (3, 3), center [m] and half edges [m], in the cloud's frame."""
+
+    axes: Array
+    center: Array
+    half: Array
+
+
+class CellBlocks:
+    """The occupied cells of a cloud.
+
+    Attributes:
+        centers: Their centers [m], shape (n, 3); cells of a block are neighbors.
+        half: Half a cell's edge [m].
+    """
+
+    def __init__(self, cloud: PointCloud) -> None:
+        cells = np.unique(np.floor(cloud.points / cloud.resolution), axis=0)
+        centers = (cells + 0.5) * cloud.resolution
+        parts = _halve(centers)
+        self.half = 0.5 * cloud.resolution
+        self.centers = centers[np.concatenate(parts)]
+        self._count = np.array([len(part) for part in parts], dtype=np.int64)
+        self._first = np.cumsum(self._count) - self._count
+        lower = np.minimum.reduceat(self.centers, self._first) - self.half
+        upper = np.maximum.reduceat(self.centers, self._first) + self.half
+        self._middle, self._half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+
+    def distance(self, body: BodyBox, ask: Ask) -> float:
+        """Distance [m] of a body to the nearest cell; in contact minus the depth of some cell."""
+        bound = _gaps(body, self._middle, self._half)
+        order = np.argsort(bound)
+        best = self._nearest(self._cells(order[:1]), body, ask, np.inf)
+        return self._nearest(self._cells(order[1:][bound[order[1:]] < best - _ROUNDING]), body, ask, best)
+
+    def parted(
+        self, core: Core, sizes: Array, rotation: Array, origin: Array, middle: Array
+    ) -> tuple[float, float, int]:
+        """Distance of a convex body to the nearest cell and a proven lower bound [m]; both 0 where it touches one.
+
+        The third is the number of cells asked.
+
+        Args:
+            core: Kind and corners of the body.
+            sizes: Its sizes, shape (8,), as `BodySizes` has them.
+            rotation: R_cloud_body, shape (3, 3).
+            origin: Where its frame is in the cloud's [m], shape (3,).
+            middle: Center of its bounding box there [m], shape (3,).
+        """
+        bodies, table, placed = np.zeros((2, 7), np.int64), np.zeros((2, 23)), np.zeros((2, 15))
+        bodies[0, SHAPE], bodies[0, COUNT], bodies[1, SHAPE] = core.kind, core.single, BOX
+        table[0, :CENTER], table[1, HALF:ROUND] = sizes, self.half
+        placed[0, :ORIGIN], placed[0, ORIGIN:MIDDLE], placed[0, MIDDLE:] = rotation.ravel(), origin, middle
+        placed[1, :ORIGIN] = np.eye(3).ravel()
+        both = RefereeStruct(
+            "RefereeBodies",
+            bodies=bodies,
+            sizes=table,
+            corners=core.corners,
+            body_count=2,
+            corner_count=core.corners.shape[1],
+        )
+        blocks = (self._middle, self._half, self._first, self._count, len(self._first))
+        # Solids are shared by threads, so nothing that is written is kept with them.
+        answer, scratch = np.zeros(3), np.empty(len(self._first) + int(self._count.max()))
+        load_library().rr1_nearest_cell(both, placed, self.centers, self.half, *blocks, scratch, answer)
+        distance, proven, asked = answer.tolist()
+        return distance, proven, int(asked)
+
+    def _cells(self, blocks: Index) -> Array:
+        """Centers of the cells of some blocks [m], shape (k, 3)."""
+        count = self._count[blocks]
+        offsets = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        return np.asarray(self.centers[np.repeat(self._first[blocks], count) + offsets])
+
+    def _nearest(self, centers: Array, body: BodyBox, ask: Ask, best: float) -> float:
+        """The smaller of `best` and the distance to the nearest of some cells [m]."""
+        bound = _gaps(body, centers, np.full(3, self.half))
+        while True:
+            near = bound < best - _ROUNDING
+            if not near.any():
+                return best
+            centers, bound = centers[near], bound[near]
+            first = int(np.argmin(bound))
+            distance, plane = ask(centers[first])
+            best = min(best, distance)
+            bound[first] = np.inf
+            if plane is not None:
+                normal, reach = plane
+                beyond = centers @ normal - (reach + self.half * float(np.abs(normal).sum()))
+                bound = np.maximum(bound, beyond)
+
+
+def _gaps(body: BodyBox, centers: Array, halves: Array) -> Array:
+    """A lower bound of the distance of a body to boxes (k,) [m]; below zero minus their overlap."""
+    apart = np.abs((centers - body.center) @ body.axes) - body.half - halves @ np.abs(body.axes)
+    outside = np.linalg.norm(np.maximum(apart, 0.0), axis=1)
+    return np.asarray(np.where(outside > 0.0, outside, apart.max(axis=1)))
+
+
+def _halve(centers: Array) -> list[Index]:
+    """Indices of points (n, 3) in groups of neighbors, each halved along its longest side until it is small."""
+    done, waiting = [], [np.arange(len(centers))]
+    while waiting:
+        part = waiting.pop()
+        if len(part) <= _BLOCK:
+            done.append(part)
+            continue
+        axis = int(np.argmax(np.ptp(centers[part], axis=0)))
+        order = part[np.argpartition(centers[part, axis], len(part) // 2)]
+        waiting += [order[: len(part) // 2], order[len(part) // 2 :]]
+    return done

@@ -1,0 +1,153 @@
+"""Whether a motion starts where the problem says and ends at one of its goals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.errors import InputError
+from rr1plan.report import Violation
+from rr1plan.robot import Robot
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, frame_link
+from rr1plan.transforms import rotation_angle, rotation_from_quaternion
+from rr1plan.validation.limit_checks import Findings
+from rr1plan.validation.link_motion import SceneMotion, TimedColumns
+
+# Joint values count as equal within this [rad or m], tolerances are kept to within it.
+_EQUAL = 1e-9
+
+
+def check_endpoints(findings: Findings, motion: TimedColumns, scene: Scene, problem: Problem | None) -> None:
+    """A motion starts where it should and ends at a goal, if there is a problem that says so."""
+    if problem is None:
+        findings.not_checked["start"] = findings.not_checked["goal"] = "no problem was given"
+        return
+    _check_arms(problem, scene)
+    first, last = motion.endpoints()
+    columns = {name: i for i, name in enumerate(motion.joint_names)}
+    arms = dict.fromkeys((*motion.arms, *problem.arms))
+    starts, stops = ({arm: _configuration(scene, arm, columns, q) for arm in arms} for q in (first, last))
+    begin, finish = (float(time) for time in motion.breaks[[0, -1]])
+    _check_start(findings, _starts(motion.arms, scene, problem), _by_joint(scene, starts), begin)
+    _check_goal(findings, problem, scene, stops, finish)
+
+
+def _check_arms(problem: Problem, scene: Scene) -> None:
+    """The problem's arms are in the scene, and their joints in the same order: its numbers go by that."""
+    for arm in problem.arms:
+        wanted, got = scene.arm(arm).robot.joint_names, problem.scene.arms[arm].robot.joint_names
+        if wanted != got:
+            names = f"joints {', '.join(got)} for arm {arm!r}, expected those of the scene: {', '.join(wanted)}"
+            raise InputError(f"the problem has {names}")
+
+
+def _starts(moving: tuple[str, ...], scene: Scene, problem: Problem) -> dict[str, float]:
+    """Where joints have to start: the problem's where it says, those of other arms where the scene has them."""
+    others = {arm: scene.arms[arm].q for arm in moving if arm not in problem.arms}
+    starts = dict(zip(problem.joint_names, problem.start.tolist(), strict=True))
+    return starts | _by_joint(scene, others)
+
+
+def _by_joint(scene: Scene, configurations: Mapping[str, Array]) -> dict[str, float]:
+    """Numbers by "arm/joint" of configurations by arm."""
+    return {
+        f"{arm}/{joint}": value
+        for arm, q in configurations.items()
+        for joint, value in zip(scene.arms[arm].robot.joint_names, q.tolist(), strict=True)
+    }
+
+
+def _pose_of(scene: Scene, arm: str, q: Array) -> Callable[[str], Array]:
+    """T_world_link by the names of an arm's links, at its configuration (nq,)."""
+
+    def pose(link: str) -> Array:
+        names = scene.joint_names((arm,))
+        motion = SceneMotion({arm: scene.arms[arm]}, names, np.zeros(1), q[None, None])
+        frames, i = motion.frames(q[None]), motion.links[f"{arm}/{link}"]
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = frames.rotation[0, i], frames.origin[0, i]
+        return T
+
+    return pose
+
+
+def _configuration(scene: Scene, arm: str, columns: dict[str, int], q: Array) -> Array:
+    """Where an arm's joints are: in its columns, or where the scene has them."""
+    names = [f"{arm}/{joint}" for joint in scene.arms[arm].robot.joint_names]
+    if names and names[0] in columns:
+        return np.array([q[columns[name]] for name in names])
+    return np.asarray(scene.arms[arm].q)
+
+
+def _check_start(findings: Findings, wanted: Mapping[str, float], first: Mapping[str, float], time: float) -> None:
+    """The first configuration is the start.
+
+    Args:
+        findings: Where violations go.
+        wanted: Where joints have to start, by "arm/joint".
+        first: Where they do, by the same names and maybe more.
+        time: When that is [s].
+    """
+    findings.checked.append("start")
+    for name, want in wanted.items():
+        got = first[name]
+        if not abs(got - want) <= _EQUAL:
+            message = f"{name} starts at {got:.9g}, expected {want:.9g} (off by {abs(got - want):.3g})"
+            findings.violations.append(Violation("start", (name,), time, got, want, message))
+
+
+def _check_goal(
+    findings: Findings, problem: Problem, scene: Scene, configurations: Mapping[str, Array], time: float
+) -> None:
+    """Every moving arm ends at one of its goals.
+
+    Args:
+        findings: Where violations go.
+        problem: The problem.
+        scene: Where the arms are.
+        configurations: The last configuration of every arm of the problem, by arm.
+        time: When the motion ends [s].
+    """
+    findings.checked.append("goal")
+    for arm in problem.arms:
+        robot, q = problem.scene.arms[arm].robot, configurations[arm]
+        misses = [_miss(goal, robot, q, _pose_of(scene, arm, q)) for goal in problem.goal[arm]]
+        off, allowed, words = min(misses, key=lambda miss: miss[0] / miss[1])
+        if not off <= allowed + _EQUAL:
+            several = f" (the nearest of {len(misses)} goals)" if len(misses) > 1 else ""
+            message = f"{arm} misses its goal{several}: {words}"
+            findings.violations.append(Violation("goal", (arm,), time, off, allowed, message))
+
+
+Miss = tuple[float, float, str]
+
+
+def _miss(goal: Goal, robot: Robot, q: Array, pose: Callable[[str], Array]) -> Miss:
+    """By how much a goal is missed, what is allowed, and that in words: the worst of its conditions."""
+    if isinstance(goal, JointGoal):
+        return _joint_miss(goal, robot, q)
+    T = pose(frame_link(robot, goal.frame))
+    at, rotation = T[:3, 3], goal.rotation if isinstance(goal, PoseGoal) else None
+    if isinstance(goal, PoseGoal):
+        off, allowed = float(np.linalg.norm(at - goal.position)), goal.position_tolerance
+        misses = [(off, allowed, f"{goal.frame} is {off:.6g} m from the goal, tolerance {allowed:.3g} m")]
+    else:
+        off = float(np.linalg.norm(np.maximum(0.0, np.maximum(goal.lower - at, at - goal.upper))))
+        misses = [(off, _EQUAL, f"{goal.frame} is {off:.6g} m outside the region")]
+        rotation = None if goal.quaternion is None else rotation_from_quaternion(goal.quaternion)
+    if rotation is not None:
+        angle, allowed = rotation_angle(rotation.T @ T[:3, :3]), goal.orientation_tolerance
+        misses.append((angle, allowed, f"{goal.frame} is turned by {angle:.6g} rad, tolerance {allowed:.3g} rad"))
+    return max(misses, key=lambda miss: miss[0] / miss[1])
+
+
+def _joint_miss(goal: JointGoal, robot: Robot, q: Array) -> Miss:
+    """The joint farthest from its goal; continuous joints count modulo a turn."""
+    off = q - goal.q
+    off = np.abs(np.where(robot.continuous > 0.0, np.remainder(off + np.pi, 2.0 * np.pi) - np.pi, off))
+    j = int(np.argmax(off))
+    worst = float(off[j])
+    return worst, _EQUAL, f"joint {robot.joint_names[j]} is at {q[j]:.9g}, {worst:.3g} from {float(goal.q[j]):.9g}"

@@ -1,0 +1,158 @@
+// Exact extremes of piecewise polynomials and of their rates, by their Bernstein coefficients.
+//
+// On an interval a polynomial lies between the smallest and the largest of its Bernstein coefficients, and the first and
+// last of them are its values at the ends. Halving the interval (de Casteljau) closes the gap quadratically, so the
+// largest value between two samples is found as exactly as floating point allows, without root finding.
+//
+// Lane, Riesenfeld (1981), Bounds on a polynomial, BIT 21.
+#include "referee_tables.h"
+#include "referee_simd.h"
+
+// Position, velocity, acceleration, jerk.
+enum { RATE_ORDERS = 4 };
+// What is not higher by this fraction of the highest value, or of a piece's largest coefficient, is not searched for.
+#define RELATIVE_GAP 1e-13
+#define COEFFICIENT_ROUNDING 1e-15
+
+// Coefficients of a derivative of a column on a piece, shape (degree + 1,); its degree.
+static int64_t derivative_terms(const double *coefficients, int64_t terms, int64_t columns, int64_t column,
+                                int64_t order, double *out) {
+    if (order >= terms) {
+        out[0] = 0.0;
+        return 0;
+    }
+    for (int64_t k = order; k < terms; k++) {
+        double factor = 1.0;
+        for (int64_t i = 0; i < order; i++) factor *= (double)(k - i);
+        out[k - order] = factor * coefficients[k * columns + column];
+    }
+    return terms - 1 - order;
+}
+
+// The binomials i over k, divided by those of a degree: `shares`, shape (degree + 1, degree + 1).
+static void set_shares(int64_t degree, double *shares) {
+    for (int64_t i = 0; i <= degree; i++) {
+        double share = 1.0;
+        for (int64_t k = 0; k <= i; k++) {
+            shares[i * (degree + 1) + k] = share;
+            if (k < i) share *= (double)(i - k) / (double)(degree - k);
+        }
+    }
+}
+
+// Bernstein coefficients on [0, width]; the largest of their sizes. `terms` is overwritten.
+static double to_bernstein(double *terms, int64_t degree, double width, const double *shares, double *control) {
+    double power = 1.0, largest = 0.0;
+    for (int64_t k = 0; k <= degree; k++) {
+        terms[k] *= power;
+        power *= width;
+    }
+    for (int64_t i = 0; i <= degree; i++) {
+        double value = 0.0;
+        for (int64_t k = 0; k <= i; k++) value += shares[i * (degree + 1) + k] * terms[k];
+        control[i] = value;
+        largest = greater(largest, fabs(value));
+    }
+    return largest;
+}
+
+// An interval that is open, and the Bernstein coefficients there: rows of an array.
+typedef struct {
+    double start, width;
+} OpenSpan;
+
+// Raise `best` to the highest value on an interval, and note its time.
+//
+// `stack` has rows of degree + 1 numbers; its first one holds the Bernstein coefficients.
+static void climb(double begin, double width, int64_t degree, double rounding, double *best, double *when,
+                  double *stack) {
+    OpenSpan spans[EXTREMES_DEPTH];
+    int64_t count = degree + 1, top = 0;
+    spans[0] = (OpenSpan){begin, width};
+    if (stack[0] > *best) {
+        *best = stack[0];
+        *when = begin;
+    }
+    if (stack[degree] > *best) {
+        *best = stack[degree];
+        *when = begin + width;
+    }
+    while (top >= 0) {
+        OpenSpan span = spans[top];
+        double *row = stack + top * count, hull = row[0];
+        for (int64_t i = 1; i <= degree; i++) hull = greater(hull, row[i]);
+        int too_short = span.width <= 1e-15 * greater(1.0, fabs(span.start)) || top + 1 >= EXTREMES_DEPTH;
+        if (hull <= *best + RELATIVE_GAP * fabs(*best) + rounding || too_short) {
+            top--;
+            continue;
+        }
+        // The later half takes the place of both, the earlier one goes on top of it.
+        double half = 0.5 * span.width, *earlier = row + count;
+        for (int64_t k = 0; k <= degree; k++) {
+            earlier[k] = row[0];
+            for (int64_t i = 0; i < degree - k; i++) row[i] = 0.5 * (row[i] + row[i + 1]);
+        }
+        spans[top] = (OpenSpan){span.start + half, half};
+        spans[top + 1] = (OpenSpan){span.start, half};
+        if (row[0] > *best) {
+            *best = row[0];
+            *when = span.start + half;
+        }
+        top++;
+    }
+}
+
+// Raise `high` and lower `low` to what Bernstein coefficients on a piece reach, and note the times.
+static void climb_both(double begin, double width, int64_t degree, double rounding, const double *control, Peaks *peak,
+                       double *stack) {
+    double most = control[0], least = control[0];
+    for (int64_t k = 1; k <= degree; k++) {
+        most = greater(most, control[k]);
+        least = lesser(least, control[k]);
+    }
+    if (most > peak->high) {
+        for (int64_t k = 0; k <= degree; k++) stack[k] = control[k];
+        climb(begin, width, degree, rounding, &peak->high, &peak->high_time, stack);
+    }
+    if (least < peak->low) {
+        double depth = -peak->low;
+        for (int64_t k = 0; k <= degree; k++) stack[k] = -control[k];
+        climb(begin, width, degree, rounding, &depth, &peak->low_time, stack);
+        peak->low = -depth;
+    }
+}
+
+// Highest and lowest values of every column and its rates, jumps between pieces, and values at the end.
+//
+// `breaks`: shape (pieces + 1,), or (1,) for no duration; `coefficients`: shape (pieces, terms, columns), lowest power
+// first. `peaks` has shape (4, columns), `jumps` shape (3, columns), `end` shape (4, columns). `scratch` has room for
+// terms * (EXTREMES_DEPTH + 2 + 4 * terms) numbers.
+EXPORT void rr1_find_extremes(const double *breaks, int64_t break_count, const double *coefficients, int64_t pieces,
+                              int64_t terms, int64_t columns, Peaks *peaks, Jump *jumps, double *end, double *scratch) {
+    double *derivative = scratch, *control = scratch + terms, *shares = scratch + 2 * terms;
+    double *stack = shares + RATE_ORDERS * terms * terms;
+    for (int64_t n = 0; n < RATE_ORDERS * columns; n++) peaks[n] = (Peaks){-INFINITY, 0.0, INFINITY, 0.0};
+    for (int64_t n = 0; n < (RATE_ORDERS - 1) * columns; n++) jumps[n] = (Jump){0.0, 0.0};
+    for (int64_t order = 0; order < RATE_ORDERS; order++)
+        set_shares(order < terms ? terms - 1 - order : 0, shares + order * terms * terms);
+    // In the order of the coefficients, as there may be many of them.
+    for (int64_t i = 0; i < pieces; i++) {
+        const double *piece = coefficients + i * terms * columns;
+        double width = break_count > 1 ? breaks[i + 1] - breaks[i] : 0.0;
+        for (int64_t j = 0; j < columns; j++) {
+            for (int64_t order = 0; order < RATE_ORDERS; order++) {
+                double *before = &end[order * columns + j];
+                int64_t degree = derivative_terms(piece, terms, columns, j, order, derivative);
+                double largest = to_bernstein(derivative, degree, width, shares + order * terms * terms, control);
+                if (i > 0 && order < RATE_ORDERS - 1) {
+                    Jump *jump = &jumps[order * columns + j];
+                    double size = fabs(control[0] - *before);
+                    if (size > jump->size) *jump = (Jump){size, breaks[i]};
+                }
+                *before = control[degree];
+                climb_both(breaks[i], width, degree, COEFFICIENT_ROUNDING * largest, control,
+                           &peaks[order * columns + j], stack);
+            }
+        }
+    }
+}

@@ -1,0 +1,322 @@
+// Two convex bodies and a direction along which they are apart.
+//
+// Whatever direction is tried, the gap between the bodies along it is a lower bound of their distance: a proof rests on
+// that alone, so the search below may err without harm. Every point of the difference of the bodies is an upper bound.
+// The search ends when the two meet.
+//
+// Gilbert, Johnson, Keerthi (1988), A fast procedure for computing the distance between complex objects in
+// three-dimensional space, IEEE J. Robotics and Automation 4.
+#include "referee_tables.h"
+#include "referee_simd.h"
+
+// Bodies nearer than this touch [m].
+#define CONTACT_DISTANCE 1e-8
+enum { GJK_ROUNDS = 64 };
+
+typedef struct {
+    double x, y, z;
+} Direction;
+
+// A body at a pose.
+typedef struct {
+    const RefereeBodies *all;
+    int64_t index;  // of `all`
+    const PlacedBody *placed;
+} BodyView;
+
+// The same direction in the frame of a body.
+static inline Direction in_frame(const PlacedBody *placed, Direction d) {
+    const double *r = placed->rotation;
+    return (Direction){
+        r[0] * d.x + r[3] * d.y + r[6] * d.z,
+        r[1] * d.x + r[4] * d.y + r[7] * d.z,
+        r[2] * d.x + r[5] * d.y + r[8] * d.z,
+    };
+}
+
+// The row or column of a face that a coordinate in [-1, 1] belongs to: one of them even for NaN.
+static inline int64_t face_step(double coordinate) {
+    double step = (coordinate + 1.0) * (0.5 * SUPPORT_SIDE);
+    return step < SUPPORT_SIDE ? (int64_t)step : SUPPORT_SIDE - 1;
+}
+
+// The cell of directions that a direction of any length belongs to.
+static int64_t support_cell(Direction d) {
+    double a = fabs(d.x), b = fabs(d.y), c = fabs(d.z), size, x, y;
+    int64_t face;
+    if (a >= b && a >= c) {
+        face = d.x >= 0.0 ? 0 : 1;
+        size = a;
+        x = d.y;
+        y = d.z;
+    } else if (b >= c) {
+        face = d.y >= 0.0 ? 2 : 3;
+        size = b;
+        x = d.x;
+        y = d.z;
+    } else {
+        face = d.z >= 0.0 ? 4 : 5;
+        size = c;
+        x = d.x;
+        y = d.y;
+    }
+    if (!(size > 0.0)) return 0;
+    return (face * SUPPORT_SIDE + face_step(x / size)) * SUPPORT_SIDE + face_step(y / size);
+}
+
+typedef struct {
+    int64_t first, stop;
+} CornerRange;
+
+// The corners among which the farthest one of a body along a direction in its frame is.
+static CornerRange corners_along(const RefereeBodies *all, int64_t b, Direction d) {
+    const RefereeBody *body = &all->bodies[b];
+    int64_t first = body->first_corner;
+    if (body->shape != SHAPE_TABLE) return (CornerRange){first, first + body->corner_count};
+    const double *starts = all->corners + 3 * all->corner_count + first + support_cell(d);
+    return (CornerRange){first + (int64_t)starts[0], first + (int64_t)starts[1]};
+}
+
+// Largest d . p over some corners.
+static double corner_reach(const RefereeBodies *all, CornerRange range, Direction d) {
+    const double *x = all->corners, *y = x + all->corner_count, *z = y + all->corner_count;
+    double best = -1e300;
+    int64_t i = range.first;
+    if (range.stop - i >= 8) {
+        eight most = {best, best, best, best, best, best, best, best};
+        for (; i + 8 <= range.stop; i += 8) {
+            eight value = d.x * *(const eight_anywhere *)(x + i) + d.y * *(const eight_anywhere *)(y + i) +
+                          d.z * *(const eight_anywhere *)(z + i);
+            eight_integers more = value > most;
+            most = (eight)((more & (eight_integers)value) | (~more & (eight_integers)most));
+        }
+        for (int lane = 0; lane < 8; lane++) best = greater(best, most[lane]);
+    }
+    for (; i < range.stop; i++) best = greater(best, d.x * x[i] + d.y * y[i] + d.z * z[i]);
+    return best;
+}
+
+// Largest d . p over the points p of a body, from its frame's origin, for a world direction d of any length.
+static double body_reach(BodyView view, Direction d) {
+    const RefereeBodies *all = view.all;
+    const BodySizes *size = &all->sizes[view.index];
+    Direction own = in_frame(view.placed, d);
+    int64_t shape = all->bodies[view.index].shape;
+    double best;
+    if (shape == SHAPE_BOX) {
+        best = fabs(own.x) * size->half[0] + fabs(own.y) * size->half[1] + fabs(own.z) * size->half[2];
+    } else if (shape == SHAPE_CYLINDER) {
+        best = size->half[0] * sqrt(own.x * own.x + own.y * own.y) + size->half[2] * fabs(own.z);
+    } else {
+        best = corner_reach(all, corners_along(all, view.index, own), own);
+    }
+    if (size->rounding > 0.0) best += size->rounding * sqrt(own.x * own.x + own.y * own.y + own.z * own.z);
+    return best;
+}
+
+// The point of a body, without its rounding, that is farthest along a direction; both in its frame.
+static void farthest_point(const RefereeBodies *all, int64_t b, Direction d, double point[3]) {
+    const BodySizes *size = &all->sizes[b];
+    int64_t shape = all->bodies[b].shape;
+    if (shape == SHAPE_BOX || shape == SHAPE_CYLINDER) {
+        point[2] = d.z >= 0.0 ? size->half[2] : -size->half[2];
+        double across = sqrt(d.x * d.x + d.y * d.y);
+        if (shape == SHAPE_BOX) {
+            point[0] = d.x >= 0.0 ? size->half[0] : -size->half[0];
+            point[1] = d.y >= 0.0 ? size->half[1] : -size->half[1];
+        } else if (across <= 1e-300) {
+            point[0] = size->half[0];
+            point[1] = 0.0;
+        } else {
+            point[0] = size->half[0] * d.x / across;
+            point[1] = size->half[0] * d.y / across;
+        }
+        return;
+    }
+    const double *x = all->corners, *y = x + all->corner_count, *z = y + all->corner_count;
+    CornerRange range = corners_along(all, b, d);
+    double best = -1e300;
+    int64_t at = range.first;
+    for (int64_t i = range.first; i < range.stop; i++) {
+        double value = d.x * x[i] + d.y * y[i] + d.z * z[i];
+        if (value > best) {
+            best = value;
+            at = i;
+        }
+    }
+    point[0] = x[at];
+    point[1] = y[at];
+    point[2] = z[at];
+}
+
+// Point of a minus point of b in the world.
+static void set_difference(const PlacedBody *a, const PlacedBody *b, PointPair *pair) {
+    for (int i = 0; i < 3; i++)
+        pair->difference[i] = (a->origin[i] - b->origin[i]) + a->rotation[3 * i] * pair->in_a[0] +
+                              a->rotation[3 * i + 1] * pair->in_a[1] + a->rotation[3 * i + 2] * pair->in_a[2] -
+                              b->rotation[3 * i] * pair->in_b[0] - b->rotation[3 * i + 1] * pair->in_b[1] -
+                              b->rotation[3 * i + 2] * pair->in_b[2];
+}
+
+// The points of a and b that are farthest along d and -d.
+static void add_point(BodyView a, BodyView b, Direction d, PointPair *pair) {
+    Direction in_a = in_frame(a.placed, d), in_b = in_frame(b.placed, (Direction){-d.x, -d.y, -d.z});
+    farthest_point(a.all, a.index, in_a, pair->in_a);
+    farthest_point(b.all, b.index, in_b, pair->in_b);
+    set_difference(a.placed, b.placed, pair);
+}
+
+static inline double dot_points(const PointPair *p, const PointPair *q) {
+    return p->difference[0] * q->difference[0] + p->difference[1] * q->difference[1] +
+           p->difference[2] * q->difference[2];
+}
+
+// Shares of the points of a simplex in the point of it that is nearest to the origin.
+typedef struct {
+    double of[4];
+} Shares;
+
+// The point between two points nearest to the origin; its squared distance.
+static double nearest_on_segment(const PointPair *p, int i, int j, Shares *shares) {
+    double ii = dot_points(&p[i], &p[i]), ij = dot_points(&p[i], &p[j]), jj = dot_points(&p[j], &p[j]);
+    double length = ii - 2.0 * ij + jj, t = length > 0.0 ? (ii - ij) / length : 0.0;
+    t = lesser(greater(t, 0.0), 1.0);
+    *shares = (Shares){{0.0, 0.0, 0.0, 0.0}};
+    shares->of[i] = 1.0 - t;
+    shares->of[j] = t;
+    return greater(0.0, ii + 2.0 * t * (ij - ii) + t * t * length);
+}
+
+// The same for a triangle: inside of it, or on the nearest of its sides.
+static double nearest_on_triangle(const PointPair *p, int i, int j, int k, Shares *shares) {
+    double ii = dot_points(&p[i], &p[i]), ij = dot_points(&p[i], &p[j]), ik = dot_points(&p[i], &p[k]);
+    double jj = dot_points(&p[j], &p[j]), jk = dot_points(&p[j], &p[k]), kk = dot_points(&p[k], &p[k]);
+    // Cramer's rule for the stationary point of |p_i + s (p_j - p_i) + t (p_k - p_i)|^2.
+    double a = ii - 2.0 * ij + jj, b = ii - ij - ik + jk, c = ii - 2.0 * ik + kk, d = ii - ij, e = ii - ik;
+    double area = a * c - b * b, s = c * d - b * e, t = a * e - b * d;
+    if (area > 1e-14 * a * c && s >= 0.0 && t >= 0.0 && s + t <= area) {
+        s /= area;
+        t /= area;
+        *shares = (Shares){{0.0, 0.0, 0.0, 0.0}};
+        shares->of[i] = 1.0 - s - t;
+        shares->of[j] = s;
+        shares->of[k] = t;
+        return greater(0.0, ii - s * d - t * e);
+    }
+    double least = nearest_on_segment(p, i, j, shares);
+    int ends[2][2] = {{i, k}, {j, k}};
+    for (int side = 0; side < 2; side++) {
+        Shares other;
+        double square = nearest_on_segment(p, ends[side][0], ends[side][1], &other);
+        if (square < least) {
+            least = square;
+            *shares = other;
+        }
+    }
+    return least;
+}
+
+// Whether the origin and point m are on different sides of the plane of i, j and k, or nearly in it.
+static int is_outside(const PointPair *p, int i, int j, int k, int m) {
+    const double *o = p[i].difference, *one = p[j].difference, *two = p[k].difference, *far = p[m].difference;
+    double ax = one[0] - o[0], ay = one[1] - o[1], az = one[2] - o[2];
+    double bx = two[0] - o[0], by = two[1] - o[1], bz = two[2] - o[2];
+    double x = ay * bz - az * by, y = az * bx - ax * bz, z = ax * by - ay * bx;
+    double here = -(x * o[0] + y * o[1] + z * o[2]);
+    double there = x * (far[0] - o[0]) + y * (far[1] - o[1]) + z * (far[2] - o[2]);
+    return here * there <= 1e-12 * there * there;
+}
+
+// The point of the hull of some points nearest to the origin; whether the hull contains the origin.
+static int nearest_on_simplex(const PointPair *p, int64_t count, Shares *shares) {
+    static const int faces[4][4] = {{0, 1, 2, 3}, {0, 1, 3, 2}, {0, 2, 3, 1}, {1, 2, 3, 0}};
+    *shares = (Shares){{1.0, 0.0, 0.0, 0.0}};
+    if (count == 2) nearest_on_segment(p, 0, 1, shares);
+    if (count == 3) nearest_on_triangle(p, 0, 1, 2, shares);
+    if (count < 4) return 0;
+    double least = 1e300;
+    for (int f = 0; f < 4; f++) {
+        const int *face = faces[f];
+        if (!is_outside(p, face[0], face[1], face[2], face[3])) continue;
+        Shares other;
+        double square = nearest_on_triangle(p, face[0], face[1], face[2], &other);
+        if (square < least) {
+            least = square;
+            *shares = other;
+        }
+    }
+    return least == 1e300;
+}
+
+// Keep the points that have a share; their number.
+static int64_t drop_points(PointPair *p, int64_t count, Shares *shares) {
+    int64_t kept = 0;
+    for (int64_t i = 0; i < count; i++) {
+        if (!(shares->of[i] > 0.0)) continue;
+        shares->of[kept] = shares->of[i];
+        p[kept++] = p[i];
+    }
+    return kept;
+}
+
+static int is_known(const PointPair *p, int64_t count) {
+    for (int64_t i = 0; i < count; i++) {
+        const double *one = p[i].difference, *two = p[count].difference;
+        if (one[0] == two[0] && one[1] == two[1] && one[2] == two[2]) return 1;
+    }
+    return 0;
+}
+
+// Bounds of the distance of two bodies without their roundings [m], and the direction that proves the lower one, which
+// is -1e300 where the two touch.
+typedef struct {
+    double upper, lower;
+    Direction direction;
+} Separation;
+
+// Search for the direction from a to b along which the two are farthest apart.
+//
+// The bounds may differ by a quarter of the upper one's distance from `base`; the search ends when the lower one reaches
+// `enough`. It starts from the points of an earlier one, and leaves those it ends with.
+static Separation separate(BodyView a, BodyView b, GjkState *state, double base, double enough) {
+    PointPair *p = state->points;
+    int64_t n = state->count;
+    for (int64_t i = 0; i < n; i++) set_difference(a.placed, b.placed, &p[i]);
+    if (n == 0) {
+        const double *one = a.placed->middle, *two = b.placed->middle;
+        add_point(a, b, (Direction){two[0] - one[0], two[1] - one[1], two[2] - one[2]}, &p[0]);
+        n = 1;
+    }
+    Separation best = {1e300, -1e300, {0.0, 0.0, 1.0}};
+    for (int round = 0; round < GJK_ROUNDS; round++) {
+        Shares shares;
+        int inside = nearest_on_simplex(p, n, &shares);
+        n = drop_points(p, n, &shares);
+        Direction d = {0.0, 0.0, 0.0};
+        for (int64_t i = 0; i < n; i++) {
+            d.x -= shares.of[i] * p[i].difference[0];
+            d.y -= shares.of[i] * p[i].difference[1];
+            d.z -= shares.of[i] * p[i].difference[2];
+        }
+        double length = sqrt(d.x * d.x + d.y * d.y + d.z * d.z);
+        if (inside || !(length > CONTACT_DISTANCE)) {
+            state->count = 0;
+            return (Separation){0.0, -1e300, best.direction};
+        }
+        best.upper = lesser(best.upper, length);
+        d = (Direction){d.x / length, d.y / length, d.z / length};
+        add_point(a, b, d, &p[n]);
+        const double *w = p[n].difference;
+        double gap = -(d.x * w[0] + d.y * w[1] + d.z * w[2]);
+        if (gap > best.lower) {
+            best.lower = gap;
+            best.direction = d;
+        }
+        if (best.upper - best.lower <= greater(1e-10, 0.25 * (best.upper - base)) || best.lower >= enough ||
+            is_known(p, n))
+            break;
+        n++;
+    }
+    state->count = n < 3 ? n : 3;
+    return best;
+}

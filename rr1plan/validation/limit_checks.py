@@ -1,0 +1,179 @@
+"""Limits of every joint between samples, joints between pieces, rest at both ends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.report import Margin, Violation, ViolationKind
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene import Arm
+from rr1plan.validation.bernstein_extremes import Extremes
+from rr1plan.validation.referee_kernels import SOURCES, load_library
+
+_C = SOURCES.constants
+_ROWS = sorted(
+    ((name, _C[f"LIMIT_{name.upper()}"]) for name in ("lower", "upper", "velocity", "acceleration", "jerk")),
+    key=lambda row: row[1],
+)
+_RATES: tuple[tuple[ViolationKind, str], ...] = (("velocity", "/s"), ("acceleration", "/s²"), ("jerk", "/s³"))
+
+
+@dataclass
+class Findings:
+    """What the checks write down as they go."""
+
+    violations: list[Violation] = field(default_factory=list)
+    margins: dict[str, Margin] = field(default_factory=dict)
+    checked: list[str] = field(default_factory=list)
+    not_checked: dict[str, str] = field(default_factory=dict)
+    statistics: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """The columns of a motion.
+
+    Args:
+        names: Their names "arm/joint".
+        limits: Their limits.
+        arms: The arms of the scene.
+    """
+
+    names: tuple[str, ...]
+    limits: Limits
+    arms: Mapping[str, Arm]
+
+    def unit(self, column: int) -> str:
+        """Unit of a column: rad or m."""
+        arm, joint = self.names[column].split("/", 1)
+        return "m" if self.arms[arm].robot.joint(joint).kind == "prismatic" else "rad"
+
+    @cached_property
+    def table(self) -> Array:
+        """The limits as the kernels read them, shape (5, nq)."""
+        return np.array([getattr(self.limits, name) for name, _ in _ROWS])
+
+
+def columns_of(arms: Mapping[str, Arm], places: Mapping[str, list[int]], names: tuple[str, ...]) -> Columns:
+    """The columns of these names; of each arm that moves it is given where those of its joints are."""
+    if not places:
+        return Columns(names, Limits(*([np.zeros(0)] * len(fields(Limits)))), arms)
+    limits = Limits.stack([arms[arm].robot.limits for arm in places])
+    order = [column for columns in places.values() for column in columns]
+    if order != list(range(len(order))):
+        inverse = np.argsort(order)
+        limits = Limits(*(getattr(limits, f.name)[inverse] for f in fields(Limits)))
+    return Columns(names, limits, arms)
+
+
+class Judgment:
+    """What of a motion's extremes is beyond a limit, and how much of the limits is used.
+
+    Args:
+        columns: The columns.
+        found: Their extremes.
+        breaks, coefficients: The motion.
+    """
+
+    def __init__(self, columns: Columns, found: Extremes, breaks: Array, coefficients: Array) -> None:
+        self._columns, self._found, self._breaks, self._coefficients = columns, found, breaks, coefficients
+        nq = len(columns.names)
+        self._tightest, self._allowed = np.empty((_C["TIGHTEST_ROWS"], 3)), np.empty((3, nq))
+        self._flaws = np.empty(nq, dtype=np.int64)
+        self._any = load_library().rr1_judge_columns(
+            len(breaks),
+            np.ascontiguousarray(coefficients),
+            *coefficients.shape,
+            found.peaks.reshape(-1, 4),
+            found.jumps.reshape(-1, 2),
+            found.end,
+            columns.table,
+            self._tightest,
+            self._allowed,
+            self._flaws,
+        )
+
+    def check_positions(self, findings: Findings) -> None:
+        """Position limits; infinite limits hold always."""
+        limits, found, columns = self._columns.limits, self._found, self._columns
+        for j in self._columns_with("ABOVE", "BELOW"):
+            name, unit = columns.names[j], columns.unit(j)
+            for flaw, side, bound, value, time in (
+                ("ABOVE", "above its upper", limits.upper[j], found.high[0, j], found.high_time[0, j]),
+                ("BELOW", "below its lower", limits.lower[j], found.low[0, j], found.low_time[0, j]),
+            ):
+                if self._flaws[j] & _C[f"FLAW_{flaw}"]:
+                    message = f"{name} is at {value:.9g} {unit} at {time:.6f} s, {side} limit {bound:.9g} {unit}"
+                    findings.violations.append(
+                        Violation("position", (name,), float(time), float(value), float(bound), message)
+                    )
+        self._note_tightest(findings, "position")
+        findings.checked.append("position")
+
+    def check_continuity(self, findings: Findings) -> None:
+        """Position and velocity must not jump where two pieces meet."""
+        findings.checked.append("continuity")
+        for order, name in enumerate(("POSITION_JUMP", "VELOCITY_JUMP")):
+            self._add_jumps(findings, "continuity", order, name)
+
+    def check_rest(self, findings: Findings) -> None:
+        """A motion starts and ends at rest; one of no duration is at rest."""
+        findings.checked.append("rest")
+        for flaw, when, time in (("START", "starts", self._breaks[0]), ("END", "ends", self._breaks[-1])):
+            for j in self._columns_with(flaw):
+                speed = float(self._coefficients[0, 1, j] if flaw == "START" else self._found.end[1, j])
+                name, unit = self._columns.names[j], self._columns.unit(j)
+                message = f"{name} {when} with {speed:.6g} {unit}/s at {time:.6f} s, expected rest"
+                limit = float(self._allowed[1, j])
+                findings.violations.append(Violation("rest", (name,), float(time), abs(speed), limit, message))
+
+    def check_rates(self, findings: Findings, jerk: bool) -> None:
+        """Velocity, acceleration and on request jerk limits; jumps of acceleration for the last."""
+        for order, (kind, per) in enumerate(_RATES, start=1):
+            if kind == "jerk" and not jerk:
+                findings.not_checked[kind] = "not asked for (option jerk_limits)"
+                return
+            if not self._note_tightest(findings, kind):
+                findings.not_checked[kind] = "no joint has a limit for it"
+                continue
+            for j in self._columns_with(kind.upper()):
+                self._add_rate(findings, kind, order, j, self._columns.unit(j) + per)
+            findings.checked.append(kind)
+        self._add_jumps(findings, "jerk", 2, "ACCELERATION_JUMP")
+
+    def _columns_with(self, *flaws: str) -> list[int]:
+        """The columns that have any of these flaws."""
+        bits = sum(_C[f"FLAW_{flaw}"] for flaw in flaws)
+        if not self._any & bits:
+            return []
+        found: list[int] = np.flatnonzero(self._flaws & bits).tolist()
+        return found
+
+    def _note_tightest(self, findings: Findings, kind: ViolationKind) -> bool:
+        """Note how much of a limit is used; whether a column has such a limit."""
+        ratio, column, time = self._tightest[_C[f"TIGHTEST_{kind.upper()}"]].tolist()
+        if ratio == -np.inf:
+            return False
+        findings.margins[kind] = Margin(ratio, "", (self._columns.names[int(column)],), time)
+        return True
+
+    def _add_rate(self, findings: Findings, kind: ViolationKind, order: int, j: int, unit: str) -> None:
+        high, high_time, low, low_time = self._found.peaks[order, j].tolist()
+        value, time = (high, high_time) if high >= -low else (-low, low_time)
+        name, bound = self._columns.names[j], float(getattr(self._columns.limits, kind)[j])
+        excess = 100.0 * (value / bound - 1.0)
+        message = f"{name} has {kind} {value:.9g} {unit} at {time:.6f} s, limit {bound:.9g} {unit} (+{excess:.3g} %)"
+        findings.violations.append(Violation(kind, (name,), time, value, bound, message))
+
+    def _add_jumps(self, findings: Findings, kind: ViolationKind, order: int, flaw: str) -> None:
+        for j in self._columns_with(flaw):
+            name, unit = self._columns.names[j], self._columns.unit(j) + ("", "/s", "/s²")[order]
+            jump, time = self._found.jumps[order, j].tolist()
+            what = {"continuity": "jumps", "jerk": "has a jump of acceleration, an infinite jerk,"}[kind]
+            message = f"{name} {what} by {jump:.6g} {unit} at {time:.6f} s"
+            findings.violations.append(Violation(kind, (name,), time, jump, float(self._allowed[order, j]), message))

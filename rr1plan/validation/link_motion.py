@@ -1,0 +1,245 @@
+"""Where every link is at many times at once: plain numpy kinematics along a trajectory.
+
+The referee's own forward kinematics. It shares nothing with `rr1plan.model` (Pinocchio)
+and is tested against `Robot.link_poses`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.errors import InputError
+from rr1plan.robot import Joint, Robot
+from rr1plan.scene import Arm
+from rr1plan.validation.polynomial_bounds import Index, RangeTable, bernstein, evaluate
+
+
+@dataclass(frozen=True, eq=False)
+class TimedColumns:
+    """A motion of some columns.
+
+    Args:
+        joint_names: Their names "arm/joint".
+        breaks: Times of the pieces [s], shape (m + 1,), or (1,) for a duration of zero.
+        coefficients: Local coefficients, lowest power first, shape (m, d + 1, nq).
+    """
+
+    joint_names: tuple[str, ...]
+    breaks: Array
+    coefficients: Array
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Names of the arms that have columns here, in order."""
+        return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
+
+    def endpoints(self) -> Array:
+        """Columns at the first and at the last instant, shape (2, nq)."""
+        width = self.breaks[-1] - self.breaks[-2] if len(self.breaks) > 1 else 0.0
+        last = self.coefficients[-1, -1]
+        for terms in self.coefficients[-1, -2::-1]:
+            last = last * width + terms
+        return np.stack([self.coefficients[0, 0], last])
+
+
+class Frames(NamedTuple):
+    """Poses at n times: of the world and all links, and the lines about which joints turn.
+
+    Args:
+        rotation: R_world_link, shape (n, links, 3, 3); link 0 is the world itself.
+        origin: Positions [m], shape (n, links, 3).
+        axis: Directions of the moving joints, shape (n, joints, 3).
+        pivot: Points on their axes [m], shape (n, joints, 3).
+    """
+
+    rotation: Array
+    origin: Array
+    axis: Array
+    pivot: Array
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Value of a joint: scale * q[column] + offset; column -1 stands for no column (it rests)."""
+
+    column: int
+    scale: float
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
+class MovingLink:
+    """A link after its parent: the joint between them and what drives it.
+
+    Args:
+        index, parent: Numbers of the link and of its parent among all links of the scene.
+        joint: The joint between them.
+        drive: What its value follows.
+        number: Number of the joint among the moving joints, or -1 when it rests.
+    """
+
+    index: int
+    parent: int
+    joint: Joint
+    drive: Drive
+    number: int
+
+
+def drives(robot: Robot, columns: dict[str, int], configuration: dict[str, float]) -> dict[str, Drive]:
+    """What drives every joint that is not fixed: a column, its configuration, its held value, or its leader.
+
+    Args:
+        robot: The robot.
+        columns: Column of each planning joint that moves, by joint name.
+        configuration: Value [rad or m] of the planning joints that rest, by joint name.
+
+    Raises:
+        InputError: a joint that nothing drives.
+    """
+    found: dict[str, Drive] = {name: Drive(column, 1.0, 0.0) for name, column in columns.items()}
+    found |= {name: Drive(-1, 0.0, value) for name, value in (*configuration.items(), *robot.locked_joints.items())}
+    waiting = [joint for joint in robot.joints if joint.kind != "fixed" and joint.name not in found]
+    while waiting:
+        ready = [joint for joint in waiting if joint.mimic is not None and joint.mimic.joint in found]
+        if not ready:
+            raise InputError(f"joint {waiting[0].name!r} of robot {robot.name!r} follows no joint that has a value")
+        for joint in ready:
+            assert joint.mimic is not None
+            leader, gain = found[joint.mimic.joint], joint.mimic.multiplier
+            found[joint.name] = Drive(leader.column, gain * leader.scale, gain * leader.offset + joint.mimic.offset)
+        waiting = [joint for joint in waiting if joint.name not in found]
+    return found
+
+
+class SceneMotion:
+    """All links of a scene along the columns of one piecewise polynomial.
+
+    Args:
+        arms: The arms of the scene; those without a column rest in their configuration.
+        joint_names: Name of each column, "arm/joint".
+        breaks: Times [s], shape (m + 1,), or (1,) for a duration of zero.
+        coefficients: Local coefficients, lowest power first, shape (m, d + 1, nq).
+    """
+
+    def __init__(
+        self, arms: Mapping[str, Arm], joint_names: tuple[str, ...], breaks: Array, coefficients: Array
+    ) -> None:
+        self.breaks, self.coefficients = breaks, coefficients
+        self.links: dict[str, int] = {"": 0}
+        self.bases: list[tuple[int, Array]] = []
+        self.steps: list[MovingLink] = []
+        self._moving: list[MovingLink] = []
+        columns = {name: i for i, name in enumerate(joint_names)}
+        for name, arm in arms.items():
+            self._add_arm(name, arm, columns)
+        self.movers = self._movers()
+        moving = self._moving
+        self.column = np.array([step.drive.column for step in moving], dtype=np.intp)
+        self.gain = np.array([abs(step.drive.scale) for step in moving], dtype=np.float64)
+        self.slides = np.array([step.joint.kind == "prismatic" for step in moving], dtype=bool)
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces."""
+        return len(self.coefficients)
+
+    @property
+    def widths(self) -> Array:
+        """How long each piece takes [s], shape (m,)."""
+        return np.diff(self.breaks) if len(self.breaks) > 1 else np.zeros(1)
+
+    @cached_property
+    def _table(self) -> RangeTable:
+        control = bernstein(self.coefficients, np.zeros(self.pieces), self.widths)
+        return RangeTable(control.min(axis=1), control.max(axis=1))
+
+    def _add_arm(self, arm: str, placed: Arm, columns: dict[str, int]) -> None:
+        robot = placed.robot
+        own = {n: columns[f"{arm}/{n}"] for n in robot.joint_names if f"{arm}/{n}" in columns}
+        rest = dict(zip(robot.joint_names, (float(v) for v in placed.q), strict=True))
+        driven = drives(robot, own, {n: v for n, v in rest.items() if n not in own})
+        self.links[f"{arm}/{robot.base}"] = base = len(self.links)
+        self.bases.append((base, placed.base))
+        for joint in robot.joints:
+            drive = driven.get(joint.name, Drive(-1, 0.0, 0.0))
+            index = self.links.setdefault(f"{arm}/{joint.child}", len(self.links))
+            number = len(self._moving) if drive.column >= 0 and drive.scale != 0.0 else -1
+            step = MovingLink(index, self.links[f"{arm}/{joint.parent}"], joint, drive, number)
+            self.steps.append(step)
+            if number >= 0:
+                self._moving.append(step)
+
+    def _movers(self) -> Array:
+        """Which moving joints carry each link, shape (links, joints) of 0 and 1."""
+        carried = np.zeros((len(self.links), len(self._moving)))
+        for step in self.steps:
+            carried[step.index] = carried[step.parent]
+            if step.number >= 0:
+                carried[step.index, step.number] = 1.0
+        return carried
+
+    # ---- times -------------------------------------------------------------------------
+
+    def locate(self, times: Array) -> tuple[Index, Array]:
+        """The piece (n,) and the local time (n,) [s] of each time (n,); the later piece at a break."""
+        piece = np.clip(np.searchsorted(self.breaks, times, side="right") - 1, 0, self.pieces - 1)
+        return piece, np.clip(times - self.breaks[piece], 0.0, self.widths[piece])
+
+    def positions(self, piece: Index, local: Array) -> Array:
+        """Columns (n, nq) at n local times of pieces."""
+        return evaluate(self.coefficients[piece], local)
+
+    def ranges(self, first: Index, stop: Index, start: Array, end: Array) -> tuple[Array, Array]:
+        """Bounds (n, nq) of the columns over runs of pieces, or over a part of a piece.
+
+        Args:
+            first: First piece of each run, shape (n,).
+            stop: The piece after the last of each run, shape (n,).
+            start: Local time [s] where the part begins if the run is a single piece, shape (n,).
+            end: Local time [s] where it ends, shape (n,).
+        """
+        lower, upper = self._table.over(first, stop)
+        single = np.flatnonzero(stop - first == 1)
+        control = bernstein(self.coefficients[first[single]], start[single], end[single])
+        lower[single], upper[single] = control.min(axis=1), control.max(axis=1)
+        return lower, upper
+
+    # ---- poses -------------------------------------------------------------------------
+
+    def frames(self, q: Array) -> Frames:
+        """Poses of everything at n values of the columns (n, nq)."""
+        n = len(q)
+        rotation = np.zeros((n, len(self.links), 3, 3))
+        origin = np.zeros((n, len(self.links), 3))
+        axis, pivot = np.empty((n, len(self._moving), 3)), np.empty((n, len(self._moving), 3))
+        rotation[:, 0] = np.eye(3)
+        for base, T in self.bases:
+            rotation[:, base], origin[:, base] = T[:3, :3], T[:3, 3]
+        for step in self.steps:
+            joint, drive = step.joint, step.drive
+            R, p = rotation[:, step.parent] @ joint.origin[:3, :3], rotation[:, step.parent] @ joint.origin[:3, 3]
+            p = p + origin[:, step.parent]
+            direction = R @ joint.axis
+            if step.number >= 0:
+                axis[:, step.number], pivot[:, step.number] = direction, p
+            value = drive.offset + (drive.scale * q[:, drive.column] if drive.column >= 0 else np.zeros(n))
+            if joint.kind == "prismatic":
+                p = p + value[:, None] * direction
+            elif joint.kind != "fixed":
+                R = R @ _turns(joint.axis, value)
+            rotation[:, step.index], origin[:, step.index] = R, p
+        return Frames(rotation, origin, axis, pivot)
+
+
+def _turns(axis: Array, angles: Array) -> Array:
+    """Rotations (n, 3, 3) about one unit axis by n angles (Rodrigues)."""
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine, versine = np.sin(angles)[:, None, None], (1.0 - np.cos(angles))[:, None, None]
+    return np.asarray(np.eye(3) + sine * K + versine * (K @ K))

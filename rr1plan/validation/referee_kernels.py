@@ -1,0 +1,66 @@
+"""The referee's own kernels as Python calls them, and the columns of the tables that they read."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+from typing import Any
+
+from rr1plan.binding import c_memory as memory
+from rr1plan.binding.c_sources import KernelSources
+from rr1plan.binding.compiled_library import KernelLibrary
+
+SOURCES = KernelSources(Path(__file__).parent / "kernels" / "referee.c")
+LIBRARY = KernelLibrary(SOURCES)
+
+
+def load_library() -> ctypes.CDLL:
+    """The fastest library that this processor can run.
+
+    Raises:
+        InstallationError: none is built, or it cannot be loaded.
+    """
+    return LIBRARY.fastest
+
+
+class RefereeStruct(memory.CStruct):
+    """A struct of the referee's kernels; see `rr1plan.binding.c_memory.CStruct`.
+
+    Args:
+        name: Its name.
+        fields: Values of its fields.
+
+    Raises:
+        TypeError: an array that is not what the headers say.
+    """
+
+    def __init__(self, name: str, **fields: Any) -> None:
+        super().__init__(SOURCES, name, **fields)
+
+
+def _columns(struct: str, *fields: str) -> tuple[int, ...]:
+    """Where fields begin in a row of a table, counted in numbers."""
+    return tuple(getattr(SOURCES.classes[struct], field).offset // 8 for field in fields)
+
+
+_C = SOURCES.constants
+# What a shape is to the kernels; see `referee_tables.h`.
+HULL, BOX, CYLINDER, PLANE, TABLE, SHAPE_CONCAVE, SHAPE_SURFACE = (
+    _C[f"SHAPE_{n}"] for n in ("HULL", "BOX", "CYLINDER", "PLANE", "TABLE", "CONCAVE", "SURFACE")
+)
+# Cells of directions: on each face of a cube SIDE by SIDE.
+SIDE, CELLS = _C["SUPPORT_SIDE"], _C["SUPPORT_CELLS"]
+# Rows of `corners` (4, n): the point, and for a table where the corners of each cell begin, from its first column.
+STARTS = 3
+TURNS, SLIDES = _C["MOVE_TURNS"], _C["MOVE_SLIDES"]
+LEFT, UNDECIDED = _C["PAIR_LEFT"], _C["PAIR_UNDECIDED"]
+GROUPS, OTHERS, OWN = _C["PAIR_GROUPS"], _C["GROUP_OTHERS"], _C["GROUP_OWN"]
+# Columns of the tables of bodies (b, 7), of their sizes (b, 23), of placed bodies (b, 15), of joints' frames (j, 17).
+SHAPE, FIRST_CORNER, COUNT, LINK, FIRST_JOINT, DEPTH, FIRST_NODE = _columns(
+    "RefereeBody", "shape", "first_corner", "corner_count", "link", "first_joint", "depth", "first_node"
+)
+HALF, ROUND, RADIUS, BOUND, CENTER, LOCAL = _columns(
+    "BodySizes", "half", "rounding", "radius", "box", "center", "rotation"
+)
+ORIGIN, MIDDLE = _columns("PlacedBody", "origin", "middle")
+SHIFT, AXIS, GAIN, OFFSET = _columns("JointFrame", "shift", "axis", "gain", "offset")

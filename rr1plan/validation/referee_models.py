@@ -1,0 +1,306 @@
+"""Models of robots and of obstacles for the compiled search: made once and shared by all arms that are equal.
+
+A model knows joints, bodies and which pairs of its elements must not touch; where its base is, what its columns are and
+what other things are called is the scene's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from itertools import accumulate
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.robot import Geometry, Joint, Robot
+from rr1plan.scene import Attachment, Obstacle
+from rr1plan.shapes import Shape
+from rr1plan.validation.link_motion import Drive, drives
+from rr1plan.validation.referee_kernels import (
+    AXIS,
+    CENTER,
+    COUNT,
+    DEPTH,
+    FIRST_CORNER,
+    FIRST_JOINT,
+    FIRST_NODE,
+    GAIN,
+    LINK,
+    LOCAL,
+    OFFSET,
+    PLANE,
+    SHAPE,
+    SHAPE_CONCAVE,
+    SHAPE_SURFACE,
+    SHIFT,
+    SLIDES,
+    TURNS,
+    RefereeStruct,
+)
+from rr1plan.validation.referee_shapes import Solid, core_row, solid
+
+Table = NDArray[np.int64]
+
+
+class HeldThing(NamedTuple):
+    """What an arm holds, as far as its model depends on it.
+
+    Args:
+        geometries: Its shapes.
+        link: The link it is fixed to.
+        pose: T_link_object as bytes, shape (4, 4).
+        touch: Links of the arm it may touch besides.
+    """
+
+    geometries: tuple[Geometry, ...]
+    link: str
+    pose: bytes
+    touch: frozenset[str]
+
+    @staticmethod
+    def of(thing: Attachment) -> HeldThing:
+        """That of an attachment."""
+        return HeldThing(thing.geometries, thing.link, thing.pose.tobytes(), thing.touch)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyRows:
+    """Bodies on links as the compiled search reads them, row by row.
+
+    Args:
+        shapes: Their shapes.
+        cores: Kind, number of corners to look at one by one and of columns of their cores, shape (b, 3).
+        sizes: Sizes and places as `BodySizes` has them, shape (b, 23).
+    """
+
+    shapes: tuple[Shape, ...]
+    cores: Table
+    sizes: Array
+
+    @staticmethod
+    def of(shapes: Iterable[Shape], poses: Array) -> BodyRows:
+        """The bodies of shapes at poses (b, 4, 4) in the frames of their links."""
+        shapes = tuple(shapes)
+        rows = [core_row(shape) for shape in shapes]
+        sizes = np.empty((len(rows), LOCAL + 12))
+        sizes[:, :LOCAL] = np.array(
+            [(*row.half, row.rounding, row.radius, *row.box, *row.center) for row in rows], dtype=np.float64
+        ).reshape(-1, LOCAL)
+        sizes[:, LOCAL : LOCAL + 9] = poses[:, :3, :3].reshape(-1, 9)
+        sizes[:, LOCAL + 9 :] = poses[:, :3, 3]
+        centers = sizes[:, CENTER:LOCAL]
+        if centers.any():
+            centers[:] = (poses[:, :3, :3] @ centers[:, :, None])[:, :, 0]
+        centers += poses[:, :3, 3]
+        return BodyRows(shapes, np.array([row[:3] for row in rows], dtype=np.int64).reshape(-1, 3), sizes)
+
+    @cached_property
+    def solids(self) -> tuple[Solid, ...]:
+        """The same as solids."""
+        return tuple(map(solid, self.shapes))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmTables:
+    """A model as the kernels read it.
+
+    Args:
+        links: Names of the links with shapes, which are the first elements; things that are held come after them.
+        rows: Its bodies, on the links that carry them.
+        bodies: The same as the kernels read them.
+        struct: The model.
+        element_count: Number of its elements.
+        depth: Joints of its longest chain.
+        planes: Elements with a half-space for a shape.
+        moving_planes: Those that a joint carries.
+        concave: Elements with a shape that the compiled search passes over.
+        own_checked: Which pairs of its elements must not touch, shape (elements, elements) of 0 and 1; symmetric. None
+            where no pair of them is checked.
+    """
+
+    links: tuple[str, ...]
+    rows: BodyRows
+    bodies: RefereeStruct
+    struct: RefereeStruct
+    element_count: int
+    depth: int
+    planes: tuple[int, ...]
+    moving_planes: tuple[int, ...]
+    concave: tuple[int, ...]
+    own_checked: NDArray[np.uint8] | None
+
+
+def arm_tables(robot: Robot, held: tuple[HeldThing, ...]) -> ArmTables:
+    """The model of a robot with what it holds, made once for its content.
+
+    Raises:
+        InputError: a joint that follows none that has a value.
+    """
+    return _build(_Content(robot.content_hash, held, robot))
+
+
+@dataclass(frozen=True)
+class _Content:
+    """A robot by its content, and what it holds."""
+
+    key: str
+    held: tuple[HeldThing, ...]
+    robot: Robot = field(compare=False)
+
+
+@lru_cache(maxsize=64)
+def _build(content: _Content) -> ArmTables:
+    robot = content.robot
+    columns = {name: i for i, name in enumerate(robot.joint_names)}
+    driven = drives(robot, columns, {})
+    carriers: dict[str, tuple[int, Array]] = {robot.base: (0, np.eye(4))}
+    chains: list[tuple[int, ...]] = [()]
+    joints: list[tuple[int, int, int]] = []
+    frames: list[Array] = []
+    for joint in robot.joints:
+        drive = driven.get(joint.name, Drive(-1, 0.0, 0.0))
+        carrier, T = carriers[joint.parent]
+        if joint.kind == "fixed" or drive.column < 0 or drive.scale == 0.0:
+            carriers[joint.child] = carrier, T @ _origin_at(joint, drive.offset)
+            continue
+        carriers[joint.child] = len(chains), np.eye(4)
+        chains.append((*chains[carrier], len(joints)))
+        joints.append((carrier, SLIDES if joint.kind == "prismatic" else TURNS, drive.column))
+        frames.append(_frame(T @ joint.origin, joint, drive))
+    links = tuple(link.name for link in robot.links if link.collisions)
+    elements = [(link.name, link.collisions, np.eye(4)) for link in robot.links if link.collisions]
+    elements += [(held.link, held.geometries, np.frombuffer(held.pose).reshape(4, 4)) for held in content.held]
+    poses = [carriers[link][1] @ T @ geometry.pose for link, geometries, T in elements for geometry in geometries]
+    rows = BodyRows.of((g.shape for _, geometries, _ in elements for g in geometries), _stacked(poses))
+    counts = [len(geometries) for _, geometries, _ in elements]
+    on = np.repeat(np.array([carriers[link][0] for link, _, _ in elements], dtype=np.int64), counts)
+    depth = np.array([len(chain) for chain in chains], dtype=np.int64)[on]
+    own_checked = _own_checked(links, content)
+    # Only surfaces that do not move are searched triangle by triangle.
+    rows.cores[rows.cores[:, 0] == SHAPE_SURFACE, 0] = SHAPE_CONCAVE
+    bodies = _bodies(rows, on, depth)
+    first = _starts(counts)
+    struct = RefereeStruct(
+        "RefereeModel",
+        joints=np.array(joints, dtype=np.int64).reshape(-1, 3),
+        frames=np.array(frames, dtype=np.float64).reshape(-1, 17),
+        joint_count=len(joints),
+        column_count=len(columns),
+        bodies=bodies,
+        chains=np.array([joint for i in on.tolist() for joint in chains[i]], dtype=np.int64),
+        element_bodies=first,
+        element_count=len(counts),
+        base_element=links.index(robot.base) if robot.base in links else -1,
+        own_checked=own_checked,
+    )
+    planes = _elements_with(rows, PLANE, first)
+    moving = tuple(i for i in planes if depth[first[i]] > 0)
+    concave = _elements_with(rows, SHAPE_CONCAVE, first)
+    return ArmTables(
+        links, rows, bodies, struct, len(counts), int(depth.max(initial=0)), planes, moving, concave, own_checked
+    )
+
+
+def _stacked(poses: list[Array]) -> Array:
+    """Poses as one array, shape (n, 4, 4)."""
+    return np.concatenate(poses).reshape(-1, 4, 4) if poses else np.zeros((0, 4, 4))
+
+
+def _starts(counts: list[int]) -> Table:
+    """Where each of several runs begins and the last one ends, shape (n + 1,)."""
+    return np.array([0, *accumulate(counts)], dtype=np.int64)
+
+
+def _elements_with(rows: BodyRows, kind: int, first: Table) -> tuple[int, ...]:
+    """The elements with a body of a kind, of each of which the first body is given."""
+    bodies = np.flatnonzero(rows.cores[:, 0] == kind)
+    if not len(bodies):
+        return ()
+    return tuple(np.unique(np.searchsorted(first, bodies, side="right") - 1).tolist())
+
+
+def _origin_at(joint: Joint, value: float) -> Array:
+    """T_parent_child of a joint that does not move."""
+    if joint.kind == "fixed" or value == 0.0:
+        return joint.origin
+    moved = np.eye(4)
+    if joint.kind == "prismatic":
+        moved[:3, 3] = value * joint.axis
+    else:
+        x, y, z = joint.axis
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        moved[:3, :3] += np.sin(value) * cross + (1.0 - np.cos(value)) * cross @ cross
+    return np.asarray(joint.origin @ moved)
+
+
+def _frame(origin: Array, joint: Joint, drive: Drive) -> Array:
+    """A row of `JointFrame`."""
+    frame = np.zeros(17)
+    frame[:SHIFT], frame[SHIFT:AXIS], frame[AXIS:GAIN] = origin[:3, :3].ravel(), origin[:3, 3], joint.axis
+    frame[GAIN], frame[OFFSET] = drive.scale, drive.offset
+    return frame
+
+
+def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]:
+    """Which pairs of an arm's links and held things must not touch."""
+    index, count = {name: i for i, name in enumerate(links)}, len(links) + len(content.held)
+    checked = np.ones((count, count), dtype=np.uint8)
+    np.fill_diagonal(checked, 0)
+    for both in content.robot.disabled_collisions:
+        # Links without a shape are no elements.
+        pair = [index[name] for name in both if name in index]
+        if len(pair) == 2:
+            checked[pair, pair[::-1]] = 0
+    for i, thing in enumerate(content.held, start=len(links)):
+        near = [index[name] for name in thing.touch | {thing.link} if name in index]
+        near += [j for j, other in enumerate(content.held, start=len(links)) if other.link == thing.link]
+        checked[i, near] = checked[near, i] = 0
+    return checked
+
+
+def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
+    """The model of all obstacles of a scene: elements of a single link at the world's origin."""
+    obstacles = tuple(obstacles)
+    geometries = [geometry for obstacle in obstacles for geometry in obstacle.geometries]
+    counts = [len(obstacle.geometries) for obstacle in obstacles]
+    poses = _stacked([obstacle.pose for obstacle in obstacles for _ in obstacle.geometries])
+    rows = BodyRows.of((g.shape for g in geometries), poses @ _stacked([g.pose for g in geometries]))
+    bodies, first = _bodies(rows, None, None), _starts(counts)
+    struct = RefereeStruct(
+        "RefereeModel", bodies=bodies, element_bodies=first, element_count=len(counts), base_element=-1
+    )
+    planes, concave = _elements_with(rows, PLANE, first), _elements_with(rows, SHAPE_CONCAVE, first)
+    return ArmTables((), rows, bodies, struct, len(counts), 0, planes, (), concave, None)
+
+
+def _bodies(rows: BodyRows, links: Table | None, depth: Table | None) -> RefereeStruct:
+    """Bodies as the kernels read them, with their corners and triangles.
+
+    Args:
+        rows: The bodies.
+        links: Number of the link of each body, shape (b,); None if all are on link 0, which no joint carries.
+        depth: Number of joints that carry each body, shape (b,); None with `links`.
+    """
+    table = np.zeros((len(rows.shapes), 7), dtype=np.int64)
+    kind, table[:, COUNT], columns = rows.cores.T
+    table[:, SHAPE] = kind
+    if links is not None and depth is not None:
+        table[:, LINK], table[:, DEPTH], table[:, FIRST_JOINT] = links, depth, np.cumsum(depth) - depth
+    arrays = {"bodies": table, "sizes": rows.sizes}
+    if columns.any():
+        table[:, FIRST_CORNER] = np.cumsum(columns) - columns
+        solids = [solid(rows.shapes[i]) for i in np.flatnonzero(columns).tolist()]
+        arrays["corners"] = np.concatenate([body.core.corners for body in solids], axis=1)
+    searched = np.flatnonzero(kind == SHAPE_SURFACE)
+    if len(searched):
+        surfaces = [surface for i in searched.tolist() if (surface := solid(rows.shapes[i]).surface) is not None]
+        table[searched, FIRST_NODE] = _starts([len(surface.nodes) for surface in surfaces])[:-1]
+        arrays["boxes"] = np.concatenate([surface.boxes for surface in surfaces])
+        arrays["nodes"] = np.concatenate([surface.nodes for surface in surfaces])
+    return RefereeStruct(
+        "RefereeBodies", body_count=len(table), corner_count=int(columns.sum()) if "corners" in arrays else 0, **arrays
+    )
