@@ -282,8 +282,9 @@ def plan_motion(
     generator = as_generator(rng)
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
-    planner = planner or ("rrt_connect" if len(problem.arms) <= _PLANNED_AS_ONE else _MANY_ARMS)
-    if planner == _MANY_ARMS:
+    if planner is None:
+        planner = "rrt_connect" if len(problem.arms) <= _PLANNED_AS_ONE else _MANY_ARMS
+    if isinstance(planner, str) and planner == _MANY_ARMS:
         _check_many_arms_options(retiming, torque_limits)
         return _plan_many_arms(problem, seconds, margin, budget, generator, progress)
     chosen = chosen_planner(planner)
