@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,13 +71,16 @@ def test_the_same_seed_gives_the_same_motion(rr1: rp.Robot) -> None:
     assert one.trajectory.coefficients.tobytes() == two.trajectory.coefficients.tobytes()
 
 
-def test_plan_motion_answers_problems_of_many_arms_with_proof(rr1: rp.Robot) -> None:
+def test_plan_motion_answers_problems_of_many_arms_with_proof(rr1: rp.Robot, tmp_path: Path) -> None:
     problem = _problem("grid-4", rr1)
     motion = rp.plan_motion(problem, rng=0, budget=_BUDGET)
     assert motion
     assert motion.many_arms is not None
     assert motion.trajectory.arms == problem.arms
     assert motion.result.planner == "many_arms"
+    again = rp.load_motion(motion.save(tmp_path / "motion.json"))
+    assert again.valid
+    assert again.trajectory.allclose(motion.trajectory)
     with pytest.raises(rp.NoPlanError, match="path of its own"):
         _ = motion.path
     with pytest.raises(InputError, match="times motions itself"):
@@ -161,7 +165,14 @@ def _idle(planar2r: rp.Robot) -> rp.Problem:
     return rp.Problem(scene, start, {"left": [-0.9, 0.5]}, arms=["left", "idle"])
 
 
-_DEADLOCKS = {"swap": _swap, "goals": _goals_in_the_way, "cycle": _cycle, "idle": _idle}
+def _retreat(planar2r: rp.Robot) -> rp.Problem:
+    """One sweeps across the start and the goal of the other, which has to back up beyond its start before it may go."""
+    scene = _facing(planar2r).with_obstacle("wall", rp.Box((0.1, 1.6, 0.2)), (1.7, 0.0, 0.0))
+    start = {"left": [0.2, 0.0], "right": [np.pi - 0.9, 0.0]}
+    return rp.Problem(scene, start, {"left": [-0.5, 0.0], "right": [np.pi + 0.9, 0.0]})
+
+
+_DEADLOCKS = {"swap": _swap, "goals": _goals_in_the_way, "cycle": _cycle, "idle": _idle, "retreat": _retreat}
 
 
 @pytest.mark.parametrize("name", list(_DEADLOCKS))
@@ -172,7 +183,7 @@ def test_deadlocks_are_solved_by_more_than_timing(name: str, planar2r: rp.Robot)
     assert {group.stage for group in result.groups} <= {"detours", "eviction", "composite"}
 
 
-@pytest.mark.parametrize("name", ["swap", "idle"])
+@pytest.mark.parametrize("name", ["swap", "idle", "retreat"])
 def test_the_first_paths_cannot_be_timed_in_any_order(name: str, planar2r: rp.Robot) -> None:
     problem = _DEADLOCKS[name](planar2r)
     paths = []
