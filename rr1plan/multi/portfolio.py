@@ -18,7 +18,6 @@ import numpy as np
 
 from rr1plan.checks import Seed, as_generator, finite_number
 from rr1plan.errors import InputError
-from rr1plan.multi.agents import Agent
 from rr1plan.multi.interaction import arms_in_reach, interaction_groups
 from rr1plan.multi.preflight import MARGINS, preflight
 from rr1plan.multi.prioritized import PrioritizedPlanner, Statistics
@@ -143,15 +142,14 @@ def plan_many_arms(
         raise InputError(f"margin is {largest}, expected a distance >= 0")
     near = arms_in_reach(problem.scene, problem.arms, largest)
     found = preflight(problem, near, largest, generator)
-    if found.problem is None:
-        assert found.status is not None, "a problem without an answer has a status"
+    if found.status is not None:
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
     groups: list[GroupResult] = []
     planners: list[PrioritizedPlanner] = []
     for arms in interaction_groups(near):
         # Numbers of their own, so that a group is planned the same whatever the others are.
         numbers = np.random.default_rng(generator.integers(2**63))
-        agents = [Agent(found.problem, [arm]) for arm in arms]
+        agents = [found.agents[arm] for arm in arms]
         planners.append(PrioritizedPlanner(agents, near, found.margins, numbers, watch))
         groups.append(_solve(planners[-1], arms, watch))
     if watch.cancelled:

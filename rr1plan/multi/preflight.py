@@ -30,13 +30,13 @@ class Preflight:
     """What was found.
 
     Args:
-        problem: The problem with a configuration as each goal; None if there is no answer to it.
+        agents: The agent of each arm, in a problem with a configuration as each goal; none if there is no answer to it.
         margins: Distance that each arm can keep from what stands still, beyond the padding [m].
         status: None, or why there is no answer.
         reason: The same in words.
     """
 
-    problem: Problem | None
+    agents: Mapping[str, Agent]
     margins: Mapping[str, float]
     status: PlanStatus | None = None
     reason: str = ""
@@ -60,17 +60,18 @@ def preflight(
         with checker_from_pool(question.scene, question.arms) as checker:
             blocked = "" if _is_usable(checker, question.start) else check_start(question, checker)
         if blocked:
-            return Preflight(None, {}, PlanStatus.INVALID_START, f"{arm}: {blocked}")
+            return Preflight({}, {}, PlanStatus.INVALID_START, f"{arm}: {blocked}")
     touching = _first_contact(agents, starts, near)
     if touching is not None:
-        return Preflight(None, {}, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")
+        return Preflight({}, {}, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")
     goal, status, reason = goal_configurations(agents, near, rng)
     if status is not None:
-        return Preflight(None, {}, status, reason)
+        return Preflight({}, {}, status, reason)
     margins = {arm: affordable_margin(agent, goal[arm], largest_margin) for arm, agent in agents.items()}
     if all(len(goals) == 1 and isinstance(goals[0], JointGoal) for goals in problem.goal.values()):
-        return Preflight(problem, margins)
-    return Preflight(Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, arms=problem.arms), margins)
+        return Preflight(agents, margins)
+    plain = Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, arms=problem.arms)
+    return Preflight({arm: Agent(plain, [arm]) for arm in agents}, margins)
 
 
 def goal_configurations(
