@@ -71,7 +71,7 @@ def _tasks(args: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _ask(task: Mapping[str, Any]) -> dict[str, Any]:
-    """What a process of its own measures, or why it did not."""
+    """Measure one problem in a new process; or the reason why that failed."""
     command = [sys.executable, str(Path(__file__).resolve()), "--child", json.dumps(dict(task))]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600.0 + 2.0 * task["limit"])

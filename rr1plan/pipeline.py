@@ -361,7 +361,7 @@ def _plan_many_arms(
             report = validate(found.trajectory, problem.scene, problem)
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), _MANY_ARMS), seconds)
-    reason = "every arm has a path of its own, in `many_arms.paths`"
+    reason = "each arm has its own path, see `many_arms.paths`"
     result = PlanResult(found.status, None, reason, _MANY_ARMS, seconds=found.seconds)
     return MotionPlan(problem, result, seconds, _trajectory=found.trajectory, _report=report, many_arms=found)
 

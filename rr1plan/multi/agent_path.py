@@ -24,7 +24,7 @@ from rr1plan.retiming.timed_pieces import Pieces, concatenate
 # How far any point of the arms gets on a segment [m]: in the middle of a path, and at its ends, where other arms may be
 # near; between them it grows by this share of the way from the end.
 _LONGEST, _SHORTEST, _GROWTH = 0.08, 0.006, 0.3
-# Leaves of the tree of intervals for each segment: cells of diagrams are proven in so many parts.
+# Leaves of the interval tree per segment: a cell of a diagram is certified in the square of that many parts.
 _LEAVES = 4
 # Inner gridpoints at which an agent may wait.
 _STOPS = 12
@@ -245,7 +245,7 @@ def _fill_tree(q: Array, reach: Array, empty: NDArray[np.int64], leaves: int) ->
 
 
 def _merged(pieces: Pieces, grid: Grid, x: Array, curve: Curve) -> Pieces:
-    """The same motion with one piece for what has one path acceleration on one straight line."""
+    """Join consecutive pieces on a straight line that have the same path acceleration."""
     gain = np.diff(x) / grid.delta
     bent = curve.coefficients[grid.piece, 2].any(axis=1)
     scale = _SAME * max(float(np.abs(gain).max()), 1e-12)

@@ -22,7 +22,7 @@ from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.coordination import Blocked
 from rr1plan.multi.schedule import Leg, Occupancy, Schedule, rest_row
 
-# Added to both ends of what others occupy, far above the rounding of times [s].
+# Blocked times are extended by this at both ends, far above the rounding of times [s].
 _ROUNDING = 1e-7
 
 

@@ -81,7 +81,7 @@ def test_what_is_free_in_a_diagram_is_free_for_coal(crossing) -> None:
         else:
             owners = [{problem.scene.owner(c.a), problem.scene.owner(c.b)} for c in checker.contacts(q)]
             assert {"arm01", "arm02"} not in owners
-    # Most of what is blocked is blocked for a reason.
+    # Most blocked cells contain a contact.
     assert touching > 0.6 * blocked.sum()
 
 
