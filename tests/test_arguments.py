@@ -156,6 +156,8 @@ def calls(folder: Path) -> dict[str, Call]:
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"q0": q, "q1": q + 0.1})
             for verb in ("edge_is_free", "edge_is_free_slowly", "first_contact")
         },
+        "CollisionChecker.keep_margin": (checker.keep_margin, {"margin": 0.0}),
+        "CollisionChecker.move_obstacle": (checker.move_obstacle, {"name": "box", "pose": [0, 0, 0.5]}),
         "CollisionChecker.is_free_ignoring": (checker.is_free_ignoring, {"q": q, "arms": frozenset({"arm"})}),
         "CollisionChecker.path_is_free": (checker.path_is_free, {"waypoints": [q, q + 0.1]}),
         **{
@@ -349,6 +351,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Scene.with_configuration": (scene.with_configuration, {"name": "arm", "q": q}),
         "Scene.with_robot": (scene.with_robot, {"name": "arm", "robot": robot}),
         "Scene.without_arm": (scene.without_arm, {"name": "arm"}),
+        "Scene.with_obstacle_at": (scene.with_obstacle_at, {"name": "box", "pose": [0, 0, 0.5]}),
         "Scene.without_obstacle": (scene.without_obstacle, {"name": "box"}),
         "Box": (rp.Box, {"size": (1, 1, 1)}),
         "Capsule": (rp.Capsule, {"radius": 1, "length": 1}),

@@ -11,7 +11,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.robot.joint_limits import Limits
-from rr1plan.scene import model_library as library
+from rr1plan.scene import model_library
 
 LIMIT = '<limit lower="{}" upper="{}" velocity="2" effort="3"/>'
 
@@ -160,7 +160,7 @@ def own_models(tmp_path: Path, arm: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
     folder = tmp_path / "models" / "robots" / "arm"
     folder.mkdir(parents=True)
     (folder / "arm.urdf").write_text(arm.read_text())
-    monkeypatch.setattr(library, "models_folder", lambda: tmp_path / "models")
+    monkeypatch.setattr(model_library, "models_folder", lambda: tmp_path / "models")
     return folder / "robot.toml"
 
 
@@ -401,10 +401,9 @@ def test_installed_robots_are_known_to_scene_files_and_to_the_message_on_a_wrong
 def test_without_the_extra_an_unknown_name_says_how_to_install_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from rr1plan.cli import info as looking
-    from rr1plan.cli import run
+    from rr1plan.cli import info, run
 
-    for module in (library, looking):
+    for module in (model_library, info):
         monkeypatch.setattr(module, "installed_robots", dict)
     assert rp.installed_robot_names() == ()
     with pytest.raises(UnknownNameError, match=r"Known: planar2r.*pip install 'rr1plan\[robots\]'"):

@@ -75,7 +75,10 @@ _UNTYPED = {
 }
 # For other modules of the package: they lead to its tables, and no page of the documentation names them.
 _INTERNAL = {
-    *(f"CollisionChecker.{name}" for name in ("context", "exact_kernel", "model", "solids", "tables")),
+    *(
+        f"CollisionChecker.{name}"
+        for name in ("context", "exact_kernel", "fixed", "geometry", "model", "solids", "tables")
+    ),
     *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding"),
 }
 # Those of data classes are their fields.

@@ -2,8 +2,8 @@
 
 The sources are the only declarations. Headers use a subset of C that is parsed here: structs of
 numbers, arrays of numbers, pointers and earlier structs, and enums. The build compiles the C compiler's offsets of
-all fields into the library, and `library.py` rejects a library in which they differ. A WebAssembly module, whose
-pointers have four bytes, contains all declarations as JSON, for a binding in JavaScript.
+all fields into the library, and `compiled_library.py` rejects a library in which they differ. A WebAssembly
+module, whose pointers have four bytes, contains all declarations as JSON, for a binding in JavaScript.
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ class CollisionChecker(CoalChecker):
             kernel = self._kernel
             kernel.use_padding(padded_pairs(self.geometry, self.solid_padding, self.tolerance, kernel.rest))
 
-    def move_obstacle(self, name: str, pose: Any) -> None:
+    def move_obstacle(self, name: str, pose: ArrayLike) -> None:
         """Move an obstacle in place: only its rows of the collision tables are rewritten.
 
         Answers equal those of a new checker of the changed scene. In scenes of more than 64 obstacles, of which some

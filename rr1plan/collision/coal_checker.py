@@ -271,7 +271,7 @@ class CoalChecker:
     @cached_property
     def tables(self) -> ExactTables:
         """What the exact kernel knows of the pairs that move."""
-        return build_tables(self)
+        return build_tables(self.geometry, self.fixed, self.solid_padding)
 
     @cached_property
     def exact_kernel(self) -> ExactKernel:
@@ -343,7 +343,8 @@ class CoalChecker:
         """The least distance beyond their padding of pairs that do not move against each other [m], `most` at most."""
         if len(self.pair_tables.static) == 0:
             return most
-        tables = build_static_tables(self)
+        pairs = self.pair_tables
+        tables = build_static_tables(self.tables, pairs, self.padding[pairs.static_owner])
         if tables is None:
             beyond = self._static.distances - self.padding
             return min(most, float(beyond.min()))

@@ -1,7 +1,7 @@
 """What the moving arms of a scene can touch: instances of arms, obstacles near them, and the pairs to check.
 
 An arm that stands still is an obstacle. Arms and obstacles that a moving arm can never come near are left out (see
-`reach.py`), so that the size of everything built here grows with what is near, not with the scene.
+`reach_broad_phase.py`), so that the size of everything built here grows with what is near, not with the scene.
 
 A geometry knows no padding, so scenes that differ in that alone share it as a whole; its parts are shared by content:
 an arm's geometry by all arms with equal robots and held objects, an obstacle's by all scenes that have it at the same

@@ -1,4 +1,4 @@
-"""What is told of two elements: that they touch, that they are the nearest."""
+"""Results about two elements: a contact, the nearest pair."""
 
 from __future__ import annotations
 

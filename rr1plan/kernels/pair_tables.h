@@ -58,7 +58,7 @@ typedef struct {
     const BodyPair *body_pairs;
     const GroupPair *group_pairs;  // sorted by both groups
     const MapRange *map_ranges;  // of each body pair
-    const int16_t *maps;         // clearance maps: see clearance_map.h
+    const int16_t *maps;         // clearance maps: see clearance_map.c
 } PairTables;
 
 #endif

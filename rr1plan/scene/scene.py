@@ -71,7 +71,7 @@ class Scene(SceneContent):
             shape = (Geometry(name, shape, identity(), color),)
         return replace(self, obstacles={**self.obstacles, name: Obstacle(posed_shapes(shape), as_pose(pose))})
 
-    def with_obstacle_at(self, name: str, pose: Any) -> Scene:
+    def with_obstacle_at(self, name: str, pose: ArrayLike) -> Scene:
         """A scene in which that obstacle is at another place.
 
         Args:

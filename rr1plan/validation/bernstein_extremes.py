@@ -1,4 +1,4 @@
-"""Exact extremes of piecewise polynomials and of their rates, by their Bernstein coefficients (`extremes.c`)."""
+"""Exact extremes of piecewise polynomials and their rates, by Bernstein coefficients (`referee_extremes.c`)."""
 
 from __future__ import annotations
 

@@ -2,12 +2,12 @@
 
 Coal's GJK now and then stops early: distances 2e-5 m too large were seen. So its answer for two
 convex solids is only taken as a hint: the normal it returns gives a plane, and the gap between
-the two solids along it, worked out in `bodies.py` from their support functions, is a proven lower bound.
+the two solids along it, worked out in `certificate_bodies.py` from their support functions, is a proven lower bound.
 Half-spaces are answered by the support function alone.
 
-The surface of a mesh that is not convex is measured by Coal's hierarchy of triangles, which takes a body wholly inside
-for free, so whether the surface holds a point of it decides (`surfaces.py`). The cells of a point cloud are asked by
-`clouds.py`, and by Coal where one is touched or the other solid is not convex.
+Coal's hierarchy of triangles measures the surface of a concave mesh, but takes a body wholly inside for free;
+`mesh_surfaces.py` decides whether a point is inside. Cells of a point cloud are measured by `cloud_blocks.py`, and by Coal
+where one is touched or the other solid is not convex.
 """
 
 from __future__ import annotations

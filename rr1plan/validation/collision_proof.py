@@ -1,4 +1,4 @@
-"""The collision certificate as a whole: the compiled search first, Coal for what it leaves.
+"""The collision certificate: the compiled search first, then Coal for the pairs that it leaves undecided.
 
 The search settles pairs of convex shapes, and of one with a half-space or with an obstacle's mesh that is not convex.
 Coal gets every pair of elements in which the search found contact or could not decide, once more from the start, and

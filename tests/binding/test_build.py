@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rr1plan.kernels import wasm_core as wasm
+from rr1plan.kernels import wasm_core
 from rr1plan.kernels.planner_kernels import LIBRARY
 from rr1plan.validation.referee_kernels import LIBRARY as REFEREE
 
@@ -65,7 +65,7 @@ def test_a_module_that_is_built_again_has_the_same_bytes(build: ModuleType, tmp_
     pytest.importorskip("ziglang", reason="ziglang is not installed")
     again = tmp_path / "other" / "core.wasm"
     build.compile_kernels(build.UNITS[0], again, *build.WASM, compiler=build.zig())
-    assert again.read_bytes() == wasm.core_module()
+    assert again.read_bytes() == wasm_core.core_module()
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,9 @@ from rr1plan.binding.c_sources import KernelSources, parse_enums, parse_prototyp
 from rr1plan.binding.compiled_library import KernelLibrary
 from rr1plan.errors import InstallationError
 from rr1plan.kernels.planner_kernels import LIBRARY as PLANNERS
-from rr1plan.validation import referee_kernels as native
+from rr1plan.validation import referee_kernels
 
-LIBRARIES = {"planners": PLANNERS, "referee": native.LIBRARY}
+LIBRARIES = {"planners": PLANNERS, "referee": referee_kernels.LIBRARY}
 VARIANTS = [(name, variant) for name, library in LIBRARIES.items() for variant in library.variants]
 BUILD = r"build them with `pip install -e \.` or, in a source checkout, `python hatch_build\.py`"
 
@@ -135,7 +135,7 @@ def test_a_motion_is_not_judged_without_the_kernels_of_the_referee(
 ) -> None:
     scene = rp.load_scene("planar2r_path")
     rest = rp.Trajectory.rest(scene.joint_names(), scene.configuration())
-    monkeypatch.setattr(native, "LIBRARY", KernelLibrary(KernelSources(tmp_path / "referee.c")))
+    monkeypatch.setattr(referee_kernels, "LIBRARY", KernelLibrary(KernelSources(tmp_path / "referee.c")))
     with pytest.raises(InstallationError, match=rf"no compiled kernels for .*; {BUILD}"):
         rp.validate(rest, scene)
 

@@ -10,7 +10,7 @@ from PIL import Image
 
 import rr1plan as rp
 from rr1plan import save_html, screenshot
-from rr1plan.playback.viewer import page_capture as capture
+from rr1plan.playback.viewer import page_capture
 
 pytestmark = pytest.mark.browser
 
@@ -33,14 +33,14 @@ def test_a_missing_page_is_named(tmp_path: FilePath) -> None:
 @pytest.mark.usefixtures("needs_browser")
 def test_a_page_that_does_not_come_up_is_named(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "page.html").write_text("<p>not our page</p>")
-    monkeypatch.setattr(capture, "_PATIENCE", 0.2)
+    monkeypatch.setattr(page_capture, "_PATIENCE", 0.2)
     with pytest.raises(rp.BackendError, match="come up"):
         screenshot(tmp_path / "page.png", tmp_path / "page.html", size=(64, 64))
 
 
 def test_a_missing_browser_is_named(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "page.html").write_text("")
-    monkeypatch.setattr(capture, "find_browser", lambda: None)
+    monkeypatch.setattr(page_capture, "find_browser", lambda: None)
     with pytest.raises(rp.MissingPackageError, match="chromium"):
         screenshot(tmp_path / "page.png", tmp_path / "page.html")
 

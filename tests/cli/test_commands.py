@@ -386,17 +386,17 @@ def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixtu
 def test_an_optional_package_names_its_extra(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from rr1plan.cli import info as looking
+    from rr1plan.cli import info
 
-    monkeypatch.setattr(looking, "_OPTIONAL", {"no-such-package": "ros"})
+    monkeypatch.setattr(info, "_OPTIONAL", {"no-such-package": "ros"})
     assert run(["doctor"]) == OK
     assert "rr1plan[ros]" in capsys.readouterr().out
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    from rr1plan.cli import info as looking
+    from rr1plan.cli import info
 
-    monkeypatch.setattr(looking, "_REQUIRED", ("numpy", "no-such-package"))
+    monkeypatch.setattr(info, "_REQUIRED", ("numpy", "no-such-package"))
     assert run(["doctor"]) == BAD_INPUT
     assert "no-such-package" in capsys.readouterr().err
 
@@ -421,11 +421,11 @@ def test_warnings_are_seen_in_a_program_that_sets_up_no_logging() -> None:
 
 
 def test_plan_reads_a_scene_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    from rr1plan.scene import model_library as library
+    from rr1plan.scene import model_library
 
     loaded = []
-    read = library.read_scene
-    monkeypatch.setattr(library, "read_scene", lambda *arguments: loaded.append(arguments) or read(*arguments))
+    read = model_library.read_scene
+    monkeypatch.setattr(model_library, "read_scene", lambda *arguments: loaded.append(arguments) or read(*arguments))
     assert run(["plan", "rr1_table", "--quiet"]) == OK
     assert len(loaded) == 1
     assert run(["scenes", "rr1_table", "--quiet"]) == OK

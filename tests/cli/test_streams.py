@@ -122,7 +122,7 @@ _SLOW_PIECES = """
 import time
 import numpy as np, trimesh
 import rr1plan as rp
-from rr1plan.shapes import convex_decomposition as pieces
+from rr1plan.shapes import convex_decomposition
 
 def slow(vertices, faces, options, seconds, wait):
     for k in range(3):
@@ -130,7 +130,7 @@ def slow(vertices, faces, options, seconds, wait):
         wait(0.0)
     return [vertices]
 
-pieces.decompose, pieces._ANNOUNCED = slow, 0.0
+convex_decomposition.decompose, convex_decomposition._ANNOUNCED = slow, 0.0
 ring = trimesh.creation.annulus(0.5, 1.0, 0.2)
 mesh = rp.Mesh(ring.vertices, ring.faces)
 print(len(rp.convex_pieces(mesh{more})), "piece")

@@ -11,13 +11,10 @@ from rr1plan.collision import (
     CollisionChecker,
     arm_geometry,
     arm_instances,
-    arm_tables,
     collision_geometry,
-    exact_tables,
-    link_spheres,
-    solid_rows,
 )
 from rr1plan.collision.edge_kernel import exact_scratch
+from rr1plan.collision.tables import arm_tables, exact_tables, link_spheres, solid_rows
 from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.errors import InputError
 from rr1plan.model.arm_model import _arm_model
@@ -47,7 +44,8 @@ def copied(scene: Scene) -> Scene:
 
 def arrays_of(scene: Scene, arms: list[str] | None) -> list[np.ndarray]:
     checker = CollisionChecker(scene, arms)
-    exact, static = exact_tables.build_tables(checker), exact_tables.build_static_tables(checker) or ()
+    exact, pairs = checker.tables, checker.pair_tables
+    static = exact_tables.build_static_tables(exact, pairs, checker.padding[pairs.static_owner]) or ()
     edges = build_edge_tables(checker, checker.tables, 1e-6)
     own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding, checker.pairs, checker.static_contacts)
     return [np.asarray(a) for a in (*own, *edges, *exact, *static)]

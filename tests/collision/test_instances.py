@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rr1plan.collision import CollisionChecker, arm_tables, link_spheres
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.clearance_maps import instance_maps
+from rr1plan.collision.tables import arm_tables, link_spheres
 from rr1plan.collision.tables.edge_tables import build_edge_tables
-from rr1plan.collision.tables.exact_tables import build_tables
 from rr1plan.multi import place_grid
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
@@ -97,10 +97,10 @@ def alone(scene, *names):
 
 
 def test_bodies_of_all_arms_are_those_of_each_alone(crowd):
-    whole = build_tables(CollisionChecker(crowd))
+    whole = CollisionChecker(crowd).tables
     joints, bodies, links = 1, 0, 0
     for name in crowd.arms:
-        own = build_tables(CollisionChecker(alone(crowd, name)))
+        own = CollisionChecker(alone(crowd, name)).tables
         mine = slice(joints, joints + len(own.joints) - 1)
         np.testing.assert_array_equal(whole.joint_values[mine], own.joint_values[1:])
         np.testing.assert_allclose(whole.joint_poses[mine], own.joint_poses[1:], rtol=0, atol=1e-12)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rr1plan.collision.convex import bounding_spheres as spheres
+from rr1plan.collision.convex import bounding_spheres
 from rr1plan.collision.convex.bounding_spheres import MOST, cover
 from rr1plan.errors import InputError
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
@@ -106,7 +106,7 @@ def test_a_sphere_is_its_own_cover_and_a_capsule_a_chain_of_exact_ends():
     assert cover(Sphere(0.2)).radii == pytest.approx([0.2])
     made = cover(Capsule(0.05, 0.3))
     assert made.centers[[0, -1], 2] == pytest.approx([-0.15, 0.15])
-    assert made.radii.max() < 0.05 + spheres.EXCESS + 1e-6
+    assert made.radii.max() < 0.05 + bounding_spheres.EXCESS + 1e-6
 
 
 @pytest.mark.parametrize("shape", [HalfSpace(), PointCloud(np.zeros((1, 3)))])

@@ -16,9 +16,7 @@ from hypothesis import strategies as st
 import rr1plan as rp
 from rr1plan.errors import BackendError, CancelledError, InputError, UnknownNameError
 from rr1plan.files.disk_cache import cache_folder, cache_key, load_cached, store_cached
-from rr1plan.shapes import Mesh, coacd_process
-from rr1plan.shapes import convex_decomposition as pieces_module
-from rr1plan.shapes import convex_hulls as convex
+from rr1plan.shapes import Mesh, coacd_process, convex_decomposition, convex_hulls
 from rr1plan.shapes.convex_decomposition import Convexity, convex_pieces, convex_shapes
 from rr1plan.shapes.convex_hulls import convex_hull, distance_outside, is_convex, is_own_hull
 
@@ -41,7 +39,7 @@ def on_surface(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def test_a_mesh_of_too_many_triangles_is_not_cut_into_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pieces_module, "MAX_TRIANGLES", 1)
+    monkeypatch.setattr(convex_decomposition, "MAX_TRIANGLES", 1)
     tetrahedron = Mesh(np.vstack([np.eye(3), np.zeros(3)]), np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
     with pytest.raises(InputError, match="4 triangles"):
         convex_pieces(tetrahedron)
@@ -52,7 +50,7 @@ def test_points_are_outside_by_as_much_in_parts_as_at_once(monkeypatch: pytest.M
     rng = np.random.default_rng(0)
     hull, points = convex_hull(rng.normal(size=(30, 3))), rng.normal(size=(100, 3))
     at_once = distance_outside(hull.vertices, points)
-    monkeypatch.setattr(convex, "_MOST_PRODUCTS", 500)
+    monkeypatch.setattr(convex_hulls, "_MOST_PRODUCTS", 500)
     assert np.allclose(distance_outside(hull.vertices, points), at_once, atol=1e-12)
 
 
@@ -81,7 +79,7 @@ def test_convex_and_other_meshes_are_told_apart(block: Mesh, gate: Mesh) -> None
 
 @pytest.mark.parametrize("products", [1, 20_000_000], ids=["by corner", "all planes"])
 def test_a_mesh_is_its_own_hull_only_where_nothing_is_missing(products: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(convex, "_MOST_PRODUCTS", products)
+    monkeypatch.setattr(convex_hulls, "_MOST_PRODUCTS", products)
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 9)
     ball = revolved(np.stack([np.cos(angles).round(15), np.sin(angles)], axis=1), 16, closed_profile=False)
     assert is_own_hull(ball)
@@ -227,7 +225,7 @@ def test_a_time_that_is_none_is_refused(gate: Mesh, seconds: float) -> None:
 
 @pytest.fixture
 def no_decomposition(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pieces_module, "decompose", lambda *_: pytest.fail("decomposed"))
+    monkeypatch.setattr(convex_decomposition, "decompose", lambda *_: pytest.fail("decomposed"))
 
 
 def joined(*meshes: Mesh) -> Mesh:
@@ -293,7 +291,7 @@ def test_a_room_keeps_its_inside_free(monkeypatch: pytest.MonkeyPatch) -> None:
     outer, inner = box_mesh((-2, -2, -2), (2, 2, 2)), box_mesh((-1.8, -1.8, -1.8), (1.8, 1.8, 1.8))
     walls = [sign * np.roll((1.9, 0.0, 0.0), axis) for axis in range(3) for sign in (1, -1)]
     slabs = [np.where(at == 0.0, outer.vertices, at + 0.05 * outer.vertices) for at in walls]
-    monkeypatch.setattr(pieces_module, "decompose", lambda vertices, faces, *_: slabs[: len(faces) // 4])
+    monkeypatch.setattr(convex_decomposition, "decompose", lambda vertices, faces, *_: slabs[: len(faces) // 4])
     pieces = convex_pieces(joined(outer, turned_inside_out(inner)))
     inside = np.random.default_rng(0).uniform(-1.5, 1.5, (200, 3))
     assert np.min([outside(piece, inside) for piece in pieces], axis=0).min() > 0.0
@@ -303,7 +301,7 @@ def test_a_room_keeps_its_inside_free(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_how_far_pieces_stick_out_is_logged(
     gate: Mesh, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pieces_module, "decompose", lambda vertices, *_: [vertices])
+    monkeypatch.setattr(convex_decomposition, "decompose", lambda vertices, *_: [vertices])
     convex_pieces(gate)
     convex_pieces(gate)
     # The doorway is two wide and two high: its middle is one away from the nearest post.
@@ -328,7 +326,7 @@ def test_pieces_are_made_once_and_read_back_equal(gate: Mesh, own_cache: Path, m
     first = convex_pieces(gate)
     assert len(list(own_cache.glob("*.npz"))) == 1
     assert not list(own_cache.glob("*.part"))
-    monkeypatch.setattr(pieces_module, "decompose", lambda *_: pytest.fail("made twice"))
+    monkeypatch.setattr(convex_decomposition, "decompose", lambda *_: pytest.fail("made twice"))
     assert same(convex_pieces(gate), first)
 
 
@@ -343,7 +341,7 @@ def test_a_damaged_entry_is_made_anew(
     gate: Mesh, own_cache: Path, damage: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pieces = [convex_hull(gate.vertices)]
-    monkeypatch.setattr(pieces_module, "decompose", lambda vertices, *_: [vertices])
+    monkeypatch.setattr(convex_decomposition, "decompose", lambda vertices, *_: [vertices])
     first = convex_pieces(gate)
     assert same(first, pieces)
     (file,) = own_cache.glob("*.npz")
@@ -371,7 +369,7 @@ def test_a_cache_that_cannot_be_written_costs_nothing_but_time(
     in_the_way = tmp_path / "file"
     in_the_way.write_text("not a folder")
     monkeypatch.setenv("RR1PLAN_CACHE", str(in_the_way))
-    monkeypatch.setattr(pieces_module, "decompose", lambda vertices, *_: [vertices])
+    monkeypatch.setattr(convex_decomposition, "decompose", lambda vertices, *_: [vertices])
     assert len(convex_pieces(gate)) == 1
     assert in_the_way.read_text() == "not a folder"
 

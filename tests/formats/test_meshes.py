@@ -18,8 +18,7 @@ import trimesh
 from rr1plan.errors import FormatError
 from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.urdf import read_urdf
-from rr1plan.shapes import Mesh
-from rr1plan.shapes import mesh_files as meshes
+from rr1plan.shapes import Mesh, mesh_files
 from rr1plan.shapes.mesh_files import read_mesh
 
 
@@ -221,10 +220,10 @@ def test_entities_in_a_dae_are_refused(tmp_path: Path, block: Mesh) -> None:
 
 def test_too_many_triangles_or_bytes_are_refused(tmp_path: Path, block: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.stl").write_bytes(binary_stl(block))
-    monkeypatch.setattr(meshes, "MAX_FACES", 11)
+    monkeypatch.setattr(mesh_files, "MAX_FACES", 11)
     with pytest.raises(FormatError, match="12 triangles, expected at most 11"):
         read_mesh(tmp_path / "a.stl")
-    monkeypatch.setattr(meshes, "MAX_BYTES", 100)
+    monkeypatch.setattr(mesh_files, "MAX_BYTES", 100)
     with pytest.raises(FormatError, match="larger"):
         read_mesh(tmp_path / "a.stl")
 

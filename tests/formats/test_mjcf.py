@@ -458,7 +458,7 @@ def test_the_scene_is_free_where_mujocos_is(folder: Path) -> None:
 
 def test_the_file_that_we_write_reads_back(rr1: rp.Robot, tmp_path: Path) -> None:
     scene = rp.Scene().with_arm("arm", rr1)
-    robot = rp.load_robot(rp.playback.save_mjcf(tmp_path / "rr1.xml", scene), groups=[("world", f"arm/{rr1.tool}")])
+    robot = rp.load_robot(rp.save_mjcf(tmp_path / "rr1.xml", scene), groups=[("world", f"arm/{rr1.tool}")])
     assert robot.joint_names == tuple(f"arm/{name}" for name in rr1.joint_names)
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -742,7 +742,7 @@ def test_options_of_other_formats_are_refused(folder: Path) -> None:
     with pytest.raises(rp.UnknownNameError, match="convex"):
         load(folder, GRIPPER, convex="hul")
     with pytest.raises(rp.UnknownNameError, match="gripper"):
-        load(folder, GRIPPER, group="gripper")
+        load(folder, GRIPPER, groups=["gripper"])
 
 
 def test_other_robots_do_not_import_mujoco() -> None:

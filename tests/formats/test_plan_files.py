@@ -16,7 +16,7 @@ from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.export import plan_files
 from rr1plan.export.motion_values import plain
 from rr1plan.export.plan_files import read_plan_file
-from rr1plan.files import file_access as files
+from rr1plan.files import file_access
 from rr1plan.path import Path
 from rr1plan.report import Margin, Report, Violation
 from rr1plan.scene import Scene
@@ -270,41 +270,41 @@ def test_joints_the_scene_does_not_have_cannot_be_saved(tmp_path: FilePath, scen
 def test_a_write_that_fails_leaves_the_old_file_and_no_other(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file = files.write_text(tmp_path / "a.txt", "old")
+    file = file_access.write_text(tmp_path / "a.txt", "old")
 
     def broken(_: int) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", broken)
     with pytest.raises(InputError, match="No space left"):
-        files.write_text(file, "new")
+        file_access.write_text(file, "new")
     assert file.read_text() == "old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
 
 
 def test_an_interrupted_write_leaves_the_old_file(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = files.write_text(tmp_path / "a.txt", "old")
+    file = file_access.write_text(tmp_path / "a.txt", "old")
 
     def interrupted(_: int) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(os, "fsync", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        files.write_text(file, "new")
+        file_access.write_text(file, "new")
     assert [entry.read_text() for entry in tmp_path.iterdir()] == ["old"]
 
 
 def test_a_missing_folder_is_named(tmp_path: FilePath) -> None:
     with pytest.raises(InputError, match=r"cannot write .*gone"):
-        files.write_text(tmp_path / "gone" / "a.txt", "x")
+        file_access.write_text(tmp_path / "gone" / "a.txt", "x")
 
 
 def test_written_files_have_the_usual_mode_and_replaced_ones_keep_theirs(tmp_path: FilePath) -> None:
     (tmp_path / "usual").write_text("")
-    file = files.write_text(tmp_path / "new", "x")
+    file = file_access.write_text(tmp_path / "new", "x")
     assert file.stat().st_mode == (tmp_path / "usual").stat().st_mode
     file.chmod(0o640)
-    assert files.write_text(file, "y").stat().st_mode & 0o777 == 0o640
+    assert file_access.write_text(file, "y").stat().st_mode & 0o777 == 0o640
 
 
 def test_files_that_are_too_large_are_refused_packed_or_not(tmp_path: FilePath) -> None:
@@ -312,14 +312,14 @@ def test_files_that_are_too_large_are_refused_packed_or_not(tmp_path: FilePath) 
 
     (tmp_path / "a.json.gz").write_bytes(gzip.compress(b" " * 100_000))
     with pytest.raises(FormatError, match="larger than 1000 bytes"):
-        files.read_bytes(tmp_path / "a.json.gz", max_bytes=1000)
-    assert len(files.read_bytes(tmp_path / "a.json.gz")) == 100_000
+        file_access.read_bytes(tmp_path / "a.json.gz", max_bytes=1000)
+    assert len(file_access.read_bytes(tmp_path / "a.json.gz")) == 100_000
     (tmp_path / "b.json.gz").write_bytes(gzip.compress(b"x" * 100)[:-12])
     with pytest.raises(FormatError, match="cannot be read"):
-        files.read_bytes(tmp_path / "b.json.gz")
+        file_access.read_bytes(tmp_path / "b.json.gz")
     (tmp_path / "c.json.gz").write_bytes(b"not gzip")
     with pytest.raises(FormatError, match="cannot be read"):
-        files.read_bytes(tmp_path / "c.json.gz")
+        file_access.read_bytes(tmp_path / "c.json.gz")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan.binding.c_memory import CStruct
-from rr1plan.kernels import wasm_core as wasm
+from rr1plan.kernels import wasm_core
 from rr1plan.kernels.planner_kernels import SOURCES, load_library
 
 
@@ -65,7 +65,7 @@ class Recorder:
             arguments.append(name if name in roots else self._context.get(one, one))
         numbers = [(name, number_fields(struct)) for name, struct in structs.items()]
         sizes = [(name, field, array.nbytes) for name, field, array in arrays]
-        question = {"kernel": kernel, "image": wasm.memory_image(**roots), "given": arguments}
+        question = {"kernel": kernel, "image": wasm_core.memory_image(**roots), "given": arguments}
         result = function(*given)
         answer = [result, *([float(getattr(structs[name].value, f)) for f in fields] for name, fields in numbers)]
         answer += [array.tobytes() for *_, array in arrays]

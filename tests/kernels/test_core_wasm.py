@@ -21,17 +21,15 @@ from rr1plan.binding.c_sources import KernelSources
 from rr1plan.binding.compiled_library import KernelLibrary
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, InstallationError
-from rr1plan.kernels import wasm_core as wasm
+from rr1plan.kernels import wasm_core
 from rr1plan.kernels.planner_kernels import LIBRARY, SOURCES, constants, load_library
-from rr1plan.model.scene_model import ik_descent as descent
-from rr1plan.model.scene_model import ik_search as search
-from rr1plan.planners import RrtConnect, graph, shortcut
+from rr1plan.model import ik_descent, ik_search
+from rr1plan.planners import RrtConnect, roadmap_graph, shortcut
 from rr1plan.planners.planning_query import Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
 from rr1plan.playback.viewer.page_capture import find_browser, open_browser
-from rr1plan.retiming import path_blends as blends
-from rr1plan.retiming import path_speed as speed
+from rr1plan.retiming import path_blends, path_speed
 from rr1plan.transforms import pose
 
 ANSWERS = Path(__file__).with_name("core_answers.js").read_text(encoding="utf-8")
@@ -92,8 +90,8 @@ def _ask(run: Callable[[list[str]], str], name: str, *given: Any) -> Any:
     def decode(value: dict[str, Any]) -> Any:
         return np.frombuffer(base64.b64decode(value["doubles"])) if "doubles" in value else value
 
-    texts = (base64.b64encode(text.encode()).decode() for text in (wasm.core_script(), ANSWERS))
-    module = base64.b64encode(wasm.core_module()).decode()
+    texts = (base64.b64encode(text.encode()).decode() for text in (wasm_core.core_script(), ANSWERS))
+    module = base64.b64encode(wasm_core.core_module()).decode()
     return json.loads(run([*texts, module, name, json.dumps(given, default=encode)]), object_hook=decode)
 
 
@@ -187,7 +185,7 @@ def test_a_seed_gives_the_same_path_to_the_last_bit(ask: Ask, scene: str, name: 
     shorter = shorten(path, problem.scene, rng=seed + 1, iterations=40)
     assert len(path.waypoints) > 2
     with Query("rrt_connect", problem, COUNTED, seed, None) as query:
-        assert query.refusal() is None
+        assert query.early_exit() is None
         space = query.space
         asked = {
             "start": problem.start,
@@ -230,8 +228,8 @@ def test_inverse_kinematics_has_the_same_solutions_to_the_last_bit(
 ) -> None:
     robot, recorder = rp.load_robot(name), Recorder()
     rng = np.random.default_rng(3)
-    monkeypatch.setattr(search, "load_library", lambda: recorder)
-    monkeypatch.setattr(descent, "load_library", lambda: recorder)
+    monkeypatch.setattr(ik_search, "load_library", lambda: recorder)
+    monkeypatch.setattr(ik_descent, "load_library", lambda: recorder)
     kinematics, solutions = rp.Kinematics(rp.Scene().with_arm("arm", robot)), 0
     for _ in range(8):
         q = rng.uniform(np.maximum(robot.limits.lower, -3.0), np.minimum(robot.limits.upper, 3.0))
@@ -254,10 +252,10 @@ def test_a_roadmap_has_the_same_vertices_and_ways_to_the_last_bit(
     problem = rp.load_problems(scene)[name]
     checker = CollisionChecker(problem.scene, problem.arms)
     image, recorder = checker.memory_image(), Recorder(checker.context)
-    monkeypatch.setattr(graph, "load_library", lambda: recorder)
-    roadmap = graph.Graph(problem.scene, problem.arms)
+    monkeypatch.setattr(roadmap_graph, "load_library", lambda: recorder)
+    roadmap = roadmap_graph.Graph(problem.scene, problem.arms)
     with Query("roadmap", problem, COUNTED, 0, None) as query:
-        assert query.refusal() is None
+        assert query.early_exit() is None
         goals = np.array(query.goals)
     roadmap.sample(150, checker, lambda: True)
     way = roadmap.find_path(problem.start, goals, checker, lambda: True)
@@ -291,7 +289,7 @@ def test_path_parameterization_is_the_same_to_the_last_bit(
     ask: Ask, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     robot, recorder = rp.load_robot(name), Recorder()
-    for module in (blends, speed):
+    for module in (path_blends, path_speed):
         monkeypatch.setattr(module, "load_library", lambda: recorder)
     joints = tuple(f"arm/{joint}" for joint in robot.joint_names)
     scene = rp.Scene().with_arm("arm", robot)
@@ -347,7 +345,7 @@ def test_a_scene_in_which_nothing_can_move_has_no_image(planar2r: rp.Robot) -> N
 
 
 def test_the_module_is_small() -> None:
-    assert len(wasm.core_module()) < 400_000
+    assert len(wasm_core.core_module()) < 400_000
 
 
 def test_a_module_that_is_missing_or_of_other_headers_is_refused(
@@ -357,10 +355,10 @@ def test_a_module_that_is_missing_or_of_other_headers_is_refused(
     unit = tmp_path / "kernels" / "kernels.c"
     header = unit.with_name("trees.h")
     header.write_text(header.read_text().replace("int64_t samples;", "int64_t samples, added;"))
-    monkeypatch.setattr(wasm, "SOURCES", KernelSources(unit))
-    monkeypatch.setattr(wasm, "LIBRARY", KernelLibrary(wasm.SOURCES))
+    monkeypatch.setattr(wasm_core, "SOURCES", KernelSources(unit))
+    monkeypatch.setattr(wasm_core, "LIBRARY", KernelLibrary(wasm_core.SOURCES))
     with pytest.raises(InstallationError, match=r"core\.wasm was built from other headers; build them with"):
-        wasm.core_module()
+        wasm_core.core_module()
     (tmp_path / "kernels" / "built" / "core.wasm").unlink()
     with pytest.raises(InstallationError, match=r"no .*core\.wasm; with ziglang installed, build them with"):
-        wasm.core_module()
+        wasm_core.core_module()

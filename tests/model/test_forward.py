@@ -15,6 +15,7 @@ import rr1plan as rp
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.model import Kinematics
 from rr1plan.scene import Arm, Scene
+from rr1plan.scene.model_library import robot_folder
 from rr1plan.transforms import pose, quaternion_from_rotation
 
 VECTORS = json.loads(Path(__file__).with_name("rr1_vectors.json").read_text())["vectors"]
@@ -77,7 +78,7 @@ def test_planar_arm_agrees_with_the_closed_form_on_many_configurations(planar2r)
 
 
 def test_rr1_agrees_with_pinocchio_reading_the_urdf_on_many_configurations(rr1):
-    model = pin.buildModelFromUrdf(str(rp.library.robot_folder("rr1") / "rr1.urdf"))
+    model = pin.buildModelFromUrdf(str(robot_folder("rr1") / "rr1.urdf"))
     data, frame = model.createData(), model.getFrameId("tool")
     columns = [model.joints[model.getJointId(n)].idx_q for n in rr1.joint_names]
     q = random_configurations(rr1, MANY)

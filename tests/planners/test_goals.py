@@ -246,7 +246,7 @@ def test_plain_questions_are_sorted_out_as_others_are(name):
         problem = Problem(scene, start, [JointGoal(q) for q in goals])
         slow, blocked = goals_of(problem), start_of(problem)
         with Query("rrt_connect", problem, None, 0, None) as query:
-            refusal = query.refusal()
+            refusal = query.early_exit()
             if blocked or slow.status is not None:
                 assert refusal is not None
                 assert refusal.reason == (blocked or slow.reason)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.planners import ompl_adapter as _ompl
+from rr1plan.planners import ompl_adapter
 from rr1plan.planners.ompl_planners import KINDS
 from rr1plan.planning import Budget
 
@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 WORLD = """
 import numpy as np
-from rr1plan.planners import ompl_adapter as _ompl
+from rr1plan.planners import ompl_adapter
 from rr1plan.planners.ompl_query import Question, Watch
 from rr1plan.planning import Budget
 import time
@@ -45,7 +45,7 @@ def question(**changes):
 
 def solve(planner, iterations=4000, seconds=float("inf"), seed=1, settings={}, tree=False, goes_on=None, **changes):
     watch = Watch(Budget(seconds=seconds, iterations=iterations), time.perf_counter(), goes_on)
-    return _ompl.solve(planner, question(**changes), watch, seed, settings, tree=tree), watch
+    return ompl_adapter.solve(planner, question(**changes), watch, seed, settings, tree=tree), watch
 """
 world: dict = {}
 exec(WORLD, world)
@@ -161,7 +161,7 @@ def test_settings_are_taken_and_wrong_ones_named():
 
 @pytest.mark.parametrize("planner", OMPL_NAMES)
 def test_every_planner_names_its_settings(planner):
-    names = _ompl.setting_names(planner)
+    names = ompl_adapter.setting_names(planner)
     assert all(name == name.lower() and name not in ("name", "problem_definition", "up") for name in names)
     assert len(names) > 0
 

@@ -130,7 +130,7 @@ def test_no_end_of_more_goals_has_room(monkeypatch):
     monkeypatch.setattr(tree_search, "_CAPACITY", 4)
     problem = shut_in()
     with Query("rrt_connect", problem, Budget(iterations=100), 0, None) as query:
-        assert query.refusal() is None
+        assert query.early_exit() is None
         search = tree_search.TreeSearch(query)
         assert not search.connect(samples=5)
         known = {q.tobytes() for q in query.goals}

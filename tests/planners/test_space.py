@@ -51,7 +51,7 @@ def test_a_plain_goal_is_taken_where_it_is_nearest_to_the_start(seed):
     start, goal = rng.uniform(-20.0, 20.0, (2, 2))
     problem = rp.Problem(scene, start, goal)
     with Query("rrt_connect", problem, None, 0, None) as query:
-        refusal = query.refusal()
+        refusal = query.early_exit()
         if refusal is not None:
             assert refusal.status in (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
             return

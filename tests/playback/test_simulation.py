@@ -16,8 +16,9 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.playback.cloud_boxes import cloud_boxes
+from rr1plan.playback.simulation import mujoco_model
 from rr1plan.playback.simulation.mujoco_model import build_mujoco, mass_matrix
-from rr1plan.playback.simulation.simulation import JointTargets, mujoco_model
+from rr1plan.playback.simulation.simulation import JointTargets
 from rr1plan.scene.model_library import load_robot, load_scene, robot_names
 from rr1plan.transforms import pose
 

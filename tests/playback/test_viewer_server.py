@@ -18,7 +18,7 @@ from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 import rr1plan as rp
 from rr1plan import Viewer, show
-from rr1plan.playback.viewer import live_viewer as live
+from rr1plan.playback.viewer import live_viewer
 
 
 @pytest.fixture
@@ -174,7 +174,7 @@ async def look(viewer: Viewer, times: int, away: float) -> None:
 
 
 def test_wait_ends_when_the_page_has_been_opened_and_closed(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live, "_RELOAD", 0.2)
+    monkeypatch.setattr(live_viewer, "_RELOAD", 0.2)
     assert not viewer.wait(0.3)
     looker = threading.Thread(target=asyncio.run, args=(look(viewer, 1, 0.0),))
     looker.start()
@@ -184,7 +184,7 @@ def test_wait_ends_when_the_page_has_been_opened_and_closed(viewer: Viewer, monk
 
 
 def test_a_page_that_is_loaded_again_does_not_end_wait(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live, "_RELOAD", 20.0)
+    monkeypatch.setattr(live_viewer, "_RELOAD", 20.0)
     looker = threading.Thread(target=asyncio.run, args=(look(viewer, 3, 0.1),))
     looker.start()
     assert not viewer.wait(0.7)

@@ -164,9 +164,9 @@ def test_blends_that_collide_are_not_driven(tools):
 
 
 def test_a_failing_solver_falls_back_to_stops(tools, monkeypatch, caplog):
-    from rr1plan.retiming import toppra_retiming as toppra_
+    from rr1plan.retiming import toppra_retiming
 
-    time_curve = toppra_.time_curve_with_torque
+    time_curve = toppra_retiming.time_curve_with_torque
 
     def fail(curve, limits, inverse_dynamics):
         if len(curve.lengths) == 1:
@@ -175,7 +175,7 @@ def test_a_failing_solver_falls_back_to_stops(tools, monkeypatch, caplog):
 
     points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
     stops = tools.retime_points(points, method="stop", torque_limits=True)
-    monkeypatch.setattr(toppra_, "time_curve_with_torque", fail)
+    monkeypatch.setattr(toppra_retiming, "time_curve_with_torque", fail)
     with caplog.at_level(logging.INFO, logger="rr1plan"):
         trajectory = tools.retime_points(points, torque_limits=True)
     assert trajectory.allclose(stops)

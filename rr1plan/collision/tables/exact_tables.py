@@ -6,13 +6,13 @@ Rows of an arm are shared by all arms with its geometry, and a scene's tables by
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
+from rr1plan.collision.collision_geometry import CollisionGeometry, SolidPairs
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry
 from rr1plan.collision.tables.arm_tables import instance_tables
 from rr1plan.collision.tables.body_tables import BodyTables
@@ -20,28 +20,35 @@ from rr1plan.collision.tables.kernel_tables import ExactTables
 from rr1plan.collision.tables.obstacle_tables import FixedSolids
 from rr1plan.object_cache import kept_in
 
-if TYPE_CHECKING:
-    from rr1plan.collision.coal_checker import CoalChecker
-
 _INTS = NDArray[np.int64]
 
 
-def build_tables(checker: CoalChecker) -> ExactTables:
-    """Tables of the moving pairs of a checker, in the order of its `solid_pairs`.
+def build_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: Array) -> ExactTables:
+    """Tables of the pairs that move against each other.
+
+    Args:
+        geometry: The moving arms and their pairs.
+        fixed: The solids that do not move.
+        padding: Distance to keep of each pair [m], shape (m,).
 
     Raises:
         InputError: a half-space or a point cloud that would be checked against another one.
     """
-    checker.geometry.check_kinds()
-    return _tables(checker.geometry.instances, checker.fixed, checker.geometry.pairs.moving_rows, checker.solid_padding)
+    geometry.check_kinds()
+    return _tables(geometry.instances, fixed, geometry.pairs.moving_rows, padding)
 
 
-def build_static_tables(checker: CoalChecker) -> ExactTables | None:
-    """The same of the pairs that do not move against each other; None if some cannot be measured by the kernel."""
-    pairs = checker.pair_tables
+def build_static_tables(tables: ExactTables, pairs: SolidPairs, padding: Array) -> ExactTables | None:
+    """Tables of the pairs that do not move against each other; None if the kernel cannot measure some of them.
+
+    Args:
+        tables: Those of the pairs that move.
+        pairs: All pairs.
+        padding: Distance to keep of each static pair [m], shape (m,).
+    """
     if pairs.surfaceless[pairs.static].all(axis=1).any():
         return None
-    return checker.tables._replace(pairs=pairs.static_rows, padding=checker.padding[pairs.static_owner])
+    return tables._replace(pairs=pairs.static_rows, padding=padding)
 
 
 def build_fixed_tables(things: Sequence[ObstacleGeometry], pairs: _INTS, padding: Array) -> ExactTables | None:

@@ -8,7 +8,7 @@ from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace.cspace_images import SELF
 
 if TYPE_CHECKING:
-    from rr1plan.playback.cspace.configuration_space import CSpace
+    from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 INK = "#22262b"
 # Of the start and its tree, of a goal and its tree; both are told apart without seeing red or green.
@@ -36,8 +36,8 @@ def layer_colors(grid: CSpaceGrid) -> dict[str, str]:
     return colors
 
 
-def end_tints(cspace: CSpace) -> dict[int, str]:
-    """Where there is no path: the components that hold the start and the goals, each in a color of its own."""
+def end_tints(cspace: CSpaceQuery) -> dict[int, str]:
+    """Colors of the components that contain the start and the goals, for queries without a path."""
     if not cspace.proves_no_path or cspace.start is None:
         return {}
     ends = [cspace.grid.component_of(q) for q in (cspace.start, *cspace.goals)]

@@ -20,7 +20,7 @@ from rr1plan.playback.cspace.cspace_verdict import headline
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
 
 if TYPE_CHECKING:
-    from rr1plan.playback.cspace.configuration_space import CSpace
+    from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 # Letters that are read from the last row when the picture fills a slide.
 _STYLE = {
@@ -33,7 +33,7 @@ _STYLE = {
 }
 
 
-def draw(cspace: CSpace, width: float) -> Figure:
+def draw(cspace: CSpaceQuery, width: float) -> Figure:
     """The whole picture as a matplotlib figure."""
     with rc_context(_STYLE):
         figure = Figure(figsize=(width, 0.56 * width), layout="constrained", facecolor="white")
@@ -48,7 +48,7 @@ def draw(cspace: CSpace, width: float) -> Figure:
     return figure
 
 
-def save(cspace: CSpace, file: FilePath, kind: str, dpi: int) -> FilePath:
+def save(cspace: CSpaceQuery, file: FilePath, kind: str, dpi: int) -> FilePath:
     """Write the picture as "png", "svg" or "pdf", atomically; the same picture gives the same bytes."""
     buffer = io.BytesIO()
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
@@ -57,7 +57,7 @@ def save(cspace: CSpace, file: FilePath, kind: str, dpi: int) -> FilePath:
     return write_bytes(file, buffer.getvalue())
 
 
-def _legend(cspace: CSpace) -> list[Any]:
+def _legend(cspace: CSpaceQuery) -> list[Any]:
     named = cspace.grid.name_spots()
     colors = layer_colors(cspace.grid).items()
     handles: list[Any] = [Patch(color=color, label=name) for name, color in colors if name not in named]
@@ -76,7 +76,7 @@ def _legend(cspace: CSpace) -> list[Any]:
     return handles
 
 
-def _title(cspace: CSpace) -> str:
+def _title(cspace: CSpaceQuery) -> str:
     grid = cspace.grid
     parts = f"{counted(grid.components, 'component')} of free space"
     answer = headline(cspace)

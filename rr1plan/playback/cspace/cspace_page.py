@@ -35,13 +35,13 @@ from rr1plan.shapes import HalfSpace
 from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from rr1plan.playback.cspace.configuration_space import CSpace
+    from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 _CRUMB = 255  # label of all components too small to have a color of their own
 
 
 def save_page(
-    cspace: CSpace,
+    cspace: CSpaceQuery,
     file: str | os.PathLike[str],
     *,
     trajectory: Trajectory | None = None,
@@ -75,7 +75,7 @@ def with_panel(options: ViewOptions | None, panel: Panel) -> ViewOptions:
 
 
 def page_parts(
-    cspace: CSpace,
+    cspace: CSpaceQuery,
     *,
     trajectory: Trajectory | None = None,
     report: Report | None = None,
@@ -136,7 +136,7 @@ def _asset(name: str) -> str:
 # ---- the data of the panel ---------------------------------------------------------------------
 
 
-def _data(cspace: CSpace, names: tuple[str, str]) -> dict[str, Any]:
+def _data(cspace: CSpaceQuery, names: tuple[str, str]) -> dict[str, Any]:
     grid = cspace.grid
     joints = [grid.scene.arms[grid.arm].robot.joint(name) for name in grid.joint_names]
     columns = grid.scene.joint_names()
@@ -184,7 +184,7 @@ def _layers(grid: CSpaceGrid) -> list[dict[str, Any]]:
     ]
 
 
-def _ranked_components(cspace: CSpace) -> tuple[NDArray[np.uint8], list[float]]:
+def _ranked_components(cspace: CSpaceQuery) -> tuple[NDArray[np.uint8], list[float]]:
     """Components as the page colors them: the start's first, then the goals', then by size; and their shares."""
     grid = cspace.grid
     counts = np.bincount(grid.labels.ravel(), minlength=grid.components + 1)
@@ -206,7 +206,7 @@ def _tree(tree: DrawnTree) -> dict[str, Any]:
     }
 
 
-def _ghosts(cspace: CSpace) -> list[dict[str, Any]]:
+def _ghosts(cspace: CSpaceQuery) -> list[dict[str, Any]]:
     """The arm at the start and at every goal configuration, as the 3-D page draws ghosts."""
     grid = cspace.grid
     standing = [] if cspace.start is None else [("start", cspace.start)]

@@ -17,7 +17,7 @@ from rr1plan.playback.cspace.cspace_lines import along, gradient, write_name
 from rr1plan.playback.cspace.search_trees import DrawnTree
 
 if TYPE_CHECKING:
-    from rr1plan.playback.cspace.configuration_space import CSpace
+    from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 _STRIPE = 5
 
@@ -43,7 +43,7 @@ def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Arr
     return np.asarray(image.transpose(1, 0, 2))
 
 
-def draw_torus(axes: Any, cspace: CSpace) -> None:
+def draw_torus(axes: Any, cspace: CSpaceQuery) -> None:
     """Draw it."""
     grid = cspace.grid
     axes.set_title("configuration space", loc="left", color=INK)
@@ -91,7 +91,7 @@ def wrapped_pieces(points: Array, grid: CSpaceGrid) -> list[Array]:
     return [piece for piece in np.split(inside, cuts) if len(piece) > 1]
 
 
-def _draw_tree(axes: Any, cspace: CSpace, tree: DrawnTree) -> None:
+def _draw_tree(axes: Any, cspace: CSpaceQuery, tree: DrawnTree) -> None:
     """The tree of the start and that of the goals, each in its end's color, a dot at each vertex of small ones."""
     dense = len(tree.edges) > 800
     for side, color in enumerate((START, GOAL)):
@@ -114,13 +114,13 @@ def _draw_path(axes: Any, path: Array, grid: CSpaceGrid) -> None:
         done += own
 
 
-def _draw_ends(axes: Any, cspace: CSpace) -> None:
+def _draw_ends(axes: Any, cspace: CSpaceQuery) -> None:
     grid = cspace.grid
 
     def mark(q: Array, label: str, color: str, **style: Any) -> None:
         x, y = grid.wrapped(q)
         axes.plot(x, y, color=color, markeredgecolor="white", markeredgewidth=1.4, zorder=7, **style)
-        # To the left of what is near the right edge, so that all of it is inside the picture.
+        # Left of points near the right edge, so that the label stays inside the picture.
         side = -1 if grid.cell(q)[0] > 0.86 * len(grid.axes[0]) else 1
         text = axes.annotate(
             label, (x, y), xytext=(11 * side, 8), textcoords="offset points", ha="right" if side < 0 else "left"

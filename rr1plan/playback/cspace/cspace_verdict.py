@@ -9,10 +9,10 @@ import numpy as np
 from rr1plan.checks import counted
 
 if TYPE_CHECKING:
-    from rr1plan.playback.cspace.configuration_space import CSpace
+    from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 
-def describe(cspace: CSpace) -> str:
+def describe(cspace: CSpaceQuery) -> str:
     """The configuration space, the query and its answer as lines of text."""
     grid = cspace.grid
     first, second = grid.joint_names
@@ -37,14 +37,14 @@ def describe(cspace: CSpace) -> str:
     return "\n".join(lines)
 
 
-def _others(cspace: CSpace) -> list[str]:
+def _others(cspace: CSpaceQuery) -> list[str]:
     """Where the other joints of the arm are, which makes this a slice."""
     arm = cspace.grid.scene.arms[cspace.grid.arm]
     others = [(n, q) for n, q in zip(arm.robot.joint_names, arm.q, strict=True) if n not in cspace.grid.joint_names]
     return [f"  a slice, at {', '.join(f'{name} = {value:.4g}' for name, value in others)}"] if others else []
 
 
-def headline(cspace: CSpace) -> str:
+def headline(cspace: CSpaceQuery) -> str:
     """The same in a few words, for a title."""
     if cspace.found:
         return "the same path in the workspace and in the configuration space"
@@ -57,7 +57,7 @@ def headline(cspace: CSpace) -> str:
     return "a slice" if _others(cspace) else ""
 
 
-def tone(cspace: CSpace) -> str:
+def tone(cspace: CSpaceQuery) -> str:
     """How the page says it: "bad" where no path exists, "good" where one may, "open" where neither is known."""
     if cspace.start is None:
         return ""
@@ -66,13 +66,13 @@ def tone(cspace: CSpace) -> str:
     return "good" if any(cspace.reachable_goals) else "open"
 
 
-def verdict(cspace: CSpace) -> str:
+def verdict(cspace: CSpaceQuery) -> str:
     """The answer in a sentence, and goals that are out of reach by their names."""
     fault = [f"The path does not answer the query: {cspace.path_fault}."] if cspace.path_fault else []
     return " ".join([_answer(cspace), *fault, *(f"{why[0].upper()}{why[1:]}." for why in cspace.unreached)])
 
 
-def _answer(cspace: CSpace) -> str:
+def _answer(cspace: CSpaceQuery) -> str:
     grid = cspace.grid
     if cspace.start is None:
         return f"{grid.free.mean():.0%} of all configurations are free, in {_parts(cspace)}."
@@ -93,7 +93,7 @@ def _answer(cspace: CSpace) -> str:
     return f"{start}: certified cells, refined to a grid of {size} × {size}, do not separate them."
 
 
-def _why_none(cspace: CSpace) -> str:
+def _why_none(cspace: CSpaceQuery) -> str:
     if not cspace.goals:
         return "no configuration reaches the goal"
     if all(cspace.goals_blocked_by):
@@ -101,7 +101,7 @@ def _why_none(cspace: CSpace) -> str:
     return "start and goal are free, but in different components of free space"
 
 
-def _by_which_cells(cspace: CSpace) -> str:
+def _by_which_cells(cspace: CSpaceQuery) -> str:
     """How fine the cells are that prove it, where it takes cells to prove it."""
     if (cspace.goals and all(cspace.goals_blocked_by)) or cspace.decomposition is None:
         return ""
@@ -109,14 +109,14 @@ def _by_which_cells(cspace: CSpace) -> str:
     return f", proven by certified cells on a grid of {cells}"
 
 
-def _about_path(cspace: CSpace) -> str:
+def _about_path(cspace: CSpaceQuery) -> str:
     notes = ["; the path leads over the seam"] if crosses_seam(cspace) else []
     if cspace.path is not None and not cspace.grid.connected(cspace.path[0], cspace.path[-1]):
         notes.append(f"; the path leads through a gap too narrow for this grid of {_cells(cspace)}")
     return "".join(notes)
 
 
-def crosses_seam(cspace: CSpace) -> bool:
+def crosses_seam(cspace: CSpaceQuery) -> bool:
     """Whether the path leaves the square somewhere and comes in again at the other side."""
     if cspace.path is None:
         return False
@@ -128,9 +128,9 @@ def crosses_seam(cspace: CSpace) -> bool:
     return False
 
 
-def _cells(cspace: CSpace, times: str = "×") -> str:
+def _cells(cspace: CSpaceQuery, times: str = "×") -> str:
     return f"{f' {times} '.join(str(n) for n in cspace.grid.free.shape)} cells"
 
 
-def _parts(cspace: CSpace) -> str:
+def _parts(cspace: CSpaceQuery) -> str:
     return f"{counted(cspace.grid.components, 'component')} of free space"

@@ -7,8 +7,8 @@ from dataclasses import replace
 from rr1plan.checks import true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
-from rr1plan.playback.cspace.configuration_space import CSpace, cspace
 from rr1plan.playback.cspace.cspace_page import page_parts, with_panel
+from rr1plan.playback.cspace.cspace_query import CSpaceQuery, compute_query
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.live_viewer import Viewer, open_viewer
 from rr1plan.playback.viewer.view_options import ViewOptions
@@ -19,7 +19,7 @@ from rr1plan.trajectory import Trajectory
 
 
 def show_page(
-    picture: CSpace,
+    picture: CSpaceQuery,
     *,
     trajectory: Trajectory | None = None,
     options: ViewOptions | None = None,
@@ -59,7 +59,7 @@ class CSpaceViewer(Viewer):
 
     def __init__(
         self,
-        picture: CSpace,
+        picture: CSpaceQuery,
         *,
         trajectory: Trajectory | None = None,
         options: ViewOptions | None = None,
@@ -71,7 +71,7 @@ class CSpaceViewer(Viewer):
 
     def load(
         self,
-        scene: Scene | CSpace,
+        scene: Scene | CSpaceQuery,
         *,
         trajectory: Trajectory | None = None,
         path: Path | None = None,
@@ -96,17 +96,17 @@ class CSpaceViewer(Viewer):
             UnknownNameError: a column that is no joint of the scene.
             InputError: an arm without two joints, a problem, path or trajectory of other joints, or a closed viewer.
         """
-        picture = scene if isinstance(scene, CSpace) else self._picture_of(scene, problem, path)
+        picture = scene if isinstance(scene, CSpaceQuery) else self._picture_of(scene, problem, path)
         document, panel = page_parts(picture, trajectory=trajectory, report=report, replay=replay, options=options)
         self._exchange(picture.grid.scene, document, (panel,))
         self._picture = picture
 
-    def _picture_of(self, scene: Scene, problem: Problem | None, path: Path | None) -> CSpace:
+    def _picture_of(self, scene: Scene, problem: Problem | None, path: Path | None) -> CSpaceQuery:
         grid, arm, joints = self._picture.grid, None, None
         if problem is None and grid.arm in scene.arms:
             arm = grid.arm
             joints = grid.joint_names if set(grid.joint_names) <= set(scene.arms[arm].robot.joint_names) else None
-        picture = cspace(scene, problem, arm=arm, joints=joints, resolution=len(grid.free))
+        picture = compute_query(CSpaceQuery, scene, problem, arm=arm, joints=joints, resolution=len(grid.free))
         if path is None:
             return picture
         names = tuple(f"{picture.grid.arm}/{name}" for name in picture.grid.joint_names)

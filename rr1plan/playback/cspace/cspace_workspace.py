@@ -16,10 +16,10 @@ from rr1plan.playback.outlines import silhouette
 from rr1plan.shapes import HalfSpace
 
 if TYPE_CHECKING:
-    from rr1plan.playback.cspace.configuration_space import CSpace
+    from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 
-def draw_workspace(axes: Any, cspace: CSpace) -> None:
+def draw_workspace(axes: Any, cspace: CSpaceQuery) -> None:
     """Draw it."""
     grid = cspace.grid
     scene, arm = grid.scene, grid.scene.arms[grid.arm]
@@ -45,7 +45,7 @@ def draw_workspace(axes: Any, cspace: CSpace) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _draw_reach(axes: Any, cspace: CSpace) -> float:
+def _draw_reach(axes: Any, cspace: CSpaceQuery) -> float:
     """Draw the ring that the tool of an arm with two joints that turn can reach; returns how far it gets."""
     grid = cspace.grid
     base = grid.scene.arms[grid.arm].base[:2, 3]
@@ -61,7 +61,7 @@ def _draw_reach(axes: Any, cspace: CSpace) -> float:
     return outer
 
 
-def _configurations(cspace: CSpace) -> list[tuple[Array, Any, float]]:
+def _configurations(cspace: CSpaceQuery) -> list[tuple[Array, Any, float]]:
     """Configurations to draw the arm in, with color and opacity: along the path, or start and goals."""
     if cspace.path is not None:
         return [

@@ -155,7 +155,7 @@ class Viewer:
         self._server.command("seek", finite_number("t", t))
 
     def set_speed(self, speed: float) -> None:
-        """Play so many times as fast as real time.
+        """Set the playback speed as a multiple of real time.
 
         Raises:
             InputError: not a number above zero.

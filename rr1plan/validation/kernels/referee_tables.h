@@ -70,7 +70,7 @@ typedef struct {
     double middle[3];
 } PlacedBody;
 
-// Cells of directions: on each face of a cube SIDE by SIDE; see `support_tables.py`.
+// Cells of directions: on each face of a cube SIDE by SIDE; see `hull_support.py`.
 enum { SUPPORT_SIDE = 4, SUPPORT_CELLS = 96 };
 
 // The box around the triangles of a node of a surface.

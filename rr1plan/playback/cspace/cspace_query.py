@@ -1,0 +1,289 @@
+"""A configuration space of two joints with a query and its answer: what pictures, pages and verdicts are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import (
+    Array,
+    Value,
+    check_callback,
+    counted,
+    items_of,
+    of_kind,
+    read_only,
+    shown,
+)
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.contact_cells import JointPlane
+from rr1plan.errors import InputError
+from rr1plan.model import Kinematics, solve_ik
+from rr1plan.planning import PlanResult, SearchTree
+from rr1plan.playback.cspace.cspace_decomposition import Decomposition, decompose
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid, two_joints
+from rr1plan.playback.cspace.cspace_images import layer_of
+from rr1plan.playback.cspace.cspace_targets import CellTargets, off_by
+from rr1plan.playback.cspace.search_trees import DrawnTree, drawn_tree
+from rr1plan.progress import ProgressCallback, fraction_callback
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Goal, JointGoal, Problem
+
+_MOST_SOLUTIONS = 16  # drawn of each goal
+_SAME = 1e-3  # of several goals a path reaches those that it ends this near to [rad or m]
+_EXACT = 1e-6  # a path that begins and ends this near to its query answers it [rad or m]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CSpaceQuery(Value):
+    """A configuration space with a query and its answer.
+
+    Args:
+        grid: Cells, layers and components.
+        start: Where the query starts [rad or m], shape (2,), or None.
+        goals: Configurations that reach the goal, each (2,): those of joint goals, and those that inverse kinematics
+            found for goals of position.
+        path: Waypoints of the answer [rad or m], shape (k, 2), or None. What is said about it is checked: see
+            `path_fault`.
+        tree: What the planner explored, or None.
+        goal_names: What to call each of the goals (default: "goal", or "goal 1" and so on).
+        targets: What the query asks for (default: the goals themselves).
+        unreached: For each target that no configuration was found for: its name, and why.
+    """
+
+    grid: CSpaceGrid
+    start: Array | None = None
+    goals: tuple[Array, ...] = ()
+    path: Array | None = None
+    tree: SearchTree | None = None
+    goal_names: tuple[str, ...] = ()
+    targets: tuple[Goal, ...] = ()
+    unreached: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.goal_names) != len(self.goals):
+            object.__setattr__(self, "goal_names", _numbered("goal", len(self.goals)))
+        if not self.targets:
+            object.__setattr__(self, "targets", tuple(JointGoal(goal) for goal in self.goals))
+
+    def __repr__(self) -> str:
+        grid = self.grid
+        cells = " x ".join(str(n) for n in grid.free.shape)
+        asked = "" if self.start is None else f", {counted(len(self.goals), 'goal')}"
+        answer = "" if self.path is None else ", a path"
+        joints = " x ".join(grid.joint_names)
+        return f"{type(self).__name__}({grid.scene.name!r}, {joints}, {cells} cells{asked}{answer})"
+
+    # ---- the question --------------------------------------------------------------------
+
+    @cached_property
+    def start_blocked_by(self) -> tuple[str, ...]:
+        """What the start touches: names of layers; empty where it is free. The configuration counts, not its cell."""
+        return () if self.start is None else self._blocked_by(self.start)
+
+    @cached_property
+    def goals_blocked_by(self) -> tuple[tuple[str, ...], ...]:
+        """The same for each of the goals."""
+        return tuple(self._blocked_by(goal) for goal in self.goals)
+
+    def _blocked_by(self, q: Array) -> tuple[str, ...]:
+        scene, arm = self.grid.scene, self.grid.arm
+        checker, full = CollisionChecker(scene, (arm,)), self._whole(q)
+        names = [layer_of(scene, (contact.a, contact.b), arm) for contact in checker.contacts(full)]
+        return tuple(dict.fromkeys(names + [LIMITS] * (not checker.within_limits(full))))
+
+    def _whole(self, q: Array) -> Array:
+        """Configurations of the arm from those of the two joints: shape (..., nq) from (..., 2)."""
+        arm = self.grid.scene.arms[self.grid.arm]
+        full = np.broadcast_to(arm.q, (*q.shape[:-1], arm.robot.nq)).copy()
+        full[..., [arm.robot.joint_names.index(name) for name in self.grid.joint_names]] = q
+        return full
+
+    # ---- the answer ----------------------------------------------------------------------
+
+    @cached_property
+    def path_fault(self) -> str:
+        """Why the path does not answer the query, in words; empty where it does, and without a path or a query."""
+        grid, q = self.grid, self.path
+        if q is None or self.start is None or not self.targets:
+            return ""
+        if off_by(q[:1], self.start, np.array(grid.turns)).max() > _EXACT:
+            return "it does not begin at the start"
+        checker = CollisionChecker(grid.scene, (grid.arm,))
+        names = grid.scene.arms[grid.arm].robot.joint_names
+        columns = (names.index(grid.joint_names[0]), names.index(grid.joint_names[1]))
+        plane = JointPlane(checker.model, self._whole(self.start), columns)
+        targets = CellTargets(plane, grid.scene, grid.arm, self.targets)
+        if not targets.may_hold(q[-1:], np.full(2, _EXACT)).all():
+            return "it does not end at a goal"
+        path = self._whole(q)
+        if not all(checker.within_limits(point) for point in path):
+            return "it leaves the joint limits"
+        return "" if checker.path_is_free(path) else "it is not free"
+
+    @property
+    def found(self) -> bool:
+        """There is a path from the start to a goal, certified free."""
+        return self.path is not None and self.start is not None and not self.path_fault
+
+    @property
+    def reachable_goals(self) -> tuple[bool, ...]:
+        """For each goal whether the path ends there, or it is in the start's component of free space on the grid."""
+        if self.start is None:
+            return tuple(False for _ in self.goals)
+        return tuple(self._ends_at(goal) or self.grid.connected(self.start, goal) for goal in self.goals)
+
+    def _ends_at(self, goal: Array) -> bool:
+        if self.path is None or not self.found:
+            return False
+        off = np.where(self.grid.turns, _wrapped(self.path[-1] - goal), self.path[-1] - goal)
+        return bool(np.abs(off).max() < _SAME)
+
+    @cached_property
+    def decomposition(self) -> Decomposition | None:
+        """The cells that were certified in search of a proof that no path exists; None where none was searched for.
+
+        That is so without a question, with a path that answers it, for a start that is not free, and for slices of
+        bigger arms.
+        """
+        grid = self.grid
+        whole = grid.scene.arms[grid.arm].robot.joint_names == grid.joint_names
+        if not whole or self.found or self.start is None or not self.targets or self.start_blocked_by:
+            return None
+        return decompose(grid.scene, grid.arm, self.start, self.targets, self.goals)
+
+    @property
+    def proves_no_path(self) -> bool:
+        """No path from the start to any goal exists: certified, whatever the resolution of the picture.
+
+        Either cells that are blocked as a whole separate them, or no configuration reaches the goal, or the goals are
+        configurations that are not free. False where the path answers the query, and where the question is open.
+        """
+        if self.start is None or self.found or not self.targets:
+            return False
+        if self.start_blocked_by:
+            return True
+        joint_goals = all(isinstance(target, JointGoal) for target in self.targets)
+        if joint_goals and all(self.goals_blocked_by):
+            return True
+        return self.decomposition is not None and self.decomposition.proves_no_path
+
+    def with_result(self, result: PlanResult) -> Self:
+        """The same with a planner's answer to the query: its path and, if it kept one, its tree."""
+        of_kind("result", result, PlanResult)
+        path = None if result.path is None else result.path.waypoints
+        found = replace(self, path=path, tree=result.tree)
+        if path is None and "decomposition" in self.__dict__:
+            found.__dict__["decomposition"] = self.decomposition
+        return found
+
+    @cached_property
+    def drawn_tree(self) -> DrawnTree | None:
+        """The tree as pictures and pages show it, huge ones thinned; None where there is none, or it has no edges."""
+        if self.tree is None or len(self.tree.edges) == 0:
+            return None
+        return drawn_tree(self.tree, self.start, self.goals)
+
+
+def _numbered(name: str, count: int) -> tuple[str, ...]:
+    return (name,) if count == 1 else tuple(f"{name} {k}" for k in range(1, count + 1))
+
+
+def _wrapped(angles: Array) -> Array:
+    return np.asarray(np.arctan2(np.sin(angles), np.cos(angles)))
+
+
+_Query = TypeVar("_Query", bound=CSpaceQuery)
+
+
+def compute_query(
+    kind: type[_Query],
+    scene: Scene,
+    problem: Problem | None = None,
+    *,
+    result: PlanResult | None = None,
+    arm: str | None = None,
+    joints: tuple[str, str] | None = None,
+    at: str | ArrayLike | None = None,
+    resolution: int = 360,
+    progress: ProgressCallback | None = None,
+) -> _Query:
+    """A query of a kind with its cells and goal configurations; for the other arguments and errors see `cspace`."""
+    of_kind("scene", scene, Scene)
+    of_kind("problem", problem, Problem, optional=True)
+    of_kind("result", result, PlanResult, optional=True)
+    check_callback("progress", progress)
+    if problem is not None:
+        _check_problem(problem, arm, joints)
+        arm = problem.arms[0]
+    if at is not None:
+        arm = scene.only_arm(arm)
+        scene = _slice_scene(scene, arm, two_joints(scene, arm, joints), at)
+    grid = compute_grid(scene, arm, joints, resolution, fraction_callback("cspace", progress))
+    if problem is None:
+        return kind(grid)
+    goals, unreached = goal_configurations(problem)
+    picture = kind(
+        grid,
+        read_only(np.array(problem.start)),
+        tuple(goals.values()),
+        goal_names=tuple(goals),
+        targets=problem.goal[problem.arms[0]],
+        unreached=unreached,
+    )
+    return picture if result is None else picture.with_result(result)
+
+
+def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: str | ArrayLike) -> Scene:
+    """The scene with all joints of an arm at `at` except the two that the picture shows."""
+    robot, q = scene.arms[arm].robot, np.array(scene.arms[arm].q)
+    others = [i for i, name in enumerate(robot.joint_names) if name not in joints]
+    if not others:
+        raise InputError(f"option at has no effect: arm {arm!r} has no joints but {' and '.join(joints)}")
+    q[others] = robot.configuration(at, "option at")[others]
+    for i in others:
+        lower, upper = robot.limits.lower[i], robot.limits.upper[i]
+        if not lower <= q[i] <= upper:
+            raise InputError(
+                f"option at has joint {robot.joint_names[i]!r} at {q[i]:.6g}, expected {lower:.6g} to {upper:.6g}"
+            )
+    return scene.with_configuration(arm, q)
+
+
+def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | None) -> None:
+    if len(problem.arms) != 1 or problem.nq != 2:
+        raise InputError(f"the problem has {problem.nq} columns, only one with two can be drawn in the plane")
+    if arm is not None and arm != problem.arms[0]:
+        raise InputError(f"arm is {shown(arm)}, but the problem moves {problem.arms[0]!r}")
+    known = problem.scene.arms[problem.arms[0]].robot.joint_names
+    asked = known if joints is None else items_of("joints", joints, "two names")
+    if asked != known:
+        raise InputError(
+            f"the joints are {', '.join(map(str, asked))}, but the problem's columns are {', '.join(known)}"
+        )
+
+
+def goal_configurations(problem: Problem) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Configurations (2,) that reach the goal of a two-joint problem, in collision or not, by their names.
+
+    A joint goal is itself. For a goal of position (or pose, or region) they are what inverse kinematics finds, e.g.
+    both elbows; where it finds none, the goal's name and the reason are in the second answer.
+    """
+    arm = problem.arms[0]
+    kinematics = Kinematics(problem.scene, problem.arms)
+    targets = problem.goal[arm]
+    found: dict[str, Array] = {}
+    unreached = []
+    for name, target in zip(_numbered("goal", len(targets)), targets, strict=True):
+        if isinstance(target, JointGoal):
+            found[name] = read_only(np.array(target.q))
+            continue
+        answer = solve_ik(kinematics, target, rng=0, max_solutions=_MOST_SOLUTIONS)
+        names = _numbered(f"{name}, IK", len(answer.solutions)) if len(answer.solutions) > 1 else (name,)
+        found |= zip(names, answer.solutions, strict=False)
+        unreached += [] if answer.found else [f"{name}: {answer.reason}"]
+    return found, tuple(unreached)
