@@ -31,6 +31,7 @@ from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
 if TYPE_CHECKING:
+    from rr1plan.multi.portfolio import ManyArmsResult
     from rr1plan.playback.simulation.replay import Replay
     from rr1plan.playback.viewer import Viewer, ViewOptions
 
@@ -50,6 +51,7 @@ class MotionPlan:
             "validate".
         margin: Distance kept beyond the scene's padding while planning [m].
         changes: For a motion from a file: differences between the scene it was planned in and `scene`.
+        many_arms: Result of the planner "many_arms": paths by arm, stages, makespan. There is no composite `path` then.
     """
 
     problem: Problem | None
@@ -61,6 +63,7 @@ class MotionPlan:
     _report: Report | None = None
     changes: tuple[str, ...] = ()
     _scene: Scene | None = None
+    many_arms: ManyArmsResult | None = None
 
     @property
     def scene(self) -> Scene:
@@ -213,6 +216,9 @@ _T = TypeVar("_T")
 # Imports faster than this [s] only look up modules that are already loaded.
 _NO_IMPORTS = 0.01
 _MARGIN = 0.002  # [m]
+_MANY_ARMS = "many_arms"
+# Up to this many arms are planned in their joint space unless a planner is named.
+_PLANNED_AS_ONE = 2
 # Shortcut attempts before retiming: milliseconds of computation save seconds of motion.
 _SHORTCUTS = 48
 _DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
@@ -229,7 +235,7 @@ def _present(value: _T | None, result: PlanResult) -> _T:
 def plan_motion(
     problem: Problem,
     *,
-    planner: str | Planner = "rrt_connect",
+    planner: str | Planner | None = None,
     retiming: str = "blend",
     shorten: bool = True,
     margin: float | None = None,
@@ -245,7 +251,9 @@ def plan_motion(
 
     Args:
         problem: The question.
-        planner: A name of `planner_names()`, or an instance of `Planner`.
+        planner: A name of `planner_names()`, an instance of `Planner`, or "many_arms", which plans a path for each arm
+            and schedules them (`rr1plan.multi.plan_many_arms`). Default: "rrt_connect" for one or two arms,
+            "many_arms" for more.
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; that of a planner that `keeps_shape`, such as the Cartesian one, is left
@@ -273,8 +281,13 @@ def plan_motion(
     seconds = {"imports": imports} if imports > _NO_IMPORTS else {}
     generator = as_generator(rng)
     check_question(problem, budget, progress)
-    chosen = chosen_planner(planner)
     known_name("retiming", retiming, retiming_names())
+    if planner is None:
+        planner = "rrt_connect" if len(problem.arms) <= _PLANNED_AS_ONE else _MANY_ARMS
+    if isinstance(planner, str) and planner == _MANY_ARMS:
+        _check_many_arms_options(retiming, torque_limits)
+        return _plan_many_arms(problem, seconds, margin, budget, generator, progress)
+    chosen = chosen_planner(planner)
     shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     try:
         with _timed(seconds, "set up", progress):
@@ -313,6 +326,44 @@ def plan_motion(
             result = replace(result, status=PlanStatus.CANCELLED, path=None, reason=str(error))
             return MotionPlan(problem, result, seconds, margin)
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
+
+
+def _check_many_arms_options(retiming: str, torque_limits: bool) -> None:
+    """Refuse what the planner "many_arms" cannot do.
+
+    Raises:
+        InputError: another retiming than "blend", or torque limits.
+    """
+    if retiming != "blend" or torque_limits:
+        raise InputError(f"planner {_MANY_ARMS!r} times motions itself, by 'blend' and without torque limits")
+
+
+def _plan_many_arms(
+    problem: Problem,
+    seconds: dict[str, float],
+    margin: float | None,
+    budget: Budget | None,
+    rng: Seed,
+    progress: ProgressCallback | None,
+) -> MotionPlan:
+    """Plan a path for each arm, schedule them, and validate the motion of all."""
+    from rr1plan.multi.portfolio import plan_many_arms  # not needed for one arm
+
+    try:
+        with _timed(seconds, "set up", progress):
+            _cut_meshes(problem.scene, progress)
+        with _timed(seconds, "plan", progress):
+            found = plan_many_arms(problem, margin=margin, budget=budget, rng=rng, progress=progress)
+        if found.trajectory is None:
+            result = PlanResult(found.status, None, found.reason, _MANY_ARMS, seconds=found.seconds)
+            return MotionPlan(problem, result, seconds, many_arms=found)
+        with _timed(seconds, "validate", progress):
+            report = validate(found.trajectory, problem.scene, problem)
+    except CancelledError as error:
+        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), _MANY_ARMS), seconds)
+    reason = "each arm has its own path, see `many_arms.paths`"
+    result = PlanResult(found.status, None, reason, _MANY_ARMS, seconds=found.seconds)
+    return MotionPlan(problem, result, seconds, _trajectory=found.trajectory, _report=report, many_arms=found)
 
 
 def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:

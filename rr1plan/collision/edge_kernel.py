@@ -75,15 +75,16 @@ def exact_struct(tables: ExactTables, columns: int) -> CStruct:
     )
 
 
-def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS) -> CStruct:
+def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue: int | None = None) -> CStruct:
     """Memory that the exact kernel writes.
 
     Args:
         tables: Its tables; the poses of fixed bodies are copied from them.
         columns: Number of columns of q.
         terms: Coefficients of the longest curve.
+        queue: Pairs and intervals that can be open at once, a power of two (default: enough for curves).
     """
-    queue = max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length())
+    queue = queue or max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length())
     stride = len(tables.joints) + 1
     scratch = CStruct("ExactScratch", travel_stride=stride, coefficient_rows=terms, queue_size=queue)
     scratch.give_room(

@@ -18,6 +18,7 @@
 #include "clearance.c"
 #include "place_solids.c"
 #include "map_distances.c"
+#include "coordination.c"
 // Eight at once: spheres, clearance maps, separating directions.
 #include "fk_simd.c"
 #include "sphere_tests.c"
@@ -43,6 +44,7 @@
 #include "path_grid.c"
 #include "parameterize.c"
 #include "timed_pieces.c"
+#include "hops.c"
 #include "blends.c"
 #include "../binding/cpu_level.c"
 #include "sines.c"

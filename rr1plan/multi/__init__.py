@@ -1,10 +1,29 @@
-"""Many arms: placement helpers and decoupled planning methods.
+"""Many arms: placing them, and planning them apart on one clock.
 
-Coupled planning needs no additional code: a `Problem` that moves several arms has more columns,
-and every planner solves it (see `composite`). Each decoupled method
-(prioritized, conflict-based, coordination on fixed paths) belongs in a module of this package.
+A `Problem` that moves several arms is one problem with more columns, and every planner answers it in the joint space
+of all of them (see `composite`). From three arms on `plan_motion` plans them apart instead: `plan_many_arms`.
+
+    portfolio.py                             plan_many_arms: all stages under one deadline, one trajectory
+    preflight.py  interaction.py             starts and goals that cannot be; arms that can meet
+    prioritized.py                           schedules one after the other, detours, eviction, meta-agents
+    path_pool.py                             paths of one agent
+    safe_intervals.py  schedule.py           timing on a fixed path; what a schedule occupies
+    coordination.py                          coordination diagrams: which segments of two paths do not touch
+    agent_path.py  placed_path.py  agents.py   paths in segments, with their bodies; arms that move as one
+    problems.py                              seeded problems; grids and rings are in `rr1plan.scene.placement`
 """
 
+from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
+from rr1plan.multi.problems import dual_arm_shelf, random_grid, ring_swap
 from rr1plan.scene.placement import place_grid, place_ring
 
-__all__ = ["place_grid", "place_ring"]
+__all__ = [
+    "GroupResult",
+    "ManyArmsResult",
+    "dual_arm_shelf",
+    "place_grid",
+    "place_ring",
+    "plan_many_arms",
+    "random_grid",
+    "ring_swap",
+]

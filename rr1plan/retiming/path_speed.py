@@ -136,3 +136,59 @@ def timed(curve: Curve, grid: Grid, x: Array) -> Pieces:
     piece = np.ascontiguousarray(grid.piece)
     load_library().rr1_time_intervals(_curve_struct(curve), piece, offset, delta, x, n, durations, coefficients)
     return Pieces(durations, coefficients if curve.coefficients[:, 2].any() else coefficients[:, :3])
+
+
+def hop_times(
+    curve: Curve,
+    grid: Grid,
+    limits: Limits,
+    halts: NDArray[np.int64],
+    begins: NDArray[np.int64],
+    ends: NDArray[np.int64],
+) -> Array:
+    """When the fastest motions from rest at some gridpoints to rest at others are at those in between [s].
+
+    Args:
+        curve: The curve.
+        grid: Its gridpoints, n + 1 of them.
+        limits: Velocity and acceleration limits, finite for joints that move.
+        halts: 1 for gridpoints where every motion stops, shape (n + 1,).
+        begins: Where motions begin, shape (m,).
+        ends: Where they end, behind that.
+
+    Returns:
+        Times from 0, shape (m, n + 1), of no meaning outside a motion.
+    """
+    path, rates, size = _curve_struct(curve), _limits_struct(limits), _ARENA
+    piece, offset, delta = (np.ascontiguousarray(part) for part in grid)
+    times = np.zeros((len(begins), len(delta) + 1))
+    hops = np.ascontiguousarray(begins), np.ascontiguousarray(ends), len(begins)
+    code = full = constants()["ARENA_FULL"]
+    while code == full:
+        arena = CStruct("Arena", memory=np.empty(size), size=size)
+        code = load_library().rr1_time_hops(
+            *(path, rates, piece, offset, delta, len(delta), np.ascontiguousarray(halts)), *hops, arena, times
+        )
+        size *= 4
+    return times
+
+
+def fastest_speeds(curve: Curve, grid: Grid, limits: Limits) -> Array:
+    """The fastest squared path speeds from rest to rest at the gridpoints of a curve, shape (n + 1,).
+
+    They are linear in s between gridpoints, so a grid has to have at least two intervals.
+
+    Args:
+        curve: The curve.
+        grid: Its gridpoints.
+        limits: Velocity and acceleration limits, finite for joints that move.
+    """
+    path, rates = _curve_struct(curve), _limits_struct(limits)
+    piece, offset, delta = (np.ascontiguousarray(part) for part in grid)
+    x, size = np.empty(len(delta) + 1), _ARENA
+    while True:
+        arena = CStruct("Arena", memory=np.empty(size), size=size)
+        code = load_library().rr1_fastest_speeds(path, rates, piece, offset, delta, len(delta), arena, x)
+        if code != constants()["ARENA_FULL"]:
+            return x
+        size *= 4

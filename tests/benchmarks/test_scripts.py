@@ -219,6 +219,19 @@ def test_changes_of_scenes_are_timed(script, problem_file, tmp_path):
     assert "| set up" in (tmp_path / "scene_changes.md").read_text()
 
 
+def test_motions_of_many_arms_are_counted_by_what_the_referee_certifies(script, tmp_path):
+    arguments = ["--sets", "grid", "shelf", "--arms", "2", "3", "--spacings", "0.7", "--seeds", "1", "--step", "0.1"]
+    assert script("many_arms").main([*arguments, "--out", str(tmp_path)]) == 0
+    results = json.loads((tmp_path / "many_arms.json").read_text())
+    assert [(r["set"], r["arms"]) for r in results["results"]] == [("grid", 2), ("grid", 3), ("shelf", 2)]
+    for cell in results["cells"]:
+        assert cell["solved"] == cell["problems"] == 1
+        assert cell["ratio"] >= 1.0 - 1e-9
+        assert cell["contacts"] == 0
+    assert all(r["looks"] > 3 for r in results["results"])
+    assert "All solved." in (tmp_path / "many_arms.md").read_text()
+
+
 def test_what_takes_too_long_with_many_arms_is_told(script, tmp_path):
     arguments = ["--arms", "2", "--columns", "motion", "--limit", "0.01", "--out", str(tmp_path)]
     assert script("many_instances").main(arguments) == 0

@@ -1,0 +1,267 @@
+"""The path of an agent: a smooth curve in segments, the fastest motion between any two stops, and its placed bodies.
+
+A path is a polyline with rounded corners (`retiming/blends.py`). What happens in time is decided later, so the path
+itself never changes: an agent may wait at a gridpoint, go on, or go back, and never leaves the curve.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.kernels.planner_kernels import CStruct
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.placed_path import placed_path
+from rr1plan.path import Path
+from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, round_corners
+from rr1plan.retiming.path_speed import Grid, fastest_speeds, hop_times, timed
+from rr1plan.retiming.timed_pieces import Pieces, concatenate
+
+# How far any point of the arms gets on a segment [m]: in the middle of a path, and at its ends, where other arms may be
+# near; between them it grows by this share of the way from the end.
+_LONGEST, _SHORTEST, _GROWTH = 0.08, 0.006, 0.3
+# Leaves of the interval tree per segment: a cell of a diagram is certified in the square of that many parts.
+_LEAVES = 4
+# Inner gridpoints at which an agent may wait.
+_STOPS = 12
+_FEWEST = 2  # segments of a piece, so that a motion can begin and end on it
+_LARGEST_BLEND = 1.0  # [rad]
+_SAME = 1e-9  # relative difference of path accelerations that count as one
+# Far above the rounding of configurations [rad].
+_ROUNDING = 1e-12
+
+
+class AgentPath:
+    """A path of an agent.
+
+    Args:
+        agent: Its agent.
+        path: The path; of its arms.
+        checker: What certifies rounded corners against all that stands still.
+
+    Attributes:
+        curve: The rounded polyline, smooth but at `halts`.
+        grid: Its segments.
+        halts: Gridpoints where the motion has to stop: corners that cannot be rounded.
+        segments: How many there are; 0 for an agent that does not move.
+    """
+
+    def __init__(self, agent: Agent, path: Path, checker: CurveChecker) -> None:
+        self.agent, self.path = agent, path
+        points = clean(path.waypoints)
+        self.start, self.goal = path.waypoints[0], path.waypoints[-1]
+        nq = points.shape[1]
+        if len(points) == 1:
+            self.curve = Curve(np.zeros(0), np.zeros((0, 3, nq)), (0, 0))
+            self.grid = Grid(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+            self.halts: tuple[int, ...] = ()
+            self.segments = 0
+            return
+        sizes = blend_sizes(points, _LARGEST_BLEND, checker)
+        lengths, coefficients, before = round_corners(points, sizes)
+        self.curve = Curve(lengths.copy(), coefficients.copy(), (0, len(points) - 1))
+        counts = self._segment_counts()
+        self.grid = _even_grid(lengths, counts)
+        self.segments = int(counts.sum())
+        first = np.concatenate([[0], np.cumsum(counts)])
+        corners = np.flatnonzero(sizes[1:-1] == 0.0) + 1
+        self.halts = tuple(int(first[before[i]]) for i in corners)
+
+    def __repr__(self) -> str:
+        return f"AgentPath({', '.join(self.agent.arms)}: {self.segments} segments)"
+
+    @property
+    def length(self) -> float:
+        """Euclidean length in joint space [rad]."""
+        return float(self.curve.lengths.sum())
+
+    def _segment_counts(self) -> NDArray[np.int64]:
+        """How many segments each piece of the curve is cut into."""
+        speed = [
+            float((np.abs(c[1] + c[2] * length) * self.agent.bodies.reach).sum())
+            for length, c in zip(self.curve.lengths, self.curve.coefficients, strict=True)
+        ]
+        borders = np.concatenate([[0.0], np.cumsum(self.curve.lengths * speed)])
+        far = np.linspace(0.0, borders[-1], 400)
+        spacing = np.clip(_SHORTEST + _GROWTH * np.minimum(far, borders[-1] - far), _SHORTEST, _LONGEST)
+        number = np.concatenate([[0.0], np.cumsum(np.diff(far) / (0.5 * (spacing[1:] + spacing[:-1])))])
+        wanted = np.diff(np.interp(borders, far, number))
+        return np.asarray(np.maximum(np.ceil(wanted), _FEWEST), np.int64)
+
+    # ---- motion ------------------------------------------------------------------------
+
+    @cached_property
+    def stops(self) -> tuple[int, ...]:
+        """Gridpoints at which the agent may wait: both ends, and some evenly spread between them."""
+        spread = np.unique(np.linspace(0, self.segments, _STOPS + 2).round().astype(np.int64))
+        return tuple(spread.tolist())
+
+    @cached_property
+    def _times(self) -> Array:
+        """Times of the motions from each stop to each later one, shape (stops, stops, gridpoints)."""
+        count = len(self.stops)
+        begin, end = np.triu_indices(count, 1)
+        stops, halts = np.array(self.stops), np.zeros(self.segments + 1, np.int64)
+        halts[list(self.halts)] = 1
+        times = np.zeros((count, count, self.segments + 1))
+        times[begin, end] = hop_times(self.curve, self.grid, self.agent.limits, halts, stops[begin], stops[end])
+        return times
+
+    def hop_times(self, begin: int, end: int) -> Array:
+        """When the fastest motion from rest at one stop to rest at another is at each gridpoint on its way [s].
+
+        Args:
+            begin: A gridpoint of `stops`.
+            end: Another; before it, the motion goes back.
+        """
+        if begin == end:
+            return np.zeros(1)
+        i, j = self.stops.index(begin), self.stops.index(end)
+        if begin < end:
+            return np.asarray(self._times[i, j, begin : end + 1])
+        forward = self._times[j, i, end : begin + 1]
+        return np.asarray((forward[-1] - forward)[::-1])
+
+    def hop_duration(self, begin: int, end: int) -> float:
+        """How long it takes [s]."""
+        if begin == end:
+            return 0.0
+        i, j = sorted((self.stops.index(begin), self.stops.index(end)))
+        return float(self._times[i, j, self.stops[j]])
+
+    def hop(self, begin: int, end: int) -> Pieces:
+        """The fastest motion from rest at a gridpoint to rest at another, forward or back."""
+        if begin > end:
+            return _reversed(self.hop(end, begin))
+        if begin == end:
+            return Pieces(np.zeros(1), self.at(begin)[None, None])
+        halts = [begin, *(k for k in self.halts if begin < k < end), end]
+        return concatenate([self._between(a, b) for a, b in pairwise(halts)])
+
+    def _between(self, begin: int, end: int) -> Pieces:
+        piece, offset, delta = self.grid
+        grid = Grid(piece[begin:end], offset[begin:end], delta[begin:end])
+        if end - begin == 1:
+            half = 0.5 * grid.delta[0]
+            grid = Grid(grid.piece.repeat(2), grid.offset[0] + np.array([0.0, half]), np.array([half, half]))
+        x = fastest_speeds(self.curve, grid, self.agent.limits)
+        return _merged(timed(self.curve, grid, x).within(self.agent.limits), grid, x, self.curve)
+
+    def at(self, gridpoint: int) -> Array:
+        """Where the agent is at a gridpoint, shape (nq,)."""
+        if gridpoint == 0:
+            return np.asarray(self.start)
+        if gridpoint == self.segments:
+            return np.asarray(self.goal)
+        c, s = self.curve.coefficients[self.grid.piece[gridpoint]], self.grid.offset[gridpoint]
+        return np.asarray(c[0] + s * (c[1] + s * c[2]))
+
+    @cached_property
+    def fastest(self) -> float:
+        """Duration of the motion without waiting [s]."""
+        return self.hop_duration(0, self.segments)
+
+    # ---- rows of coordination diagrams -----------------------------------------------------
+
+    @property
+    def cells(self) -> int:
+        """Rows of its coordination diagrams: the start, each segment, the goal."""
+        return self.segments + 2
+
+    @cached_property
+    def placed(self) -> CStruct:
+        """The bodies at each interval of the path (`coordination.h`)."""
+        bodies, nq = self.agent.bodies, self.agent.bodies.columns
+        count = self.segments * _LEAVES
+        leaves = 1 << max(0, (count - 1).bit_length())
+        nodes = 2 * leaves + 2
+        q, reach = np.zeros((nodes, nq)), np.zeros((nodes, nq))
+        empty = np.ones(nodes, np.int64)
+        cell = np.zeros(leaves + 2, np.int64)
+        if count:
+            self._fill_leaves(q[leaves : leaves + count], reach[leaves : leaves + count])
+            empty[leaves : leaves + count] = 0
+            cell[:count] = np.repeat(np.arange(1, self.segments + 1), _LEAVES)
+            _fill_tree(q, reach, empty, leaves)
+        q[-2], q[-1] = self.start, self.goal
+        empty[-2:] = 0
+        cell[-2:] = 0, self.segments + 1
+        return placed_path(bodies, q, reach, empty, cell)
+
+    def release(self) -> None:
+        """Forget the placed bodies, most of the memory of a path; they are made again when they are needed."""
+        self.__dict__.pop("placed", None)
+
+    def _fill_leaves(self, q: Array, reach: Array) -> None:
+        """The configuration in the middle of each leaf, and how far each column gets from there."""
+        part = np.arange(_LEAVES)
+        half = np.repeat(0.5 * self.grid.delta / _LEAVES, _LEAVES)[:, None]
+        s = (self.grid.offset[:, None] + self.grid.delta[:, None] * (part + 0.5) / _LEAVES).reshape(-1, 1)
+        c = self.curve.coefficients[np.repeat(self.grid.piece, _LEAVES)]
+        q[:] = c[:, 0] + s * (c[:, 1] + s * c[:, 2])
+        rate = np.abs(c[:, 1] + 2.0 * s * c[:, 2])
+        reach[:] = rate * half + np.abs(c[:, 2]) * half**2
+        reach += _ROUNDING * (1.0 + np.abs(c).sum(axis=1))
+
+    @cached_property
+    def box(self) -> Array:
+        """Low and high corner of a box around all that the agent sweeps [m], shape (6,)."""
+        targets = self.placed.targets
+        bodies = len(self.agent.bodies.elements)
+        used = targets["is_empty"] == 0
+        used[1 : targets["is_empty"].shape[0] // 2 - 1] = False  # all nodes but leaves and ends
+        centers = targets["centers"].reshape(-1, bodies, 3)[used]
+        reach = targets["travel"].reshape(-1, bodies)[used] + self.agent.bodies.tables.body_values[:, 15]
+        low, high = centers - reach[..., None], centers + reach[..., None]
+        return np.concatenate([low.min(axis=(0, 1)), high.max(axis=(0, 1))])
+
+
+def _even_grid(lengths: Array, counts: NDArray[np.int64]) -> Grid:
+    """Each piece of a curve cut into some segments of equal length."""
+    piece = np.repeat(np.arange(len(lengths)), counts)
+    delta = np.repeat(lengths / counts, counts)
+    number = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return Grid(piece, number * delta, delta)
+
+
+def _fill_tree(q: Array, reach: Array, empty: NDArray[np.int64], leaves: int) -> None:
+    """Boxes in joint space around the two halves of each node above the leaves."""
+    low, high = q - reach, q + reach
+    level = leaves // 2
+    while level >= 1:
+        nodes = np.arange(level, 2 * level)
+        one, two = 2 * nodes, 2 * nodes + 1
+        empty[nodes] = empty[one]
+        low[nodes] = np.where(empty[two, None] == 1, low[one], np.minimum(low[one], low[two]))
+        high[nodes] = np.where(empty[two, None] == 1, high[one], np.maximum(high[one], high[two]))
+        level //= 2
+    inner = slice(1, leaves)
+    q[inner] = 0.5 * (low[inner] + high[inner])
+    reach[inner] = 0.5 * (high[inner] - low[inner]) + _ROUNDING * (1.0 + np.abs(q[inner]))
+
+
+def _merged(pieces: Pieces, grid: Grid, x: Array, curve: Curve) -> Pieces:
+    """Join consecutive pieces on a straight line that have the same path acceleration."""
+    gain = np.diff(x) / grid.delta
+    bent = curve.coefficients[grid.piece, 2].any(axis=1)
+    scale = _SAME * max(float(np.abs(gain).max()), 1e-12)
+    goes_on = (np.abs(np.diff(gain)) <= scale) & (grid.piece[1:] == grid.piece[:-1]) & ~bent[1:]
+    first = np.flatnonzero(np.concatenate([[True], ~goes_on]))
+    return Pieces(np.add.reduceat(pieces.durations, first), pieces.coefficients[first])
+
+
+def _reversed(pieces: Pieces) -> Pieces:
+    """The same motion backward."""
+    durations, c = pieces
+    terms = c.shape[1]
+    turned = c.copy()
+    # Taylor's coefficients at the end of each piece, by repeated division; then odd powers change their sign.
+    for first in range(terms - 1):
+        for k in range(terms - 2, first - 1, -1):
+            turned[:, k] += durations[:, None] * turned[:, k + 1]
+    turned[:, 1::2] *= -1.0
+    return Pieces(durations[::-1].copy(), turned[::-1].copy())

@@ -1,0 +1,171 @@
+"""Agents: one arm, or a few arms that move as one (a meta-agent), among those of a problem."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
+from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
+from rr1plan.kernels.planner_kernels import CStruct
+from rr1plan.object_cache import kept_in
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
+
+_QUEUE_OF_ONE = 1  # intervals: nodes of paths are placed, not halved
+
+
+def subscene(scene: Scene, postures: Mapping[str, Array | None], *, obstacles: bool = True) -> Scene:
+    """The part of a scene with some of its arms and what they hold.
+
+    Args:
+        scene: The scene.
+        postures: The arms to keep; each with a posture (nq,), or None for that of the scene.
+        obstacles: Whether to keep the obstacles.
+    """
+    arms = {}
+    for name, arm in scene.arms.items():
+        if name in postures:
+            q = postures[name]
+            arms[name] = arm if q is None else type(arm)(arm.robot, arm.base, q)
+    held = {name: thing for name, thing in scene.attachments.items() if thing.arm in arms}
+    part = Scene(arms, scene.obstacles if obstacles else {}, held, padding=scene.padding, name=scene.name)
+    if not scene.allowed and not scene.pair_padding:
+        return part
+    names = {*part.element_names, *part.arms}
+    return Scene(
+        part.arms,
+        part.obstacles,
+        part.attachments,
+        frozenset(both for both in scene.allowed if both <= names),
+        scene.padding,
+        {both: distance for both, distance in scene.pair_padding.items() if both <= names},
+        scene.name,
+    )
+
+
+class AgentBodies:
+    """The bodies of some arms, grouped by the joint that carries them, without anything else of their scene.
+
+    Args:
+        scene: A scene of these arms alone.
+
+    Attributes:
+        elements: Name of the element that each body is a part of.
+        exact: The bodies as the kernels read them.
+        group_rows: Joint, first and last body of each group, shape (g, 3).
+        group_balls: A ball around each, in the frame of its joint: center and radius [m], shape (g, 4).
+        is_fixed: Bodies that no joint moves, shape (b,).
+        reach: How far from each joint's axis a point of the arms can be [m], shape (nq,).
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        checker = CollisionChecker(scene)
+        self.tables = tables = checker.tables
+        self.elements = tuple(solid.element for solid in checker.solids)
+        self.columns = checker.nq
+        self.exact = exact_struct(tables, checker.nq)
+        joint = tables.bodies[:, 1]
+        begins = np.flatnonzero(np.diff(joint, prepend=-1))
+        ends = np.append(begins[1:], len(joint))
+        self.group_rows: NDArray[np.int64] = np.column_stack([joint[begins], begins, ends]).astype(np.int64)
+        balls = tables.body_values[:, 12:16]
+        self.is_fixed = tables.bodies[:, 4] == tables.bodies[:, 5]
+        # What is fixed is placed in the world, so that no two arms share it.
+        self.group_balls = np.array(
+            [
+                _loose_ball(balls[a:b]) if self.is_fixed[a] else _ball_around(balls[a:b].tobytes())
+                for a, b in zip(begins, ends, strict=True)
+            ]
+        )
+        self.reach = np.zeros(checker.nq)
+        for body, ball in zip(tables.bodies.tolist(), balls, strict=True):
+            for k in range(body[4], body[5]):
+                column = int(tables.joints[tables.chain[k], 2])
+                far = 1.0 if tables.joints[tables.chain[k], 1] == 1 else float(tables.chain_reach[k]) + float(ball[3])
+                self.reach[column] = max(self.reach[column], far)
+
+    def scratch(self) -> CStruct:
+        """Memory in which to place them; one thread's."""
+        return exact_scratch(self.tables, self.columns, queue=_QUEUE_OF_ONE)
+
+
+@lru_cache(maxsize=1024)
+def _ball_around(balls: bytes) -> Array:
+    """A ball around balls (n, 4), which arms with the same geometry share."""
+    return enclosing_ball(np.frombuffer(balls).reshape(-1, 4))
+
+
+def _loose_ball(balls: Array) -> Array:
+    """A ball around balls (n, 4), in no time."""
+    center = balls[:, :3].mean(axis=0)
+    return np.append(center, float(ball_reach(balls, center).max()) * (1.0 + 1e-9))
+
+
+class Agent:
+    """One arm, or a few that move as one.
+
+    Args:
+        problem: Of which it is a part.
+        arms: Its arms.
+
+    Attributes:
+        arms: Its arms, in the order of the scene.
+        start: Where they start, shape (nq,).
+    """
+
+    def __init__(self, problem: Problem, arms: Iterable[str]) -> None:
+        chosen = frozenset(arms)
+        self.problem = problem
+        self.arms = tuple(name for name in problem.arms if name in chosen)
+        postures = problem.scene.split(problem.start, problem.arms)
+        self.start = np.concatenate([postures[name] for name in self.arms])
+        self.joint_names = problem.scene.joint_names(self.arms)
+        self.limits: Limits = problem.scene.limits(self.arms)
+
+    def __repr__(self) -> str:
+        return f"Agent({', '.join(self.arms)})"
+
+    @cached_property
+    def bodies(self) -> AgentBodies:
+        """The bodies of its arms."""
+        scene = self.problem.scene
+        key = ("bodies of agents", self.arms)
+        return kept_in(
+            scene.kept_for_any_padding,
+            key,
+            lambda: AgentBodies(subscene(scene, dict.fromkeys(self.arms), obstacles=False)),
+        )
+
+    def among(self, others: Mapping[str, Array | None]) -> Scene:
+        """The scene of these arms, of those that do not move in the problem, and of `others` in their postures."""
+        scene, moving = self.problem.scene, set(self.problem.arms)
+        still: dict[str, Array | None] = {name: None for name in scene.arms if name not in moving}
+        postures = scene.split(self.start, self.arms)
+        return subscene(scene, {**still, **others, **{name: postures[name] for name in self.arms}})
+
+    @cached_property
+    def _alone(self) -> Problem:
+        """The question without other moving arms; its scene keeps what is made from it."""
+        return self._question({})
+
+    def question(self, others: Mapping[str, Array | None], margin: float) -> Problem:
+        """How these arms get to their goals while `others` stand still.
+
+        Args:
+            others: Moving arms of the problem that stand at some posture, shape (nq,); those left out do not count.
+            margin: Distance to keep beyond the padding [m].
+        """
+        return (self._question(others) if others else self._alone).with_margin(margin)
+
+    def _question(self, others: Mapping[str, Array | None]) -> Problem:
+        scene = self.among(others)
+        start = scene.split(self.start, self.arms)
+        goal = {name: self.problem.goal[name] for name in self.arms}
+        return Problem(scene, {name: start[name] for name in self.arms}, goal, arms=self.arms)

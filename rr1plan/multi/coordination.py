@@ -1,0 +1,120 @@
+"""Coordination diagrams: which segments of two agents' paths are proven not to touch, wherever on them the agents are.
+
+A diagram has a row for the start, each segment and the goal of one path, and a column for those of the other. It knows
+no time: whatever the schedule, two agents never touch as long as at every instant the cell they are in is free
+(O'Donnell and Lozano-Pérez 1989). Cells are certified by `coordination.c`, none is sampled.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.collision.checker import TOLERANCE
+from rr1plan.kernels.planner_kernels import CStruct, load_library
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.agents import Agent
+from rr1plan.object_cache import kept_in
+from rr1plan.scene import Scene
+
+Blocked = NDArray[np.uint8]
+"""Which cells are not proven free, shape (cells of one path, cells of the other)."""
+
+
+def coordination_diagram(one: AgentPath, two: AgentPath, margin: float = 0.0) -> Blocked | None:
+    """The coordination diagram of two paths; None where all cells are free.
+
+    Args:
+        one: A path of an agent.
+        two: A path of another agent, of the same problem.
+        margin: Distance to keep beyond the scene's padding [m].
+    """
+    pairs = cross_pairs(one.agent, two.agent, margin)
+    if pairs.value.group_pair_count == 0 or not _boxes_meet(one.box, two.box, pairs.value.max_padding):
+        return None
+    blocked = np.zeros((one.cells, two.cells), np.uint8)
+    directions = np.empty((len(one.agent.bodies.elements) * len(two.agent.bodies.elements), 3))
+    load_library().rr1_coordinate_paths(one.placed, two.placed, pairs, directions, blocked)
+    return blocked if blocked.any() else None
+
+
+def are_apart(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: float = 0.0) -> bool:
+    """Whether two agents are proven apart in one configuration of each; bodies that no joint moves count, too.
+
+    Args:
+        one: An agent.
+        placed: Its bodies in that configuration, see `placed_configuration`.
+        two: Another agent, of the same problem.
+        other: Its bodies.
+        margin: Distance to keep beyond the scene's padding [m].
+    """
+    pairs = cross_pairs(one, two, margin, fixed=True)
+    blocked = np.zeros((1, 1), np.uint8)
+    directions = np.empty((len(one.bodies.elements) * len(two.bodies.elements), 3))
+    load_library().rr1_coordinate_paths(placed, other, pairs, directions, blocked)
+    return not blocked.any()
+
+
+def ends_exclude(blocked: Blocked | None) -> bool:
+    """Whether the starts, or the goals, of two paths are not proven apart."""
+    return blocked is not None and bool(blocked[0, 0] or blocked[-1, -1])
+
+
+def _boxes_meet(one: Array, two: Array, distance: float) -> bool:
+    return bool((one[:3] <= two[3:] + distance).all() and (two[:3] <= one[3:] + distance).all())
+
+
+def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -> CStruct:
+    """Which bodies of two agents must not touch, and how near they may be (`coordination.h`).
+
+    Args:
+        one: An agent.
+        two: Another one of the same problem.
+        margin: Distance to keep beyond the scene's padding [m].
+        fixed: Whether pairs count of which no joint moves either.
+    """
+    scene = one.problem.scene
+    if not scene.allowed and not scene.pair_padding:
+        # One table for all agents with the same bodies in the same order.
+        key: tuple[object, ...] = (
+            "cross pairs",
+            *(_shape_of(agent) for agent in (one, two)),
+            scene.padding,
+            margin,
+            fixed,
+        )
+    else:
+        key = ("cross pairs", one.arms, two.arms, margin, fixed)
+    return kept_in(scene.kept, key, lambda: _cross_pairs(scene, one, two, margin, fixed))
+
+
+def _shape_of(agent: Agent) -> tuple[bytes, bytes]:
+    return agent.bodies.group_rows.tobytes(), agent.bodies.is_fixed.tobytes()
+
+
+def _cross_pairs(scene: Scene, one: Agent, two: Agent, margin: float, fixed: bool) -> CStruct:
+    a, b = one.bodies, two.bodies
+    padding = np.full((len(a.elements), len(b.elements)), scene.padding)
+    if scene.allowed or scene.pair_padding:
+        for (i, first), (j, second) in product(enumerate(a.elements), enumerate(b.elements)):
+            apart = scene.padding_of(first, second)
+            padding[i, j] = -np.inf if scene.may_touch(first, second) else apart
+    padding += margin + TOLERANCE
+    if not fixed:
+        # It touches always or never, which is known before anything is planned.
+        padding[a.is_fixed[:, None] & b.is_fixed[None, :]] = -np.inf
+    groups = [
+        (i, j)
+        for (i, (_, a0, a1)), (j, (_, b0, b1)) in product(enumerate(a.group_rows), enumerate(b.group_rows))
+        if np.isfinite(padding[a0:a1, b0:b1]).any()
+    ]
+    return CStruct(
+        "CrossPairs",
+        padding=padding,
+        group_pairs=np.array(groups, np.int64).reshape(-1, 2),
+        group_pair_count=len(groups),
+        max_padding=float(padding.max()),
+    )

@@ -1,0 +1,167 @@
+"""Before planning: starts and goals that cannot be, with the reason, and a configuration for each goal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rr1plan.checks import Array, Seed
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.multi.agents import Agent, subscene
+from rr1plan.multi.coordination import are_apart
+from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.planners.collision_messages import describe_collision
+from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
+from rr1plan.planning import PlanStatus
+from rr1plan.scene.problem import JointGoal, Problem
+
+MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4)
+"""Distances to keep beyond the padding [m]: the largest is taken of which starts and goals have twice as much."""
+
+# Changes of goal configurations that are tried to separate goals of different arms.
+_REPAIRS = 200
+
+
+@dataclass(frozen=True)
+class Preflight:
+    """What was found.
+
+    Args:
+        agents: The agent of each arm, in a problem with a configuration as each goal; none if there is no answer to it.
+        margins: Distance that each arm can keep from what stands still, beyond the padding [m].
+        status: None, or why there is no answer.
+        reason: The same in words.
+    """
+
+    agents: Mapping[str, Agent]
+    margins: Mapping[str, float]
+    status: PlanStatus | None = None
+    reason: str = ""
+
+
+def preflight(
+    problem: Problem, near: Mapping[str, frozenset[str]], largest_margin: float = MARGINS[0], rng: Seed = None
+) -> Preflight:
+    """Check starts and goals: limits, contacts of each arm, contacts between arms; find configurations for poses.
+
+    Args:
+        problem: The problem.
+        near: Of each moving arm those that it can meet.
+        largest_margin: No arm needs to keep more [m].
+        rng: Generator or seed of inverse kinematics.
+    """
+    agents = {arm: Agent(problem, [arm]) for arm in problem.arms}
+    starts = problem.scene.split(problem.start, problem.arms)
+    for arm, agent in agents.items():
+        question = agent.question({}, 0.0)
+        with checker_from_pool(question.scene, question.arms) as checker:
+            blocked = "" if _is_usable(checker, question.start) else check_start(question, checker)
+        if blocked:
+            return Preflight({}, {}, PlanStatus.INVALID_START, f"{arm}: {blocked}")
+    touching = _first_contact(agents, starts, near)
+    if touching is not None:
+        return Preflight({}, {}, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")
+    goal, status, reason = goal_configurations(agents, near, rng)
+    if status is not None:
+        return Preflight({}, {}, status, reason)
+    margins = {arm: affordable_margin(agent, goal[arm], largest_margin) for arm, agent in agents.items()}
+    if all(len(goals) == 1 and isinstance(goals[0], JointGoal) for goals in problem.goal.values()):
+        return Preflight(agents, margins)
+    plain = Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, arms=problem.arms)
+    return Preflight({arm: Agent(plain, [arm]) for arm in agents}, margins)
+
+
+def goal_configurations(
+    agents: Mapping[str, Agent], near: Mapping[str, frozenset[str]], rng: Seed = None
+) -> tuple[dict[str, Array], PlanStatus | None, str]:
+    """A configuration for the goal of each arm, apart from those of the others.
+
+    Args:
+        agents: The agent of each arm.
+        near: Of each arm those that it can meet.
+        rng: Generator or seed of inverse kinematics.
+
+    Returns:
+        The configurations, None and an empty text; or none of them, and why there are none.
+    """
+    choices: dict[str, Array] = {}
+    for arm, agent in agents.items():
+        question = agent.question({}, 0.0)
+        with checker_from_pool(question.scene, question.arms) as checker:
+            goals = joint_goals(question)
+            if goals is None or len(goals) > 1 or not _is_usable(checker, goals[0]):
+                found = GoalSearch(question, checker, rng).find()
+                if found.status is not None:
+                    return {}, found.status, f"{arm}: {found.reason}"
+                goals = found.configurations
+        choices[arm] = goals
+    chosen = _choose_goals(agents, choices, near)
+    touching = _first_contact(agents, chosen, near)
+    if touching is None:
+        return chosen, None, ""
+    tried = "" if all(len(found) == 1 for found in choices.values()) else " in all combinations tried"
+    return {}, PlanStatus.INVALID_GOAL, f"the goals exclude each other{tried}: {touching}"
+
+
+def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
+    """The largest margin of which an agent's start and goal have twice as much [m].
+
+    Args:
+        agent: The agent.
+        goal: Its configuration at its goal, shape (nq,).
+        largest: It needs no more [m].
+    """
+    question = agent.question({}, 0.0)
+    with checker_from_pool(question.scene, question.arms) as checker:
+        room = min(checker.moving_clearance(q, 2.0 * largest) for q in (agent.start, goal)) if largest > 0.0 else 0.0
+    return next((m for m in (largest, *MARGINS) if m <= largest and 2.0 * m <= room), 0.0)
+
+
+def _is_usable(checker: CollisionChecker, q: Array) -> bool:
+    return checker.within_limits(q) and checker.clearance(q, 1e-3) > 0.0
+
+
+def _first_contact(
+    agents: Mapping[str, Agent], postures: Mapping[str, Array], near: Mapping[str, frozenset[str]]
+) -> str | None:
+    """Which links of two arms touch, how deep, in words; None if no arms do."""
+    placed = {arm: placed_configuration(agent.bodies, postures[arm]) for arm, agent in agents.items()}
+    for one, agent in agents.items():
+        for two in near[one]:
+            if one > two or are_apart(agent, placed[one], agents[two], placed[two]):
+                continue
+            scene = subscene(agent.problem.scene, {one: postures[one], two: postures[two]}, obstacles=False)
+            checker = CollisionChecker(scene)
+            q = scene.configuration()
+            owners = [{scene.owner(c.a), scene.owner(c.b)} for c in checker.contacts(q)]
+            if {one, two} in owners:
+                return describe_collision(checker, q)
+    return None
+
+
+def _choose_goals(
+    agents: Mapping[str, Agent], choices: Mapping[str, Array], near: Mapping[str, frozenset[str]]
+) -> dict[str, Array]:
+    """A configuration for each arm so that those of neighbors are apart, as far as can be: min-conflicts repair."""
+    picked = dict.fromkeys(agents, 0)
+    if all(len(found) == 1 for found in choices.values()):
+        return {arm: choices[arm][0] for arm in agents}
+    placed = {arm: [placed_configuration(agents[arm].bodies, q) for q in found] for arm, found in choices.items()}
+
+    def conflicts(arm: str, k: int) -> int:
+        return sum(
+            not are_apart(agents[arm], placed[arm][k], agents[other], placed[other][picked[other]])
+            for other in near[arm]
+        )
+
+    for _ in range(_REPAIRS):
+        bad = [arm for arm in agents if conflicts(arm, picked[arm])]
+        movable = [arm for arm in bad if len(choices[arm]) > 1]
+        if not movable:
+            break
+        for arm in movable:
+            picked[arm] = int(np.argmin([conflicts(arm, k) for k in range(len(choices[arm]))]))
+    return {arm: choices[arm][picked[arm]] for arm in agents}

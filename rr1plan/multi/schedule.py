@@ -1,0 +1,139 @@
+"""Schedules: when an agent moves along its path, where it waits, and which cells of diagrams it occupies meanwhile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.coordination import Blocked
+from rr1plan.retiming.timed_pieces import SHORTEST, Pieces
+from rr1plan.trajectory import Trajectory
+
+
+class Leg(NamedTuple):
+    """A motion of a schedule: from rest at one gridpoint of the path to rest at another.
+
+    Args:
+        departure: When it begins [s].
+        begin: Gridpoint.
+        end: Gridpoint.
+    """
+
+    departure: float
+    begin: int
+    end: int
+
+
+class Occupancy(NamedTuple):
+    """Which rows of extended diagrams an agent occupies, one after the other, each from the end of the one before.
+
+    Args:
+        rows: Rows, see `extended`.
+        enter: When it enters each [s]; the first at -inf.
+        leave: When it leaves each [s]; the last at +inf.
+    """
+
+    rows: NDArray[np.int64]
+    enter: Array
+    leave: Array
+
+
+def rest_row(path: AgentPath, gridpoint: int) -> int:
+    """The row of extended diagrams that an agent occupies while it rests at a gridpoint."""
+    if gridpoint == 0:
+        return 0
+    if gridpoint == path.segments:
+        return path.segments + 1
+    return path.segments + 1 + gridpoint
+
+
+def extended(blocked: Blocked) -> Blocked:
+    """A diagram with rows and columns for rest at inner gridpoints, behind all others.
+
+    What rests between two segments is in both of them: it is free where either is.
+    """
+    rows = np.concatenate([blocked, blocked[1:-2] & blocked[2:-1]])
+    return np.concatenate([rows, rows[:, 1:-2] & rows[:, 2:-1]], axis=1)
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """An agent on its path in time; it rests before, between and after its legs.
+
+    Args:
+        path: The path.
+        legs: The motions in order; none: it stays at its start, which is its goal.
+    """
+
+    path: AgentPath
+    legs: tuple[Leg, ...]
+
+    @cached_property
+    def arrival(self) -> float:
+        """When it is at its goal for good [s]."""
+        if not self.legs:
+            return 0.0
+        last = self.legs[-1]
+        return last.departure + self.path.hop_duration(last.begin, last.end)
+
+    @property
+    def waiting(self) -> float:
+        """How long it rests before it is at its goal for good [s]."""
+        return self.arrival - sum(self.path.hop_duration(leg.begin, leg.end) for leg in self.legs)
+
+    @property
+    def length(self) -> float:
+        """How far it goes [rad]."""
+        borders = np.concatenate([[0.0], np.cumsum(self.path.grid.delta)])
+        return float(sum(abs(borders[leg.end] - borders[leg.begin]) for leg in self.legs))
+
+    @cached_property
+    def occupancy(self) -> Occupancy:
+        """Which rows of extended diagrams it occupies."""
+        rows, enter, now = [np.array([0])], [np.array([-np.inf])], 0
+        for leg in self.legs:
+            times = leg.departure + self.path.hop_times(leg.begin, leg.end)
+            segments = np.arange(leg.begin, leg.end) if leg.end > leg.begin else np.arange(leg.begin, leg.end, -1) - 1
+            now = leg.end
+            rows += [segments + 1, np.array([rest_row(self.path, now)])]
+            enter += [times[:-1], times[-1:]]
+        all_enter = np.concatenate(enter)
+        return Occupancy(np.concatenate(rows), all_enter, np.append(all_enter[1:], np.inf))
+
+    def trajectory(self) -> Trajectory:
+        """The motion on the clock of the schedule."""
+        names = self.path.agent.joint_names
+        durations, parts, now = [], [], 0.0
+        for leg in self.legs:
+            if leg.departure - now > SHORTEST:
+                durations.append(np.array([leg.departure - now]))
+                parts.append(self.path.at(leg.begin)[None, None])
+            pieces = self.path.hop(leg.begin, leg.end)
+            durations.append(pieces.durations)
+            parts.append(pieces.coefficients)
+            now = leg.departure + pieces.duration
+        if not parts:
+            return Trajectory.rest(names, self.path.at(0))
+        return _joined(names, Pieces(np.concatenate(durations), _padded(parts)))
+
+
+def _padded(parts: list[Array]) -> Array:
+    terms = max(part.shape[1] for part in parts)
+    out = np.zeros((sum(len(part) for part in parts), terms, parts[0].shape[2]))
+    row = 0
+    for part in parts:
+        out[row : row + len(part), : part.shape[1]] = part
+        row += len(part)
+    return out
+
+
+def _joined(names: tuple[str, ...], pieces: Pieces) -> Trajectory:
+    kept = pieces.durations > SHORTEST
+    breaks = np.concatenate([[0.0], np.cumsum(pieces.durations[kept])])
+    return Trajectory(names, breaks, pieces.coefficients[kept])

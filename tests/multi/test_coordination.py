@@ -1,0 +1,146 @@
+"""Coordination diagrams: what is free in them is free for checkers that share no code with them."""
+
+from __future__ import annotations
+
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.coordination import are_apart, coordination_diagram
+from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.path import Path
+
+# Two arms side by side whose hands sweep the same room.
+_LEFT = np.array(
+    [
+        [-2.28, -0.2, 1.13, -1.58, 2.17, -1.18],
+        [-2.05, -0.24, 0.56, 0.01, 1.72, -0.22],
+        [-1.06, -0.01, 1.33, -1.41, 2.3, -1.17],
+    ]
+)
+_RIGHT = np.array([[-1.44, -0.14, -1.28, 2.05, 1.15, -1.53], [-2.35, -0.35, -0.9, -0.39, 1.89, 2.27]])
+
+
+class _Alone:
+    """Certifies all blends."""
+
+    def polynomial_is_free(self, coefficients: Array, duration: float) -> bool:
+        return True
+
+
+def _problem(robot: rp.Robot, spacing: float = 0.5) -> rp.Problem:
+    scene = rp.Scene()
+    for arm, side in (("arm01", -0.5), ("arm02", 0.5)):
+        base = rp.transforms.pose((side * spacing, 0.0, 0.0), rpy=(0.0, 0.0, np.pi / 2))
+        scene = scene.with_arm(arm, robot, base)
+    return rp.Problem(scene, {"arm01": _LEFT[0], "arm02": _RIGHT[0]}, {"arm01": _LEFT[-1], "arm02": _RIGHT[-1]})
+
+
+def _paths(problem: rp.Problem) -> tuple[AgentPath, AgentPath]:
+    made = []
+    for arm, points in (("arm01", _LEFT), ("arm02", _RIGHT)):
+        agent = Agent(problem, [arm])
+        made.append(AgentPath(agent, Path(agent.joint_names, points), _Alone()))
+    return made[0], made[1]
+
+
+def _somewhere(path: AgentPath, row: int, rng: np.random.Generator) -> Array:
+    """A configuration in a row of diagrams."""
+    if row in (0, path.cells - 1):
+        return path.at(0 if row == 0 else path.segments)
+    piece, offset, delta = (part[row - 1] for part in path.grid)
+    c, s = path.curve.coefficients[piece], offset + rng.random() * delta
+    return c[0] + s * (c[1] + s * c[2])
+
+
+@pytest.fixture(scope="module")
+def crossing(rr1: rp.Robot) -> tuple[rp.Problem, AgentPath, AgentPath, Array]:
+    problem = _problem(rr1)
+    one, two = _paths(problem)
+    blocked = coordination_diagram(one, two)
+    assert blocked is not None
+    return problem, one, two, blocked
+
+
+def test_what_is_free_in_a_diagram_is_free_for_coal(crossing) -> None:
+    problem, one, two, blocked = crossing
+    assert blocked.shape == (one.cells, two.cells)
+    assert 0.02 < blocked.mean() < 0.6
+    checker, rng = CollisionChecker(problem.scene), np.random.default_rng(0)
+    touching = 0
+    for i, j in product(range(one.cells), range(two.cells)):
+        q = np.concatenate([_somewhere(one, i, rng), _somewhere(two, j, rng)])
+        if blocked[i, j]:
+            touching += not checker.is_free(q)
+        else:
+            owners = [{problem.scene.owner(c.a), problem.scene.owner(c.b)} for c in checker.contacts(q)]
+            assert {"arm01", "arm02"} not in owners
+    # Most blocked cells contain a contact.
+    assert touching > 0.6 * blocked.sum()
+
+
+def test_free_cells_are_free_along_straight_edges_of_both_arms(crossing) -> None:
+    problem, one, two, blocked = crossing
+    scene = problem.scene
+    for arm in ("arm01", "arm02"):
+        own = [name for name in scene.element_names if scene.owner(name) == arm]
+        for a, b in combinations(own, 2):
+            scene = scene.allow(a, b)
+    checker, rng = CollisionChecker(scene), np.random.default_rng(1)
+    for i, j in product(range(1, one.cells - 1, 2), range(1, two.cells - 1, 2)):
+        if not blocked[i, j]:
+            begin, end = (np.concatenate([_somewhere(one, i, rng), _somewhere(two, j, rng)]) for _ in range(2))
+            # On a parabola the straight edge leaves the path.
+            if one.curve.coefficients[one.grid.piece[i - 1], 2].any():
+                continue
+            if two.curve.coefficients[two.grid.piece[j - 1], 2].any():
+                continue
+            assert checker.edge_is_free(begin, end)
+
+
+def test_a_diagram_is_that_of_the_other_order_transposed(crossing) -> None:
+    _, one, two, blocked = crossing
+    other = coordination_diagram(two, one)
+    assert other is not None
+    # Where searches end early by a hair may depend on the order.
+    assert np.mean(blocked != other.T) < 0.01
+
+
+def test_a_margin_and_padding_block_more(rr1: rp.Robot) -> None:
+    problem = _problem(rr1)
+    one, two = _paths(problem)
+    plain, wide = coordination_diagram(one, two), coordination_diagram(one, two, margin=0.03)
+    padded = rp.Problem(problem.scene.with_padding(0.03), problem.start, dict(problem.goal))
+    assert plain is not None
+    assert wide is not None
+    assert wide.sum() > plain.sum()
+    assert not (plain & ~wide).any()
+    np.testing.assert_array_equal(coordination_diagram(*_paths(padded)), wide)
+
+
+def test_allowed_contacts_and_distant_arms_block_nothing(rr1: rp.Robot) -> None:
+    problem = _problem(rr1)
+    allowed = rp.Problem(problem.scene.allow("arm01", "arm02"), problem.start, dict(problem.goal))
+    assert coordination_diagram(*_paths(allowed)) is None
+    assert coordination_diagram(*_paths(_problem(rr1, 3.0))) is None
+
+
+def test_configurations_are_apart_where_no_contact_is(rr1: rp.Robot) -> None:
+    problem = _problem(rr1)
+    agents = [Agent(problem, [arm]) for arm in problem.arms]
+    checker, rng = CollisionChecker(problem.scene), np.random.default_rng(3)
+    seen = set()
+    for _ in range(60):
+        q = rng.uniform(np.tile(rr1.limits.lower, 2), np.tile(rr1.limits.upper, 2))
+        placed = [placed_configuration(agent.bodies, part) for agent, part in zip(agents, (q[:6], q[6:]), strict=True)]
+        apart = are_apart(agents[0], placed[0], agents[1], placed[1])
+        owners = [{problem.scene.owner(c.a), problem.scene.owner(c.b)} for c in checker.contacts(q)]
+        assert apart == ({"arm01", "arm02"} not in owners)
+        seen.add(apart)
+    assert seen == {True, False}

@@ -1,0 +1,175 @@
+"""Schedules on fixed paths: the dynamics of hops, what they occupy, and the earliest schedule among moving agents."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.checks import Array
+from rr1plan.multi import place_grid
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.safe_intervals import BlockedTimes, blocked_times, earliest_schedule, safe_intervals
+from rr1plan.multi.schedule import Leg, Occupancy, Schedule, extended, rest_row
+from rr1plan.path import Path
+
+_POINTS = np.array(
+    [
+        [-2.28, -0.2, 1.13, -1.58, 2.17, -1.18],
+        [-2.05, -0.24, 0.56, 0.01, 1.72, -0.22],
+        [-1.06, -0.01, 1.33, -1.41, 2.3, -1.17],
+    ]
+)
+
+
+class _Checker:
+    """Certifies all blends, or none."""
+
+    def __init__(self, free: bool) -> None:
+        self.free = free
+
+    def polynomial_is_free(self, coefficients: Array, duration: float) -> bool:
+        return self.free
+
+
+@pytest.fixture(scope="module", params=[True, False], ids=["rounded", "halting"])
+def path(request, rr1: rp.Robot) -> AgentPath:
+    scene = place_grid(rr1, 1, 1)
+    problem = rp.Problem(scene, _POINTS[0], _POINTS[-1])
+    agent = Agent(problem, problem.arms)
+    return AgentPath(agent, Path(agent.joint_names, _POINTS), _Checker(request.param))
+
+
+def test_the_fastest_hop_is_the_motion_of_the_retiming(path: AgentPath) -> None:
+    method = "stop" if path.halts else "blend"
+    scene = path.agent.problem.scene
+    reference = rp.retime(path.path, scene, method=method, checker=_Checker(not path.halts))
+    assert path.fastest == pytest.approx(reference.duration, rel=0.02)
+
+
+def test_hops_keep_limits_and_are_where_they_say_when_they_say(path: AgentPath) -> None:
+    limits = path.agent.limits
+    for begin, end in [(0, path.segments), (path.stops[2], path.stops[3]), (path.stops[5], path.stops[1])]:
+        schedule = Schedule(path, (Leg(0.3, 0, begin), Leg(9.0, begin, end))[begin == 0 :])
+        motion = schedule.trajectory()
+        departure = schedule.legs[-1].departure
+        times = path.hop_times(begin, end)
+        assert (np.diff(times) > 0.0).all()
+        step = 1 if end > begin else -1
+        for time, gridpoint in zip(times, range(begin, end + step, step), strict=True):
+            np.testing.assert_allclose(motion(departure + time), path.at(gridpoint), atol=1e-7)
+        clock = np.linspace(motion.start_time, motion.end_time, 3000)
+        assert (np.abs(motion(clock, 1)) <= limits.velocity * (1 + 1e-6)).all()
+        assert (np.abs(motion(clock, 2)) <= limits.acceleration * (1 + 1e-6)).all()
+        np.testing.assert_array_equal(motion(np.array([0.0]))[0], path.at(0))
+
+
+def test_a_schedule_is_always_in_a_row_that_it_occupies(path: AgentPath) -> None:
+    stops = path.stops
+    schedule = Schedule(path, (Leg(0.2, 0, stops[4]), Leg(2.0, stops[4], stops[2]), Leg(4.0, stops[2], path.segments)))
+    occupied, motion = schedule.occupancy, schedule.trajectory()
+    assert occupied.enter[0] == -math.inf
+    assert occupied.leave[-1] == math.inf
+    np.testing.assert_array_equal(occupied.leave[:-1], occupied.enter[1:])
+    for time in np.linspace(0.0, schedule.arrival + 0.5, 400):
+        row = int(occupied.rows[np.searchsorted(occupied.enter, time, side="right") - 1])
+        q = motion(time)
+        if row > path.segments + 1:
+            np.testing.assert_allclose(q, path.at(row - path.segments - 1), atol=1e-9)
+        elif row in (0, path.segments + 1):
+            np.testing.assert_allclose(q, path.at(0 if row == 0 else path.segments), atol=1e-9)
+        else:
+            piece, offset, delta = (part[row - 1] for part in path.grid)
+            c = path.curve.coefficients[piece]
+            s = offset + np.linspace(-1e-3, 1.0 + 1e-3, 300)[:, None] * delta
+            assert np.abs(c[0] + s * (c[1] + s * c[2]) - q).max(axis=1).min() < 5e-3
+    assert schedule.waiting == pytest.approx(
+        schedule.arrival - sum(path.hop_duration(leg.begin, leg.end) for leg in schedule.legs)
+    )
+    assert schedule.length > path.length
+
+
+def test_rest_between_two_segments_is_free_where_either_is() -> None:
+    blocked = np.array([[0, 0, 0, 0], [0, 1, 0, 0], [0, 1, 1, 0], [0, 0, 0, 0]], np.uint8)
+    made = extended(blocked)
+    assert made.shape == (5, 5)
+    assert made[4].tolist() == [0, 1, 0, 0, 0]
+    assert made[:, 4].tolist() == [0, 0, 1, 0, 0]
+
+
+def test_safe_intervals_are_the_gaps() -> None:
+    begins, ends = np.array([2.0, -math.inf, 2.5]), np.array([3.0, 1.0, 4.0])
+    assert safe_intervals(begins, ends) == [(1.0, 2.0), (4.0, math.inf)]
+    assert safe_intervals(np.zeros(0), np.zeros(0)) == [(-math.inf, math.inf)]
+
+
+def _times(path: AgentPath, intervals: list[tuple[int, float, float]]) -> BlockedTimes:
+    rows = sorted(intervals)
+    return BlockedTimes(
+        np.array([r for r, _, _ in rows], np.int64), np.array([b for _, b, _ in rows]), np.array([e for *_, e in rows])
+    )
+
+
+def _is_safe(schedule: Schedule, blocked: BlockedTimes) -> bool:
+    occupied = schedule.occupancy
+    for row, enter, leave in zip(*occupied, strict=True):
+        begins, ends = blocked.of(int(row))
+        if ((begins < leave) & (ends > max(enter, 0.0))).any():
+            return False
+    return True
+
+
+def test_nothing_in_the_way_takes_the_fastest_motion(path: AgentPath) -> None:
+    schedule = earliest_schedule(path, _times(path, []))
+    assert schedule is not None
+    assert schedule.arrival == path.fastest
+    assert schedule.waiting == 0.0
+
+
+def test_an_agent_waits_until_a_segment_is_free_and_leaves_its_start_in_time(path: AgentPath) -> None:
+    middle = path.segments // 2
+    blocked = _times(path, [(middle, -math.inf, 3.0)])
+    schedule = earliest_schedule(path, blocked)
+    assert schedule is not None
+    assert _is_safe(schedule, blocked)
+    assert 3.0 < schedule.arrival < 3.0 + path.fastest
+    # The start is needed by another one before that.
+    blocked = _times(path, [(0, 1.0, 2.5), (1, 1.0, 2.5), (middle, -math.inf, 3.0)])
+    schedule = earliest_schedule(path, blocked)
+    assert schedule is not None
+    assert _is_safe(schedule, blocked)
+    assert len(schedule.legs) > 1
+
+
+def test_an_agent_backs_up_when_it_has_to(path: AgentPath) -> None:
+    last, away = path.segments, path.stops[4]
+    # It must leave the first half, which is swept until 2 s, and then give way at the end again.
+    rows = [(row, 0.9, 1.6) for row in range(path.stops[2] + 1)]
+    rows += [(rest_row(path, k), 0.9, 1.6) for k in path.stops[1:3]]
+    rows += [(row, 2.2, 5.0) for row in range(path.stops[3], last + 2)]
+    rows += [(rest_row(path, k), 2.2, 5.0) for k in path.stops[3:-1]]
+    blocked = _times(path, rows)
+    schedule = earliest_schedule(path, blocked)
+    assert schedule is not None
+    assert _is_safe(schedule, blocked)
+    assert any(leg.end < leg.begin for leg in schedule.legs), (schedule.legs, away)
+
+
+def test_a_goal_or_start_that_is_never_free_has_no_schedule(path: AgentPath) -> None:
+    assert earliest_schedule(path, _times(path, [(path.segments + 1, 5.0, math.inf)])) is None
+    assert earliest_schedule(path, _times(path, [(0, -math.inf, 0.5)])) is None
+
+
+def test_blocked_times_join_cells_one_after_the_other(path: AgentPath) -> None:
+    blocked = np.zeros((path.cells, 4), np.uint8)
+    blocked[3, 1:3] = 1
+    occupied = Occupancy(
+        np.array([0, 1, 2, 3]), np.array([-math.inf, 1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0, math.inf])
+    )
+    times = blocked_times(path, [(blocked, occupied)])
+    assert times.rows.tolist() == [3]
+    assert times.begin[0] == pytest.approx(1.0)
+    assert times.end[0] == pytest.approx(3.0)
