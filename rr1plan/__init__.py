@@ -56,8 +56,14 @@ if TYPE_CHECKING:
     from rr1plan.model import Kinematics as Kinematics
     from rr1plan.model import copies_within_limits as copies_within_limits
     from rr1plan.model import solve_ik as solve_ik
+    from rr1plan.multi import GroupResult as GroupResult
+    from rr1plan.multi import ManyArmsResult as ManyArmsResult
+    from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
     from rr1plan.multi import place_grid as place_grid
     from rr1plan.multi import place_ring as place_ring
+    from rr1plan.multi import plan_many_arms as plan_many_arms
+    from rr1plan.multi import random_grid as random_grid
+    from rr1plan.multi import ring_swap as ring_swap
     from rr1plan.path import Path as Path
     from rr1plan.pipeline import MotionPlan as MotionPlan
     from rr1plan.pipeline import plan_motion as plan_motion
@@ -192,7 +198,16 @@ _EXPORTS = {
     ),
     "rr1plan.robot.joint_limits": ("Limits",),
     "rr1plan.load_motion": ("load_motion",),
-    "rr1plan.multi": ("place_grid", "place_ring"),
+    "rr1plan.multi": (
+        "GroupResult",
+        "ManyArmsResult",
+        "dual_arm_shelf",
+        "place_grid",
+        "place_ring",
+        "plan_many_arms",
+        "random_grid",
+        "ring_swap",
+    ),
     "rr1plan.path": ("Path",),
     "rr1plan.pipeline": ("MotionPlan", "plan_motion", "warm_up"),
     "rr1plan.planners": (

@@ -253,7 +253,7 @@ def plan_motion(
         problem: The question.
         planner: A name of `planner_names()`, an instance of `Planner`, or "many_arms", which plans a path for each arm
             and schedules them (`rr1plan.multi.plan_many_arms`). Default: "rrt_connect" for one or two arms,
-            "many_arms" for more.
+            for another retiming than "blend" and with torque limits, else "many_arms".
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; that of a planner that `keeps_shape`, such as the Cartesian one, is left
@@ -283,7 +283,8 @@ def plan_motion(
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
     if planner is None:
-        planner = "rrt_connect" if len(problem.arms) <= _PLANNED_AS_ONE else _MANY_ARMS
+        as_one = len(problem.arms) <= _PLANNED_AS_ONE or retiming != "blend" or torque_limits
+        planner = "rrt_connect" if as_one else _MANY_ARMS
     if isinstance(planner, str) and planner == _MANY_ARMS:
         _check_many_arms_options(retiming, torque_limits)
         return _plan_many_arms(problem, seconds, margin, budget, generator, progress)

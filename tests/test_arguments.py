@@ -226,6 +226,16 @@ def calls(folder: Path) -> dict[str, Call]:
             {"robot": robot, "rows": 1, "columns": 2, "spacing": 3.0, "pose": [0, 0, 0], "q": "home"}
             | {"scene": None, "prefix": "arm"},
         ),
+        "plan_many_arms": (
+            rp.plan_many_arms,
+            {"problem": problem, "margin": 0.001, "budget": budget, "rng": 0, "progress": None},
+        ),
+        "random_grid": (rp.random_grid, {"robot": rp.load_robot("rr1"), "count": 2, "spacing": 3.0, "rng": 0}),
+        "ring_swap": (
+            rp.ring_swap,
+            {"robot": rp.load_robot("rr1"), "count": 2, "radius": 0.38, "step": 1, "rng": 0, "front": None},
+        ),
+        "dual_arm_shelf": (rp.dual_arm_shelf, {"robot": rp.load_robot("rr1"), "spacing": 0.6, "rng": 0, "front": None}),
         "place_ring": (
             rp.place_ring,
             {"robot": robot, "count": 2, "radius": 3.0, "facing": "center", "front": [1, 0, 0], "pose": [0, 0, 0]}
@@ -439,7 +449,18 @@ def calls(folder: Path) -> dict[str, Call]:
 _ANYTHING = {"Panel": {"data"}}
 # Answers, which nobody makes by hand; ways past the checks, which say so; what takes no argument.
 _NOT_CALLED = {
-    *("PlanFailure", "Contact", "ElementCover", "FirstContact", "Nearest", "IkResult", "MotionPlan", "PlanResult"),
+    *(
+        "PlanFailure",
+        "GroupResult",
+        "ManyArmsResult",
+        "Contact",
+        "ElementCover",
+        "FirstContact",
+        "Nearest",
+        "IkResult",
+        "MotionPlan",
+        "PlanResult",
+    ),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
     *("CSpace", "CSpaceGrid", "Decomposition", "DrawnTree", "Replay", "ReplayContact", "ContactBand", "PairProposal"),
     *("CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),

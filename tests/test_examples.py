@@ -198,6 +198,15 @@ def spheres_contain_the_corners(said: str, folder: Path) -> None:
     assert '"spheres":{"links"' in (folder / "16_spheres.html").read_text()
 
 
+def eight_arms_swap_places_on_one_clock(said: str, folder: Path) -> None:
+    assert FREE in said
+    assert sum(int(n) for n in re.findall(r"(\d+) arms that can meet", said)) == 8
+    together, alone = number(r"all arrive after (\S+) s", said), number(r"the slowest arm alone after (\S+) s", said)
+    assert 0.0 < alone <= together + 1e-9
+    assert "contacts: none" in said
+    assert (folder / "17_swap_places.html").exists()
+
+
 CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "01_first_motion": the_first_motion_is_proven_and_replayed,
     "02_robots": robots_have_presets_and_grippers_and_bad_files_are_refused,
@@ -215,6 +224,7 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "14_files": files_read_back_exactly_and_altered_ones_are_refused,
     "15_many_problems": many_problems_are_answered_in_order,
     "16_spheres": spheres_contain_the_corners,
+    "17_swap_places": eight_arms_swap_places_on_one_clock,
 }
 
 

@@ -79,7 +79,7 @@ _INTERNAL = {
         f"CollisionChecker.{name}"
         for name in ("context", "exact_kernel", "fixed", "geometry", "model", "solids", "tables")
     ),
-    *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding"),
+    *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding", "GroupResult"),
 }
 # Those of data classes are their fields.
 _MOST_PARAMETERS = 10

@@ -69,7 +69,9 @@ def _demo(parser: Parser) -> None:
 def _plan(parser: Parser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="a shipped scene or a scene file")
     _query(parser)
-    parser.add_argument("--planner", default="rrt_connect", help="one of the planners below (%(default)s)")
+    parser.add_argument(
+        "--planner", help="one of the planners below (rrt_connect, for three moving arms and more many_arms)"
+    )
     parser.add_argument("--retiming", default="blend", help="one of the retimings below (%(default)s)")
     parser.add_argument("--no-shorten", action="store_true", help="keep the planner's path as it is")
     parser.add_argument("--torque-limits", action="store_true", help="also keep the joints' effort limits")

@@ -21,18 +21,18 @@ from rr1plan.scene.problem import Problem
 _QUEUE_OF_ONE = 1  # intervals: nodes of paths are placed, not halved
 
 
-def subscene(scene: Scene, postures: Mapping[str, Array | None], *, obstacles: bool = True) -> Scene:
+def subscene(scene: Scene, configurations: Mapping[str, Array | None], *, obstacles: bool = True) -> Scene:
     """The part of a scene with some of its arms and what they hold.
 
     Args:
         scene: The scene.
-        postures: The arms to keep; each with a posture (nq,), or None for that of the scene.
+        configurations: The arms to keep; each with a configuration (nq,), or None for that of the scene.
         obstacles: Whether to keep the obstacles.
     """
     arms = {}
     for name, arm in scene.arms.items():
-        if name in postures:
-            q = postures[name]
+        if name in configurations:
+            q = configurations[name]
             arms[name] = arm if q is None else type(arm)(arm.robot, arm.base, q)
     held = {name: thing for name, thing in scene.attachments.items() if thing.arm in arms}
     part = Scene(arms, scene.obstacles if obstacles else {}, held, padding=scene.padding, name=scene.name)
@@ -124,8 +124,8 @@ class Agent:
         chosen = frozenset(arms)
         self.problem = problem
         self.arms = tuple(name for name in problem.arms if name in chosen)
-        postures = problem.scene.split(problem.start, problem.arms)
-        self.start = np.concatenate([postures[name] for name in self.arms])
+        configurations = problem.scene.split(problem.start, problem.arms)
+        self.start = np.concatenate([configurations[name] for name in self.arms])
         self.joint_names = problem.scene.joint_names(self.arms)
         self.limits: Limits = problem.scene.limits(self.arms)
 
@@ -144,11 +144,11 @@ class Agent:
         )
 
     def among(self, others: Mapping[str, Array | None]) -> Scene:
-        """The scene of these arms, of those that do not move in the problem, and of `others` in their postures."""
+        """The scene of these arms, the arms that the problem does not move, and `others` in their configurations."""
         scene, moving = self.problem.scene, set(self.problem.arms)
         still: dict[str, Array | None] = {name: None for name in scene.arms if name not in moving}
-        postures = scene.split(self.start, self.arms)
-        return subscene(scene, {**still, **others, **{name: postures[name] for name in self.arms}})
+        configurations = scene.split(self.start, self.arms)
+        return subscene(scene, {**still, **others, **{name: configurations[name] for name in self.arms}})
 
     @cached_property
     def _alone(self) -> Problem:
@@ -159,7 +159,7 @@ class Agent:
         """How these arms get to their goals while `others` stand still.
 
         Args:
-            others: Moving arms of the problem that stand at some posture, shape (nq,); those left out do not count.
+            others: Moving arms of the problem that stand at some configuration, shape (nq,); others do not count.
             margin: Distance to keep beyond the padding [m].
         """
         return (self._question(others) if others else self._alone).with_margin(margin)

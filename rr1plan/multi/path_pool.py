@@ -48,7 +48,7 @@ class PathPool:
         """Look for one more path.
 
         Args:
-            others: Moving arms of the problem that it has to avoid, each in a posture (nq,).
+            others: Moving arms of the problem that it has to avoid, each in a configuration (nq,).
             seconds: When to give up [s].
             detour: Whether it has to go through a random configuration.
             patient: Whether to use all of the time; else a hard search is given up soon.

@@ -50,7 +50,7 @@ class GroupResult:
     statistics: Statistics = field(default_factory=Statistics)
 
     @property
-    def solved(self) -> bool:
+    def found(self) -> bool:
         """There is a schedule for all of its arms."""
         return not self.reason
 
@@ -67,7 +67,7 @@ class ManyArmsResult:
         groups: What came of each interaction group.
         seconds: Wall time [s].
         makespan: When the last arm arrives [s].
-        lower_bound: Duration of the fastest motion found for the slowest arm alone [s].
+        slowest_alone: Duration of the fastest motion found for the slowest arm alone [s].
         path_length: Sum of the lengths of all motions [rad].
         waiting: Sum of the times that arms rest before they arrive [s].
     """
@@ -79,7 +79,7 @@ class ManyArmsResult:
     groups: tuple[GroupResult, ...] = ()
     seconds: float = 0.0
     makespan: float = 0.0
-    lower_bound: float = 0.0
+    slowest_alone: float = 0.0
     path_length: float = 0.0
     waiting: float = 0.0
 
@@ -97,16 +97,15 @@ class ManyArmsResult:
 
     @property
     def ratio(self) -> float:
-        """Makespan over its lower bound; 1 where nothing moves."""
-        return self.makespan / self.lower_bound if self.lower_bound > 0.0 else 1.0
+        """Makespan over `slowest_alone`; 1 where nothing moves."""
+        return self.makespan / self.slowest_alone if self.slowest_alone > 0.0 else 1.0
 
     def __repr__(self) -> str:
         if not self.found:
             return f"ManyArmsResult({self.status.value}: {self.reason})"
         stages = ", ".join(dict.fromkeys(group.stage for group in self.groups))
-        return (
-            f"ManyArmsResult({len(self.paths)} arms, {self.makespan:.3f} s, {self.ratio:.2f} of the bound, by {stages})"
-        )
+        timing = f"{self.makespan:.3f} s, {self.ratio:.2f} times the slowest arm alone"
+        return f"ManyArmsResult({len(self.paths)} arms, {timing}, by {stages})"
 
 
 def plan_many_arms(
@@ -155,7 +154,7 @@ def plan_many_arms(
     if watch.cancelled:
         reason = "the progress callback returned False"
         return ManyArmsResult(PlanStatus.CANCELLED, reason, groups=tuple(groups), seconds=watch.seconds)
-    unsolved = [group for group in groups if not group.solved]
+    unsolved = [group for group in groups if not group.found]
     if unsolved:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
@@ -167,7 +166,7 @@ def plan_many_arms(
         groups=tuple(groups),
         seconds=watch.seconds,
         makespan=max((s.arrival for s in schedules), default=0.0),
-        lower_bound=max((planner.lower_bound() for planner in planners), default=0.0),
+        slowest_alone=max((planner.slowest_alone() for planner in planners), default=0.0),
         path_length=math.fsum(s.length for s in schedules),
         waiting=math.fsum(s.waiting for s in schedules),
     )

@@ -125,15 +125,15 @@ def _is_usable(checker: CollisionChecker, q: Array) -> bool:
 
 
 def _first_contact(
-    agents: Mapping[str, Agent], postures: Mapping[str, Array], near: Mapping[str, frozenset[str]]
+    agents: Mapping[str, Agent], configurations: Mapping[str, Array], near: Mapping[str, frozenset[str]]
 ) -> str | None:
     """Which links of two arms touch, how deep, in words; None if no arms do."""
-    placed = {arm: placed_configuration(agent.bodies, postures[arm]) for arm, agent in agents.items()}
+    placed = {arm: placed_configuration(agent.bodies, configurations[arm]) for arm, agent in agents.items()}
     for one, agent in agents.items():
         for two in near[one]:
             if one > two or are_apart(agent, placed[one], agents[two], placed[two]):
                 continue
-            scene = subscene(agent.problem.scene, {one: postures[one], two: postures[two]}, obstacles=False)
+            scene = subscene(agent.problem.scene, {one: configurations[one], two: configurations[two]}, obstacles=False)
             checker = CollisionChecker(scene)
             q = scene.configuration()
             owners = [{scene.owner(c.a), scene.owner(c.b)} for c in checker.contacts(q)]

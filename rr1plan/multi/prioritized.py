@@ -152,7 +152,7 @@ class PrioritizedPlanner:
         for _ in range(rounds):
             last = max(self.agents, key=lambda agent: self.schedules[agent].arrival)
             limit = self.makespan
-            if limit <= self.lower_bound() * (1.0 + _GOOD_ENOUGH) or not self._watch.goes_on():
+            if limit <= self.slowest_alone() * (1.0 + _GOOD_ENOUGH) or not self._watch.goes_on():
                 break
             before = dict(self.schedules)
             path = self.schedules[last].path
@@ -177,7 +177,7 @@ class PrioritizedPlanner:
         """When the last agent arrives [s]."""
         return max((schedule.arrival for schedule in self.schedules.values()), default=0.0)
 
-    def lower_bound(self) -> float:
+    def slowest_alone(self) -> float:
         """Duration of the fastest known motion of the slowest agent alone [s]."""
         alone = [*self._parts.values(), *self.pools.values()]
         return max(
@@ -186,7 +186,7 @@ class PrioritizedPlanner:
 
     def _time_limit(self) -> float:
         """Arrivals before this need no better path: others arrive later anyway, or it is good enough."""
-        return max(self.makespan, self.lower_bound() * (1.0 + _GOOD_ENOUGH))
+        return max(self.makespan, self.slowest_alone() * (1.0 + _GOOD_ENOUGH))
 
     def _make_pool(self, agent: Agent) -> bool:
         margin = min(self._margins[arm] for arm in agent.arms)
@@ -240,11 +240,11 @@ class PrioritizedPlanner:
         kinds = [goals, starts, scheduled, {}]
         standing = kinds[number] if number < 3 else kinds[int(self._rng.integers(len(kinds)))]
         began = time.perf_counter()
-        postures: dict[str, Array | None] = {}
+        configurations: dict[str, Array | None] = {}
         for other, q in standing.items():
             if self._leaves_ends_free(agent, other, q):
-                postures.update(self._split(other, q))
-        path, _ = self.pools[agent].add(postures, self._watch.left, detour=number >= 3 or not postures)
+                configurations.update(self._split(other, q))
+        path, _ = self.pools[agent].add(configurations, self._watch.left, detour=number >= 3 or not configurations)
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
         self.statistics.detours += 1
@@ -274,8 +274,8 @@ class PrioritizedPlanner:
         return agent.start if pool is None else np.asarray(pool.paths[0].goal)
 
     def _split(self, agent: Agent, q: Array) -> dict[str, Array]:
-        postures = agent.problem.scene.split(q, agent.arms)
-        return {arm: postures[arm] for arm in agent.arms}
+        configurations = agent.problem.scene.split(q, agent.arms)
+        return {arm: configurations[arm] for arm in agent.arms}
 
     # ---- eviction ----------------------------------------------------------------------------
 

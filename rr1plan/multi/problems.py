@@ -10,7 +10,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator, finite_number, of_kind, positive_number, whole_number
+from rr1plan.checks import (
+    Array,
+    Seed,
+    as_generator,
+    finite_array,
+    finite_number,
+    of_kind,
+    positive_number,
+    whole_number,
+)
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct
@@ -44,27 +53,30 @@ def random_grid(robot: Robot, count: int, spacing: float, rng: Seed = None) -> P
     """
     of_kind("robot", robot, Robot)
     whole_number("count", count, 1, 10_000)
+    for name, low, high in zip(robot.joint_names, robot.limits.lower, robot.limits.upper, strict=True):
+        if not (math.isfinite(low) and math.isfinite(high)):
+            raise InputError(f"joint {name!r} has no position limits to draw configurations from; set some")
     generator = as_generator(rng)
     rows = max(k for k in range(1, math.isqrt(count) + 1) if count % k == 0)
     scene = place_grid(robot, rows, count // rows, spacing=spacing)
-    start = _random_postures(scene, generator)
-    return Problem(scene, start, _random_postures(scene, generator))
+    start = _random_configurations(scene, generator)
+    return Problem(scene, start, _random_configurations(scene, generator))
 
 
-def _random_postures(scene: Scene, rng: np.random.Generator) -> dict[str, Array]:
+def _random_configurations(scene: Scene, rng: np.random.Generator) -> dict[str, Array]:
     """A random free configuration of each arm, apart from all others."""
     near = arms_in_reach(scene, scene.arms, _CLEARANCE)
     anywhere = Problem(scene, None, {arm: scene.arms[arm].q for arm in scene.arms})
     agents = {arm: Agent(anywhere, [arm]) for arm in scene.arms}
     placed: dict[str, CStruct] = {}
-    postures: dict[str, Array] = {}
+    configurations: dict[str, Array] = {}
     waiting, rounds = list(agents), 0
     while waiting:
         arm = waiting.pop(0)
         others = [(agents[other], placed[other]) for other in near[arm] if other in placed]
         q = _free_among(agents[arm], others, rng)
         if q is not None:
-            placed[arm], postures[arm] = placed_configuration(agents[arm].bodies, q), q
+            placed[arm], configurations[arm] = placed_configuration(agents[arm].bodies, q), q
             continue
         rounds += 1
         if rounds > _TRIES:
@@ -74,7 +86,7 @@ def _random_postures(scene: Scene, rng: np.random.Generator) -> dict[str, Array]
         for other in again:
             del placed[other]
         waiting = [arm, *again, *waiting]
-    return {arm: postures[arm] for arm in agents}
+    return {arm: configurations[arm] for arm in agents}
 
 
 def _free_among(agent: Agent, others: list[tuple[Agent, CStruct]], rng: np.random.Generator) -> Array | None:
@@ -113,7 +125,7 @@ def ring_swap(
     radius = positive_number("radius", radius)
     generator = as_generator(rng)
     plank = Box((0.1 * radius, 0.5 * radius, 0.02))
-    empty = Scene().with_obstacle("plank", plank, (0.0, 0.0, 0.6 * radius))
+    empty = Scene(name=f"ring of {count}").with_obstacle("plank", plank, (0.0, 0.0, 0.6 * radius))
     scene = place_ring(robot, count, radius, front=(-1.0, 0.0, 0.0) if front is None else front, scene=empty)
     reason = ""
     for _ in range(_TRIES // 10):
@@ -143,9 +155,9 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
     of_kind("robot", robot, Robot)
     spacing = positive_number("spacing", spacing)
     generator = as_generator(rng)
-    ahead = np.array([-1.0, 0.0, 0.0]) if front is None else np.asarray(front, np.float64)
+    ahead = np.array([-1.0, 0.0, 0.0]) if front is None else finite_array("front", front, (3,))
     yaw = finite_number("yaw", math.pi / 2.0 - math.atan2(ahead[1], ahead[0]))
-    scene = Scene()
+    scene = Scene(name="dual-arm shelf")
     for k, side in enumerate((-0.5, 0.5), start=1):
         scene = scene.with_arm(f"arm{k:02d}", robot, pose((side * spacing, 0.0, 0.0), rpy=(0.0, 0.0, yaw)))
     for k in range(3):
