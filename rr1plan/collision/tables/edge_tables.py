@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
+from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.clearance_maps import instance_maps
 from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.collision_geometry import CollisionGeometry
@@ -60,8 +61,16 @@ def shared_structs(geometry: CollisionGeometry, tables: EdgeTables, tolerance: f
     shared = {"pairs": padded_struct(padded_pairs(geometry, tables.padding, tolerance, float(tables.margins[0])))}
     instances = geometry.instances
     if tables.cores is link_cores(instances, instance_spheres(instances).cores)[0].rows:  # no obstacle has a core
-        shared["arm"] = kept_in(instances.kept, "struct", lambda: arm_struct(tables))
+        shared["arm"] = kept_in(instances.kept, "struct", lambda: _arm_struct(instances, tables))
     return shared
+
+
+def _arm_struct(instances: ArmInstances, tables: EdgeTables) -> CStruct:
+    """What moves as C reads it: where the arms stand, only the placements of joints and cores of fixed links tell."""
+    if tables.cores is not instance_spheres(instances).cores.rows:
+        return arm_struct(tables)
+    made = kept_in(instances.unplaced, "struct", lambda: arm_struct(tables))
+    return made.copied(placements=tables.joint_values)
 
 
 # ---- pairs -----------------------------------------------------------------------------------------
