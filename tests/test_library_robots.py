@@ -100,6 +100,22 @@ def test_a_preset_or_limits_can_be_asked_for() -> None:
     assert rp.load_robot("rr1").with_limits(robot.limits).limits is robot.limits
 
 
+def test_equal_loads_share_a_robot_and_a_changed_file_is_read_anew(arm: Path) -> None:
+    robot = rp.load_robot(arm)
+    assert rp.load_robot(arm) is robot
+    assert rp.load_robot(arm, joints=robot.joint_names[:1]) is not robot
+    text = arm.read_text()
+    # No shape to collide with and no joint differs, so that plans are the same.
+    visual = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
+    arm.write_text(text.replace('<link name="l0"/>', f'<link name="l0">{visual}</link>'))
+    seen = rp.load_robot(arm)
+    assert seen.content_hash == robot.content_hash
+    assert seen is not robot
+    assert len(seen.links[0].visuals) == 1
+    arm.write_text(text)
+    assert rp.load_robot(arm) is robot
+
+
 def test_what_urdf_does_not_know_is_taken_carefully(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
     limits = rp.load_robot(arm).limits
     assert limits.acceleration.tolist() == [8.0] * 3

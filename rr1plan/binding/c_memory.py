@@ -6,7 +6,7 @@ import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,9 +80,9 @@ class CStruct:
             setattr(self.value, key, begin + first + part.offset)
         self._rooms.append((layout, room[first:]))
 
-    def copied(self, **fields: Any) -> CStruct:
+    def copied(self, **fields: Any) -> Self:
         """A copy of the struct, with new values for some fields."""
-        other: CStruct = object.__new__(type(self))
+        other = object.__new__(type(self))
         other.sources, other.name = self.sources, self.name
         other.value = type(self.value).from_buffer_copy(self.value)
         other.address = ctypes.addressof(other.value)

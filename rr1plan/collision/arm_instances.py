@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -30,6 +30,7 @@ class ArmInstances:
         shared: How many joints two chains have in common, shape (len(chains), len(chains)).
         surfaceless: Which solids are half-spaces or point clouds.
         kept: Tables that were made of them.
+        unplaced: The same of what does not depend on the bases, shared by all arms with these geometries.
     """
 
     geometries: tuple[ArmGeometry, ...]
@@ -40,6 +41,7 @@ class ArmInstances:
     groups: _INTS
     shared: _INTS
     surfaceless: tuple[bool, ...]
+    unplaced: dict[str, Any]
     kept: dict[str, Any] = field(default_factory=dict)
 
     def solids(self, arms: Sequence[str]) -> tuple[Solid, ...]:
@@ -71,8 +73,13 @@ class _Content:
 
 @lru_cache(maxsize=64)
 def _arm_instances(content: _Content) -> ArmInstances:
-    geometries = content.geometries
-    bases = np.array([np.frombuffer(base).reshape(4, 4) for base in content.bases]).reshape(-1, 4, 4)
+    bases = np.frombuffer(b"".join(content.bases)).reshape(-1, 4, 4)  # read-only, as bytes are
+    return replace(_at_origin(content.geometries), bases=bases, kept={})
+
+
+@lru_cache(maxsize=64)
+def _at_origin(geometries: tuple[ArmGeometry, ...]) -> ArmInstances:
+    """Instances of which all bases are at the origin."""
     joints = _first([len(g.arm_model.model.parents) - 1 for g in geometries])
     columns = _first([len(g.arm_model.joint_names) for g in geometries])
     groups, chains = [np.zeros(0, np.int64)], [()]
@@ -84,13 +91,14 @@ def _arm_instances(content: _Content) -> ArmInstances:
         shared[before + 1 : len(chains), before + 1 : len(chains)] = geometry.shared[1:, 1:]
     return ArmInstances(
         geometries,
-        read_only(bases),
+        read_only(np.tile(np.eye(4), (len(geometries), 1, 1))),
         read_only(joints),
         read_only(columns),
         tuple(chains),
         read_only(np.concatenate(groups)),
         read_only(shared),
         tuple(kind for geometry in geometries for kind in geometry.surfaceless),
+        {},
     )
 
 

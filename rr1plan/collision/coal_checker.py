@@ -348,7 +348,7 @@ class CoalChecker:
         if tables is None:
             beyond = self._static.distances - self.padding
             return min(most, float(beyond.min()))
-        return ExactKernel(tables, self.nq).least_clearance(np.zeros(self.nq), most)
+        return ExactKernel(tables, self.nq, self.exact_kernel).least_clearance(np.zeros(self.nq), most)
 
     @cached_property
     def _static(self) -> StaticPairs:

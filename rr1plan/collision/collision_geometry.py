@@ -26,6 +26,7 @@ from rr1plan.collision.arm_instances import ArmInstances, arm_instances
 from rr1plan.collision.obstacle_geometry import obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError
+from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Attachment, Scene
 from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
@@ -166,44 +167,25 @@ class _PairContent:
 
 @lru_cache(maxsize=128)
 def _solid_pairs(content: _PairContent) -> SolidPairs:
-    instances, rules = content.instances, content.rules
-    elements = np.frombuffer(content.elements, np.int64)
-    index, owner = _pairs_of(rules.checked, elements, len(rules.names))
-    groups = np.concatenate([instances.groups, np.zeros(len(content.obstacle_kinds), np.int64)])
+    instances, checked = content.instances, content.rules.checked
+    elements, element_count = np.frombuffer(content.elements, np.int64), len(content.rules.names)
+    chains = np.zeros(len(elements), np.int64)
+    chains[: len(instances.groups)] = instances.groups
     surfaceless = np.array([*instances.surfaceless, *content.obstacle_kinds], np.bool_)
-    one, two = groups[index].T
-    moves = one != two
-    # Pairs are measured from the first to the second.
-    turned = np.where(surfaceless[index[:, 0]][:, None], index[:, ::-1], index)
-    rows = np.column_stack([turned, np.where(moves, instances.shared[one, two], 0)])
+    sizes = np.bincount(elements, minlength=element_count)
+    count = int(sizes[checked[:, 0]] @ sizes[checked[:, 1]])
+    order, first = np.empty(len(elements), np.int64), np.empty(element_count + 1, np.int64)
+    index, owner = np.empty((count, 2), np.int64), np.empty(count, np.int64)
+    rows = np.empty((count, 3), np.int64)
+    moving = load_library().rr1_list_solid_pairs(
+        checked, len(checked), elements, len(elements), element_count, chains, instances.shared, len(instances.shared),
+        surfaceless.view(np.uint8), order, first, index, owner, rows,
+    )  # fmt: skip
+    for array in (index, owner, rows, surfaceless):
+        read_only(array)
     return SolidPairs(
-        read_only(index[moves]),
-        read_only(owner[moves]),
-        read_only(rows[moves]),
-        read_only(index[~moves]),
-        read_only(owner[~moves]),
-        read_only(rows[~moves]),
-        read_only(surfaceless),
+        index[:moving], owner[:moving], rows[:moving], index[moving:], owner[moving:], rows[moving:], surfaceless
     )
-
-
-def _pairs_of(checked: _INTS, elements: _INTS, count: int) -> tuple[_INTS, _INTS]:
-    """Pairs of solids (m, 2) and the pair of elements each belongs to (m,).
-
-    Args:
-        checked: Pairs of elements, shape (k, 2).
-        elements: The element of each solid, shape (n,).
-        count: How many elements there are.
-    """
-    order = np.argsort(elements, kind="stable")
-    sizes = np.bincount(elements, minlength=count)
-    first = np.cumsum(sizes) - sizes
-    a, b = checked.T
-    many = sizes[a] * sizes[b]
-    owner = np.repeat(np.arange(len(a)), many)
-    place = np.arange(len(owner)) - (np.cumsum(many) - many)[owner]
-    a, b = a[owner], b[owner]
-    return np.column_stack([order[first[a] + place // sizes[b]], order[first[b] + place % sizes[b]]]), owner
 
 
 # What lies nearer than this beyond the greatest padding is part of a geometry [m], in steps, so that scenes that differ

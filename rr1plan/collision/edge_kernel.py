@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
+from rr1plan.collision.convex.mesh_trees import NO_MESHES
 from rr1plan.collision.tables.kernel_tables import EdgeTables, ExactTables, PaddedPairs
 from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load_library
 from rr1plan.kernels.wasm_core import memory_image
@@ -71,8 +73,13 @@ def exact_struct(tables: ExactTables, columns: int) -> CStruct:
         chain_reach=tables.chain_reach,
         pairs=tables.pairs,
         padding=tables.padding,
-        meshes=CStruct("MeshTables", **vars(tables.meshes)),
+        meshes=_no_meshes() if tables.meshes is NO_MESHES else CStruct("MeshTables", **vars(tables.meshes)),
     )
+
+
+@cache
+def _no_meshes() -> CStruct:
+    return CStruct("MeshTables", **vars(NO_MESHES))
 
 
 def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue: int | None = None) -> CStruct:
@@ -110,10 +117,16 @@ class ExactKernel:
     Args:
         tables: The bodies and pairs.
         columns: Number of columns of q.
+        like: The kernel of other pairs of the same bodies, if there is one: its struct is copied.
     """
 
-    def __init__(self, tables: ExactTables, columns: int) -> None:
-        self.struct, self.scratch = exact_struct(tables, columns), exact_scratch(tables, columns)
+    def __init__(self, tables: ExactTables, columns: int, like: ExactKernel | None = None) -> None:
+        if like is None:
+            self.struct = exact_struct(tables, columns)
+        else:
+            pairs, padding = tables.pairs, tables.padding
+            self.struct = like.struct.copied(pair_count=len(pairs), pairs=pairs, padding=padding)
+        self.scratch = exact_scratch(tables, columns)
         self._least_clearance = load_library().rr1_least_clearance
 
     def least_clearance(self, q: Array, most: float) -> float:

@@ -115,14 +115,23 @@ def _new_placed_arm(geometry: ArmGeometry, q: Array) -> PlacedArm:
     bodies = np.column_stack([centers, tables.values[:, 15] * _RELATIVE + _ROUNDING])
     names = [solid.element for solid in geometry.solids]
     begins = [i for i, name in enumerate(names) if i == 0 or name != names[i - 1]]
-    elements = [_ball_around(part) for part in np.split(bodies, begins[1:])] if names else []
-    ball = _ball_around(bodies) if names else np.zeros(4)
-    return PlacedArm(poses.tobytes(), read_only(bodies), read_only(np.array(elements).reshape(-1, 4)), read_only(ball))
+    elements = _balls_around(bodies, begins)
+    ball = _balls_around(bodies, [0])[0] if names else np.zeros(4)
+    return PlacedArm(poses.tobytes(), read_only(bodies), read_only(elements), read_only(ball))
 
 
-def _ball_around(balls: Array) -> Array:
-    """A ball around balls (n, 4), shape (4,)."""
+def _balls_around(balls: Array, begins: Sequence[int]) -> Array:
+    """A ball around each part of balls (n, 4), of which no part is empty, shape (len(begins), 4).
+
+    Args:
+        balls: The balls.
+        begins: Where each part begins, which ends where the next one begins.
+    """
+    if not begins:
+        return np.zeros((0, 4))
     centers, radii = balls[:, :3], balls[:, 3]
-    middle = 0.5 * ((centers - radii[:, None]).min(axis=0) + (centers + radii[:, None]).max(axis=0))
-    radius = float((np.linalg.norm(centers - middle, axis=1) + radii).max())
-    return np.array([*middle, radius * _RELATIVE + _ROUNDING])
+    low = np.minimum.reduceat(centers - radii[:, None], begins)
+    middle = 0.5 * (low + np.maximum.reduceat(centers + radii[:, None], begins))
+    apart = centers - np.repeat(middle, np.diff([*begins, len(balls)]), axis=0)
+    radius = np.maximum.reduceat(np.linalg.norm(apart, axis=1) + radii, begins)
+    return np.concatenate([middle, (radius * _RELATIVE + _ROUNDING)[:, None]], axis=1)

@@ -89,7 +89,7 @@ class ContactRules:
                 checked[np.ix_(one, two)] = checked[np.ix_(two, one)] = False
         if self._content.near_pairs is not None:
             checked &= self._are_near(self._content.near_pairs)
-        return read_only(np.argwhere(np.triu(checked, 1)))
+        return read_only(np.ascontiguousarray(np.argwhere(np.triu(checked, 1))))
 
     def paddings(self, general: float, special: Mapping[_Names, float]) -> Array:
         """Padding of each checked pair [m], shape (m,).

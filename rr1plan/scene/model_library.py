@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Literal
+from weakref import WeakValueDictionary
 
 from rr1plan.checks import check_text, file_path, known_name, of_kind
 from rr1plan.errors import FormatError, InputError, UnknownNameError
@@ -92,6 +95,8 @@ def load_robot(
     configurations are not checked against each other; see `propose_disabled_collisions`. Where no configuration
     is free even so, links that touch at home are not checked either, as the log warns.
 
+    Files are read anew every time. If all that came of them equals a loaded robot still in use, that one is returned.
+
     Args:
         name_or_file: One of `robot_names()`, one of `installed_robot_names()` (`pip install 'rr1plan[robots]'`), or a
             .urdf, .xacro or MJCF (.xml, .mjcf) file. A xacro file is a program: load only those you trust.
@@ -132,7 +137,16 @@ def load_robot(
         if groups is None and folder.group is not None:
             groups = (folder.group,)
     robot = assemble(tree, semantics, Choice(groups, joints, tool))
-    return robot if folder is None else folder.apply(robot)
+    return _shared(robot if folder is None else folder.apply(robot))
+
+
+# Robots that were loaded and are in use, by the SHA-256 of all they consist of.
+_loaded: WeakValueDictionary[bytes, Robot] = WeakValueDictionary()
+
+
+def _shared(robot: Robot) -> Robot:
+    """An equal robot that is in use, or this one: what is computed from a robot is computed once for all its loads."""
+    return _loaded.setdefault(sha256(pickle.dumps(robot, pickle.HIGHEST_PROTOCOL)).digest(), robot)
 
 
 def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | None]:

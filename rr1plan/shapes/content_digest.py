@@ -8,19 +8,30 @@ import numpy as np
 
 from rr1plan.shapes import Mesh, PointCloud
 
+_PLAIN = frozenset((float, int, str, bool, type(None)))
+
 
 def feed_digest(digest: Any, value: Any) -> None:
     """Update a hash with nested values, arrays and shapes, each with its type and length."""
-    if isinstance(value, Mesh | PointCloud):
-        feed_digest(digest, [type(value).__name__, *(getattr(value, n) for n in value.__dataclass_fields__)])
+    parts: list[bytes] = []
+    _collect(parts, value)
+    digest.update(b"".join(parts))
+
+
+def _collect(parts: list[bytes], value: Any) -> None:
+    kind = type(value)
+    if kind in _PLAIN:
+        parts.append(f"{kind.__name__}:{value!r};".encode())
     elif isinstance(value, np.ndarray):
-        digest.update(f"array{value.shape}{value.dtype.str}".encode())
-        digest.update(np.ascontiguousarray(value + value.dtype.type(0)).tobytes())  # -0.0 counts as 0.0
+        parts.append(f"array{value.shape}{value.dtype.str}".encode())
+        parts.append((value + value.dtype.type(0)).tobytes())  # -0.0 counts as 0.0
     elif isinstance(value, list | tuple):
-        digest.update(f"list{len(value)}".encode())
+        parts.append(f"list{len(value)}".encode())
         for item in value:
-            feed_digest(digest, item)
+            _collect(parts, item)
     elif isinstance(value, dict):
-        feed_digest(digest, sorted(value.items()))
+        _collect(parts, sorted(value.items()))
+    elif isinstance(value, Mesh | PointCloud):
+        _collect(parts, [kind.__name__, *(getattr(value, n) for n in value.__dataclass_fields__)])
     else:
-        digest.update(f"{type(value).__name__}:{value!r};".encode())
+        parts.append(f"{kind.__name__}:{value!r};".encode())

@@ -7,7 +7,7 @@ import pytest
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel
-from rr1plan.collision.tables.body_groups import group_pairs_of, group_rows
+from rr1plan.collision.tables.body_groups import group_rows
 from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.kernels.planner_kernels import constants, load_library, zeroed
 from rr1plan.scene import Scene
@@ -107,9 +107,3 @@ def test_families_hold_each_meeting_once(built):
 def test_without_bodies_there_are_no_groups():
     groups, chain, reach = group_rows([], [], [])
     assert (groups.shape, len(chain), len(reach)) == ((0, 6), 0, 0)
-
-
-def test_without_meetings_there_are_no_families():
-    rows, families = group_pairs_of(np.zeros((0, 4), np.int64), np.zeros(3, np.int64))
-    assert rows.shape == (0, 4)
-    assert families.shape == (0, 5)

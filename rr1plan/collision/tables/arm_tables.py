@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -40,6 +40,32 @@ def instance_tables(instances: ArmInstances) -> ArmTables:
 
 
 def _instance_tables(instances: ArmInstances) -> ArmTables:
+    made = kept_in(instances.unplaced, "exact", lambda: _joined_tables(instances))
+    joint_values, joint_poses = made.joint_values.copy(), made.joint_poses.copy()
+    values, poses, centers = made.bodies.values.copy(), made.bodies.poses.copy(), made.bodies.centers.copy()
+    joint, body = 1, 0
+    for geometry, base in zip(instances.geometries, instances.bases, strict=True):
+        own, R = arm_tables(geometry), base[:3, :3]
+        parents, carriers = own.joints[1:, 0], own.bodies.bodies[:, 1]
+        roots, fixed = joint + np.flatnonzero(parents == 0), body + np.flatnonzero(carriers == 0)
+        joints, bodies = slice(joint, joint + len(parents)), slice(body, body + len(carriers))
+        joint_values[roots, :12] = moved(base, joint_values[roots, :12])
+        joint_poses[joints] = moved(base, joint_poses[joints])
+        values[fixed, :12] = moved(base, values[fixed, :12])
+        values[fixed, 12:15] = values[fixed, 12:15] @ R.T + base[:3, 3]
+        poses[bodies] = moved(base, poses[bodies])
+        centers[bodies] = centers[bodies] @ R.T + base[:3, 3]
+        joint, body = joints.stop, bodies.stop
+    return replace(
+        made,
+        joint_values=read_only(joint_values),
+        joint_poses=read_only(joint_poses),
+        bodies=replace(made.bodies, values=values, poses=poses, centers=centers),
+    )
+
+
+def _joined_tables(instances: ArmInstances) -> ArmTables:
+    """The tables of all arms, their bases at the origin."""
     joints, values = [np.zeros((1, 4), np.int64)], [np.zeros((1, 17))]
     joint_poses, chains, reaches = [flat(np.eye(4))[None]], [np.zeros(0, np.int64)], [np.zeros(0)]
     bodies, body_values, poses, centers = (
@@ -50,30 +76,24 @@ def _instance_tables(instances: ArmInstances) -> ArmTables:
     )
     corners = _SharedCorners()
     links = 0
-    for geometry, base, joint, column in zip(
-        instances.geometries, instances.bases, instances.first_joint, instances.first_column, strict=True
+    for geometry, joint, column in zip(
+        instances.geometries, instances.first_joint, instances.first_column, strict=True
     ):
         own = arm_tables(geometry)
-        rows, placed = own.joints[1:].copy(), own.joint_values[1:].copy()
-        roots = rows[:, 0] == 0
-        placed[roots, :12] = moved(base, placed[roots, :12])
-        rows[~roots, 0] += joint
+        rows = own.joints[1:].copy()
+        rows[rows[:, 0] != 0, 0] += joint
         rows[rows[:, 2] >= 0, 2] += column
         joints.append(rows)
-        values.append(placed)
-        joint_poses.append(moved(base, own.joint_poses[1:]))
+        values.append(own.joint_values[1:])
+        joint_poses.append(own.joint_poses[1:])
         mine, numbers = own.bodies, own.bodies.bodies.copy()
-        fixed = numbers[:, 1] == 0
-        numbers[~fixed, 1] += joint
+        numbers[numbers[:, 1] != 0, 1] += joint
         numbers[:, 2:4] += corners.first(geometry, mine)
         numbers[:, 4:] += links
-        shapes = mine.values.copy()
-        shapes[fixed, :12] = moved(base, shapes[fixed, :12])
-        shapes[fixed, 12:15] = shapes[fixed, 12:15] @ base[:3, :3].T + base[:3, 3]
         bodies.append(numbers)
-        body_values.append(shapes)
-        poses.append(moved(base, mine.poses))
-        centers.append(mine.centers @ base[:3, :3].T + base[:3, 3])
+        body_values.append(mine.values)
+        poses.append(mine.poses)
+        centers.append(mine.centers)
         chains.append(own.chain + joint)
         reaches.append(own.chain_reach)
         links += len(own.chain)

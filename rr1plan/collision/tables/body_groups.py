@@ -32,26 +32,3 @@ def group_rows(frames: list[int], chains: list[list[int]], reaches: list[list[fl
         chain += chains[first]
         reach += np.max(reaches[first:last], axis=0).tolist()
     return np.array(rows, np.int64).reshape(-1, 6), np.array(chain, np.int64), np.array(reach, np.float64)
-
-
-def group_pairs_of(body_pairs: _INTS, group: _INTS) -> tuple[_INTS, _INTS]:
-    """Pairs of bodies sorted by the pair of groups they belong to.
-
-    Args:
-        body_pairs: Body, body, joints that move both, and more; shape (m, k).
-        group: The group of each body.
-
-    Returns:
-        The same rows in another order, and the kernel's `families`, shape (f, 5).
-    """
-    if not len(body_pairs):
-        return body_pairs, np.zeros((0, 5), np.int64)
-    one, two, shared = group[body_pairs[:, 0]], group[body_pairs[:, 1]], body_pairs[:, 2]
-    # One number for each pair of groups and the joints that move both, in their order.
-    sizes = int(group.max()) + 1, int(shared.max()) + 1
-    keys = (one * sizes[0] + two) * sizes[1] + shared
-    order = np.argsort(keys, kind="stable")
-    begins = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    first = order[begins]
-    ends = np.append(begins[1:], len(order))
-    return body_pairs[order], np.column_stack([one[first], two[first], shared[first], begins, ends])

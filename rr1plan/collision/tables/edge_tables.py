@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
+from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.clearance_maps import instance_maps
 from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.collision_geometry import CollisionGeometry
 from rr1plan.collision.edge_kernel import arm_struct, padded_struct
-from rr1plan.collision.tables.body_groups import group_pairs_of
 from rr1plan.collision.tables.kernel_tables import EdgeTables, ExactTables, PaddedPairs
 from rr1plan.collision.tables.link_spheres import instance_spheres
 from rr1plan.collision.tables.obstacle_tables import LANES, link_cores
@@ -61,8 +61,16 @@ def shared_structs(geometry: CollisionGeometry, tables: EdgeTables, tolerance: f
     shared = {"pairs": padded_struct(padded_pairs(geometry, tables.padding, tolerance, float(tables.margins[0])))}
     instances = geometry.instances
     if tables.cores is link_cores(instances, instance_spheres(instances).cores)[0].rows:  # no obstacle has a core
-        shared["arm"] = kept_in(instances.kept, "struct", lambda: arm_struct(tables))
+        shared["arm"] = kept_in(instances.kept, "struct", lambda: _arm_struct(instances, tables))
     return shared
+
+
+def _arm_struct(instances: ArmInstances, tables: EdgeTables) -> CStruct:
+    """What moves as C reads it: where the arms stand, only the placements of joints and cores of fixed links tell."""
+    if tables.cores is not instance_spheres(instances).cores.rows:
+        return arm_struct(tables)
+    made = kept_in(instances.unplaced, "struct", lambda: arm_struct(tables))
+    return made.copied(placements=tables.joint_values)
 
 
 # ---- pairs -----------------------------------------------------------------------------------------
@@ -132,51 +140,32 @@ def _kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
 
 
 def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
-    spheres, pairs = instance_spheres(geometry.instances), geometry.pairs
-    bodies = spheres.body
-    body = np.concatenate([bodies, np.full(len(pairs.surfaceless) - len(bodies), -1, np.int64)])
-    one, two = pairs.moving.T
-    number = np.arange(len(one))
-    both_move = (body[one] >= 0) & (body[two] >= 0)
-    rows = np.column_stack([body[one], body[two], pairs.moving_rows[:, 2], number])[both_move]
-    rows, group_pairs = group_pairs_of(rows, spheres.bodies[:, 3])
-    one, two, number = one[~both_move], two[~both_move], number[~both_move]
-    moving, still = np.where(body[one] >= 0, one, two), np.where(body[one] >= 0, two, one)
-    fixed = np.flatnonzero(body < 0)
-    chosen, place = np.unique(np.searchsorted(fixed, still), return_inverse=True)
-    more = -len(chosen) % LANES
-    pair_of = np.full((int(np.count_nonzero(bodies >= 0)), len(chosen) + more), -1, np.int64)
-    pair_of[body[moving], place] = number
-    places = np.full(len(fixed), -1, np.int64)
-    places[chosen] = np.arange(len(chosen))
-    count = len(spheres.groups)
-    to_obstacles = np.logical_or.reduceat(pair_of >= 0, spheres.groups[:, 2], axis=0)
-    group, obstacle = np.nonzero(to_obstacles)
+    spheres, pairs, library = instance_spheres(geometry.instances), geometry.pairs, load_library()
+    body = np.full(len(pairs.surfaceless), -1, np.int64)
+    body[: len(spheres.body)] = spheres.body
+    place, count = np.empty(len(body), np.int64), len(pairs.moving)
+    obstacles = library.rr1_number_obstacles(pairs.moving, count, body, len(body), place)
+    columns = obstacles + -obstacles % LANES
+    bodies, groups = len(spheres.bodies), len(spheres.groups)
+    # Room for as many as there can be: what is not used is never touched.
+    pair_of, room = np.empty((bodies, columns), np.int64), np.empty((count, 4), np.int64)
+    body_pairs, solids, group_pairs = (np.empty((count, width), np.int64) for width in (4, 2, 5))
+    obstacle_blocks = np.empty((min(count, groups * columns // LANES), 3), np.int64)
+    group_blocks, counts = np.empty((count, 3), np.int64), np.empty(3, np.int64)
+    first_obstacle_block, first_group_block = np.empty((2, groups + 1), np.int64)
+    library.rr1_list_body_pairs(
+        pairs.moving, pairs.moving_rows, count, body, place, spheres.bodies, bodies, spheres.groups, groups,
+        len(spheres.joints), columns, room, pair_of, body_pairs, solids, group_pairs,
+        obstacle_blocks, first_obstacle_block, group_blocks, first_group_block, counts,
+    )  # fmt: skip
+    families, to_obstacles, to_groups = counts.tolist()
+    both = int(group_pairs[families - 1, 4]) if families else 0
     return _KernelPairs(
-        read_only(rows),
-        read_only(group_pairs),
-        read_only(pairs.moving[rows[:, 3]]),
+        read_only(body_pairs[:both]),
+        read_only(group_pairs[:families]),
+        read_only(solids[:both]),
         read_only(pair_of),
-        _near_blocks(group, obstacle, count),
-        _near_blocks(group_pairs[:, 0], group_pairs[:, 1], count),
-        read_only(places),
-    )
-
-
-def _near_blocks(groups: _INTS, others: _INTS, count: int) -> tuple[_INTS, _INTS]:
-    """Blocks of obstacles or groups, as in `EdgeTables`.
-
-    Args:
-        groups: The group of each pair, sorted.
-        others: The obstacle or group that it has a pair with, sorted for each group.
-        count: Number of groups.
-    """
-    # The blocks of one group follow each other, one number for each.
-    blocks = others // LANES
-    keys = groups * (int(blocks.max(initial=0)) + 1) + blocks
-    begins = np.flatnonzero(np.diff(keys, prepend=-1))
-    lanes = np.bitwise_or.reduceat(1 << others % LANES, begins) if len(begins) else begins
-    return (
-        read_only(np.column_stack([blocks[begins] * LANES, lanes, begins])),
-        read_only(np.searchsorted(groups[begins], np.arange(count + 1))),
+        (read_only(obstacle_blocks[:to_obstacles]), read_only(first_obstacle_block)),
+        (read_only(group_blocks[:to_groups]), read_only(first_group_block)),
+        read_only(place[body < 0]),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,18 @@ def instance_spheres(instances: ArmInstances) -> LinkSpheres:
 
 
 def _instance_spheres(instances: ArmInstances) -> LinkSpheres:
+    made = kept_in(instances.unplaced, "spheres", lambda: _joined_spheres(instances))
+    values, row = made.joint_values.copy(), 1
+    for geometry, base in zip(instances.geometries, instances.bases, strict=True):
+        parents = arm_spheres(geometry).joints[1:, 0]
+        roots = row + np.flatnonzero(parents == 0)
+        values[roots, :12] = moved(base, values[roots, :12])
+        row += len(parents)
+    return replace(made, joint_values=read_only(values))
+
+
+def _joined_spheres(instances: ArmInstances) -> LinkSpheres:
+    """The tables of all arms, their bases at the origin."""
     joints, values = [np.zeros((1, 3), np.int64)], [np.zeros((1, 13))]
     bodies, groups, spheres = [np.zeros((0, 4), np.int64)], [np.zeros((0, 6), np.int64)], [np.zeros((0, 6))]
     group_boxes = [np.zeros((0, 6))]
@@ -64,15 +76,13 @@ def _instance_spheres(instances: ArmInstances) -> LinkSpheres:
     core_values = [np.zeros((0, 14))]
     # Joints, bodies, groups, spheres and chain entries of the arms before.
     joint = row = group = sphere = link = 0
-    for geometry, base, column in zip(instances.geometries, instances.bases, instances.first_column, strict=True):
+    for geometry, column in zip(instances.geometries, instances.first_column, strict=True):
         own = arm_spheres(geometry)
-        rows, placed = own.joints[1:].copy(), own.joint_values[1:].copy()
-        roots = rows[:, 0] == 0
-        placed[roots, :12] = moved(base, placed[roots, :12])
-        rows[~roots, 0] += joint
+        rows = own.joints[1:].copy()
+        rows[rows[:, 0] != 0, 0] += joint
         rows[:, 2] += column
         joints.append(rows)
-        values.append(placed)
+        values.append(own.joint_values[1:])
         bodies.append(own.bodies + np.array([joint, sphere, sphere, group]))
         groups.append(own.groups + np.array([joint, sphere, row, row, link, link]))
         group_boxes.append(own.group_boxes)

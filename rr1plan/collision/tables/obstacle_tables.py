@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
+from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.convex.convex_bodies import is_concave
 from rr1plan.collision.convex.convex_cores import CoreTables, joined_cores, shape_core
@@ -164,6 +166,10 @@ def link_cores(instances: ArmInstances, bodies: CoreTables) -> tuple[CoreTables,
 
 
 def _link_cores(instances: ArmInstances, bodies: CoreTables) -> tuple[CoreTables, _INTS]:
+    if not any(fixed_links_of(geometry).rows.special for geometry in instances.geometries):
+        # No core of such a link has corners that would have to be put in place.
+        kinds = b"".join([fixed_links_of(geometry).rows.kinds for geometry in instances.geometries])
+        return bodies, np.frombuffer(kinds, np.int64).reshape(-1, 4)[:, 3]
     links = FixedSolids(fixed_links(instances))
     count = len(links.solids)
     tables, _ = links.placed_cores(bodies, np.arange(count), count)
@@ -192,12 +198,19 @@ def fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
 
 
 def _fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
-    found = []
-    for geometry, base in zip(instances.geometries, instances.bases, strict=True):
-        fixed = np.flatnonzero(geometry.groups == 0).tolist()
-        # A joint that nothing drives may carry them.
-        frames = b"".join([matrix(pose).tobytes() for pose in arm_tables(geometry).bodies.poses[fixed]])
-        solids = [geometry.solids[i] for i in fixed]
-        rows = solid_rows(tuple(solid.shape for solid in solids))
-        found.append(ObstacleGeometry([solid.element for solid in solids], rows, frames, base))
-    return tuple(found)
+    arms = zip(instances.geometries, instances.bases, strict=True)
+    return tuple(replace(fixed_links_of(geometry), pose=base) for geometry, base in arms)
+
+
+def fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:
+    """The solids of an arm that no joint moves, its base at the origin; cached."""
+    return kept_in(geometry.kept, "fixed links", lambda: _fixed_links_of(geometry))
+
+
+def _fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:
+    fixed = np.flatnonzero(geometry.groups == 0).tolist()
+    # A joint that nothing drives may carry them.
+    frames = b"".join([matrix(pose).tobytes() for pose in arm_tables(geometry).bodies.poses[fixed]])
+    solids = [geometry.solids[i] for i in fixed]
+    rows = solid_rows(tuple(solid.shape for solid in solids))
+    return ObstacleGeometry([solid.element for solid in solids], rows, frames, np.eye(4))
