@@ -39,11 +39,13 @@ class ProofOptions:
         tolerance: The smallest clearance reported is within this of the true one [m].
         max_distances: Searches for each chunk of pairs, and Coal's distances of two owners, before giving up.
         clearance: Whether smallest clearances are looked for, besides contacts.
+        suspects: Whether they are looked for even if pairs are left to Coal, which otherwise count as contacts.
     """
 
     tolerance: float
     max_distances: int
     clearance: bool = True
+    suspects: bool = False
 
 
 class Search:
@@ -78,6 +80,7 @@ class Search:
             terms=terms,
             column_count=columns,
             with_clearance=options.clearance,
+            with_suspects=options.suspects,
             tolerance=options.tolerance,
             touch=TOUCH,
             max_searches=options.max_distances,
