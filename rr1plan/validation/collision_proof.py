@@ -226,8 +226,11 @@ class _Decisions:
         at_ends_only = bodies.pair[items] >= len(group.whole) + len(group.concave)
         # What others took is no longer available, but a tenth is left to each.
         most = max(self._options.max_distances - int(self._statistics["distances"]), self._options.max_distances // 10)
+        first = np.array([self._search.left.get(both, np.inf) for both in elements])
+        # The search knows the first contact of convex shapes: it does not look into others.
+        first[bodies.pair[~bodies.convex]] = np.inf
         certificate = Certificate(
-            motion, bodies, self._options.tolerance, most, progress, items[~at_ends_only], self._smallest()
+            motion, bodies, self._options.tolerance, most, progress, items[~at_ends_only], self._smallest(), first
         )
         self._add_findings(certificate.run(), elements, pairs)
         ends = certificate.nearest(motion.breaks[[0, -1]], items) if self._options.clearance else []

@@ -59,14 +59,14 @@ class Search:
     Attributes:
         scene: The scene.
         struct: What the kernels read and write.
-        left: Pairs in which contact was found or suspected.
+        left: Pairs in which contact was found or suspected, with the first one [s]; inf where that is not known.
         undecided: Pairs that could not be decided, with the smallest clearance that was seen.
         cancelled: It was cut off.
     """
 
     def __init__(self, scene: MovingScene, motion: TimedColumns, options: ProofOptions) -> None:
         self.scene = scene
-        self.left: set[ElementPair] = set()
+        self.left: dict[ElementPair, float] = {}
         self.undecided: dict[ElementPair, FoundPair] = {}
         self.cancelled = False
         self._fraction = 0.0
@@ -113,9 +113,9 @@ class Search:
             return
         rows = self.table("left", count)
         numbers, seen = rows.view(np.int64)[:, :3].tolist(), rows[:, 3:].tolist()
-        for (a, b, mark), (clearance, time) in zip(numbers, seen, strict=True):
+        for (a, b, mark), (clearance, time, first) in zip(numbers, seen, strict=True):
             if mark == LEFT:
-                self.left.add((a, b))
+                self.left[a, b] = first
             else:
                 self.undecided[a, b] = FoundPair(clearance, (a, b), time)
 
@@ -145,7 +145,7 @@ class Search:
             return None
         row = self.table("elements", self._search.pair_room + GROUPS)[self._search.pair_room + group]
         a, b = row.view(np.int64)[:2].tolist()
-        seen, when = row[3:].tolist()
+        seen, when = row[3:5].tolist()
         return FoundPair(seen, (a, b), when)
 
     @property

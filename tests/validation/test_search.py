@@ -365,6 +365,36 @@ def test_a_contact_that_coal_clears_leaves_no_clearance_behind(
     assert cleared >= 3
 
 
+@pytest.mark.parametrize("kind", ["planar2r", "sliding", "two arms", "half-space"])
+def test_the_first_contact_is_where_the_slow_certificate_finds_it(
+    kind: str, chain: Make, shape: Make, proof_of: Make, all_pairs: Make
+) -> None:
+    """The search finds it by its own distances, and no sample is deeper than what Coal's say."""
+    compared = 0
+    for seed in range(SEEDS):
+        rng = np.random.default_rng(seed)
+        scene = scene_of(kind, rng, chain, shape)
+        move = wander(scene, rng, 0.5)
+        found, sure = proof_of(scene, move), all_pairs(scene, move)
+        depths = sampled_depths(scene, move) if found.contacts else {}
+        for contact in found.contacts:
+            k = scene.checked_pairs.index(contact.pair)
+            slack = max(2e-4, 0.05 * abs(contact.clearance))
+            assert contact.first == pytest.approx(sure.found.first_contact[k], abs=2e-5)
+            assert contact.clearance == pytest.approx(sure.found.clearance[k], abs=slack + COAL)
+            assert contact.clearance <= depths.get(contact.pair, np.inf) + slack + COAL
+            compared += 1
+    assert compared >= 2
+
+
+def sampled_depths(scene: rp.Scene, move: rp.Trajectory) -> dict[tuple[str, str], float]:
+    """The smallest clearance of each pair at 60 times."""
+    checker = CollisionChecker(scene)
+    padding = np.array([scene.padding_of(*pair) for pair in checker.pairs])
+    seen = [checker.distances(move(time)) - padding for time in np.linspace(move.breaks[0], move.breaks[-1], 60)]
+    return dict(zip(checker.pairs, np.min(seen, axis=0).tolist(), strict=True))
+
+
 @pytest.mark.parametrize("kind", ["sliding", "two arms", "half-space"])
 def test_the_smallest_clearance_is_where_padding_turns_free_into_contact(
     kind: str, chain: Make, shape: Make, proof_of: Make

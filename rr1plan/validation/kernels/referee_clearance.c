@@ -178,6 +178,7 @@ static int note_clearance(RefereeSearch *s, int64_t k, double value, double time
     }
     if (touches) {
         elements->mark = PAIR_LEFT;
+        elements->first = lesser(elements->first, time);
         // With a contact to report, only contacts are looked for.
         for (int group = 0; group < PAIR_GROUPS && !s->with_suspects; group++)
             s->smallest[group] = lesser(s->smallest[group], 0.0);

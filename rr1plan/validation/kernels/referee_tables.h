@@ -172,7 +172,8 @@ typedef struct {
     int64_t b;
     int64_t mark;
     double seen;  // smallest clearance seen [m]
-    double when;  // its time [s]
+    double when;   // its time [s]
+    double first;  // of a pair left to Coal the first contact, within a time step [s]; INFINITY: not known
 } ElementPair;
 
 // A direction from a to b along which they are apart.
