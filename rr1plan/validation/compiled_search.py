@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -13,7 +14,7 @@ from rr1plan.checks import Array
 from rr1plan.validation.certificate import TOUCH
 from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import MovingScene
-from rr1plan.validation.referee_kernels import GROUPS, LEFT, SOURCES, RefereeStruct, load_library
+from rr1plan.validation.referee_kernels import LEFT, SOURCES, RefereeStruct, load_library
 
 # Intervals between two calls of the callback.
 _INTERVALS = 512
@@ -143,10 +144,10 @@ class Search:
         """The smallest clearance of a group, if there is one."""
         if not self._search.has_nearest[group]:
             return None
-        row = self.table("elements", self._search.pair_room + GROUPS)[self._search.pair_room + group]
-        a, b = row.view(np.int64)[:2].tolist()
-        seen, when = row[3:5].tolist()
-        return FoundPair(seen, (a, b), when)
+        kind = SOURCES.classes["ElementPair"]
+        start = self._search.elements + (self._search.pair_room + group) * ctypes.sizeof(kind)
+        found = kind.from_address(start)
+        return FoundPair(found.seen, (found.a, found.b), found.when)
 
     @property
     def ends(self) -> list[FoundPair | None]:
