@@ -71,7 +71,7 @@ def extremes(breaks: Array, coefficients: Array) -> Extremes:
     breaks, coefficients = np.ascontiguousarray(breaks), np.ascontiguousarray(coefficients)
     terms, nq = coefficients.shape[1:]
     peaks, jumps, end = np.empty((ORDERS, nq, 4)), np.empty((ORDERS - 1, nq, 2)), np.empty((ORDERS, nq))
-    scratch = np.empty(terms * (SOURCES.constants["EXTREMES_DEPTH"] + 2 + ORDERS * terms))
+    scratch = np.empty(terms * (SOURCES.constants["EXTREMES_DEPTH"] + 24 + ORDERS * terms))
     # As rows of structs.
     rows = peaks.reshape(-1, 4), jumps.reshape(-1, 2)
     load_library().rr1_find_extremes(breaks, len(breaks), coefficients, *coefficients.shape, *rows, end, scratch)

@@ -32,8 +32,10 @@ TOUCH = 1e-6
 # The moment of the first contact is found to this [s].
 _TIME_STEP = 1e-5
 _MOST_NODES = 1024
-# A smallest clearance is sharp when one more look gains less than this share of the tolerance.
+# A smallest clearance is sharp when those around it differ by less than this share of the tolerance.
 _POLISHED = 1e-3
+# Refinement of the times of smallest clearances: most pairs, first steps in the whole motion, most steps after those.
+_MOST_POLISHED, _POLISH_STEPS, _POLISH_ROUNDS = 64, 256, 40
 
 
 class Intervals(NamedTuple):
@@ -96,6 +98,7 @@ class Certificate:
         progress: Called with the fraction decided, after each round; False from it cancels the search.
         items: The pairs of shapes to decide (default: all).
         smallest: What is known of the smallest clearance with the surroundings and of one arm's own [m], shape (2,).
+        first: First contacts that are known already, if the pairs are in contact, shape (pairs,) [s]; inf for others.
     """
 
     def __init__(
@@ -107,6 +110,7 @@ class Certificate:
         progress: Callable[[float], bool | None] | None = None,
         items: Index | None = None,
         smallest: Array | None = None,
+        first: Array | None = None,
     ) -> None:
         self._motion, self._bodies = motion, bodies
         self._tolerance, self._most = tolerance, most_distances
@@ -116,25 +120,28 @@ class Certificate:
             np.full(n, np.inf), np.zeros(n), np.full(n, np.inf), np.zeros(n, dtype=bool), np.full(n, np.inf)
         )
         self._known = np.full(2, np.inf) if smallest is None else smallest
+        self._first = np.full(n, np.inf) if first is None else first
         self._items = np.arange(len(bodies.a)) if items is None else items
         self._nodes = self._checks = 0
         self._decided = 0.0
 
     def run(self) -> Findings:
         """Decide every pair on every interval."""
-        bodies = self._bodies
+        bodies, found = self._bodies, self.found
         if len(self._items):
             self.nearest(self._motion.breaks[[0, -1]], self._items)
             waiting = deque([self._root()])
-            while waiting and not self.found.cancelled:
+            while waiting and not found.cancelled:
                 if bodies.calls > self._most:
                     self._give_up(waiting)
                     break
                 waiting.extend(_chunks(self._round(waiting.popleft())))
             self._polish()
+            touching = np.isfinite(found.first_contact)
+            np.minimum(found.first_contact, self._first, out=found.first_contact, where=touching)
         counts = {"intervals": self._nodes, "pair_checks": self._checks, "distances": bodies.calls}
-        self.found.statistics |= {name: float(count) for name, count in counts.items()}
-        return self.found
+        found.statistics |= {name: float(count) for name, count in counts.items()}
+        return found
 
     def _root(self) -> Intervals:
         one = np.zeros(1, dtype=np.intp)
@@ -212,7 +219,7 @@ class Certificate:
         free = (least > 0.0) & (least >= smallest - self._tolerance)
         worst = found.clearance[pair]
         no_worse = least >= worst - np.maximum(self._tolerance, 0.05 * np.abs(np.where(contact, worst, 0.0)))
-        before = begin[work.node] < found.first_contact[pair]
+        before = (begin[work.node] < found.first_contact[pair]) & np.isinf(self._first[pair])
         return np.asarray(np.where(contact, no_worse & ((least > 0.0) | ~before), free))
 
     def _smallest(self) -> Array:
@@ -299,30 +306,76 @@ class Certificate:
             members = np.flatnonzero((self._bodies.own == own) & np.isfinite(found.clearance))
             if len(members):
                 chosen.add(int(members[np.argmin(found.clearance[members])]))
-        span = float(self._motion.breaks[-1] - self._motion.breaks[0])
-        for pair in sorted(chosen)[:64]:
-            items = np.flatnonzero(self._bodies.pair == pair)
-            width = span / 64
-            while width > 1e-7 * span:
-                before = found.clearance[pair]
-                self._look_around(items, float(found.time[pair]), width)
-                width /= 6
-                # A clearance is proven to the tolerance without this; a depth is not.
-                if found.clearance[pair] > TOUCH and before - found.clearance[pair] < _POLISHED * self._tolerance:
-                    break
+        pairs = np.array(sorted(chosen)[:_MOST_POLISHED], dtype=np.intp)
+        begin, finish = float(self._motion.breaks[0]), float(self._motion.breaks[-1])
+        if not len(pairs) or not finish > begin:
+            return
+        # Columns: times before, at and after the smallest value seen, and the clearances then.
+        offsets = (finish - begin) / _POLISH_STEPS * np.arange(-2.0, 3.0)
+        times = np.clip(found.time[pairs, None] + offsets, begin, finish)
+        values = self._measure(np.repeat(pairs, 5), times.ravel()).reshape(times.shape)
+        best = np.clip(np.argmin(values, axis=1), 1, 3)[:, None] + np.arange(-1, 2)
+        times, values = np.take_along_axis(times, best, 1), np.take_along_axis(values, best, 1)
+        open_ = np.arange(len(pairs))
+        for step in range(_POLISH_ROUNDS):
+            precise = values[open_].max(axis=1) - values[open_].min(axis=1) <= _POLISHED * self._tolerance
+            open_ = open_[~precise & (times[open_, 2] - times[open_, 0] > 1e-7 * (finish - begin))]
+            if not len(open_):
+                return
+            at = _next_time(times[open_], values[open_], step % 3 == 2)
+            value = self._measure(pairs[open_], at)
+            times[open_], values[open_] = _narrowed(times[open_], values[open_], at, value)
 
-    def _look_around(self, items: Index, center: float, width: float) -> None:
-        """Measure the clearances of pairs of shapes at 17 times around one."""
+    def _measure(self, pairs: Index, times: Array) -> Array:
+        """The clearances of pairs of elements (k,) at times (k,) [m]."""
         motion, bodies = self._motion, self._bodies
-        times = np.clip(center + np.linspace(-width, width, 17), motion.breaks[0], motion.breaks[-1])
         piece, local = motion.locate(times)
         placed = bodies.place(motion.frames(motion.positions(piece, local)))
-        node, item = np.repeat(np.arange(len(times)), len(items)), np.tile(items, len(times))
+        order = np.argsort(bodies.pair, kind="stable")
+        low, high = (np.searchsorted(bodies.pair[order], pairs, side) for side in ("left", "right"))
+        node = np.repeat(np.arange(len(pairs)), high - low)
+        item = order[np.concatenate([np.arange(*ends) for ends in zip(low, high, strict=True)])]
         bound = np.maximum(bodies.far_bound(placed, node, item), bodies.box_bound(placed, node, item))
-        near = bound < self.found.clearance[bodies.pair[item]]
-        if near.any():
-            value, _ = bodies.clearances(placed, node[near], item[near])
-            self._see(bodies.pair[item[near]], value, times[node[near]])
+        # Of the shapes of a pair those count that may be the nearest then; of one that is in contact most are not.
+        least = np.full(len(pairs), np.inf)
+        for nearest_first in (True, False):
+            lowest = np.full(len(pairs), np.inf)
+            np.minimum.at(lowest, node, bound)
+            chosen = np.flatnonzero((bound == lowest[node]) if nearest_first else (bound < least[node]))
+            if len(chosen):
+                value, _ = bodies.clearances(placed, node[chosen], item[chosen])
+                self._see(bodies.pair[item[chosen]], value, times[node[chosen]])
+                np.minimum.at(least, node[chosen], value)
+                bound[chosen] = np.inf
+        return least
+
+
+def _next_time(times: Array, values: Array, wide: bool) -> Array:
+    """Where to measure between three times (k, 3), of which the middle one has the smallest value, shape (k,).
+
+    The lowest point of the parabola through them, or, where that is no better than the middle one or with `wide`, the
+    golden section of the longer side.
+    """
+    (low, at, high), (below, here, above) = times.T, values.T
+    left, right = at - low, high - at
+    golden = np.where(right > left, 0.382 * right, -0.382 * left)
+    bend = (above - here) * left + (below - here) * right
+    with np.errstate(divide="ignore", invalid="ignore"):
+        move = 0.5 * ((below - here) * right**2 - (above - here) * left**2) / bend
+    usable = (bend > 0.0) & np.isfinite(move) & (move > -left) & (move < right) & (move != 0.0)
+    # All but there: the farther end comes near.
+    short = np.abs(move) < 0.02 * np.maximum(left, right)
+    move = np.where(short, np.sign(golden) * np.maximum(4.0 * np.abs(move), 0.01 * np.maximum(left, right)), move)
+    return np.asarray(at + np.where(usable & ~wide, move, golden))
+
+
+def _narrowed(times: Array, values: Array, at: Array, value: Array) -> tuple[Array, Array]:
+    """Three times (k, 3) around the smallest of their values and of one more between them."""
+    times, values = np.column_stack([times, at]), np.column_stack([values, value])
+    order = np.argsort(times, axis=1)
+    times, values = np.take_along_axis(times, order, 1), np.take_along_axis(values, order, 1)
+    best = np.clip(np.argmin(values, axis=1), 1, 2)[:, None] + np.arange(-1, 2)
+    return np.take_along_axis(times, best, 1), np.take_along_axis(values, best, 1)
 
 
 def _chunks(work: Intervals) -> list[Intervals]:

@@ -143,6 +143,11 @@ class Bodies:
         one = (self._kind_a == CONVEX) | self._surface[self.a]
         return np.asarray(one & ((self._kind_b != CONCAVE) | self._surface[self.b]))
 
+    @property
+    def convex(self) -> Mask:
+        """Pairs of two convex shapes, or of one and a half-space, shape (k,)."""
+        return np.asarray((self._kind_a == CONVEX) & (self._kind_b != CONCAVE))
+
     @cached_property
     def coal_distance(self) -> CoalDistance:
         """Coal's distances."""

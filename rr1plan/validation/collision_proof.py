@@ -8,7 +8,7 @@ shapes near each other of which one is not convex in another way: clouds, and me
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -85,7 +85,16 @@ def prove(
     """
     search = Search(scene, motion, options)
     search.run(None if progress is None else lambda fraction: progress(_SEARCH_SHARE * fraction))
-    return _Decisions(scene, search, motion, options).complete(progress)
+    found = _Decisions(scene, search, motion, options).complete(progress)
+    if not options.clearance or found.contacts or found.cancelled or search.smallest.min() > 0.0:
+        return found
+    # The search took for contacts what Coal finds free, and did not look for smallest clearances from there on.
+    search = Search(scene, motion, replace(options, suspects=True))
+    search.run(None if progress is None else lambda _: progress(1.0))
+    again = _Decisions(scene, search, motion, options).complete(None)
+    for name, count in found.statistics.items():
+        again.statistics[name] += count
+    return again
 
 
 # ---- what the search leaves ----------------------------------------------------------------
@@ -217,8 +226,11 @@ class _Decisions:
         at_ends_only = bodies.pair[items] >= len(group.whole) + len(group.concave)
         # What others took is no longer available, but a tenth is left to each.
         most = max(self._options.max_distances - int(self._statistics["distances"]), self._options.max_distances // 10)
+        first = np.array([self._search.left.get(both, np.inf) for both in elements])
+        # The search knows the first contact of convex shapes: it does not look into others.
+        first[bodies.pair[~bodies.convex]] = np.inf
         certificate = Certificate(
-            motion, bodies, self._options.tolerance, most, progress, items[~at_ends_only], self._smallest()
+            motion, bodies, self._options.tolerance, most, progress, items[~at_ends_only], self._smallest(), first
         )
         self._add_findings(certificate.run(), elements, pairs)
         ends = certificate.nearest(motion.breaks[[0, -1]], items) if self._options.clearance else []

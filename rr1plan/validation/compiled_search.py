@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -13,7 +14,7 @@ from rr1plan.checks import Array
 from rr1plan.validation.certificate import TOUCH
 from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import MovingScene
-from rr1plan.validation.referee_kernels import GROUPS, LEFT, SOURCES, RefereeStruct, load_library
+from rr1plan.validation.referee_kernels import LEFT, SOURCES, RefereeStruct, load_library
 
 # Intervals between two calls of the callback.
 _INTERVALS = 512
@@ -39,11 +40,13 @@ class ProofOptions:
         tolerance: The smallest clearance reported is within this of the true one [m].
         max_distances: Searches for each chunk of pairs, and Coal's distances of two owners, before giving up.
         clearance: Whether smallest clearances are looked for, besides contacts.
+        suspects: Whether they are looked for even if pairs are left to Coal, which otherwise count as contacts.
     """
 
     tolerance: float
     max_distances: int
     clearance: bool = True
+    suspects: bool = False
 
 
 class Search:
@@ -57,14 +60,14 @@ class Search:
     Attributes:
         scene: The scene.
         struct: What the kernels read and write.
-        left: Pairs in which contact was found or suspected.
+        left: Pairs in which contact was found or suspected, with the first one [s]; inf where that is not known.
         undecided: Pairs that could not be decided, with the smallest clearance that was seen.
         cancelled: It was cut off.
     """
 
     def __init__(self, scene: MovingScene, motion: TimedColumns, options: ProofOptions) -> None:
         self.scene = scene
-        self.left: set[ElementPair] = set()
+        self.left: dict[ElementPair, float] = {}
         self.undecided: dict[ElementPair, FoundPair] = {}
         self.cancelled = False
         self._fraction = 0.0
@@ -78,6 +81,7 @@ class Search:
             terms=terms,
             column_count=columns,
             with_clearance=options.clearance,
+            with_suspects=options.suspects,
             tolerance=options.tolerance,
             touch=TOUCH,
             max_searches=options.max_distances,
@@ -110,9 +114,9 @@ class Search:
             return
         rows = self.table("left", count)
         numbers, seen = rows.view(np.int64)[:, :3].tolist(), rows[:, 3:].tolist()
-        for (a, b, mark), (clearance, time) in zip(numbers, seen, strict=True):
+        for (a, b, mark), (clearance, time, first) in zip(numbers, seen, strict=True):
             if mark == LEFT:
-                self.left.add((a, b))
+                self.left[a, b] = first
             else:
                 self.undecided[a, b] = FoundPair(clearance, (a, b), time)
 
@@ -140,10 +144,10 @@ class Search:
         """The smallest clearance of a group, if there is one."""
         if not self._search.has_nearest[group]:
             return None
-        row = self.table("elements", self._search.pair_room + GROUPS)[self._search.pair_room + group]
-        a, b = row.view(np.int64)[:2].tolist()
-        seen, when = row[3:].tolist()
-        return FoundPair(seen, (a, b), when)
+        kind = SOURCES.classes["ElementPair"]
+        start = self._search.elements + (self._search.pair_room + group) * ctypes.sizeof(kind)
+        found = kind.from_address(start)
+        return FoundPair(found.seen, (found.a, found.b), found.when)
 
     @property
     def ends(self) -> list[FoundPair | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -26,13 +27,12 @@ def check_endpoints(findings: Findings, motion: TimedColumns, scene: Scene, prob
         findings.not_checked["start"] = findings.not_checked["goal"] = "no problem was given"
         return
     _check_arms(problem, scene)
-    first, last = motion.endpoints()
-    columns = {name: i for i, name in enumerate(motion.joint_names)}
-    arms = dict.fromkeys((*motion.arms, *problem.arms))
-    starts, stops = ({arm: _configuration(scene, arm, columns, q) for arm in arms} for q in (first, last))
-    begin, finish = (float(time) for time in motion.breaks[[0, -1]])
-    _check_start(findings, _starts(motion.arms, scene, problem), _by_joint(scene, starts), begin)
-    _check_goal(findings, problem, scene, stops, finish)
+    first, last = (dict(zip(motion.joint_names, q, strict=True)) for q in motion.endpoints().tolist())
+    begin, finish = float(motion.breaks[0]), float(motion.breaks[-1])
+    still = [arm for arm in problem.arms if arm not in motion.arms]
+    resting = _by_joint(scene, {arm: scene.arms[arm].q for arm in still})
+    _check_start(findings, _starts(motion.arms, scene, problem), first | resting, begin)
+    _check_goal(findings, problem, scene, last | resting, finish)
 
 
 def _check_arms(problem: Problem, scene: Scene) -> None:
@@ -60,26 +60,19 @@ def _by_joint(scene: Scene, configurations: Mapping[str, Array]) -> dict[str, fl
     }
 
 
-def _pose_of(scene: Scene, arm: str, q: Array) -> Callable[[str], Array]:
+def _pose_of(scene: Scene, arm: str, q: list[float]) -> Callable[[str], Array]:
     """T_world_link by the names of an arm's links, at its configuration (nq,)."""
 
     def pose(link: str) -> Array:
         names = scene.joint_names((arm,))
-        motion = SceneMotion({arm: scene.arms[arm]}, names, np.zeros(1), q[None, None])
-        frames, i = motion.frames(q[None]), motion.links[f"{arm}/{link}"]
+        configuration = np.array([q])
+        motion = SceneMotion({arm: scene.arms[arm]}, names, np.zeros(1), configuration[None])
+        frames, i = motion.frames(configuration), motion.links[f"{arm}/{link}"]
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = frames.rotation[0, i], frames.origin[0, i]
         return T
 
     return pose
-
-
-def _configuration(scene: Scene, arm: str, columns: dict[str, int], q: Array) -> Array:
-    """Where an arm's joints are: in its columns, or where the scene has them."""
-    names = [f"{arm}/{joint}" for joint in scene.arms[arm].robot.joint_names]
-    if names and names[0] in columns:
-        return np.array([q[columns[name]] for name in names])
-    return np.asarray(scene.arms[arm].q)
 
 
 def _check_start(findings: Findings, wanted: Mapping[str, float], first: Mapping[str, float], time: float) -> None:
@@ -99,21 +92,20 @@ def _check_start(findings: Findings, wanted: Mapping[str, float], first: Mapping
             findings.violations.append(Violation("start", (name,), time, got, want, message))
 
 
-def _check_goal(
-    findings: Findings, problem: Problem, scene: Scene, configurations: Mapping[str, Array], time: float
-) -> None:
+def _check_goal(findings: Findings, problem: Problem, scene: Scene, last: Mapping[str, float], time: float) -> None:
     """Every moving arm ends at one of its goals.
 
     Args:
         findings: Where violations go.
         problem: The problem.
         scene: Where the arms are.
-        configurations: The last configuration of every arm of the problem, by arm.
+        last: Where the joints of every arm of the problem end, by "arm/joint".
         time: When the motion ends [s].
     """
     findings.checked.append("goal")
     for arm in problem.arms:
-        robot, q = problem.scene.arms[arm].robot, configurations[arm]
+        robot = problem.scene.arms[arm].robot
+        q = [last[f"{arm}/{joint}"] for joint in robot.joint_names]
         misses = [_miss(goal, robot, q, _pose_of(scene, arm, q)) for goal in problem.goal[arm]]
         off, allowed, words = min(misses, key=lambda miss: miss[0] / miss[1])
         if not off <= allowed + _EQUAL:
@@ -125,7 +117,7 @@ def _check_goal(
 Miss = tuple[float, float, str]
 
 
-def _miss(goal: Goal, robot: Robot, q: Array, pose: Callable[[str], Array]) -> Miss:
+def _miss(goal: Goal, robot: Robot, q: list[float], pose: Callable[[str], Array]) -> Miss:
     """By how much a goal is missed, what is allowed, and that in words: the worst of its conditions."""
     if isinstance(goal, JointGoal):
         return _joint_miss(goal, robot, q)
@@ -144,10 +136,11 @@ def _miss(goal: Goal, robot: Robot, q: Array, pose: Callable[[str], Array]) -> M
     return max(misses, key=lambda miss: miss[0] / miss[1])
 
 
-def _joint_miss(goal: JointGoal, robot: Robot, q: Array) -> Miss:
+def _joint_miss(goal: JointGoal, robot: Robot, q: list[float]) -> Miss:
     """The joint farthest from its goal; continuous joints count modulo a turn."""
-    off = q - goal.q
-    off = np.abs(np.where(robot.continuous > 0.0, np.remainder(off + np.pi, 2.0 * np.pi) - np.pi, off))
-    j = int(np.argmax(off))
-    worst = float(off[j])
+    off = [at - want for at, want in zip(q, goal.q.tolist(), strict=True)]
+    turns = robot.continuous.tolist()
+    off = [abs((by + math.pi) % math.tau - math.pi if turn else by) for by, turn in zip(off, turns, strict=True)]
+    worst = max(off)
+    j = off.index(worst)
     return worst, _EQUAL, f"joint {robot.joint_names[j]} is at {q[j]:.9g}, {worst:.3g} from {float(goal.q[j]):.9g}"

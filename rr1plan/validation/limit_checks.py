@@ -98,6 +98,13 @@ class Judgment:
             self._flaws,
         )
 
+    def is_absurd(self, times: float, fast: float) -> bool:
+        """Whether a speed is beyond so many times its limit, or times `fast` [rad/s or m/s] where it has none."""
+        if self._tightest[_C["TIGHTEST_VELOCITY"], 0] > times:
+            return True
+        speeds, unlimited = self._found.peaks[1], np.isinf(self._columns.limits.velocity)
+        return bool(unlimited.any() and (np.maximum(speeds[:, 0], -speeds[:, 2])[unlimited] > times * fast).any())
+
     def check_positions(self, findings: Findings) -> None:
         """Position limits; infinite limits hold always."""
         limits, found, columns = self._columns.limits, self._found, self._columns

@@ -20,12 +20,12 @@ from rr1plan.scene import Scene
 from rr1plan.scene.held_contacts import contact_advice
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
-from rr1plan.validation.bernstein_extremes import Extremes, extremes
+from rr1plan.validation.bernstein_extremes import extremes
 from rr1plan.validation.certificate import TOUCH
 from rr1plan.validation.collision_proof import CollisionProof, Contact, prove
 from rr1plan.validation.compiled_search import ProofOptions
 from rr1plan.validation.goal_checks import check_endpoints
-from rr1plan.validation.limit_checks import Columns, Findings, Judgment
+from rr1plan.validation.limit_checks import Findings, Judgment
 from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import MovingScene, moving_scene
 from rr1plan.validation.referee_kernels import load_library
@@ -90,10 +90,10 @@ def validate(
         return _no_motion(findings)
     moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
     columns, found = moving.columns, extremes(motion.breaks, motion.coefficients)
-    options = ProofOptions(clearance_tolerance, _most_distances(columns, found), clearance)
+    judgment = Judgment(columns, found, motion.breaks, motion.coefficients)
+    options = ProofOptions(clearance_tolerance, _most_distances(judgment), clearance)
     _check_collisions(findings, moving, motion, options, progress)
     _name_unchecked_links(findings, scene)
-    judgment = Judgment(columns, found, motion.breaks, motion.coefficients)
     judgment.check_positions(findings)
     judgment.check_continuity(findings)
     judgment.check_rest(findings)
@@ -249,13 +249,9 @@ def _check_reach(findings: Findings, trajectory: Trajectory) -> bool:
     return bool((reach <= _FARTHEST).all())
 
 
-def _most_distances(columns: Columns, found: Extremes) -> int:
+def _most_distances(judgment: Judgment) -> int:
     """Distances that a proof may take: few for a motion that is far too fast, which is refused whatever it hits."""
-    fastest = columns.limits.velocity
-    if np.isinf(fastest).any():
-        fastest = np.where(np.isfinite(fastest), fastest, _FAST)
-    absurd = np.maximum(found.high[1], -found.low[1]) > _ABSURD * fastest
-    return _MOST_DISTANCES // 50 if absurd.any() else _MOST_DISTANCES
+    return _MOST_DISTANCES // 50 if judgment.is_absurd(_ABSURD, _FAST) else _MOST_DISTANCES
 
 
 def _check_collisions(

@@ -12,7 +12,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
 from rr1plan.validation.contact_paddings import Elements, block_paddings, rules_by_owners
-from rr1plan.validation.referee_models import ArmTables, HeldThing, Table, arm_tables, obstacle_tables
+from rr1plan.validation.referee_models import ArmTables, HeldThing, arm_tables, obstacle_tables
 
 
 class RefereeScene:
@@ -60,9 +60,9 @@ class RefereeScene:
         return {name: i for i, name in enumerate(self.scene.attachments)}
 
     @cached_property
-    def _link_starts(self) -> Table:
+    def _link_starts(self) -> list[int]:
         """Elements before the links of each arm, before the obstacles and before the attached objects."""
-        return np.array([0, *accumulate(len(self.models[i].links) for i in self.model_of)], dtype=np.int64)
+        return [0, *accumulate(len(self.models[i].links) for i in self.model_of)]
 
     def elements(self, owner: int) -> Elements:
         """The elements of an owner: an arm by its number, or after those an obstacle."""
@@ -70,7 +70,7 @@ class RefereeScene:
         obstacles = self._link_starts[arms]
         if owner >= arms:
             name = self.obstacles[owner - arms]
-            return Elements(name, {name: 0}, np.array([obstacles + owner - arms]))
+            return Elements(name, {name: 0}, np.array([obstacles + owner - arms], dtype=np.int64))
         name, links = self.names[owner], self.model(owner).links
         held, attached = self._held.get(name, []), obstacles + len(self.obstacles)
         names = [*(f"{name}/{link}" for link in links), *held]
@@ -83,12 +83,12 @@ class RefereeScene:
         arms = len(self.names)
         if owner >= arms:
             name = self.obstacles[owner - arms]
-            return int(self._link_starts[arms]) + owner - arms, name, name
+            return self._link_starts[arms] + owner - arms, name, name
         arm, links = self.names[owner], self.model(owner).links
         if number < len(links):
-            return int(self._link_starts[owner]) + number, f"{arm}/{links[number]}", arm
+            return self._link_starts[owner] + number, f"{arm}/{links[number]}", arm
         thing = self._held[arm][number - len(links)]
-        return int(self._link_starts[arms]) + len(self.obstacles) + self._attachment_order[thing], thing, arm
+        return self._link_starts[arms] + len(self.obstacles) + self._attachment_order[thing], thing, arm
 
     def model(self, arm: int) -> ArmTables:
         """The model of an arm by its number."""

@@ -127,6 +127,7 @@ class AllPairs:
     """Every pair of elements of a scene by Coal, one after the other, with no broad phase.
 
     Attributes:
+        found: Everything about all checked pairs of the scene.
         hits: Pairs that touch or cannot be decided.
         smallest: Smallest clearance with the surroundings and of one arm's own [m]; inf where there is no pair.
     """
@@ -134,7 +135,7 @@ class AllPairs:
     def __init__(self, scene: rp.Scene, move: rp.Trajectory) -> None:
         pairs = scene.checked_pairs
         motion = SceneMotion(scene.arms, move.joint_names, move.breaks, move.coefficients)
-        found = Certificate(motion, Bodies(scene, motion, pairs), 2e-4, 400_000).run()
+        self.found = found = Certificate(motion, Bodies(scene, motion, pairs), 2e-4, 400_000).run()
         hit = np.isfinite(found.first_contact) | found.undecided
         self.hits = [pair for pair, met in zip(pairs, hit, strict=True) if met]
         own = np.array([scene.owner(a) == scene.owner(b) for a, b in pairs], dtype=bool)

@@ -17,6 +17,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.robot import Geometry, Mimic
 from rr1plan.scene import Obstacle
 from rr1plan.transforms import pose
+from rr1plan.validation import compiled_search
 from rr1plan.validation.coal_distance import CoalDistance
 from rr1plan.validation.collision_proof import CollisionProof
 from rr1plan.validation.referee_kernels import RefereeStruct, load_library
@@ -63,12 +64,16 @@ class Pairs:
         upper, lower = bounds.tolist()
         return upper - off, lower - off
 
+    def measure(self, a: int, Ta: Array, b: int, Tb: Array) -> tuple[float, Array]:
+        """Coal's distance, and its normal."""
+        placed = [coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3])) for T in (Ta, Tb)]
+        distance, normal = self.meter.convex(self.solids[a], placed[0], self.solids[b], placed[1])
+        return distance, normal / np.linalg.norm(normal)
+
     def coal(self, a: int, Ta: Array, b: int, Tb: Array) -> tuple[float, float]:
         """Coal's distance, and the gap along Coal's normal: no distance is less."""
         x, y = self.solids[a], self.solids[b]
-        placed = [coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3])) for T in (Ta, Tb)]
-        distance, normal = self.meter.convex(x, placed[0], y, placed[1])
-        normal = normal / np.linalg.norm(normal)
+        distance, normal = self.measure(a, Ta, b, Tb)
         return distance, float(normal @ (Tb[:3, 3] - Ta[:3, 3])) - reach(x, Ta, normal) - reach(y, Tb, -normal)
 
 
@@ -135,6 +140,45 @@ def test_a_search_that_goes_on_from_the_last_one_is_as_good(
             assert lower <= distance + ROUNDING
             assert distance < 0.0 or upper >= gap - ROUNDING
             assert distance < 1e-6 or upper - lower <= 1e-6
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bodies_that_all_but_touch_are_told_from_touching_ones(seed: int) -> None:
+    """Hulls of few and of many corners, with flat sides too: simplices are thin there, and differences cancel."""
+    rng = np.random.default_rng(seed)
+    shapes: list[Any] = [hull(rng, count, flat) for count in (4, 6, 8, 30, 200) for flat in (False, True)]
+    shapes += [rp.Box(tuple(10.0 ** rng.uniform(-2.0, 0.0, 3))) for _ in range(3)]
+    pairs = Pairs(obstacle_tables(Obstacle((Geometry("part", shape),)) for shape in shapes))
+    compared = 0
+    for _ in range(400):
+        a, b = rng.choice(len(shapes), 2, replace=False).tolist()
+        Ta, Tb = random_pose(rng, 0.2), random_pose(rng, 0.2).copy()
+        if rng.random() < 0.4:  # sides and edges that are parallel
+            Ta, Tb[:3, :3] = pose(np.round(Ta[:3, 3], 2)), pose(rpy=rng.integers(-2, 3, 3) * np.pi / 2)[:3, :3]
+        distance, normal = pairs.measure(a, Ta, b, Tb)
+        Tb[:3, 3] += (10.0 ** rng.uniform(-7.0, -2.0) - distance) * normal
+        distance, gap = pairs.coal(a, Ta, b, Tb)
+        if not gap > 0.0:
+            continue  # Coal has no proof.
+        pairs.state.set(count=0)
+        for _ in range(3):
+            upper, lower = pairs.bounds(a, Ta, b, Tb)
+            assert gap - ROUNDING <= upper <= distance + ROUNDING
+            assert lower >= upper - 2e-9
+            step = 10.0 ** rng.uniform(-6.0, -1.0)
+            pairs.bounds(a, Ta, b, Tb @ pose(0.1 * step * rng.normal(size=3), rpy=step * rng.normal(size=3)))
+        compared += 1
+    assert compared >= 300
+
+
+def hull(rng: np.random.Generator, count: int, flat: bool) -> rp.Mesh:
+    """Random corners, or a prism."""
+    corners = rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-2.0, -0.5, 3)
+    if flat:
+        turn = np.linspace(0.0, 2.0 * np.pi, max(3, count // 2), endpoint=False)
+        ring, height = np.stack([np.cos(turn), np.sin(turn)], axis=1), 10.0 ** rng.uniform(-1.5, 0.5)
+        corners = 0.1 * np.concatenate([np.insert(ring, 2, z, axis=1) for z in (-height, height)])
+    return rp.Mesh(corners, ConvexHull(corners).simplices, convex=True)
 
 
 def test_bodies_one_inside_the_other_touch(bodies: Callable[[np.random.Generator], Pairs]) -> None:
@@ -293,6 +337,62 @@ def no_sample_objects(scene: rp.Scene, move: rp.Trajectory, found: CollisionProo
         elif end.clearance > 0.0:
             assert end.time == time
             assert end.clearance == pytest.approx(seen.min(), abs=COAL)
+
+
+def test_a_contact_that_coal_clears_leaves_no_clearance_behind(
+    chain: Make, shape: Make, proof_of: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All that comes within 5 cm is taken for a contact at first."""
+    cleared = 0
+    for seed in range(40):
+        rng = np.random.default_rng(1000 + seed)
+        scene = scene_of("sliding", rng, chain, shape)
+        move = wander(scene, rng, 0.1)
+        usual = proof_of(scene, move, 1e-5)
+        if usual.contacts:
+            continue
+        with monkeypatch.context() as patch:
+            patch.setattr(compiled_search, "TOUCH", 0.05)
+            wary = proof_of(scene, move, 1e-5)
+        assert not wary.contacts
+        assert wary.statistics["distances"] > 0 or min(usual.proven) > 0.05
+        cleared += wary.statistics["distances"] > 0
+        for one, two in zip(wary.nearest, usual.nearest, strict=True):
+            assert (one is None) == (two is None)
+            assert one is None or one.clearance == pytest.approx(two.clearance, abs=1e-5 + COAL)
+        for one, two in zip(wary.ends, usual.ends, strict=True):
+            assert one is None or one.clearance == pytest.approx(two.clearance, abs=COAL)
+    assert cleared >= 3
+
+
+@pytest.mark.parametrize("kind", ["planar2r", "sliding", "two arms", "half-space"])
+def test_the_first_contact_is_where_the_slow_certificate_finds_it(
+    kind: str, chain: Make, shape: Make, proof_of: Make, all_pairs: Make
+) -> None:
+    """The search finds it by its own distances, and no sample is deeper than what Coal's say."""
+    compared = 0
+    for seed in range(SEEDS):
+        rng = np.random.default_rng(seed)
+        scene = scene_of(kind, rng, chain, shape)
+        move = wander(scene, rng, 0.5)
+        found, sure = proof_of(scene, move), all_pairs(scene, move)
+        depths = sampled_depths(scene, move) if found.contacts else {}
+        for contact in found.contacts:
+            k = scene.checked_pairs.index(contact.pair)
+            slack = max(2e-4, 0.05 * abs(contact.clearance))
+            assert contact.first == pytest.approx(sure.found.first_contact[k], abs=2e-5)
+            assert contact.clearance == pytest.approx(sure.found.clearance[k], abs=slack + COAL)
+            assert contact.clearance <= depths.get(contact.pair, np.inf) + slack + COAL
+            compared += 1
+    assert compared >= 2
+
+
+def sampled_depths(scene: rp.Scene, move: rp.Trajectory) -> dict[tuple[str, str], float]:
+    """The smallest clearance of each pair at 60 times."""
+    checker = CollisionChecker(scene)
+    padding = np.array([scene.padding_of(*pair) for pair in checker.pairs])
+    seen = [checker.distances(move(time)) - padding for time in np.linspace(move.breaks[0], move.breaks[-1], 60)]
+    return dict(zip(checker.pairs, np.min(seen, axis=0).tolist(), strict=True))
 
 
 @pytest.mark.parametrize("kind", ["sliding", "two arms", "half-space"])

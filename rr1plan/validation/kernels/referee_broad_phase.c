@@ -288,7 +288,7 @@ static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64
     double duration = s->breaks[s->break_count - 1] - s->breaks[0];
     s->chunk_slices |= slices;
     s->chunk_work += (double)((s->pair_count - before) * __builtin_popcountll((uint64_t)slices)) * duration / s->slice_count;
-    s->elements[s->element_pair_count++] = (ElementPair){one.index + ea, two.index + eb, mark, INFINITY, 0.0};
+    s->elements[s->element_pair_count++] = (ElementPair){one.index + ea, two.index + eb, mark, INFINITY, 0.0, INFINITY};
 }
 
 // The slices on which an owner comes near one that is no earlier.
@@ -358,7 +358,7 @@ static void find_nearest_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner t
             if (ball_gap(body_a, body_b, padding).gap >= best->clearance) continue;
             if (box_gap(body_a, body_b, padding) >= best->clearance) continue;
             set_pair(s, k, one.arm, a, two.arm, b, k, 0, padding);
-            s->elements[k] = (ElementPair){one.index + ea, two.index + eb, PAIR_FREE, INFINITY, 0.0};
+            s->elements[k] = (ElementPair){one.index + ea, two.index + eb, PAIR_FREE, INFINITY, 0.0, INFINITY};
             double value = bound_clearance(s, k, best->clearance - tolerance, best->clearance).upper;
             if (note_clearance(s, k, value, time) || !(value < best->clearance)) continue;
             *best = (NearestElements){value, one.index + ea, two.index + eb};

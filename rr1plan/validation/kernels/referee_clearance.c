@@ -170,14 +170,18 @@ static inline int64_t spare_pair(const RefereeSearch *s) { return s->pair_room +
 static int note_clearance(RefereeSearch *s, int64_t k, double value, double time) {
     RefereePair *pair = &s->pairs[k];
     ElementPair *elements = &s->elements[pair->elements];
-    if (value < elements->seen) {
+    int touches = !(value > s->touch), is_nearest = k == nearest_pair(s, pair->group);
+    // What is a contact is Coal's to say: the nearest pair keeps a clearance that is sure.
+    if (value < elements->seen && !(touches && is_nearest)) {
         elements->seen = value;
         elements->when = time;
     }
-    if (!(value > s->touch)) {
+    if (touches) {
         elements->mark = PAIR_LEFT;
+        elements->first = lesser(elements->first, time);
         // With a contact to report, only contacts are looked for.
-        for (int group = 0; group < PAIR_GROUPS; group++) s->smallest[group] = lesser(s->smallest[group], 0.0);
+        for (int group = 0; group < PAIR_GROUPS && !s->with_suspects; group++)
+            s->smallest[group] = lesser(s->smallest[group], 0.0);
         return 1;
     }
     if (value < s->smallest[pair->group]) {

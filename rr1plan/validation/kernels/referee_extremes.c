@@ -14,21 +14,6 @@ enum { RATE_ORDERS = 4 };
 #define RELATIVE_GAP 1e-13
 #define COEFFICIENT_ROUNDING 1e-15
 
-// Coefficients of a derivative of a column on a piece, shape (degree + 1,); its degree.
-static int64_t derivative_terms(const double *coefficients, int64_t terms, int64_t columns, int64_t column,
-                                int64_t order, double *out) {
-    if (order >= terms) {
-        out[0] = 0.0;
-        return 0;
-    }
-    for (int64_t k = order; k < terms; k++) {
-        double factor = 1.0;
-        for (int64_t i = 0; i < order; i++) factor *= (double)(k - i);
-        out[k - order] = factor * coefficients[k * columns + column];
-    }
-    return terms - 1 - order;
-}
-
 // The binomials i over k, divided by those of a degree: `shares`, shape (degree + 1, degree + 1).
 static void set_shares(int64_t degree, double *shares) {
     for (int64_t i = 0; i <= degree; i++) {
@@ -40,20 +25,37 @@ static void set_shares(int64_t degree, double *shares) {
     }
 }
 
-// Bernstein coefficients on [0, width]; the largest of their sizes. `terms` is overwritten.
-static double to_bernstein(double *terms, int64_t degree, double width, const double *shares, double *control) {
-    double power = 1.0, largest = 0.0;
+// Eight columns on a piece, side by side: `rows`, one for each power; those beyond the last column are zero.
+static void load_columns(const double *piece, int64_t terms, int64_t columns, int64_t first, eight_anywhere *rows) {
+    int64_t count = columns - first < 8 ? columns - first : 8;
+    for (int64_t k = 0; k < terms; k++) {
+        eight row = {0.0};
+        for (int64_t lane = 0; lane < count; lane++) row[lane] = piece[k * columns + first + lane];
+        rows[k] = row;
+    }
+}
+
+// Bernstein coefficients of a derivative of eight columns on [0, width]: `control`, a row for each; its degree.
+static int64_t to_bernstein(const eight_anywhere *rows, int64_t terms, int64_t order, double width, const double *shares,
+                            eight_anywhere *scaled, eight_anywhere *control) {
+    if (order >= terms) {
+        control[0] = (eight){0.0};
+        return 0;
+    }
+    int64_t degree = terms - 1 - order;
+    double power = 1.0;
     for (int64_t k = 0; k <= degree; k++) {
-        terms[k] *= power;
+        double factor = 1.0;
+        for (int64_t i = 0; i < order; i++) factor *= (double)(k + order - i);
+        scaled[k] = factor * rows[k + order] * power;
         power *= width;
     }
     for (int64_t i = 0; i <= degree; i++) {
-        double value = 0.0;
-        for (int64_t k = 0; k <= i; k++) value += shares[i * (degree + 1) + k] * terms[k];
+        eight value = {0.0};
+        for (int64_t k = 0; k <= i; k++) value += shares[i * (degree + 1) + k] * scaled[k];
         control[i] = value;
-        largest = greater(largest, fabs(value));
     }
-    return largest;
+    return degree;
 }
 
 // An interval that is open, and the Bernstein coefficients there: rows of an array.
@@ -102,21 +104,22 @@ static void climb(double begin, double width, int64_t degree, double rounding, d
     }
 }
 
-// Raise `high` and lower `low` to what Bernstein coefficients on a piece reach, and note the times.
-static void climb_both(double begin, double width, int64_t degree, double rounding, const double *control, Peaks *peak,
-                       double *stack) {
-    double most = control[0], least = control[0];
+// Raise `high` and lower `low` to what the Bernstein coefficients of a lane reach on a piece, and note the times.
+static void climb_both(double begin, double width, int64_t degree, const eight_anywhere *control, int64_t lane,
+                       Peaks *peak, double *stack) {
+    double most = control[0][lane], least = most;
     for (int64_t k = 1; k <= degree; k++) {
-        most = greater(most, control[k]);
-        least = lesser(least, control[k]);
+        most = greater(most, control[k][lane]);
+        least = lesser(least, control[k][lane]);
     }
+    double rounding = COEFFICIENT_ROUNDING * greater(fabs(most), fabs(least));
     if (most > peak->high) {
-        for (int64_t k = 0; k <= degree; k++) stack[k] = control[k];
+        for (int64_t k = 0; k <= degree; k++) stack[k] = control[k][lane];
         climb(begin, width, degree, rounding, &peak->high, &peak->high_time, stack);
     }
     if (least < peak->low) {
         double depth = -peak->low;
-        for (int64_t k = 0; k <= degree; k++) stack[k] = -control[k];
+        for (int64_t k = 0; k <= degree; k++) stack[k] = -control[k][lane];
         climb(begin, width, degree, rounding, &depth, &peak->low_time, stack);
         peak->low = -depth;
     }
@@ -126,32 +129,33 @@ static void climb_both(double begin, double width, int64_t degree, double roundi
 //
 // `breaks`: shape (pieces + 1,), or (1,) for no duration; `coefficients`: shape (pieces, terms, columns), lowest power
 // first. `peaks` has shape (4, columns), `jumps` shape (3, columns), `end` shape (4, columns). `scratch` has room for
-// terms * (EXTREMES_DEPTH + 2 + 4 * terms) numbers.
+// terms * (EXTREMES_DEPTH + 24 + 4 * terms) numbers.
 EXPORT void rr1_find_extremes(const double *breaks, int64_t break_count, const double *coefficients, int64_t pieces,
                               int64_t terms, int64_t columns, Peaks *peaks, Jump *jumps, double *end, double *scratch) {
-    double *derivative = scratch, *control = scratch + terms, *shares = scratch + 2 * terms;
-    double *stack = shares + RATE_ORDERS * terms * terms;
+    eight_anywhere *rows = (eight_anywhere *)scratch, *scaled = rows + terms, *control = scaled + terms;
+    double *shares = scratch + 24 * terms, *stack = shares + RATE_ORDERS * terms * terms;
     for (int64_t n = 0; n < RATE_ORDERS * columns; n++) peaks[n] = (Peaks){-INFINITY, 0.0, INFINITY, 0.0};
     for (int64_t n = 0; n < (RATE_ORDERS - 1) * columns; n++) jumps[n] = (Jump){0.0, 0.0};
     for (int64_t order = 0; order < RATE_ORDERS; order++)
         set_shares(order < terms ? terms - 1 - order : 0, shares + order * terms * terms);
     // In the order of the coefficients, as there may be many of them.
     for (int64_t i = 0; i < pieces; i++) {
-        const double *piece = coefficients + i * terms * columns;
         double width = break_count > 1 ? breaks[i + 1] - breaks[i] : 0.0;
-        for (int64_t j = 0; j < columns; j++) {
+        for (int64_t first = 0; first < columns; first += 8) {
+            int64_t count = columns - first < 8 ? columns - first : 8;
+            load_columns(coefficients + i * terms * columns, terms, columns, first, rows);
             for (int64_t order = 0; order < RATE_ORDERS; order++) {
-                double *before = &end[order * columns + j];
-                int64_t degree = derivative_terms(piece, terms, columns, j, order, derivative);
-                double largest = to_bernstein(derivative, degree, width, shares + order * terms * terms, control);
-                if (i > 0 && order < RATE_ORDERS - 1) {
-                    Jump *jump = &jumps[order * columns + j];
-                    double size = fabs(control[0] - *before);
-                    if (size > jump->size) *jump = (Jump){size, breaks[i]};
+                int64_t degree =
+                    to_bernstein(rows, terms, order, width, shares + order * terms * terms, scaled, control);
+                for (int64_t lane = 0; lane < count; lane++) {
+                    int64_t at = order * columns + first + lane;
+                    if (i > 0 && order < RATE_ORDERS - 1) {
+                        double size = fabs(control[0][lane] - end[at]);
+                        if (size > jumps[at].size) jumps[at] = (Jump){size, breaks[i]};
+                    }
+                    end[at] = control[degree][lane];
+                    climb_both(breaks[i], width, degree, control, lane, &peaks[at], stack);
                 }
-                *before = control[degree];
-                climb_both(breaks[i], width, degree, COEFFICIENT_ROUNDING * largest, control,
-                           &peaks[order * columns + j], stack);
             }
         }
     }

@@ -166,42 +166,69 @@ static void add_point(BodyView a, BodyView b, Direction d, PointPair *pair) {
     set_difference(a.placed, b.placed, pair);
 }
 
-static inline double dot_points(const PointPair *p, const PointPair *q) {
-    return p->difference[0] * q->difference[0] + p->difference[1] * q->difference[1] +
-           p->difference[2] * q->difference[2];
-}
-
 // Shares of the points of a simplex in the point of it that is nearest to the origin.
 typedef struct {
     double of[4];
 } Shares;
 
+static inline Direction edge_between(const PointPair *from, const PointPair *to) {
+    return (Direction){to->difference[0] - from->difference[0], to->difference[1] - from->difference[1],
+                       to->difference[2] - from->difference[2]};
+}
+
+static inline Direction position_of(const PointPair *p) {
+    return (Direction){p->difference[0], p->difference[1], p->difference[2]};
+}
+
+static inline double dot_product(Direction a, Direction b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+static inline Direction cross_product(Direction a, Direction b) {
+    return (Direction){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+// The point of a simplex with these shares.
+static Direction shared_point(const PointPair *p, int64_t count, const Shares *shares) {
+    Direction sum = {0.0, 0.0, 0.0};
+    for (int64_t i = 0; i < count; i++) {
+        sum.x += shares->of[i] * p[i].difference[0];
+        sum.y += shares->of[i] * p[i].difference[1];
+        sum.z += shares->of[i] * p[i].difference[2];
+    }
+    return sum;
+}
+
 // The point between two points nearest to the origin; its squared distance.
+//
+// Here and below all is reckoned from edges, which are short where the bodies are near each other, not from products of
+// positions: those cancel.
 static double nearest_on_segment(const PointPair *p, int i, int j, Shares *shares) {
-    double ii = dot_points(&p[i], &p[i]), ij = dot_points(&p[i], &p[j]), jj = dot_points(&p[j], &p[j]);
-    double length = ii - 2.0 * ij + jj, t = length > 0.0 ? (ii - ij) / length : 0.0;
+    Direction from = position_of(&p[i]), edge = edge_between(&p[i], &p[j]);
+    double square = dot_product(edge, edge), t = square > 0.0 ? -dot_product(from, edge) / square : 0.0;
     t = lesser(greater(t, 0.0), 1.0);
     *shares = (Shares){{0.0, 0.0, 0.0, 0.0}};
     shares->of[i] = 1.0 - t;
     shares->of[j] = t;
-    return greater(0.0, ii + 2.0 * t * (ij - ii) + t * t * length);
+    Direction at = {from.x + t * edge.x, from.y + t * edge.y, from.z + t * edge.z};
+    return dot_product(at, at);
 }
 
 // The same for a triangle: inside of it, or on the nearest of its sides.
 static double nearest_on_triangle(const PointPair *p, int i, int j, int k, Shares *shares) {
-    double ii = dot_points(&p[i], &p[i]), ij = dot_points(&p[i], &p[j]), ik = dot_points(&p[i], &p[k]);
-    double jj = dot_points(&p[j], &p[j]), jk = dot_points(&p[j], &p[k]), kk = dot_points(&p[k], &p[k]);
-    // Cramer's rule for the stationary point of |p_i + s (p_j - p_i) + t (p_k - p_i)|^2.
-    double a = ii - 2.0 * ij + jj, b = ii - ij - ik + jk, c = ii - 2.0 * ik + kk, d = ii - ij, e = ii - ik;
-    double area = a * c - b * b, s = c * d - b * e, t = a * e - b * d;
-    if (area > 1e-14 * a * c && s >= 0.0 && t >= 0.0 && s + t <= area) {
-        s /= area;
-        t /= area;
-        *shares = (Shares){{0.0, 0.0, 0.0, 0.0}};
-        shares->of[i] = 1.0 - s - t;
-        shares->of[j] = s;
-        shares->of[k] = t;
-        return greater(0.0, ii - s * d - t * e);
+    Direction from = position_of(&p[i]), one = edge_between(&p[i], &p[j]), two = edge_between(&p[i], &p[k]);
+    Direction normal = cross_product(one, two);
+    double square = dot_product(normal, normal);
+    if (square > 1e-28 * dot_product(one, one) * dot_product(two, two)) {
+        // Barycentric coordinates of the foot of the perpendicular from the origin.
+        double s = -dot_product(normal, cross_product(from, two)) / square;
+        double t = -dot_product(normal, cross_product(one, from)) / square;
+        if (s >= 0.0 && t >= 0.0 && s + t <= 1.0) {
+            *shares = (Shares){{0.0, 0.0, 0.0, 0.0}};
+            shares->of[i] = 1.0 - s - t;
+            shares->of[j] = s;
+            shares->of[k] = t;
+            double height = dot_product(normal, from);
+            return height * height / square;
+        }
     }
     double least = nearest_on_segment(p, i, j, shares);
     int ends[2][2] = {{i, k}, {j, k}};
@@ -216,36 +243,57 @@ static double nearest_on_triangle(const PointPair *p, int i, int j, int k, Share
     return least;
 }
 
-// Whether the origin and point m are on different sides of the plane of i, j and k, or nearly in it.
-static int is_outside(const PointPair *p, int i, int j, int k, int m) {
-    const double *o = p[i].difference, *one = p[j].difference, *two = p[k].difference, *far = p[m].difference;
-    double ax = one[0] - o[0], ay = one[1] - o[1], az = one[2] - o[2];
-    double bx = two[0] - o[0], by = two[1] - o[1], bz = two[2] - o[2];
-    double x = ay * bz - az * by, y = az * bx - ax * bz, z = ax * by - ay * bx;
-    double here = -(x * o[0] + y * o[1] + z * o[2]);
-    double there = x * (far[0] - o[0]) + y * (far[1] - o[1]) + z * (far[2] - o[2]);
-    return here * there <= 1e-12 * there * there;
+// Six times the volume of the tetrahedron of the origin and a triangle, with a sign.
+static inline double volume_below(const PointPair *p, int i, int j, int k) {
+    return dot_product(position_of(&p[i]), cross_product(edge_between(&p[i], &p[j]), edge_between(&p[i], &p[k])));
+}
+
+// Whether a tetrahedron holds the origin, by its barycentric coordinates there.
+//
+// Those of a thin one have few digits. They are trusted no further than the point goes that they lead to.
+static int holds_origin(const PointPair *p, Shares *shares) {
+    *shares = (Shares){{volume_below(p, 1, 2, 3), -volume_below(p, 0, 2, 3), volume_below(p, 0, 1, 3),
+                        -volume_below(p, 0, 1, 2)}};
+    double sum = 0.0;
+    for (int i = 0; i < 4; i++) sum += shares->of[i];
+    if (sum == 0.0) return 0;
+    for (int i = 0; i < 4; i++) {
+        shares->of[i] /= sum;
+        if (!(shares->of[i] > 0.0)) return 0;
+    }
+    Direction at = shared_point(p, 4, shares);
+    return dot_product(at, at) <= CONTACT_DISTANCE * CONTACT_DISTANCE;
 }
 
 // The point of the hull of some points nearest to the origin; whether the hull contains the origin.
+//
+// The last of four points is beyond the triangle of the others, which the nearest point is then not on.
 static int nearest_on_simplex(const PointPair *p, int64_t count, Shares *shares) {
-    static const int faces[4][4] = {{0, 1, 2, 3}, {0, 1, 3, 2}, {0, 2, 3, 1}, {1, 2, 3, 0}};
+    static const int sides[3][3] = {{0, 1, 3}, {0, 2, 3}, {1, 2, 3}};
     *shares = (Shares){{1.0, 0.0, 0.0, 0.0}};
     if (count == 2) nearest_on_segment(p, 0, 1, shares);
     if (count == 3) nearest_on_triangle(p, 0, 1, 2, shares);
     if (count < 4) return 0;
+    if (holds_origin(p, shares)) return 1;
     double least = 1e300;
-    for (int f = 0; f < 4; f++) {
-        const int *face = faces[f];
-        if (!is_outside(p, face[0], face[1], face[2], face[3])) continue;
+    for (int side = 0; side < 3; side++) {
         Shares other;
-        double square = nearest_on_triangle(p, face[0], face[1], face[2], &other);
+        double square = nearest_on_triangle(p, sides[side][0], sides[side][1], sides[side][2], &other);
         if (square < least) {
             least = square;
             *shares = other;
         }
     }
-    return least == 1e300;
+    return 0;
+}
+
+// The unit normal of a triangle on the side of the origin, of which `toward` is an estimate that cancellation may spoil.
+static Direction inward_normal(const PointPair *p, Direction toward) {
+    Direction n = cross_product(edge_between(&p[0], &p[1]), edge_between(&p[0], &p[2]));
+    double length = sqrt(dot_product(n, n));
+    if (!(length > 0.0)) return toward;
+    if (dot_product(n, toward) < 0.0) length = -length;
+    return (Direction){n.x / length, n.y / length, n.z / length};
 }
 
 // Keep the points that have a share; their number.
@@ -292,19 +340,15 @@ static Separation separate(BodyView a, BodyView b, GjkState *state, double base,
         Shares shares;
         int inside = nearest_on_simplex(p, n, &shares);
         n = drop_points(p, n, &shares);
-        Direction d = {0.0, 0.0, 0.0};
-        for (int64_t i = 0; i < n; i++) {
-            d.x -= shares.of[i] * p[i].difference[0];
-            d.y -= shares.of[i] * p[i].difference[1];
-            d.z -= shares.of[i] * p[i].difference[2];
-        }
-        double length = sqrt(d.x * d.x + d.y * d.y + d.z * d.z);
+        Direction at = shared_point(p, n, &shares);
+        double length = sqrt(dot_product(at, at));
         if (inside || !(length > CONTACT_DISTANCE)) {
             state->count = 0;
             return (Separation){0.0, -1e300, best.direction};
         }
         best.upper = lesser(best.upper, length);
-        d = (Direction){d.x / length, d.y / length, d.z / length};
+        Direction d = {-at.x / length, -at.y / length, -at.z / length};
+        if (n == 3) d = inward_normal(p, d);
         add_point(a, b, d, &p[n]);
         const double *w = p[n].difference;
         double gap = -(d.x * w[0] + d.y * w[1] + d.z * w[2]);

@@ -172,7 +172,8 @@ typedef struct {
     int64_t b;
     int64_t mark;
     double seen;  // smallest clearance seen [m]
-    double when;  // its time [s]
+    double when;   // its time [s]
+    double first;  // of a pair left to Coal the first contact, within a time step [s]; INFINITY: not known
 } ElementPair;
 
 // A direction from a to b along which they are apart.
@@ -314,6 +315,7 @@ typedef struct {
     const double *paddings;
     // What is looked for.
     int64_t with_clearance;  // whether the smallest clearances are, besides contacts
+    int64_t with_suspects;   // whether they are even if pairs are left to Coal: without, those are taken for contacts
     double tolerance;        // smallest clearances are found within this [m]
     double touch;            // a clearance up to this is a contact [m]
     int64_t max_searches;    // of a chunk of pairs, before what is open is left undecided

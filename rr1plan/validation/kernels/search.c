@@ -4,6 +4,8 @@
 // those of all that stands still. Of each chunk intervals of time are halved, depth first, with the pairs of bodies that
 // are still open on each. What touches, or cannot be told from it, is left to Coal.
 
+// A first contact is found to this [s].
+#define CONTACT_STEP 1e-5
 // A smallest clearance is sharp when another look changes it by less [m].
 #define SHARP 1e-10
 
@@ -142,6 +144,12 @@ static inline void place_swept(RefereeSearch *s, int64_t arm, int64_t body) {
     sweep_body(s, arm, body);
 }
 
+// Whether an interval is left in which a pair in contact may have been in contact before. What is earlier is searched
+// first, so all before `begin` is decided.
+static inline int may_touch_before(const RefereeSearch *s, const ElementPair *elements, double begin, double width) {
+    return elements->first < INFINITY && begin < elements->first && width > CONTACT_STEP && !s->with_suspects;
+}
+
 // Take the last open interval, settle the pairs that can be settled, and open its halves for the others.
 static void visit_interval(RefereeSearch *s) {
     int64_t top = --s->open;
@@ -154,23 +162,29 @@ static void visit_interval(RefereeSearch *s) {
     }
     // Too short to be halved.
     int point = at.width <= 4e-16 * greater(1.0, fabs(at.finish));
+    double begin = at.time - at.half;
     int64_t left = interval.low, settled = 0;
     for (int64_t i = interval.low; i < interval.high; i++) {
         int64_t k = s->items[i];
         const RefereePair *pair = &s->pairs[k];
         ElementPair *elements = &s->elements[pair->elements];
-        if (elements->mark == PAIR_LEFT) continue;
+        if (elements->mark == PAIR_LEFT && !may_touch_before(s, elements, begin, at.width)) continue;
         s->check_count++;
         place_swept(s, pair->arm_a, pair->body_a);
         place_swept(s, pair->arm_b, pair->body_b);
         IntervalClearance clearance = interval_clearance(s, k, at.time, at.half);
-        if (clearance.settled) {
+        int touches = elements->mark == PAIR_LEFT && !(clearance.least > 0.0);
+        if (touches && !may_touch_before(s, elements, begin, at.width)) {
+            settled++;
+        } else if (clearance.settled && !touches) {
             note_proven(s, pair->group, clearance.least);
             settled++;
         } else if (point || top + 2 >= SEARCH_DEPTH) {
             elements->mark = PAIR_LEFT;
+            elements->first = INFINITY;
         } else if (s->chunk_searches > s->max_searches) {
-            elements->mark = PAIR_UNDECIDED;
+            if (elements->mark != PAIR_LEFT) elements->mark = PAIR_UNDECIDED;
+            elements->first = INFINITY;
         } else {
             s->items[left++] = k;
         }
@@ -326,7 +340,7 @@ static void search_ends(RefereeSearch *s) {
         double time = s->breaks[end ? s->break_count - 1 : 0];
         pose_movers_at(s, time);
         NearestElements best = find_nearest_others(s, 0, s->moving_count, time, 0.0, standing);
-        s->ends[end] = (ElementPair){best.a, best.b, PAIR_FREE, best.clearance, time};
+        s->ends[end] = (ElementPair){best.a, best.b, PAIR_FREE, best.clearance, time, INFINITY};
         find_nearest_own(s, time, s->tolerance);
     }
 }
