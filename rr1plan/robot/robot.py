@@ -34,7 +34,7 @@ from rr1plan.shapes.content_digest import feed_digest
 
 @dataclass(frozen=True, eq=False)
 class Robot(Value):
-    """Description of an arm. Build it with `rr1plan.load_robot` or `rr1plan.formats`.
+    """Description of an arm. Build it with `rr1plan.load_robot`.
 
     Args:
         name: Name of the robot.

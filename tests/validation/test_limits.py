@@ -177,7 +177,7 @@ def test_torques_are_held_to_their_limits_on_request_and_said_to_be_sampled(rr1:
     assert "no joint" in validate(move, scene.with_robot("rr1", free), torque_limits=True).not_checked["torque"]
 
 
-def test_scenes_with_other_limits_postures_or_places_are_not_taken_for_each_other(
+def test_scenes_with_other_limits_configurations_or_places_are_not_taken_for_each_other(
     slider: Make, trajectory: Make
 ) -> None:
     slow, fast = (slider(rp.Sphere(0.1), velocity=v) for v in (0.9, 1.1))

@@ -200,7 +200,7 @@ def test_arms_that_stand_still_are_decided_with_each_other(slider: Make, quintic
     assert hit.value == pytest.approx(-1e-4, abs=1e-8)
 
 
-def test_own_contacts_of_arms_in_equal_postures_are_reported_of_each(
+def test_own_contacts_of_arms_in_equal_configurations_are_reported_of_each(
     slider: Make, quintic: Make, proof_of: Make, all_pairs: Make
 ) -> None:
     robot = slider(BALL)
