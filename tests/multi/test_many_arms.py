@@ -84,7 +84,7 @@ def test_plan_motion_answers_problems_of_many_arms_with_proof(rr1: rp.Robot, tmp
     with pytest.raises(rp.NoPlanError, match="its own path"):
         _ = motion.path
     with pytest.raises(InputError, match="times motions itself"):
-        rp.plan_motion(problem, retiming="stop")
+        rp.plan_motion(problem, planner="many_arms", retiming="stop")
 
 
 def test_arms_that_cannot_meet_are_planned_apart(rr1: rp.Robot) -> None:
