@@ -155,7 +155,7 @@ Goal = JointGoal | PoseGoal | RegionGoal
 GoalLike = Goal | ArrayLike | Sequence[Goal | ArrayLike]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Problem(Value):
     """A planning problem.
 
@@ -182,28 +182,25 @@ class Problem(Value):
     scene: Scene
     start: Array
     goal: Mapping[str, tuple[Goal, ...]]
-    _: KW_ONLY
-    arms: tuple[str, ...] = None  # type: ignore[assignment]  # set below
+    arms: tuple[str, ...]
     margin: float = field(default=0.0, init=False)
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
-
-        def __init__(
-            self,
-            scene: Scene,
-            start: ArrayLike | Mapping[str, ArrayLike] | None,
-            goal: GoalLike | Mapping[str, GoalLike],
-            *,
-            arms: str | Sequence[str] | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.scene, Scene):
-            raise InputError(f"scene is {shown(self.scene)}, expected a Scene; load one with load_scene")
-        arms = self._moving_arms()
-        object.__setattr__(self, "arms", arms)
-        object.__setattr__(self, "start", read_only(self._start(arms)))
-        object.__setattr__(self, "goal", MappingProxyType(self._goals(arms)))
+    def __init__(
+        self,
+        scene: Scene,
+        start: ArrayLike | Mapping[str, ArrayLike] | None,
+        goal: GoalLike | Mapping[str, GoalLike],
+        *,
+        arms: str | Sequence[str] | None = None,
+    ) -> None:
+        if not isinstance(scene, Scene):
+            raise InputError(f"scene is {shown(scene)}, expected a Scene; load one with load_scene")
+        moving = _moving_arms(scene, goal, arms)
+        object.__setattr__(self, "scene", scene)
+        object.__setattr__(self, "start", read_only(_start(scene, moving, start)))
+        object.__setattr__(self, "goal", MappingProxyType(_goals(scene, moving, self.start, goal)))
+        object.__setattr__(self, "arms", moving)
+        object.__setattr__(self, "margin", 0.0)
 
     def __repr__(self) -> str:
         goals = [f"{arm}: {' or '.join(type(g).__name__ for g in goals)}" for arm, goals in self.goal.items()]
@@ -254,60 +251,62 @@ class Problem(Value):
             goal[arm] = [JointGoal(g.q[order]) if isinstance(g, JointGoal) else g for g in self.goal[arm]]
         return Problem(scene, start, goal, arms=self.arms).with_margin(self.margin)
 
-    def _moving_arms(self) -> tuple[str, ...]:
-        arms: Any = self.arms
-        goal: Any = self.goal
-        if arms is not None:
-            if not isinstance(arms, str | Sequence):
-                raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
-            return self.scene.arm_names([arms] if isinstance(arms, str) else list(arms))
-        if isinstance(goal, Mapping):
-            return self.scene.arm_names(list(goal))
-        if len(self.scene.arms) > 1:
-            names = ", ".join(self.scene.arms)
-            raise InputError(f"which arm moves? expected a goal mapping from arm to goal, or arms=[...] of {names}")
-        return (self.scene.only_arm(),)
 
-    def _start(self, arms: tuple[str, ...]) -> Array:
-        robots = {name: self.scene.arms[name].robot for name in arms}
-        start: Any = self.start
-        if start is None:
-            given: Mapping[str, Any] = {}
-        elif isinstance(start, Mapping):
-            given = start
-            for name in given:
-                known_name("moving arm", name, arms)
-        elif len(arms) == 1:
-            given = {arms[0]: start}
-        elif isinstance(start, str):
-            given = dict.fromkeys(arms, start)
-        else:
-            values = finite_array("start", start, (sum(r.nq for r in robots.values()),))
-            given = {name: q for name, q in self.scene.split(values, arms).items() if name in arms}
-        return np.concatenate(
-            [robots[n].configuration(given[n], f"start of {n!r}") if n in given else self.scene.arms[n].q for n in arms]
-        )
+def _moving_arms(scene: Scene, goal: Any, arms: Any) -> tuple[str, ...]:
+    """The arms that move, in the order of the scene."""
+    if arms is not None:
+        if not isinstance(arms, str | Sequence):
+            raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
+        return scene.arm_names([arms] if isinstance(arms, str) else list(arms))
+    if isinstance(goal, Mapping):
+        return scene.arm_names(list(goal))
+    if len(scene.arms) > 1:
+        names = ", ".join(scene.arms)
+        raise InputError(f"which arm moves? expected a goal mapping from arm to goal, or arms=[...] of {names}")
+    return (scene.only_arm(),)
 
-    def _goals(self, arms: tuple[str, ...]) -> dict[str, tuple[Goal, ...]]:
-        goal: Any = self.goal
-        if isinstance(goal, Mapping):
-            given = dict(goal)
-            for name in given:
-                known_name("moving arm", name, arms)
-        elif len(arms) == 1:
-            given = {arms[0]: goal}
-        else:
-            raise InputError(f"{len(arms)} arms move ({', '.join(arms)}); expected a goal mapping from arm to goal")
-        starts = self.scene.split(self.start, arms)
-        return {name: self._alternatives(name, given.get(name, starts[name])) for name in arms}
 
-    def _alternatives(self, arm: str, goal: Any) -> tuple[Goal, ...]:
-        robot = self.scene.arms[arm].robot
-        several = isinstance(goal, Sequence) and not isinstance(goal, str) and not _is_numbers(goal)
-        alternatives = tuple(_one_goal(robot, arm, g) for g in (goal if several else [goal]))
-        if not alternatives:
-            raise InputError(f"the goal of {arm!r} is an empty list, expected at least one goal")
-        return alternatives
+def _start(scene: Scene, arms: tuple[str, ...], start: Any) -> Array:
+    """The composite start configuration (nq,)."""
+    robots = {name: scene.arms[name].robot for name in arms}
+    if start is None:
+        given: Mapping[str, Any] = {}
+    elif isinstance(start, Mapping):
+        given = start
+        for name in given:
+            known_name("moving arm", name, arms)
+    elif len(arms) == 1:
+        given = {arms[0]: start}
+    elif isinstance(start, str):
+        given = dict.fromkeys(arms, start)
+    else:
+        values = finite_array("start", start, (sum(r.nq for r in robots.values()),))
+        given = {name: q for name, q in scene.split(values, arms).items() if name in arms}
+    return np.concatenate(
+        [robots[n].configuration(given[n], f"start of {n!r}") if n in given else scene.arms[n].q for n in arms]
+    )
+
+
+def _goals(scene: Scene, arms: tuple[str, ...], start: Array, goal: Any) -> dict[str, tuple[Goal, ...]]:
+    """The alternatives of each arm; its start for an arm without a goal."""
+    if isinstance(goal, Mapping):
+        given = dict(goal)
+        for name in given:
+            known_name("moving arm", name, arms)
+    elif len(arms) == 1:
+        given = {arms[0]: goal}
+    else:
+        raise InputError(f"{len(arms)} arms move ({', '.join(arms)}); expected a goal mapping from arm to goal")
+    starts = scene.split(start, arms)
+    return {name: _alternatives(scene.arms[name].robot, name, given.get(name, starts[name])) for name in arms}
+
+
+def _alternatives(robot: Robot, arm: str, goal: Any) -> tuple[Goal, ...]:
+    several = isinstance(goal, Sequence) and not isinstance(goal, str) and not _is_numbers(goal)
+    alternatives = tuple(_one_goal(robot, arm, g) for g in (goal if several else [goal]))
+    if not alternatives:
+        raise InputError(f"the goal of {arm!r} is an empty list, expected at least one goal")
+    return alternatives
 
 
 def _is_numbers(value: Sequence[Any]) -> bool:

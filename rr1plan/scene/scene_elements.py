@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -15,7 +15,7 @@ from rr1plan.transforms import as_pose, identity
 Pair = frozenset[str]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class Arm(Value):
     """A robot at a base pose, in a configuration.
 
@@ -26,18 +26,15 @@ class Arm(Value):
     """
 
     robot: Robot
-    base: Array = field(default_factory=identity)
-    q: Array = "home"  # type: ignore[assignment]  # set below
+    base: Array
+    q: Array
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
-
-        def __init__(self, robot: Robot, base: ArrayLike | None = None, q: str | ArrayLike = "home") -> None: ...
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.robot, Robot):
-            raise InputError(f"robot is {shown(self.robot)}, expected a Robot; load one with load_robot")
-        object.__setattr__(self, "base", as_pose(self.base, "arm base"))
-        object.__setattr__(self, "q", self.robot.configuration(self.q, "arm configuration"))
+    def __init__(self, robot: Robot, base: ArrayLike | None = None, q: str | ArrayLike = "home") -> None:
+        if not isinstance(robot, Robot):
+            raise InputError(f"robot is {shown(robot)}, expected a Robot; load one with load_robot")
+        object.__setattr__(self, "robot", robot)
+        object.__setattr__(self, "base", as_pose(base, "arm base"))
+        object.__setattr__(self, "q", robot.configuration(q, "arm configuration"))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

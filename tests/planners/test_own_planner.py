@@ -53,7 +53,7 @@ class Answering(rp.Planner):
         self.answer = answer
 
     def plan(self, problem: rp.Problem, **_: Any) -> rp.PlanResult:
-        return self.answer(problem)  # type: ignore[no-any-return]  # what is tested
+        return self.answer(problem)
 
 
 class InThisThread(Executor):
@@ -243,10 +243,10 @@ def test_what_it_raises_is_told_and_our_own_errors_pass(problem: rp.Problem) -> 
 
 def test_a_planner_without_a_name_or_a_base_is_refused(problem: rp.Problem) -> None:
     class Nameless(ViaPoint):
-        name = None  # type: ignore[assignment]  # what is tested
+        name = None
 
     with pytest.raises(rp.InputError, match="a Nameless without a name"):
         rp.plan(problem, planner=Nameless())
     for wrong in (ViaPoint, 3, None):
         with pytest.raises(rp.InputError, match="expected a name of planner_names"):
-            rp.plan(problem, planner=wrong)  # type: ignore[arg-type]  # what is tested
+            rp.plan(problem, planner=wrong)
