@@ -1,10 +1,10 @@
 """Checks of configurations and edges by Coal alone, without the package's compiled kernels.
 
-`PlainCoal` places every shape by the robot's own numpy kinematics and asks Coal for each pair whose balls meet; where
-an answer depends on the last micrometer, it brackets the distance between points that are in both bodies and a plane
-between them. A concave mesh is its triangles to Coal, and rays decide what is inside. `CoalProof` proves edges free:
+`PlainCoal` places every shape by the NumPy kinematics of `Robot` and queries Coal for each pair whose bounding balls
+overlap; where an answer depends on the last micrometer, it brackets the distance between points in both bodies and a
+separating plane. Coal checks the triangles of a concave mesh, and rays decide whether a point is inside. `CoalProof` proves edges free:
 when joint i turns by d_i, no distance of two bodies changes by more than the sum of d_i times how far anything is from
-the axis of i, over the joints of their arms, so bodies that Coal finds farther apart than that stay apart on the
+the axis of i, over the joints of their arms, so bodies whose distance by Coal is greater stay separated on the
 interval (Schwarzer, Saha, Latombe 2005).
 """
 

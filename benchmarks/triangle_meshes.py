@@ -61,7 +61,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = make_parser("Concave obstacles as triangles and as convex pieces", "triangle_meshes")
     parser.add_argument("--triangles", type=int, nargs="*", default=[10_000, 100_000], help="of the terrains")
     parser.add_argument("--edges", type=int, default=1000, help="edges that are timed beside each mesh")
-    parser.add_argument("--samples", type=int, default=1000, help="configurations that python-fcl is asked about")
+    parser.add_argument("--samples", type=int, default=1000, help="configurations checked by python-fcl")
     parser.add_argument("--seconds", type=float, default=120.0, help="longest decomposition; 0 leaves them all out")
     return parser.parse_args(argv)
 

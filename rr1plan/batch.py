@@ -118,7 +118,7 @@ def plan_many(
         planner: A name of `planner_names()`, or an instance of `Planner`, which is sent to the processes by pickle.
         retiming: A name of `retiming_names()`.
         budget: When the planner has to stop, for each problem (default: 10 s).
-        rng: Seed of all; problem i is asked with seed i of `problem_seeds(rng, n)`.
+        rng: Seed of the batch; problem i gets seed i of `problem_seeds(rng, n)`.
         progress: Called for each problem that is done, with the fraction that is; it may return False to cancel. With
             an executor it learns of problems when the whole chunk that they travel in is done.
 

@@ -30,7 +30,7 @@ class ArmInstances:
         shared: How many joints two chains have in common, shape (len(chains), len(chains)).
         surfaceless: Which solids are half-spaces or point clouds.
         kept: Tables that were made of them.
-        unplaced: The same of what does not depend on the bases, shared by all arms with these geometries.
+        unplaced: Tables independent of the bases, shared by all instances of these geometries.
     """
 
     geometries: tuple[ArmGeometry, ...]

@@ -99,7 +99,7 @@ class Judgment:
         )
 
     def is_absurd(self, times: float, fast: float) -> bool:
-        """Whether a speed is beyond so many times its limit, or times `fast` [rad/s or m/s] where it has none."""
+        """Whether a speed exceeds a multiple of its limit, or of `fast` [rad/s or m/s] for joints without a limit."""
         if self._tightest[_C["TIGHTEST_VELOCITY"], 0] > times:
             return True
         speeds, unlimited = self._found.peaks[1], np.isinf(self._columns.limits.velocity)

@@ -236,7 +236,7 @@ def test_inverse_kinematics_has_the_same_solutions_to_the_last_bit(
         T = robot.link_poses(q)[robot.tool]
         for goal in (rp.PoseGoal("tool", T), rp.PoseGoal("tool", T[:3, 3])):
             solutions += len(rp.solve_ik(kinematics, goal, attempts=40, rng=1).solutions)
-    # Out of reach: the nearest configuration is asked for.
+    # Out of reach: IK returns the nearest configuration.
     rp.solve_ik(kinematics, rp.PoseGoal("tool", [3.0, 0.0, 0.0]), attempts=20, rng=1)
     called = same_answers(ask, recorder)
     assert solutions >= 8

@@ -24,7 +24,7 @@ class Panel:
         html: What stands in the panel.
         css: Style rules.
         script: JavaScript statements, run once with three names in reach: `viewer` (see
-            `page/main.js` for what it offers), `root` (the panel's element), `data`.
+            `page/main.js` for its interface), `root` (the panel's element), `data`.
         data: Anything JSON can hold; `pack_array` puts arrays in.
         width: Width of the column of panels [px].
 
