@@ -2,10 +2,10 @@
 
 `PlainCoal` places every shape by the NumPy kinematics of `Robot` and queries Coal for each pair whose bounding balls
 overlap; where an answer depends on the last micrometer, it brackets the distance between points in both bodies and a
-separating plane. Coal checks the triangles of a concave mesh, and rays decide whether a point is inside. `CoalProof` proves edges free:
-when joint i turns by d_i, no distance of two bodies changes by more than the sum of d_i times how far anything is from
-the axis of i, over the joints of their arms, so bodies whose distance by Coal is greater stay separated on the
-interval (Schwarzer, Saha, Latombe 2005).
+separating plane. Coal checks the triangles of a concave mesh, and rays decide whether a point is inside. `CoalProof`
+proves edges free: when joint i turns by d_i, no distance of two bodies changes by more than the sum of d_i times how
+far anything is from the axis of i, over the joints of their arms, so bodies whose distance by Coal is greater stay
+separated on the interval (Schwarzer, Saha, Latombe 2005).
 """
 
 from __future__ import annotations

@@ -111,9 +111,9 @@ def load_robot(
         convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
             (slow the first time, with a bar on a terminal; then kept on disk).
         tool: The link that pose goals mean when they name none; by default the tip of the group's
-            chain, or the last link of the subtree of the last planning joint. In MJCF files it is a body or a site, and the
-            joints between the base and the tool are planned for; by default a site with a tool's name, or the body that
-            holds the fingers.
+            chain, or the last link of the subtree of the last planning joint. In MJCF files it is a body or a site, and
+            the joints between the base and the tool are planned for; by default a site with a tool's name, or the body
+            that holds the fingers.
         xacro_arguments: Values of a xacro file's arguments; with some, or {}, a .urdf is expanded as well.
 
     Raises:
