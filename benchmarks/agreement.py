@@ -6,7 +6,6 @@
 The scenes (`clutter.py`) have every kind of shape, padding, margins, attached objects; "crowds" are those of 2 to 16
 arms, spaced 0.35 m or more, all or some moving, of one robot or several.
 
-
 Configurations: the kernel's answer against Coal's. Edges: what the kernel calls free is proven free by Coal alone
 (`coal_proof.py`); where it finds a contact, Coal has to find one at that configuration. The referee checks every
 `_EVERY_JUDGED`th edge too. An answer may differ where the least distance lies within `BAND` of the padding, which is
