@@ -64,6 +64,7 @@ class ManyArmsResult:
         reason: Why there is no motion, in words.
         trajectory: All moving arms on one clock, columns in the order of the problem; or None.
         paths: The path of each arm.
+        schedules: When each agent moves along its path; an agent is one arm, or a few that move as one.
         groups: What came of each interaction group.
         seconds: Wall time [s].
         makespan: When the last arm arrives [s].
@@ -76,6 +77,7 @@ class ManyArmsResult:
     reason: str = ""
     trajectory: Trajectory | None = None
     paths: Mapping[str, Path] = field(default_factory=dict)
+    schedules: tuple[Schedule, ...] = ()
     groups: tuple[GroupResult, ...] = ()
     seconds: float = 0.0
     makespan: float = 0.0
@@ -163,6 +165,7 @@ def plan_many_arms(
         PlanStatus.FOUND,
         trajectory=merged_trajectory(problem, schedules),
         paths=_paths_by_arm(problem, schedules),
+        schedules=tuple(schedules),
         groups=tuple(groups),
         seconds=watch.seconds,
         makespan=max((s.arrival for s in schedules), default=0.0),
