@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from rr1plan.model import Kinematics as Kinematics
     from rr1plan.model import copies_within_limits as copies_within_limits
     from rr1plan.model import solve_ik as solve_ik
+    from rr1plan.motion_plan import MotionPlan as MotionPlan
     from rr1plan.multi import GroupResult as GroupResult
     from rr1plan.multi import ManyArmsResult as ManyArmsResult
     from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
@@ -65,7 +66,6 @@ if TYPE_CHECKING:
     from rr1plan.multi import random_grid as random_grid
     from rr1plan.multi import ring_swap as ring_swap
     from rr1plan.path import Path as Path
-    from rr1plan.pipeline import MotionPlan as MotionPlan
     from rr1plan.pipeline import plan_motion as plan_motion
     from rr1plan.pipeline import warm_up as warm_up
     from rr1plan.planners import AnytimePlanner as AnytimePlanner
@@ -198,6 +198,7 @@ _EXPORTS = {
     ),
     "rr1plan.robot.joint_limits": ("Limits",),
     "rr1plan.load_motion": ("load_motion",),
+    "rr1plan.motion_plan": ("MotionPlan",),
     "rr1plan.multi": (
         "GroupResult",
         "ManyArmsResult",
@@ -209,7 +210,7 @@ _EXPORTS = {
         "ring_swap",
     ),
     "rr1plan.path": ("Path",),
-    "rr1plan.pipeline": ("MotionPlan", "plan_motion", "warm_up"),
+    "rr1plan.pipeline": ("plan_motion", "warm_up"),
     "rr1plan.planners": (
         "AnytimePlanner",
         "CartesianPlanner",

@@ -10,7 +10,7 @@ from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.plan import told_to
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.load_motion import load_motion
-from rr1plan.pipeline import MotionPlan
+from rr1plan.motion_plan import MotionPlan
 from rr1plan.scene.model_library import load_scene
 
 
