@@ -58,7 +58,9 @@ if TYPE_CHECKING:
     from rr1plan.model import solve_ik as solve_ik
     from rr1plan.motion_plan import MotionPlan as MotionPlan
     from rr1plan.multi import GroupResult as GroupResult
+    from rr1plan.multi import Leg as Leg
     from rr1plan.multi import ManyArmsResult as ManyArmsResult
+    from rr1plan.multi import Schedule as Schedule
     from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
     from rr1plan.multi import place_grid as place_grid
     from rr1plan.multi import place_ring as place_ring
@@ -201,7 +203,9 @@ _EXPORTS = {
     "rr1plan.motion_plan": ("MotionPlan",),
     "rr1plan.multi": (
         "GroupResult",
+        "Leg",
         "ManyArmsResult",
+        "Schedule",
         "dual_arm_shelf",
         "place_grid",
         "place_ring",
