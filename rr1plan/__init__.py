@@ -57,13 +57,22 @@ if TYPE_CHECKING:
     from rr1plan.model import copies_within_limits as copies_within_limits
     from rr1plan.model import solve_ik as solve_ik
     from rr1plan.motion_plan import MotionPlan as MotionPlan
+    from rr1plan.multi import ArmDelay as ArmDelay
+    from rr1plan.multi import Dependency as Dependency
+    from rr1plan.multi import Execution as Execution
     from rr1plan.multi import GroupResult as GroupResult
     from rr1plan.multi import Leg as Leg
     from rr1plan.multi import ManyArmsResult as ManyArmsResult
+    from rr1plan.multi import Node as Node
+    from rr1plan.multi import PlanGraph as PlanGraph
+    from rr1plan.multi import Route as Route
     from rr1plan.multi import Schedule as Schedule
     from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
+    from rr1plan.multi import execute_plan as execute_plan
+    from rr1plan.multi import load_plan_graph as load_plan_graph
     from rr1plan.multi import place_grid as place_grid
     from rr1plan.multi import place_ring as place_ring
+    from rr1plan.multi import plan_graph as plan_graph
     from rr1plan.multi import plan_many_arms as plan_many_arms
     from rr1plan.multi import random_grid as random_grid
     from rr1plan.multi import ring_swap as ring_swap
@@ -202,13 +211,22 @@ _EXPORTS = {
     "rr1plan.load_motion": ("load_motion",),
     "rr1plan.motion_plan": ("MotionPlan",),
     "rr1plan.multi": (
+        "ArmDelay",
+        "Dependency",
+        "Execution",
         "GroupResult",
         "Leg",
         "ManyArmsResult",
+        "Node",
+        "PlanGraph",
+        "Route",
         "Schedule",
         "dual_arm_shelf",
+        "execute_plan",
+        "load_plan_graph",
         "place_grid",
         "place_ring",
+        "plan_graph",
         "plan_many_arms",
         "random_grid",
         "ring_swap",

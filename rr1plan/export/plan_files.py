@@ -14,8 +14,9 @@ from __future__ import annotations
 import hashlib
 import json
 import pathlib
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
@@ -40,6 +41,13 @@ _SAME_END = 1e-6
 _File = str | pathlib.Path
 
 
+class Documented(Protocol):
+    """A value that can be written as numbers, texts and lists."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The value."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class SavedMotion(Value):
     """Content of a motion file; entries that the file lacks are None.
@@ -50,6 +58,7 @@ class SavedMotion(Value):
         trajectory: The trajectory.
         report: The referee's report at the time of saving.
         problem: The planning problem.
+        plan_graph: The temporal plan graph as numbers, texts and lists; `rr1plan.load_plan_graph` makes a value of it.
         units: The unit of each column of the trajectory or path.
         made_for: Names and hashes of the scene and its robots.
     """
@@ -59,6 +68,7 @@ class SavedMotion(Value):
     trajectory: Trajectory | None = None
     report: Report | None = None
     problem: Problem | None = None
+    plan_graph: Mapping[str, Any] | None = None
     units: tuple[str, ...] | None = None
     made_for: schema.SceneReference | None = None
 
@@ -106,6 +116,7 @@ def save_motion(
     trajectory: Trajectory | None = None,
     report: Report | None = None,
     problem: Problem | None = None,
+    plan_graph: Documented | None = None,
     embed: bool = False,
 ) -> pathlib.Path:
     """Write a scene and a motion in it to a JSON file and return the file's path.
@@ -117,6 +128,7 @@ def save_motion(
         trajectory: The trajectory.
         report: The referee's report.
         problem: The planning problem.
+        plan_graph: The temporal plan graph of the trajectory; read it with `rr1plan.load_plan_graph`.
         embed: Embed large meshes and point clouds, which makes the file self-contained. Otherwise they are written to
             the folder "geometry" next to it, named by their hashes and shared by all motions there; copy both.
 
@@ -125,7 +137,12 @@ def save_motion(
         InputError: a value that cannot be saved, a trajectory whose start or end differs from that of the path, or the
             file cannot be written.
     """
-    return _save(file, "motion", scene, _motion_entries(scene, path, trajectory, report, problem), embed)
+    entries = _motion_entries(scene, path, trajectory, report, problem)
+    if plan_graph is not None:
+        if trajectory is None:
+            raise InputError("a plan graph is saved with the trajectory of its plan")
+        entries["plan_graph"] = plan_graph.to_dict()
+    return _save(file, "motion", scene, entries, embed)
 
 
 def motion_text(
@@ -333,6 +350,7 @@ def _saved(document: schema.Document, geometry: _Geometry) -> SavedMotion:
         trajectory=built_trajectory,
         report=None if motion is None or motion.report is None else Report.from_dict(motion.report),
         problem=_problem(motion, scene),
+        plan_graph=None if motion is None or motion.plan_graph is None else msgspec.to_builtins(motion.plan_graph),
         units=None if motion is not None else tuple(columns[0].units),
         made_for=document.made_for,
     )

@@ -10,22 +10,38 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     safe_intervals.py  schedule.py           timing on a fixed path; what a schedule occupies
     coordination.py                          coordination diagrams: which segments of two paths do not touch
     agent_path.py  placed_path.py  agents.py   paths in segments, with their bodies; arms that move as one
+    temporal_plan_graph.py  route.py         temporal plan graphs: who waits for whom; all that an agent passes
+    plan_execution.py  route_motion.py       executing a plan with delays; an agent that brakes and goes on
+    saved_plan_graph.py  projected_path.py   plan graphs from files; the path of one arm of an agent
     problems.py                              seeded problems; grids and rings are in `rr1plan.scene.placement`
 """
 
+from rr1plan.multi.plan_execution import ArmDelay, Execution, execute_plan
 from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
 from rr1plan.multi.problems import dual_arm_shelf, random_grid, ring_swap
+from rr1plan.multi.route import Route
+from rr1plan.multi.saved_plan_graph import load_plan_graph
 from rr1plan.multi.schedule import Leg, Schedule
+from rr1plan.multi.temporal_plan_graph import Dependency, Node, PlanGraph, plan_graph
 from rr1plan.scene.placement import place_grid, place_ring
 
 __all__ = [
+    "ArmDelay",
+    "Dependency",
+    "Execution",
     "GroupResult",
     "Leg",
     "ManyArmsResult",
+    "Node",
+    "PlanGraph",
+    "Route",
     "Schedule",
     "dual_arm_shelf",
+    "execute_plan",
+    "load_plan_graph",
     "place_grid",
     "place_ring",
+    "plan_graph",
     "plan_many_arms",
     "random_grid",
     "ring_swap",
