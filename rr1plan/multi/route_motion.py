@@ -144,7 +144,7 @@ class RouteMotion:
             until: It does not go on before [s].
         """
         self._advance(now)
-        self._hold = until
+        self._hold = max(self._hold, until)
         self.limit = self.first_stop()
         self._plan()
 
