@@ -97,6 +97,25 @@ class RouteMotion:
         self._left = np.full(len(route.pieces) + 1, np.inf)
         self._passed[0] = now
 
+    @classmethod
+    def moving(cls, route: Route, limits: Limits, now: float, segment: int, share: float, x: float) -> RouteMotion:
+        """An agent that is on a segment and moves.
+
+        Args:
+            route: The route.
+            limits: Velocity and acceleration limits of its joints.
+            now: The time [s].
+            segment: The segment.
+            share: How far on it the agent is [rad].
+            x: Squared path speed there.
+        """
+        motion = cls(route, limits, now)
+        motion._passed[0] = np.inf
+        motion.segment, motion._share, motion._x = segment, share, x
+        motion.limit = next(stop for stop in route.stops if stop > segment)
+        motion._plan()
+        return motion
+
     # ---- what will happen ----------------------------------------------------------------
 
     def pass_time(self, gridpoint: int) -> float:
