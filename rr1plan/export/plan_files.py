@@ -16,7 +16,7 @@ import json
 import pathlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -39,13 +39,6 @@ _FORMAT = "rr1plan"
 # A trajectory starts and ends where its path does, up to rounding [rad or m].
 _SAME_END = 1e-6
 _File = str | pathlib.Path
-
-
-class Documented(Protocol):
-    """A value that can be written as numbers, texts and lists."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """The value."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,7 +109,7 @@ def save_motion(
     trajectory: Trajectory | None = None,
     report: Report | None = None,
     problem: Problem | None = None,
-    plan_graph: Documented | None = None,
+    plan_graph: Mapping[str, object] | None = None,
     embed: bool = False,
 ) -> pathlib.Path:
     """Write a scene and a motion in it to a JSON file and return the file's path.
@@ -128,7 +121,8 @@ def save_motion(
         trajectory: The trajectory.
         report: The referee's report.
         problem: The planning problem.
-        plan_graph: The temporal plan graph of the trajectory; read it with `rr1plan.load_plan_graph`.
+        plan_graph: The temporal plan graph of the trajectory as `PlanGraph.to_dict` gives it; see also
+            `rr1plan.save_plan_graph`.
         embed: Embed large meshes and point clouds, which makes the file self-contained. Otherwise they are written to
             the folder "geometry" next to it, named by their hashes and shared by all motions there; copy both.
 
@@ -141,7 +135,7 @@ def save_motion(
     if plan_graph is not None:
         if trajectory is None:
             raise InputError("a plan graph is saved with the trajectory of its plan")
-        entries["plan_graph"] = plan_graph.to_dict()
+        entries["plan_graph"] = dict(plan_graph)
     return _save(file, "motion", scene, entries, embed)
 
 

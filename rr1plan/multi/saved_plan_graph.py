@@ -1,4 +1,4 @@
-"""Plan graphs from motion files."""
+"""Plan graphs in motion files."""
 
 from __future__ import annotations
 
@@ -7,19 +7,51 @@ import pathlib
 import numpy as np
 
 from rr1plan.checks import of_kind
-from rr1plan.errors import FormatError
-from rr1plan.export.plan_files import read_plan_file
+from rr1plan.errors import FormatError, InputError
+from rr1plan.export.plan_files import read_plan_file, save_motion
 from rr1plan.multi.route import Route
 from rr1plan.multi.temporal_plan_graph import PlanGraph
 from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
 # A plan passes the gridpoints of its routes at the times of its steps, up to the rounding of times [rad or m].
 _SAME_PLACE = 1e-4
 
 
+def save_plan_graph(
+    file: str | pathlib.Path,
+    graph: PlanGraph,
+    trajectory: Trajectory,
+    scene: Scene,
+    problem: Problem | None = None,
+    *,
+    embed: bool = False,
+) -> pathlib.Path:
+    """Write a plan and its temporal plan graph to a motion file and return the file's path.
+
+    Args:
+        file: The file; read it with `load_plan_graph`, or as a motion with `load_motion`.
+        graph: The graph.
+        trajectory: The motion of the plan.
+        scene: Its scene.
+        problem: The planning problem.
+        embed: Put large meshes and point clouds into the file; see `save_motion`.
+
+    Raises:
+        InputError: a graph of another trajectory, or the file cannot be written.
+    """
+    of_kind("graph", graph, PlanGraph)
+    of_kind("trajectory", trajectory, Trajectory)
+    of_kind("scene", scene, Scene)
+    wrong = _difference(graph, trajectory, scene)
+    if wrong:
+        raise InputError(f"the plan cannot be saved: it is {wrong}")
+    return save_motion(file, scene, trajectory=trajectory, problem=problem, plan_graph=graph.to_dict(), embed=embed)
+
+
 def load_plan_graph(file: str | pathlib.Path, scene: Scene | None = None) -> PlanGraph:
-    """Read the temporal plan graph of a motion file that `save_motion(..., plan_graph=graph)` wrote.
+    """Read the temporal plan graph of a motion file that `save_plan_graph` wrote.
 
     That the trajectory of the file follows the routes of the graph is checked; that cells are free is not proven again.
 
@@ -39,14 +71,22 @@ def load_plan_graph(file: str | pathlib.Path, scene: Scene | None = None) -> Pla
         graph = PlanGraph.from_dict(saved.plan_graph)
     except FormatError as error:
         raise FormatError(str(error), file) from error
-    known = saved.scene.joint_names()
+    wrong = _difference(graph, saved.trajectory, saved.scene)
+    if wrong:
+        raise FormatError(f"holds {wrong}", file)
+    return graph
+
+
+def _difference(graph: PlanGraph, trajectory: Trajectory, scene: Scene) -> str:
+    """Why a graph is not that of a trajectory in a scene, in words; empty if it is."""
+    known = scene.joint_names()
     for route in graph.routes:
         arms = ", ".join(route.arms)
-        if not set(route.joint_names) <= set(known) or route.joint_names != saved.scene.joint_names(route.arms):
-            raise FormatError(f"holds a plan graph whose joints of {arms} are not those of the scene", file)
-        if not _follows(saved.trajectory, route):
-            raise FormatError(f"holds a plan graph of another trajectory: {arms} is elsewhere", file)
-    return graph
+        if not set(route.joint_names) <= set(known) or route.joint_names != scene.joint_names(route.arms):
+            return f"a plan graph whose joints of {arms} are not those of the scene"
+        if not _follows(trajectory, route):
+            return f"a plan graph of another trajectory: {arms} is elsewhere"
+    return ""
 
 
 def _follows(trajectory: Trajectory, route: Route) -> bool:

@@ -44,7 +44,9 @@ def ring(rr1: rp.Robot) -> Plan:
     return problem, result, rp.plan_graph(result)
 
 
-def _reachable(graph: rp.PlanGraph, without: rp.Dependency | None = None) -> dict[tuple[int, int], set[tuple[int, int]]]:
+def _reachable(
+    graph: rp.PlanGraph, without: rp.Dependency | None = None
+) -> dict[tuple[int, int], set[tuple[int, int]]]:
     """All that has to happen before each node, by plain search backward."""
     before: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for agent, route in enumerate(graph.routes):
@@ -295,7 +297,8 @@ def test_more_than_the_skew_tolerance_may_collide(ring: Plan) -> None:
 
 def _saved(plan: Plan, file: Path) -> Path:
     problem, result, graph = plan
-    return rp.save_motion(file, problem.scene, trajectory=result.trajectory, problem=problem, plan_graph=graph)
+    assert result.trajectory is not None
+    return rp.save_plan_graph(file, graph, result.trajectory, problem.scene, problem)
 
 
 def test_a_graph_comes_back_from_its_file(plan: Plan, tmp_path: Path) -> None:
@@ -315,9 +318,11 @@ def test_a_graph_is_saved_with_its_own_trajectory_only(ring: Plan, tmp_path: Pat
     problem, result, graph = ring
     assert result.trajectory is not None
     with pytest.raises(rp.InputError, match="with the trajectory"):
-        rp.save_motion(tmp_path / "a.json", problem.scene, plan_graph=graph)
+        rp.save_motion(tmp_path / "a.json", problem.scene, plan_graph=graph.to_dict())
     other = result.trajectory.stretched(2.0)
-    file = rp.save_motion(tmp_path / "b.json", problem.scene, trajectory=other, plan_graph=graph)
+    with pytest.raises(rp.InputError, match="another trajectory"):
+        rp.save_plan_graph(tmp_path / "b.json", graph, other, problem.scene)
+    file = rp.save_motion(tmp_path / "b.json", problem.scene, trajectory=other, plan_graph=graph.to_dict())
     with pytest.raises(rp.FormatError, match="another trajectory"):
         rp.load_plan_graph(file)
     plain = rp.save_motion(tmp_path / "c.json", problem.scene, trajectory=other)

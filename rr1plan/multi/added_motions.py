@@ -12,14 +12,15 @@ then on (`safe_intervals.py`). Where that fails, those in the way are timed agai
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, Value, as_generator, finite_number, known_name, of_kind, positive_number
+from rr1plan.checks import Array, Seed, Value, as_generator, finite_number, known_name, of_kind
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
+from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.coordination import Blocked, are_apart
@@ -41,14 +42,14 @@ from rr1plan.scene.problem import Goal, Problem
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
-# Distances to keep between arms beyond the padding [m]: the largest that they have where they rest.
-_MARGINS = (*MARGINS, 0.0)
 # Paths around others that are tried for each place to begin; goal configurations that are.
 _DETOURS, _GOALS = 4, 3
 # A motion that takes no more than this times as long as the fastest one alone is good enough.
 _GOOD_ENOUGH = 1.5
-_FREEZE = 0.3
-_SECONDS = 1.0  # default budget
+_FREEZE, _SHORTEST = 0.3, 0.1  # defaults [s]
+# Of the time, how much is spent before others are asked to yield.
+_SHARE = 0.5
+_GoalLike = Goal | Array | str | Sequence[Goal | Array]
 # The referee begins so much before the change, so that it sees the two motions meet [s].
 _LEAD = 0.01
 
@@ -94,7 +95,7 @@ class AddedMotion(Value):
 def add_motion(
     plan: RunningPlan | ManyArmsResult,
     arm: str,
-    goal: Goal | Array | str,
+    goal: Goal | Array | str | Sequence[Goal | Array],
     *,
     at: float,
     freeze: float = _FREEZE,
@@ -106,10 +107,12 @@ def add_motion(
     Args:
         plan: What runs: a plan of `plan_many_arms`, or what `add_motion` made of one.
         arm: The arm; it may still be moving.
-        goal: Its new goal, in place of the one that it had: a goal, a configuration (nq,) or its name.
+        goal: Its new goal, in place of the one that it had: a goal, a configuration (nq,) or its name, or a list of
+            alternatives.
         at: The time of the plan at which the goal is given [s].
         freeze: How long after that nothing changes any more [s].
-        budget: When to stop (default: 1 s); of iterations only the seconds count.
+        budget: When to stop (default: after `freeze`, so that the answer is there in time, but at least 0.1 s); of
+            iterations only the seconds count.
         rng: Seed; where time does not run out the same seed gives the same motion.
 
     Returns:
@@ -127,8 +130,8 @@ def add_motion(
     at, freeze = finite_number("at", at), finite_number("freeze", freeze)
     if at < plan.trajectory.start_time or freeze < 0.0:
         raise InputError(f"at is {at} and freeze is {freeze}, expected a time of the plan and a time >= 0")
-    seconds = positive_number("budget", (budget or Budget(seconds=_SECONDS)).seconds)
-    return _Change(plan, at + freeze, as_generator(rng), Stopwatch(seconds)).run(arm, goal)
+    watch = Stopwatch(max(freeze, _SHORTEST) if budget is None else budget.seconds)
+    return _Change(plan, at + freeze, as_generator(rng), watch).run(arm, goal)
 
 
 @dataclass(frozen=True)
@@ -138,6 +141,7 @@ class _NewMotion:
     parts: tuple[Part, ...]
     trajectory: Trajectory
     arrival: float
+    stage: str = ""
 
 
 @dataclass
@@ -145,14 +149,14 @@ class _Attempt:
     """All that was tried for one arm.
 
     Args:
-        agent: The arm, from its first stop to its goal.
         paths: Paths that were found, with the stop at which each begins.
         alone: How long the fastest takes from there [s].
+        best: The motion that arrives first.
     """
 
-    agent: Agent
     paths: list[tuple[Stop, AgentPath]] = field(default_factory=list)
     alone: float = math.inf
+    best: _NewMotion | None = None
 
 
 class _Change:
@@ -167,26 +171,25 @@ class _Change:
 
     def __init__(self, plan: RunningPlan, now: float, rng: np.random.Generator, watch: Stopwatch) -> None:
         self.plan, self.now, self._rng, self._watch = plan, now, rng, watch
-        self._near = arms_in_reach(plan.scene, plan.arms, _MARGINS[0])
+        self._near = arms_in_reach(plan.scene, plan.arms, MARGINS[0])
         # What others do from now on; those that yield are changed.
         self._parts: dict[str, tuple[Part, ...]] = {
             name: tuple(part for part in parts if part.end > now) for name, parts in plan.parts.items()
         }
-        self._diagrams: dict[tuple[AgentPath, AgentPath, float], Blocked | None] = {}
+        self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
         self._reason = ""
         self._blockers: set[str] = set()
 
-    def run(self, arm: str, goal: Goal | Array | str) -> AddedMotion:
+    def run(self, arm: str, goal: _GoalLike) -> AddedMotion:
         """Wait, go around, or have others yield; in this order."""
-        found = self._by_itself(arm, goal)
+        found = self._by_itself(arm, goal, _SHARE)
         if isinstance(found, _NewMotion):
-            stage = "wait" if found.parts[-1].path is self._first_path else "detour"
-            return self._result(arm, {arm: found}, stage)
+            return self._result(arm, {arm: found}, found.stage)
         if found is not None:
             yielded = self._by_yielding(arm, found)
             if yielded is not None:
                 return self._result(arm, yielded, "yield")
-        late = "" if self._watch.goes_on() else f" in {self._watch.seconds:.2g} s"
+        late = "" if self._has_time() else f" in {self._watch.seconds:.2g} s"
         reason = self._reason or f"no motion of {arm} among the others was found{late}"
         if self._blockers:
             reason += f"; in its way: {', '.join(sorted(self._blockers))}"
@@ -196,54 +199,54 @@ class _Change:
 
     # ---- one arm ---------------------------------------------------------------------------
 
-    def _by_itself(self, arm: str, goal: Goal | Array | str) -> _NewMotion | _Attempt | None:
-        """A motion among what the others do, or what was tried; None where that goal cannot be."""
+    def _by_itself(self, arm: str, goal: _GoalLike, share: float = 1.0) -> _NewMotion | _Attempt | None:
+        """A motion among what the others do, or what was tried; None where that goal cannot be.
+
+        Args:
+            arm: The arm.
+            goal: Its goal.
+            share: Of the time that is left, how much may be taken.
+        """
         stops = stops_of(self.plan, arm, self.now)
-        agent = self._agent(arm, stops[0].q, goal)
-        choices = self._goals(agent)
-        if not choices:
+        goals = self._goals(self._agent(arm, stops[0].q, goal))
+        if not goals:
             return None
-        attempt, best = _Attempt(agent), None
-        self._first_path = None
-        for q in choices:
-            for stop in stops:
-                best = self._timed_paths(arm, stop, q, attempt, best)
-                if best is not None or not self._watch.goes_on():
-                    break
-            if best is not None or not self._watch.goes_on():
+        attempt, until = _Attempt(), self._watch.seconds + share * self._watch.left
+        for stop in stops:
+            if self._is_safe_until(stop, arm):
+                self._time_paths(arm, stop, goals, attempt, until)
+            if attempt.best is not None or not self._has_time(until):
                 break
-        return attempt if best is None else best
+        return attempt if attempt.best is None else attempt.best
 
-    _first_path: AgentPath | None = None
+    def _has_time(self, until: float = math.inf) -> bool:
+        return self._watch.goes_on() and self._watch.seconds < until
 
-    def _timed_paths(
-        self, arm: str, stop: Stop, q: Array, attempt: _Attempt, best: _NewMotion | None
-    ) -> _NewMotion | None:
-        """The best motion from a stop to a configuration, by the straight way or around others."""
-        if not self._is_safe_until(stop, arm):
-            return best
-        agent = self._agent(arm, stop.q, q)
-        pool = PathPool(agent, affordable_margin(agent, q, _MARGINS[0]), self._rng)
+    def _time_paths(self, arm: str, stop: Stop, goals: list[Array], attempt: _Attempt, until: float) -> None:
+        """Time the straight way from a stop to a goal, and ways around others."""
+        agent = self._agent(arm, stop.q, goals)
+        pool = PathPool(agent, affordable_margin(agent, goals[0], MARGINS[0]), self._rng)
+        # What stands at its goal can only step aside and come back.
+        is_there = any(np.array_equal(agent.start, q) for q in goals)
         for number in range(1 + _DETOURS):
-            if not self._watch.goes_on():
-                break
-            others = {} if number == 0 else self._standing(agent, q, number, stop.time)
-            path, reason = pool.add(others, self._watch.left, detour=number > 0 and not others, patient=number == 0)
+            if not self._has_time(until):
+                return
+            others = self._standing(agent, goals, number, stop.time)
+            detour = number > 0 and (not others or is_there)
+            path, reason = pool.add(others, self._watch.left, detour=detour, patient=number == 0)
             if path is None:
                 self._reason = self._reason if number else f"{arm}: {reason}"
                 if number == 0:
-                    return best
+                    return
                 continue
-            self._first_path = path if number == 0 else self._first_path
             attempt.paths.append((stop, path))
             if path.segments:
                 attempt.alone = min(attempt.alone, path.fastest)
             new = self._timed(arm, stop, path, self._others(arm))
-            if new is not None and (best is None or new.arrival < best.arrival):
-                best = new
-            if best is not None and best.arrival - stop.time <= _GOOD_ENOUGH * attempt.alone:
-                break
-        return best
+            if new is not None and (attempt.best is None or new.arrival < attempt.best.arrival):
+                attempt.best = replace(new, stage="detour" if number else "wait")
+            if attempt.best is not None and attempt.best.arrival - stop.time <= _GOOD_ENOUGH * attempt.alone:
+                return
 
     def _timed(self, arm: str, stop: Stop, path: AgentPath, others: Iterable[str]) -> _NewMotion | None:
         """The earliest motion from a stop along a path among what some others do."""
@@ -274,7 +277,7 @@ class _Change:
                     return False
         return True
 
-    def _agent(self, arm: str, q: Array, goal: Goal | Array | str) -> Agent:
+    def _agent(self, arm: str, q: Array, goal: _GoalLike) -> Agent:
         """An arm that goes from a configuration to a goal; the others of the plan do not count."""
         starts = {name: self.plan.configuration(name, self.now) for name in self.plan.arms}
         return Agent(Problem(self.plan.scene, {**starts, arm: q}, {arm: goal}, arms=self.plan.arms), [arm])
@@ -304,21 +307,20 @@ class _Change:
             self._blockers |= in_the_way
         return free[:_GOALS]
 
-    def _is_apart(self, agent: Agent, placed: object, other: str) -> bool:
-        theirs = self._parts[other][-1].path.agent
-        there = placed_configuration(theirs.bodies, self._parts[other][-1].path.goal)
-        return are_apart(agent, placed, theirs, there)  # type: ignore[arg-type]
+    def _is_apart(self, agent: Agent, placed: CStruct, other: str) -> bool:
+        theirs = self._parts[other][-1].path
+        return are_apart(agent, placed, theirs.agent, placed_configuration(theirs.agent.bodies, theirs.goal))
 
-    def _standing(self, agent: Agent, q: Array, number: int, time: float) -> dict[str, Array | None]:
-        """Where others stand that a path should go around: where they end, where they are, or nothing."""
+    def _standing(self, agent: Agent, goals: list[Array], number: int, time: float) -> dict[str, Array | None]:
+        """Where others stand that a path should go around: nobody, where they end, where they are, nobody."""
         standing: dict[str, Array | None] = {}
-        if number > 2:
+        if number not in (1, 2):
             return standing
         for other in self._others(agent.arms[0]):
             theirs = self._parts[other][-1].path
             where = theirs.goal if number == 1 else self.plan.configuration(other, time)
             there = placed_configuration(theirs.agent.bodies, where)
-            ends = (placed_configuration(agent.bodies, end) for end in (agent.start, q))
+            ends = (placed_configuration(agent.bodies, end) for end in (agent.start, *goals))
             if all(are_apart(agent, end, theirs.agent, there, MARGINS[0]) for end in ends):
                 standing[other] = where
         return standing
@@ -341,21 +343,16 @@ class _Change:
         return blocked_times(path, found)
 
     def _diagram(self, path: AgentPath, part: Part, time: float) -> Blocked | None:
-        """The diagram with the largest margin with which nothing is blocked where the arm and the other one rest."""
-        occupied = part.occupancy
-        now = int(np.clip(np.searchsorted(occupied.enter, time, side="right") - 1, 0, len(occupied.rows) - 1))
-        blocked = None
-        for margin in _MARGINS:
-            key = (path, part.path, margin)
-            if key not in self._diagrams:
-                self._diagrams[key] = closed_diagram(path, part.path, margin)
-            blocked = self._diagrams[key]
-            if blocked is None:
-                return None
-            at_goal = math.isinf(part.end) and blocked[path.cells - 1, occupied.rows[-1]]
-            if not (at_goal or blocked[0, occupied.rows[now]]):
-                return blocked
-        return blocked
+        """The diagram with the largest margin that the arm and the other one have where they rest."""
+        key = (path, part.path)
+        if key not in self._diagrams:
+            one, two = path.agent, part.path.agent
+            now = self.plan.configuration(two.arms[0], time)
+            pairs = [(path.start, now), (path.goal, part.path.goal)] if math.isinf(part.end) else [(path.start, now)]
+            placed = [(placed_configuration(one.bodies, a), placed_configuration(two.bodies, b)) for a, b in pairs]
+            margin = next((m for m in MARGINS if all(are_apart(one, a, two, b, m) for a, b in placed)), 0.0)
+            self._diagrams[key] = closed_diagram(path, part.path, margin)
+        return self._diagrams[key]
 
     # ---- others yield --------------------------------------------------------------------------
 
@@ -366,7 +363,7 @@ class _Change:
             self._blockers.update(in_the_way)
             tried: list[frozenset[str]] = []
             for victims in [*([one] for one in in_the_way), in_the_way]:
-                if not self._watch.goes_on():
+                if not self._has_time():
                     return None
                 if not victims or frozenset(victims) in tried:
                     continue
@@ -380,7 +377,6 @@ class _Change:
     def _yielding(self, arm: str, new: _NewMotion, victims: list[str]) -> dict[str, _NewMotion] | None:
         """Motions of those that yield, one after the other; None if one has none."""
         before, blockers, reason = dict(self._parts), set(self._blockers), self._reason
-        first = self._first_path
         changed = {arm: new}
         self._parts[arm] = tuple(part for part in new.parts if part.end > self.now)
         for victim in victims:
@@ -388,7 +384,7 @@ class _Change:
         for victim in victims:
             found = self._by_itself(victim, self.plan.goal(victim))
             if not isinstance(found, _NewMotion):
-                self._parts, self._blockers, self._reason, self._first_path = before, blockers, reason, first
+                self._parts, self._blockers, self._reason = before, blockers, reason
                 return None
             changed[victim] = found
             self._parts[victim] = tuple(part for part in found.parts if part.end > self.now)
