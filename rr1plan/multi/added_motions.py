@@ -12,7 +12,8 @@ then on (`safe_intervals.py`). Where that fails, those in the way are timed agai
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,6 +35,7 @@ from rr1plan.multi.safe_intervals import BlockedTimes, blocked_times, earliest_s
 from rr1plan.multi.schedule import Leg, Schedule
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.temporal_plan_graph import closed_diagram
+from rr1plan.path import Path
 from rr1plan.planners.goal_configurations import GoalSearch, check_start
 from rr1plan.planning import Budget
 from rr1plan.report import Report
@@ -42,8 +44,9 @@ from rr1plan.scene.problem import Goal, Problem
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
-# Paths around others that are tried for each place to begin; goal configurations that are.
-_DETOURS, _GOALS = 4, 3
+# Paths around others that are tried for each place to begin, ways to step aside, and goal configurations.
+_DETOURS, _STEPS_ASIDE, _GOALS = 4, 12, 3
+_SAMPLES = 20  # random configurations that are tried for one that is free
 # A motion that takes no more than this times as long as the fastest one alone is good enough.
 _GOOD_ENOUGH = 1.5
 _FREEZE, _SHORTEST = 0.3, 0.1  # defaults [s]
@@ -186,7 +189,7 @@ class _Change:
         if isinstance(found, _NewMotion):
             return self._result(arm, {arm: found}, found.stage)
         if found is not None:
-            yielded = self._by_yielding(arm, found)
+            yielded = self._by_yielding(arm, goal, found)
             if yielded is not None:
                 return self._result(arm, yielded, "yield")
         late = "" if self._has_time() else f" in {self._watch.seconds:.2g} s"
@@ -226,13 +229,11 @@ class _Change:
         """Time the straight way from a stop to a goal, and ways around others."""
         agent = self._agent(arm, stop.q, goals)
         pool = PathPool(agent, affordable_margin(agent, goals[0], MARGINS[0]), self._rng)
-        # What stands at its goal can only step aside and come back.
-        is_there = any(np.array_equal(agent.start, q) for q in goals)
         for number in range(1 + _DETOURS):
             if not self._has_time(until):
                 return
             others = self._standing(agent, goals, number, stop.time)
-            detour = number > 0 and (not others or is_there)
+            detour = number > 0 and not others
             path, reason = pool.add(others, self._watch.left, detour=detour, patient=number == 0)
             if path is None:
                 self._reason = self._reason if number else f"{arm}: {reason}"
@@ -251,9 +252,8 @@ class _Change:
     def _timed(self, arm: str, stop: Stop, path: AgentPath, others: Iterable[str]) -> _NewMotion | None:
         """The earliest motion from a stop along a path among what some others do."""
         blocked = self._blocked_times(path, stop.time, others)
-        schedule = earliest_schedule(
-            path, BlockedTimes(blocked.rows, blocked.begin - stop.time, blocked.end - stop.time)
-        )
+        since = BlockedTimes(blocked.rows, blocked.begin - stop.time, blocked.end - stop.time)
+        schedule = earliest_schedule(path, since)
         if schedule is None:
             return None
         later = Schedule(path, tuple(Leg(leg.departure + stop.time, leg.begin, leg.end) for leg in schedule.legs))
@@ -356,39 +356,105 @@ class _Change:
 
     # ---- others yield --------------------------------------------------------------------------
 
-    def _by_yielding(self, arm: str, attempt: _Attempt) -> dict[str, _NewMotion] | None:
-        """A motion of the arm without some others, and motions of these after it, to the goals that they have."""
+    def _by_yielding(self, arm: str, goal: _GoalLike, attempt: _Attempt) -> dict[str, _NewMotion] | None:
+        """Motions of the arm and of others that are timed again after it, or step aside for it and go on afterwards."""
+        in_the_way: dict[str, None] = {}
         for stop, path in attempt.paths:
-            in_the_way = [o for o in self._others(arm) if len(self._blocked_times(path, stop.time, [o]).rows)]
-            self._blockers.update(in_the_way)
-            tried: list[frozenset[str]] = []
-            for victims in [*([one] for one in in_the_way), in_the_way]:
+            met = [o for o in self._others(arm) if len(self._blocked_times(path, stop.time, [o]).rows)]
+            in_the_way.update(dict.fromkeys(met))
+            moving = [o for o in met if self._moves(o)]
+            for victims in ([o] for o in moving) if len(moving) == 1 else [*([o] for o in moving), moving]:
+                if not victims or not self._has_time():
+                    continue
+                new = self._timed(arm, stop, path, [o for o in self._others(arm) if o not in victims])
+                changed = None if new is None else self._after(arm, new, victims)
+                if changed is not None:
+                    return changed
+        self._blockers.update(in_the_way)
+        for _ in range(_STEPS_ASIDE):
+            for victim in in_the_way:
                 if not self._has_time():
                     return None
-                if not victims or frozenset(victims) in tried:
-                    continue
-                tried.append(frozenset(victims))
-                new = self._timed(arm, stop, path, [o for o in self._others(arm) if o not in victims])
-                changed = None if new is None else self._yielding(arm, new, victims)
+                changed = self._stepping_aside(arm, goal, victim)
                 if changed is not None:
                     return changed
         return None
 
-    def _yielding(self, arm: str, new: _NewMotion, victims: list[str]) -> dict[str, _NewMotion] | None:
-        """Motions of those that yield, one after the other; None if one has none."""
-        before, blockers, reason = dict(self._parts), set(self._blockers), self._reason
-        changed = {arm: new}
-        self._parts[arm] = tuple(part for part in new.parts if part.end > self.now)
-        for victim in victims:
-            del self._parts[victim]
-        for victim in victims:
-            found = self._by_itself(victim, self.plan.goal(victim))
-            if not isinstance(found, _NewMotion):
-                self._parts, self._blockers, self._reason = before, blockers, reason
+    def _moves(self, arm: str) -> bool:
+        """Whether an arm is not where it ends when the change begins."""
+        return not np.array_equal(self.plan.configuration(arm, self.now), self.plan.goal(arm))
+
+    def _after(self, arm: str, new: _NewMotion, victims: list[str]) -> dict[str, _NewMotion] | None:
+        """Motions of others to their goals after a new one, one by one; None if one has none."""
+        with self._trying():
+            changed = {arm: new}
+            self._use(arm, new)
+            for victim in victims:
+                del self._parts[victim]
+            for victim in victims:
+                found = self._by_itself(victim, self.plan.goal(victim))
+                if not isinstance(found, _NewMotion):
+                    return None
+                changed[victim] = found
+                self._use(victim, found)
+            return changed
+
+    def _stepping_aside(self, arm: str, goal: _GoalLike, victim: str) -> dict[str, _NewMotion] | None:
+        """Another arm goes somewhere else, the arm goes to its goal, and the other one to its own."""
+        with self._trying():
+            stop = stops_of(self.plan, arm, self.now)[0]
+            self._parts[arm] = (stop.before.until(stop.time), self._rest_at(arm, stop))
+            aside = self._random_configuration(victim)
+            away = None if aside is None else self._by_itself(victim, aside)
+            if not isinstance(away, _NewMotion):
                 return None
-            changed[victim] = found
-            self._parts[victim] = tuple(part for part in found.parts if part.end > self.now)
-        return changed
+            self._use(victim, away)
+            new = self._by_itself(arm, goal)
+            if not isinstance(new, _NewMotion):
+                return None
+            self._use(arm, new)
+            attempt = _Attempt()
+            there = Stop(away.arrival, away.parts[-1].path.goal, away.parts[-1].until(away.arrival), None)
+            self._time_paths(victim, there, [self.plan.goal(victim)], attempt, math.inf)
+            if attempt.best is None:
+                return None
+            back = attempt.best
+            whole = _joined(away.trajectory, back.trajectory)
+            return {arm: new, victim: _NewMotion((*away.parts[:-1], *back.parts), whole, back.arrival)}
+
+    @contextmanager
+    def _trying(self) -> Iterator[None]:
+        """What others do is afterwards as it was before; only what is returned is kept."""
+        parts, blockers, reason = dict(self._parts), set(self._blockers), self._reason
+        try:
+            yield
+        finally:
+            self._parts, self._blockers, self._reason = parts, blockers, reason
+
+    def _use(self, arm: str, new: _NewMotion) -> None:
+        self._parts[arm] = tuple(part for part in new.parts if part.end > self.now)
+
+    def _rest_at(self, arm: str, stop: Stop) -> Part:
+        """An arm that stays where it stops."""
+        agent = self._agent(arm, stop.q, stop.q)
+        question = agent.question({}, 0.0)
+        with checker_from_pool(question.scene, question.arms) as checker:
+            path = AgentPath(agent, Path(agent.joint_names, np.array([stop.q, stop.q])), checker)
+        return part_of(Schedule(path, ()), stop.time)
+
+    def _random_configuration(self, arm: str) -> Array | None:
+        """A free configuration of an arm, nearer ones to where it is more often."""
+        q = self.plan.configuration(arm, self.now)
+        agent = self._agent(arm, q, q)
+        limits, question = agent.limits, agent.question({}, 0.0)
+        low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
+        high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
+        with checker_from_pool(question.scene, question.arms, MARGINS[0]) as checker:
+            for _ in range(_SAMPLES):
+                other = q + self._rng.random() * (self._rng.uniform(low, high) - q)
+                if checker.is_free(other):
+                    return np.asarray(other)
+        return None
 
     # ---- the new plan --------------------------------------------------------------------------
 

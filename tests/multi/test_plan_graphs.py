@@ -1,4 +1,4 @@
-"""Temporal plan graphs: complete, minimal and acyclic; safe whatever is delayed; what the file holds is what was saved."""
+"""Temporal plan graphs: complete, minimal, acyclic; safe whatever is delayed; what a file holds is what was saved."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from rr1plan.planning import Budget
 
 _BUDGET = Budget(seconds=60.0)
 Plan = tuple[rp.Problem, rp.ManyArmsResult, rp.PlanGraph]
+Step = tuple[int, int]
 
 
 def _problem(name: str, rr1: rp.Robot) -> rp.Problem:
@@ -48,7 +49,7 @@ def _reachable(
     graph: rp.PlanGraph, without: rp.Dependency | None = None
 ) -> dict[tuple[int, int], set[tuple[int, int]]]:
     """All that has to happen before each node, by plain search backward."""
-    before: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    before: dict[Step, list[Step]] = {}
     for agent, route in enumerate(graph.routes):
         for step in range(1, len(route.begins)):
             before[agent, step] = [(agent, step - 1)]
@@ -58,7 +59,7 @@ def _reachable(
             before[node.agent, node.step].append((after.agent, after.step))
     found = {}
     for node in before:
-        seen: set[tuple[int, int]] = set()
+        seen: set[Step] = set()
         open_ = [node]
         while open_:
             for other in before.get(open_.pop(), ()):
