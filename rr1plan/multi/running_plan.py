@@ -23,6 +23,8 @@ from rr1plan.multi.schedule import Occupancy, Schedule, rest_row
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
+# Far above the rounding of configurations [rad or m].
+_ROUNDING = 1e-9
 # Slower than this is rest [rad/s or m/s].
 _REST = 1e-9
 _NEWTON_STEPS = 8
@@ -138,8 +140,13 @@ class RunningPlan(Value):
         return tuple(self.parts)
 
     def configuration(self, arm: str, time: float) -> Array:
-        """Where an arm is at a time [s], shape (nq,)."""
-        return np.asarray(self._columns(arm, time, 0))
+        """Where an arm is at a time [s], shape (nq,); within its limits, whatever the rounding."""
+        return self._within_limits(arm, self._columns(arm, time, 0))
+
+    def _within_limits(self, arm: str, q: Array) -> Array:
+        limits = self.scene.arms[arm].robot.limits
+        nearest = np.clip(q, limits.lower, limits.upper)
+        return np.asarray(np.where(np.abs(nearest - q) < _ROUNDING, nearest, q))
 
     def velocity(self, arm: str, time: float) -> Array:
         """How fast its joints are, shape (nq,) [rad/s or m/s]."""
@@ -246,5 +253,6 @@ def _stopped(part: Part, motion: RouteMotion, step: int, gridpoint: int) -> Stop
     )
     rows = np.append(part.rows[kept], rest_row(part.path, int(part.gridpoints[gridpoint])))
     before = Part(part.path, cut, rows, part.gridpoints[: gridpoint + 1], part.begin, end)
-    q = route.at(route.pieces[[gridpoint - 1]], route.offsets[[gridpoint - 1]] + route.spans[[gridpoint - 1]])[0]
+    last = gridpoint - 1
+    q = route.at(route.pieces[[last]], route.offsets[[last]] + route.spans[[last]])[0]
     return Stop(end, q, before, trajectory)
