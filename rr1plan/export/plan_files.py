@@ -21,7 +21,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from rr1plan.checks import Value, file_path, known_name, of_kind
+from rr1plan.checks import Value, file_path, known_name, of_kind, shown
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export import motion_schema as schema
 from rr1plan.export import motion_values as values
@@ -133,6 +133,8 @@ def save_motion(
     """
     entries = _motion_entries(scene, path, trajectory, report, problem)
     if plan_graph is not None:
+        if not isinstance(plan_graph, Mapping):
+            raise InputError(f"plan_graph is {shown(plan_graph)}, expected a mapping, which PlanGraph.to_dict gives")
         if trajectory is None:
             raise InputError("a plan graph is saved with the trajectory of its plan")
         entries["plan_graph"] = dict(plan_graph)

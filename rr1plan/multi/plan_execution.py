@@ -13,7 +13,7 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import NamedTuple
 
-from rr1plan.checks import Value, finite_number, items_of, known_name, of_kind
+from rr1plan.checks import Value, finite_number, items_of, known_name, of_kind, shown
 from rr1plan.errors import InputError
 from rr1plan.multi.route_motion import RouteMotion, slower
 from rr1plan.multi.temporal_plan_graph import PlanGraph
@@ -99,7 +99,9 @@ def execute_plan(
     of_kind("scene", scene, Scene)
     gap = _not_negative("gap", gap)
     given: dict[str, ArmDelay] = {}
-    for name, delay in ({} if delays is None else dict(delays)).items():
+    if delays is not None and not isinstance(delays, Mapping):
+        raise InputError(f"delays is {shown(delays)}, expected a mapping from arm to ArmDelay")
+    for name, delay in (delays or {}).items():
         of_kind(f"delay of {name!r}", delay, ArmDelay)
         given[known_name("arm", name, graph.arms)] = delay
     for route in graph.routes:

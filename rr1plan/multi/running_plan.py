@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, of_kind
+from rr1plan.checks import Array, Value, finite_number, known_name, of_kind
 from rr1plan.errors import InputError
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.portfolio import ManyArmsResult
@@ -140,7 +140,11 @@ class RunningPlan(Value):
         return tuple(self.parts)
 
     def configuration(self, arm: str, time: float) -> Array:
-        """Where an arm is at a time [s], shape (nq,); within its limits, whatever the rounding."""
+        """Where an arm is at a time [s], shape (nq,); within its limits, whatever the rounding.
+
+        Raises:
+            UnknownNameError: the plan has no such arm.
+        """
         return self._within_limits(arm, self._columns(arm, time, 0))
 
     def _within_limits(self, arm: str, q: Array) -> Array:
@@ -149,17 +153,27 @@ class RunningPlan(Value):
         return np.asarray(np.where(np.abs(nearest - q) < _ROUNDING, nearest, q))
 
     def velocity(self, arm: str, time: float) -> Array:
-        """How fast its joints are, shape (nq,) [rad/s or m/s]."""
+        """How fast the joints of an arm are at a time [s], shape (nq,) [rad/s or m/s].
+
+        Raises:
+            UnknownNameError: the plan has no such arm.
+        """
         return np.asarray(self._columns(arm, time, 1))
 
     def goal(self, arm: str) -> Array:
-        """Where it ends, shape (nq,)."""
+        """Where an arm ends, shape (nq,).
+
+        Raises:
+            UnknownNameError: the plan has no such arm.
+        """
+        known_name("arm", arm, self.parts)
         return np.asarray(self.parts[arm][-1].path.goal)
 
     def _columns(self, arm: str, time: float, derivative: int) -> Array:
+        known_name("arm", arm, self.parts)
         names = self.trajectory.joint_names
         columns = [names.index(name) for name in self.scene.joint_names([arm])]
-        return np.asarray(self.trajectory(time, derivative)[columns])
+        return np.asarray(self.trajectory(finite_number("time", time), derivative)[columns])
 
     def part_at(self, arm: str, time: float) -> Part:
         """On which path an arm is."""
