@@ -297,7 +297,7 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "simulate": (
             rp.simulate,
-            {"trajectory": trajectory, "scene": scene, "mode": "kinematic", "timestep": 0.002, "record_dt": 0.01}
+            {"trajectory": trajectory, "scene": scene, "mode": "kinematic", "dt": 0.002, "record_dt": 0.01}
             | {"stiffness": 80.0, "hold": 0.0, "progress": None},
         ),
         "JointGoal": (rp.JointGoal, {"q": q}),
