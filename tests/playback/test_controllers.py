@@ -53,7 +53,7 @@ def made(kind: str, scene: rp.Scene) -> tuple[rp.Controller, Callable[[], object
         drift = rp.ForwardVelocityController(ARM)
         return drift, lambda: drift.command(np.full(len(ARM), 0.1))
     grip = rp.GripperController(["rr1/finger_joint"])
-    return grip, lambda: grip.command(0.02)
+    return grip, lambda: grip.command([0.02])
 
 
 KINDS = ("own", "trajectory", "position", "velocity", "gripper")
@@ -269,7 +269,7 @@ def test_a_gripper_arrives_or_stalls(scene: rp.Scene) -> None:
     grip = rp.GripperController(["rr1/finger_joint"], speed=0.5)
     sim.activate(grip)
     target = 0.5 * sum(_limits(scene, "finger_joint"))
-    grip.command(target)
+    grip.command([target])
     assert grip.status is rp.GripperStatus.MOVING
     sim.run(duration=2.0)
     assert grip.status is rp.GripperStatus.ARRIVED

@@ -66,15 +66,14 @@ class GripperController(Controller):
         """Move the fingers from the next update on.
 
         Args:
-            positions: Where to [rad or m], shape (n,), or one number for all of them.
+            positions: Where to [rad or m], shape (n,).
 
         Raises:
             InputError: another shape, not finite, out of limits, or a controller that is not active.
         """
         if not hasattr(self, "joints"):
             raise InputError("the controller is not active; activate it in a simulation first")
-        values = np.full(len(self.joint_names), positions) if np.ndim(positions) == 0 else positions
-        target = finite_array("positions", values, (len(self.joint_names),))
+        target = finite_array("positions", positions, (len(self.joint_names),))
         self.check_positions(target)
         self._command, self._quiet = target, 0.0
         self.status = GripperStatus.MOVING

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -39,6 +39,9 @@ from rr1plan.scene import Scene
 
 _UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}")) for kind in ("QPOS", "QVEL", "QACC", "CTRL")]
 _MOST_STIFFNESS = 1e6  # [rad/s]
+_LONGEST_STEP = 1.0  # [s]
+# Steps of one call.
+_MOST_STEPS = 5_000_000
 # Real time is waited for when the simulation is ahead of it by more than this [s].
 _AHEAD = 0.002
 
@@ -128,6 +131,8 @@ class Simulation:
         of_kind("scene", scene, Scene)
         self.scene = scene
         self.dt = positive_number("dt", dt)
+        if self.dt > _LONGEST_STEP:
+            raise InputError(f"dt is {dt:g} s, expected at most {_LONGEST_STEP:g} s")
         if positive_number("stiffness", stiffness) > _MOST_STIFFNESS:
             raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
         self._threads = whole_number("threads", threads, 1, 256)
@@ -219,13 +224,13 @@ class Simulation:
         """
         return self._only_tile().data
 
-    def configuration(self, arms: Iterable[str] | None = None) -> Array:
+    def configuration(self, arms: Sequence[str] | None = None) -> Array:
         """Positions of the planning joints of some arms (default: all), as in `Scene.configuration`, shape (nq,).
 
         Raises:
             UnknownNameError: an unknown arm.
         """
-        names = self.scene.joint_names(None if arms is None else list(arms))
+        names = self.scene.joint_names(arms)
         return self.positions[self._indices(names)]
 
     def state(self, joint_names: Sequence[str]) -> JointState:
@@ -283,6 +288,7 @@ class Simulation:
         Raises:
             InputError: it is not active.
         """
+        of_kind("controller", controller, Controller)
         if controller not in self._active:
             raise InputError("the controller is not active in this simulation")
         indices = self._active.pop(controller)
@@ -298,6 +304,8 @@ class Simulation:
         Returns:
             What ends the calls.
         """
+        if callback is None:
+            raise InputError("callback is None, expected a function of the simulation")
         check_callback("callback", callback)
         self._callbacks.append(callback)
         return lambda: self._callbacks.remove(callback)
@@ -312,7 +320,7 @@ class Simulation:
             ControllerError: a controller raised something or returned no set-points; nothing has moved in that step.
             BackendError: the simulation became unstable.
         """
-        self._run(whole_number("count", count, 1, 10**9), math.inf)
+        self._run(whole_number("count", count, 1, _MOST_STEPS), math.inf)
 
     def run(self, *, until: float | None = None, duration: float | None = None, speed: float = math.inf) -> bool:
         """Run to a time or for a time; another thread or a callback may `pause` it.
@@ -338,9 +346,11 @@ class Simulation:
             end = self.time + finite_number("duration", duration if duration is not None else 0.0)
         if end < self.time - 1e-9:
             raise InputError(f"the simulation is at {self.time:g} s, it cannot run to {end:g} s; reset it first")
-        if not isinstance(speed, int | float) or not speed > 0.0:
-            raise InputError(f"speed is {speed!r}, expected a number above zero")
-        return self._run(math.ceil((end - self.time) / self.dt - 1e-9), speed)
+        if not (isinstance(speed, float) and speed == math.inf):
+            speed = positive_number("speed", speed)
+        if end - self.time > _MOST_STEPS * self.dt:
+            raise InputError(f"{end - self.time:g} s are more than {_MOST_STEPS} steps; run it in parts")
+        return self._run(math.ceil((end - self.time) / self.dt - 1e-9), float(speed))
 
     def pause(self) -> None:
         """End the present `run` or `step` after its step; from a callback or another thread."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rr1plan.checks import check_callback, positive_number
+from rr1plan.checks import check_callback, file_path, of_kind, positive_number
 from rr1plan.errors import InputError
 from rr1plan.path import check_joint_names
 from rr1plan.playback.simulation.controllers import JointState
@@ -42,7 +42,11 @@ class JointStateBroadcaster:
         self._next = -math.inf
         self._end: list[Callable[[], None]] = []
         if isinstance(to, str | Path):
-            file = Path(to).open("w", encoding="utf-8")  # noqa: SIM115 (closed by `close`)
+            path = file_path(to)
+            try:
+                file = path.open("w", encoding="utf-8")
+            except OSError as error:
+                raise InputError(f"cannot write {path}: {error.strerror}") from error
             self._end.append(file.close)
             self._send: StateCallback = lambda state: print(self._message(state), file=file)
         elif isinstance(to, tuple):
@@ -67,6 +71,7 @@ class JointStateBroadcaster:
         Raises:
             UnknownNameError: the simulation has no such joint.
         """
+        of_kind("sim", sim, Simulation)
         sim.state(self.joint_names)
         self._next = sim.time + 1.0 / self.rate
         self._end.append(sim.on_step(self._publish))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rr1plan.checks import Array, counted, finite_number, of_kind
+from rr1plan.checks import Array, counted, finite_number, of_kind, shown
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.trajectory import Trajectory
@@ -111,7 +111,7 @@ class JointTrajectoryController(Controller):
         tolerances |= {"goal_tolerance": goal_tolerance, "goal_time": goal_time}
         for name, value in tolerances.items():
             if not isinstance(value, int | float) or isinstance(value, bool) or not value >= 0.0:
-                raise InputError(f"{name} is {value!r}, expected a number >= 0")
+                raise InputError(f"{name} is {shown(value)}, expected a number >= 0")
         self.start_tolerance, self.path_tolerance = start_tolerance, path_tolerance
         self.goal_tolerance, self.goal_time = goal_tolerance, goal_time
         self._active = self._queued = None
