@@ -25,7 +25,16 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, check_callback, finite_array, finite_number, of_kind, positive_number, whole_number
+from rr1plan.checks import (
+    Array,
+    check_callback,
+    counted,
+    finite_array,
+    finite_number,
+    of_kind,
+    positive_number,
+    whole_number,
+)
 from rr1plan.errors import BackendError, ControllerError, InputError, UnknownNameError
 from rr1plan.path import check_joint_names
 from rr1plan.playback.simulation.contact_log import ContactLog
@@ -154,7 +163,7 @@ class Simulation:
 
     def __repr__(self) -> str:
         models = f", {len(self.tiles)} models" if len(self.tiles) > 1 else ""
-        return f"Simulation({len(self.scene.arms)} arms, {self.time:.3f} s{models})"
+        return f"Simulation({counted(len(self.scene.arms), 'arm')}, {self.time:.3f} s{models})"
 
     # ---- state -----------------------------------------------------------------------------------
 

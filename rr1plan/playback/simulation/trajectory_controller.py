@@ -168,7 +168,7 @@ class JointTrajectoryController(Controller):
         """Stop the trajectory that is on its way, and hold the position of the next update."""
         for execution in (self._active, self._queued):
             if execution is not None:
-                _end(execution, ExecutionStatus.CANCELED, self._now, "canceled")
+                _end(execution, ExecutionStatus.CANCELED, self._now, "by its caller")
         self._queued = None
 
     def update(self, state: JointState) -> SetPoint:
