@@ -215,7 +215,7 @@ class JointTrajectoryController(Controller):
         if (gap > self.start_tolerance).any():
             raise InputError(
                 f"the trajectory begins elsewhere: {self._worst(gap, self.start_tolerance)}; "
-                "begin where the joints are, or raise start_tolerance"
+                "put the joints there first (Simulation.place), or raise start_tolerance"
             )
 
     def _check_goal(self, execution: Execution, goal: Array, error: Array, since: float) -> None:
