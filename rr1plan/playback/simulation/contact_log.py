@@ -11,7 +11,7 @@ class ContactLog:
     """Collects the contacts of instants.
 
     Args:
-        gap: Instants at most this far apart belong to one interval [s].
+        gap: Longest time between two instants of one interval [s].
     """
 
     def __init__(self, gap: float) -> None:

@@ -1,4 +1,4 @@
-"""Tiles: parts of a scene whose arms can never meet those of other parts, each simulated by a model of its own.
+"""Tiles: parts of a scene whose arms can never meet those of other parts, each simulated by a separate model.
 
 One model of many arms spends most of its time on finding which of all their shapes are near each other, although most
 of them never are. Tiles of a few arms do not.
@@ -13,7 +13,7 @@ from rr1plan.collision.reach_broad_phase import bases_of, near_balls, placed_bal
 from rr1plan.scene import Scene
 from rr1plan.scene.subscene import subscene
 
-# Scenes of at most so many arms are one model; larger ones have tiles of at least so many arms, where arms cannot meet.
+# Largest number of arms in one model by default, and smallest number in a tile of a larger scene.
 ARMS_IN_A_TILE = 20
 
 

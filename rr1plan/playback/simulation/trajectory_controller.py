@@ -14,7 +14,7 @@ from rr1plan.errors import InputError
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.trajectory import Trajectory
 
-# Set-points are evaluated for so many updates at once.
+# Number of updates whose set-points are evaluated at once.
 _BLOCK = 64
 
 
