@@ -18,7 +18,7 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
 """
 
 from rr1plan.multi.added_motions import AddedMotion, add_motion
-from rr1plan.multi.plan_execution import ArmDelay, Execution, execute_plan
+from rr1plan.multi.plan_execution import ArmDelay, PlanExecution, execute_plan
 from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
 from rr1plan.multi.problems import dual_arm_shelf, random_grid, ring_swap
 from rr1plan.multi.route import Route
@@ -32,12 +32,12 @@ __all__ = [
     "AddedMotion",
     "ArmDelay",
     "Dependency",
-    "Execution",
     "GroupResult",
     "Leg",
     "ManyArmsResult",
     "Node",
     "Part",
+    "PlanExecution",
     "PlanGraph",
     "Route",
     "RunningPlan",

@@ -58,7 +58,7 @@ def _not_negative(name: str, value: object) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Execution(Value):
+class PlanExecution(Value):
     """How a plan was executed.
 
     Args:
@@ -79,7 +79,7 @@ class Execution(Value):
 
 def execute_plan(
     graph: PlanGraph, scene: Scene, delays: Mapping[str, ArmDelay] | None = None, *, gap: float = 0.0
-) -> Execution:
+) -> PlanExecution:
     """The motion of all arms of a plan when some are delayed and all dependencies are kept.
 
     An agent goes as soon as its dependencies allow, so that it may be earlier than planned where it planned to wait.
@@ -162,7 +162,7 @@ class _Run:
         self.numbers = count()
         self.events: list[_Event] = []
 
-    def run(self) -> Execution:
+    def run(self) -> PlanExecution:
         for i, delay in enumerate(self.delays):
             self.motions[i].pause(0.0, delay.start)
             self.motions[i].go_to(self._limit(i), 0.0)
@@ -216,7 +216,7 @@ class _Run:
             if limit > motion.limit:
                 motion.go_to(limit, event.time)
 
-    def _execution(self) -> Execution:
+    def _execution(self) -> PlanExecution:
         times, waiting = [], {}
         parts = [motion.trajectory() for motion in self.motions]
         for route, motion, part, delay in zip(self.graph.routes, self.motions, parts, self.delays, strict=True):
@@ -230,4 +230,4 @@ class _Run:
         names = self.scene.joint_names(self.graph.arms)
         columns = [merged.joint_names.index(name) for name in names]
         trajectory = Trajectory(names, merged.breaks, merged.coefficients[:, :, columns])
-        return Execution(trajectory, self.graph.with_times(times), waiting)
+        return PlanExecution(trajectory, self.graph.with_times(times), waiting)
