@@ -67,8 +67,8 @@ def _execute(count: int, size: float, kind: str, seed: int, executions: int) -> 
     answer: dict[str, Any] = {"set": kind, "arms": count, "seed": seed, "dependencies": len(graph.dependencies)}
     answer |= {"makespan": result.makespan, "skew_tolerance": min(graph.skew_tolerance, 1e9)}
     answer["on_time"] = rp.execute_plan(graph, problem.scene).makespan
-    apart = rp.execute_plan(graph, problem.scene, gap=_SKEW)
-    answer |= {"gap_makespan": apart.makespan, "gap_tolerance": min(apart.graph.skew_tolerance, 1e9)}
+    spaced = rp.execute_plan(graph, problem.scene, gap=_SKEW)
+    answer |= {"gap_makespan": spaced.makespan, "gap_tolerance": min(spaced.graph.skew_tolerance, 1e9)}
     rejected = contacts = 0
     seconds, makespans = [], []
     for _ in range(executions):

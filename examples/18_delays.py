@@ -25,8 +25,8 @@ print(rp.validate(late.trajectory, problem.scene, problem))
 print(rp.simulate(late.trajectory, problem.scene))
 
 # With 0.2 s between those that share some space nobody has to wait at run time, if no start is later than that.
-apart = rp.execute_plan(graph, problem.scene, gap=0.2)
-print(f"{apart.makespan:.2f} s with a skew tolerance of {apart.graph.skew_tolerance:.2f} s")
+tolerant = rp.execute_plan(graph, problem.scene, gap=0.2)
+print(f"{tolerant.makespan:.2f} s with a skew tolerance of {tolerant.graph.skew_tolerance:.2f} s")
 
 # At 0.4 s the fourth arm is called home; nothing changes before 0.7 s.
 added = rp.add_motion(result, "arm04", "home", at=0.4, freeze=0.3, budget=rp.Budget(seconds=5.0), rng=0)

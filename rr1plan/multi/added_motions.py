@@ -50,7 +50,7 @@ _SAMPLES = 20  # random configurations that are tried for one that is free
 # A motion that takes no more than this times as long as the fastest one alone is good enough.
 _GOOD_ENOUGH = 1.5
 _FREEZE, _SHORTEST = 0.3, 0.1  # defaults [s]
-# Of the time, how much is spent before others are asked to yield.
+# Share of the budget for a motion that changes no other arm.
 _SHARE = 0.5
 _GoalLike = Goal | Array | str | Sequence[Goal | Array]
 # The referee begins so much before the change, so that it sees the two motions meet [s].

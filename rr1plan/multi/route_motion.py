@@ -262,7 +262,7 @@ class RouteMotion:
     # ---- what has happened -------------------------------------------------------------------
 
     def trajectory(self) -> Trajectory:
-        """The whole motion, up to the end of what is planned, on the clock."""
+        """The motion from the beginning to the end of the current profile."""
         self._advance(self.stop_time)
         route, now, q = self.route, self._began, self.route.start
         parts: list[Pieces] = []

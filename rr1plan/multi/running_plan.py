@@ -1,6 +1,6 @@
 """A plan of many arms while it runs: what each arm does from now on, in parts of one path each.
 
-All of it is by arm: the path of arms that move as one is taken apart, with the times that it has.
+Everything is stored by arm: the path of a meta-agent is projected to each of its arms, with the same times.
 """
 
 from __future__ import annotations

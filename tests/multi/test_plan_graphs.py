@@ -14,6 +14,7 @@ import rr1plan as rp
 from rr1plan.multi.coordination import coordination_diagram
 from rr1plan.multi.temporal_plan_graph import agreeing_diagram, pairs_in_reach
 from rr1plan.planning import Budget
+from rr1plan.retiming.path_speed import Grid, fastest_speeds
 
 _BUDGET = Budget(seconds=60.0)
 Plan = tuple[rp.Problem, rp.ManyArmsResult, rp.PlanGraph]
@@ -257,6 +258,18 @@ def test_executions_of_what_is_not_there_are_refused(ring: Plan, rr1: rp.Robot) 
         rp.execute_plan(graph, problem.scene, gap=-1.0)
     with pytest.raises(rp.UnknownNameError, match="arm03"):
         rp.execute_plan(graph, rp.place_grid(rr1, 1, 2))
+
+
+def test_a_profile_that_goes_on_from_a_gridpoint_is_the_rest_of_the_whole(ring: Plan) -> None:
+    problem, _, graph = ring
+    for route in graph.routes:
+        limits, count = problem.scene.limits(route.arms), route.stops[0]
+        grid = Grid(route.pieces[:count], route.offsets[:count], route.spans[:count])
+        whole = fastest_speeds(route.curve, grid, limits)
+        for k in range(1, count - 1, 5):
+            later = Grid(*(part[k:] for part in grid))
+            np.testing.assert_allclose(fastest_speeds(route.curve, later, limits, whole[k]), whole[k:], rtol=1e-9)
+            assert fastest_speeds(route.curve, later, limits, 1e6)[0] < 1e6
 
 
 # ---- skew tolerance --------------------------------------------------------------------------

@@ -27,7 +27,7 @@ def collisions(report: rp.Report) -> list[rp.Violation]:
 
 
 def rails(slider: Make, count: int, gap: float) -> rp.Scene:
-    """Balls on rails along x, far apart but for two in the middle, which can pass with a gap between them."""
+    """Balls on parallel rails along x; the two in the middle pass each other with a gap, the others are far away."""
     robot = slider(BALL)
     places = [float(i) for i in range(count)]
     places[count // 2] = places[count // 2 - 1] + 2.0 * RADIUS + gap
