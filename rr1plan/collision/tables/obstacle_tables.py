@@ -52,15 +52,15 @@ class FixedSolids:
         self.solids[before:, 1] = np.arange(first_body, first_body + total - before)
         self.solids[:, 2] = np.arange(total)
         self.solids[:, 3], self.solids[:, 6:] = kinds[:, 3], kinds[:, 1:3]
-        # Those with tables of their own, numbered among all solids, and their shapes.
+        # Those with tables of their own, but for links, numbered among all solids, and their shapes.
         self.special: list[tuple[int, Shape]] = []
-        first = 0
-        for thing, count in zip(things, counts, strict=True):
+        first = before
+        for thing, count in zip(things[links:], counts[links:], strict=True):
             self.special += [(first + i, thing.rows.shapes[i]) for i in thing.rows.special]
             first += count
         self._before = before
         self.solids[:before, 4] = -1
-        self._cores = [(i, shape_core(shape)) for i, shape in self.special if i >= before and kinds[i, 3] == 0]
+        self._cores = [(i, shape_core(shape)) for i, shape in self.special if kinds[i, 3] == 0]
         points, blocks = np.zeros((0, 3)), np.zeros((0, 4))
         if self._cores:
             parts = [core for _, core in self._cores]
