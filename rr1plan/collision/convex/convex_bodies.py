@@ -58,9 +58,12 @@ def is_concave(shape: Shape) -> TypeGuard[Mesh]:
     return isinstance(shape, Mesh) and not shape.convex
 
 
+_SURFACELESS = (HalfSpace, PointCloud, Mesh)
+
+
 def is_surfaceless(shape: Shape) -> bool:
     """Whether it is a half-space, a point cloud or a concave mesh: distances are measured to it, not from it."""
-    return isinstance(shape, HalfSpace | PointCloud) or is_concave(shape)
+    return isinstance(shape, _SURFACELESS) and not (isinstance(shape, Mesh) and shape.convex)
 
 
 def cut_meshes(scene: Scene, progress: ProgressCallback) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,33 @@ _KIND = constants()
 
 
 class CoreTables(NamedTuple):
-    """The `cores`, `core_values`, `points`, `blocks` and `lowest` of `EdgeTables`, or some of their rows."""
+    """Convex cores as `arm_geometry.h` has them.
+
+    Args:
+        rows: Frame, first and last row of `points`, kind of core, first row of `blocks`, first of `lowest` and how
+            many corners share a bit there (0: no table); shape (c, 7).
+        values: A point in the core, the radius around the core, how far the core reaches from the point [m], and
+            the rotation, row by row, from the axes of `lowest`; shape (c, 14).
+        points: Corners of a core in its frame; of a cylinder center, axis, half length and radius; shape (p, 3).
+        blocks: Ball around each block of corners of a core: center and radius; shape (n, 4).
+        lowest: Support tables: which corners can be the lowest along the directions of each cell.
+    """
 
     rows: _INTS
     values: Array
     points: Array
     blocks: Array
     lowest: _INTS
+
+    def fields(self) -> dict[str, NDArray[Any]]:
+        """The fields of `ArmGeometry`."""
+        return {
+            "cores": self.rows,
+            "core_shapes": self.values,
+            "points": self.points,
+            "blocks": self.blocks,
+            "lowest": self.lowest.view(np.uint64),
+        }
 
 
 _NONE = np.zeros(0, np.int64)
