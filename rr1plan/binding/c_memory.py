@@ -126,9 +126,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
         if given.name != kind:
             raise TypeError(f"a {given.name} is no {kind}")
         return given.address
-    flags, expected = given.flags, _DTYPES.get(kind)
-    if not flags.c_contiguous:
-        raise TypeError(f"an array for {kind} is not C-contiguous")
+    expected = _DTYPES.get(kind)
     if expected is None:
         row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
         size = sources.item_size(kind)
@@ -136,8 +134,11 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
             raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
     elif given.dtype is not expected and given.dtype != expected:
         raise TypeError(f"an array of {given.dtype} is no array of {kind}")
-    if flags.writeable and given.size:
+    try:
         return ctypes.addressof(_start_of(given))  # three times as fast as the general case below
+    except (TypeError, ValueError):  # read-only, empty, or in another order
+        if not given.flags.c_contiguous:
+            raise TypeError(f"an array for {kind} is not C-contiguous") from None
     address: int = given.__array_interface__["data"][0]
     return address
 
@@ -161,9 +162,10 @@ def argument_type(sources: KernelSources, kind: str) -> Any:
         def from_param(cls, given: Any) -> Any:
             """The value passed to C."""
             if type(given) is np.ndarray and given.dtype is expected:  # most arguments, in half of the time
-                flags = given.flags
-                if flags.c_contiguous and flags.writeable and given.size:
+                try:
                     return ctypes.byref(_start_of(given))
+                except (TypeError, ValueError):  # as in `address_of`
+                    pass
             return ctypes.c_void_p(given if type(given) is int else address_of(sources, given, target))
 
     return Pointer

@@ -59,11 +59,15 @@ _IN_PIECES = (Mesh, PointCloud)
 
 
 def obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
-    """An obstacle as solids.
+    """An obstacle as solids, made once: scenes that differ elsewhere share it.
 
     Raises:
         InputError: a shape that cannot be made solid.
     """
+    return kept_in(obstacle.kept, ("solids", name), lambda: _new_obstacle_geometry(name, obstacle))
+
+
+def _new_obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
     shapes: list[Shape] = []
     frames: list[bytes] = []
     for geometry in obstacle.geometries:

@@ -94,11 +94,10 @@ def build_edge_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: 
         tolerance: Gaps beyond the padding smaller than this are no proof [m].
     """
     instances, pairs = geometry.instances, _kernel_pairs(geometry)
-    arm = instance_spheres(instances)
     link_cores, numbers = _link_cores(instances)
     cores = fixed.place_cores(link_cores, numbers)
     obstacles, rounding = fixed.place_obstacles(pairs.places, pairs.pair_of.shape[1])
-    bare = 2.0 * tolerance + 1e-9 + 1e-12 * float(np.abs(arm.joint_values[:, 9:12]).sum())
+    bare = 2.0 * tolerance + instance_spheres(instances).rounding
     padded = padded_pairs(geometry, padding, tolerance, bare + rounding)
     return EdgeTables(instances, cores, obstacles, padded, padding, bare + rounding, bare)
 

@@ -189,11 +189,16 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue:
     """
     queue = queue or max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length())
     stride = len(tables.joints) + 1
-    scratch = CStruct("ExactScratch", travel_stride=stride, coefficient_rows=terms, queue_size=queue)
+    scratch = CStruct(
+        "ExactScratch",
+        travel_stride=stride,
+        coefficient_rows=terms,
+        queue_size=queue,
+        joint_poses=tables.joint_poses.copy(),
+        poses=tables.poses.copy(),
+        centers=tables.centers.copy(),
+    )
     scratch.give_room(
-        joint_poses=len(tables.joints),
-        poses=len(tables.bodies),
-        centers=len(tables.bodies),
         directions=len(tables.pairs),
         travel=len(tables.bodies) * stride,
         coefficients=terms * columns,
@@ -202,8 +207,6 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue:
         placed_at=len(tables.bodies),
     )
     scratch.give_room(unset=True, queue=queue)
-    for name, start in (("joint_poses", tables.joint_poses), ("poses", tables.poses), ("centers", tables.centers)):
-        scratch.part(name).view(np.float64)[:] = start
     return scratch
 
 

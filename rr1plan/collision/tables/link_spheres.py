@@ -60,6 +60,11 @@ class LinkSpheres:
     body: _INTS
 
     @cached_property
+    def rounding(self) -> float:
+        """What rounding may take from a gap between two bodies [m]."""
+        return 1e-9 + 1e-12 * float(np.abs(self.joint_values[:, 9:12]).sum())
+
+    @cached_property
     def longest_chain(self) -> int:
         """The most joints above a group."""
         return int((self.groups[:, 5] - self.groups[:, 4]).max(initial=0))

@@ -12,7 +12,7 @@ from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.convex.convex_bodies import is_concave
-from rr1plan.collision.convex.convex_cores import NO_CORES, CoreTables, joined_cores, shape_core
+from rr1plan.collision.convex.convex_cores import CoreTables, joined_cores, shape_core
 from rr1plan.collision.convex.mesh_trees import NO_MESHES, MeshTree, joined_trees, mesh_tree
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry
 from rr1plan.collision.tables.arm_tables import arm_tables
@@ -47,7 +47,8 @@ class ObstacleTables(NamedTuple):
 
     def struct(self) -> CStruct:
         """The tables as C reads them."""
-        return CStruct("ObstacleTables", count=len(self.kinds), **self._asdict())
+        kinds, shapes, boxes, core = self
+        return CStruct("ObstacleTables", count=len(kinds), kinds=kinds, shapes=shapes, boxes=boxes, core=core)
 
 
 class FixedSolids:
@@ -72,14 +73,6 @@ class FixedSolids:
         # Those with tables of their own, but for links, numbered among all solids, and their shapes.
         self._special = self._describe_special(things, shapes) if special else []
         self._cores = [(i, shape_core(shape)) for i, shape in self._special if self.solids[i, 3] == 0]
-        points, blocks = NO_CORES.points, NO_CORES.blocks
-        if self._cores:
-            parts = [core for _, core in self._cores]
-            points = np.concatenate([part.points for part in parts])
-            blocks = np.concatenate([part.blocks for part in parts])
-            rows = [i for i, _ in self._cores]
-            self.solids[rows, 4] = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
-            self.solids[rows, 5] = np.cumsum([0, *(len(part.blocks) for part in parts[:-1])])
         self.struct = CStruct(
             "FixedSolids",
             count=len(self.solids),
@@ -87,8 +80,18 @@ class FixedSolids:
             shapes=shapes,
             frames=np.frombuffer(bytearray().join([thing.frames for thing in things])).reshape(-1, 16),
             objects=np.frombuffer(bytearray().join([thing.pose.tobytes() for thing in things])).reshape(-1, 16),
-            points=points,
-            blocks=blocks,
+        )
+        if self._cores:
+            self._set_cores()
+
+    def _set_cores(self) -> None:
+        """Add the corners of cores, and where those of each solid begin."""
+        parts, rows = [core for _, core in self._cores], [i for i, _ in self._cores]
+        self.solids[rows, 4] = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
+        self.solids[rows, 5] = np.cumsum([0, *(len(part.blocks) for part in parts[:-1])])
+        self.struct.set(
+            points=np.concatenate([part.points for part in parts]),
+            blocks=np.concatenate([part.blocks for part in parts]),
         )
 
     def _describe_special(self, things: Sequence[ObstacleGeometry], rows: Array) -> list[tuple[int, Shape]]:
