@@ -70,7 +70,7 @@ class FixedSolids:
         self.solids, shapes, special = describe_solids(sizes, counts, links, first_body)
         self._links = sum(counts[:links])
         self._exact_kinds = np.frombuffer(sizes, np.int64)[5 * self._links :: 5]
-        # Those with tables of their own, but for links, numbered among all solids, and their shapes.
+        # Meshes and point clouds by their number among all solids, except those of links.
         self._special = self._describe_special(things, shapes) if special else []
         self._cores = [(i, shape_core(shape)) for i, shape in self._special if self.solids[i, 3] == 0]
         self.struct = CStruct(
