@@ -109,11 +109,13 @@ def _rules(scene: Scene, near: Near, moving: Sequence[str]) -> ContactRules:
     links = [(f"{a}/{link.name}", a) for a in arms for link in scene.arms[a].robot.links if link.collisions]
     owners = [*links, *((name, None) for name in near.obstacles), *((name, thing.arm) for name, thing in held)]
     names = {name for name, _ in owners} | set(arms)
+    # Links of one arm are no near pair unless it moves.
+    robots = [(name, scene.arms[name].robot) for name in arms]
     return rules_of(
         RuleContent(
             tuple(name for name, _ in owners),
             tuple(owner for _, owner in owners),
-            tuple((a, scene.arms[a].robot.base, frozenset(scene.arms[a].robot.disabled_collisions)) for a in arms),
+            tuple((a, robot.base, robot.disabled_collisions if a in moving else frozenset()) for a, robot in robots),
             tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
             frozenset(both for both in scene.allowed if both <= names),
             near.near_pairs,

@@ -124,8 +124,9 @@ def _new_placed_arm(geometry: ArmGeometry, q: Array) -> PlacedArm:
     # An arm may have no planning joint at all.
     driven = q[np.maximum(arm_model.columns, 0)] if len(q) else 0.0
     pin.forwardKinematics(arm_model.model, data, np.array(arm_model.offsets + arm_model.gains * driven))
-    poses = np.array([data.oMi[solid.joint].homogeneous @ solid.placement for solid in geometry.solids])
-    poses = poses.reshape(-1, 4, 4)
+    joints = np.array([pose.homogeneous for pose in data.oMi])
+    placements = np.array([solid.placement for solid in geometry.solids]).reshape(-1, 4, 4)
+    poses = joints[[solid.joint for solid in geometry.solids]] @ placements
     # Centers of the balls around bodies, in their own frames and where they are.
     R, t = tables.values[:, :9].reshape(-1, 3, 3), tables.values[:, 9:12]
     local = np.einsum("nji,nj->ni", R, tables.values[:, 12:15] - t)
