@@ -269,7 +269,7 @@ class CoalChecker:
     @cached_property
     def tables(self) -> ExactTables:
         """What the exact kernel knows of the pairs that move."""
-        return build_tables(self.geometry, self.fixed, self.solid_padding)
+        return build_tables(self.geometry, self.fixed, self._kept_padding)
 
     @cached_property
     def exact_kernel(self) -> ExactKernel:
