@@ -15,7 +15,7 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, frame_link
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 from rr1plan.validation.limit_checks import Findings
-from rr1plan.validation.link_motion import SceneMotion, TimedColumns
+from rr1plan.validation.link_motion import LinkMotion, TimedColumns
 
 # Joint values count as equal within this [rad or m], tolerances are kept to within it.
 _EQUAL = 1e-9
@@ -66,7 +66,7 @@ def _pose_of(scene: Scene, arm: str, q: list[float]) -> Callable[[str], Array]:
     def pose(link: str) -> Array:
         names = scene.joint_names((arm,))
         configuration = np.array([q])
-        motion = SceneMotion({arm: scene.arms[arm]}, names, np.zeros(1), configuration[None])
+        motion = LinkMotion({arm: scene.arms[arm]}, names)
         frames, i = motion.frames(configuration), motion.links[f"{arm}/{link}"]
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = frames.rotation[0, i], frames.origin[0, i]

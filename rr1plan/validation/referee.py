@@ -21,9 +21,8 @@ from rr1plan.scene.held_contacts import contact_advice
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation.bernstein_extremes import extremes
-from rr1plan.validation.certificate import TOUCH
 from rr1plan.validation.collision_proof import CollisionProof, Contact, prove
-from rr1plan.validation.compiled_search import ProofOptions
+from rr1plan.validation.compiled_search import TOUCH, ProofOptions
 from rr1plan.validation.goal_checks import check_endpoints
 from rr1plan.validation.limit_checks import Findings, Judgment
 from rr1plan.validation.link_motion import TimedColumns
@@ -31,7 +30,7 @@ from rr1plan.validation.moving_scene import MovingScene, moving_scene
 from rr1plan.validation.referee_kernels import load_library
 from rr1plan.validation.torque_checks import check_torques
 
-_MOST_DISTANCES = 400_000
+_MOST_SEARCHES = 400_000
 # Positions beyond this [rad or m] are no motion of an arm, and cost digits.
 _FARTHEST = 1e6
 # A speed beyond 100 times its limit, or times 10 rad/s (or m/s) where it has none, is no motion of an arm.
@@ -91,7 +90,7 @@ def validate(
     moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
     columns, found = moving.columns, extremes(motion.breaks, motion.coefficients)
     judgment = Judgment(columns, found, motion.breaks, motion.coefficients)
-    options = ProofOptions(clearance_tolerance, _most_distances(judgment), clearance)
+    options = ProofOptions(clearance_tolerance, _most_searches(judgment), clearance)
     _check_collisions(findings, moving, motion, options, progress)
     _name_unchecked_links(findings, scene)
     judgment.check_positions(findings)
@@ -141,7 +140,7 @@ def certify_path(
     if not _check_values(findings, trajectory):
         return _no_motion(findings)
     moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
-    options = ProofOptions(clearance_tolerance, _MOST_DISTANCES, clearance)
+    options = ProofOptions(clearance_tolerance, _MOST_SEARCHES, clearance)
     _check_collisions(findings, moving, motion, options, progress)
     _name_unchecked_links(findings, scene)
     found = extremes(motion.breaks, motion.coefficients)
@@ -249,9 +248,9 @@ def _check_reach(findings: Findings, trajectory: Trajectory) -> bool:
     return bool((reach <= _FARTHEST).all())
 
 
-def _most_distances(judgment: Judgment) -> int:
-    """Distances that a proof may take: few for a motion that is far too fast, which is refused whatever it hits."""
-    return _MOST_DISTANCES // 50 if judgment.is_absurd(_ABSURD, _FAST) else _MOST_DISTANCES
+def _most_searches(judgment: Judgment) -> int:
+    """Searches that a proof may take: few for a motion that is far too fast, which is refused whatever it hits."""
+    return _MOST_SEARCHES // 50 if judgment.is_absurd(_ABSURD, _FAST) else _MOST_SEARCHES
 
 
 def _check_collisions(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -34,14 +34,13 @@ from rr1plan.validation.referee_kernels import (
     OFFSET,
     PLANE,
     SHAPE,
-    SHAPE_CONCAVE,
-    SHAPE_SURFACE,
     SHIFT,
     SLIDES,
+    SURFACE,
     TURNS,
     RefereeStruct,
 )
-from rr1plan.validation.referee_shapes import Solid, core_row, solid
+from rr1plan.validation.referee_shapes import core_row, point_body
 
 Table = NDArray[np.int64]
 
@@ -103,11 +102,6 @@ class BodyRows:
         centers += origin
         return BodyRows(shapes, rows[:, :3].astype(np.int64), sizes)
 
-    @cached_property
-    def solids(self) -> tuple[Solid, ...]:
-        """The same as solids."""
-        return tuple(map(solid, self.shapes))
-
 
 @dataclass(frozen=True, eq=False)
 class ArmTables:
@@ -122,7 +116,6 @@ class ArmTables:
         depth: Joints of its longest chain.
         planes: Elements with a half-space for a shape.
         moving_planes: Those that a joint carries.
-        concave: Elements with a shape that the compiled search passes over.
         own_checked: Which pairs of its elements must not touch, shape (elements, elements) of 0 and 1; symmetric. None
             where no pair of them is checked.
     """
@@ -135,7 +128,6 @@ class ArmTables:
     depth: int
     planes: tuple[int, ...]
     moving_planes: tuple[int, ...]
-    concave: tuple[int, ...]
     own_checked: NDArray[np.uint8] | None
 
 
@@ -185,8 +177,6 @@ def _build(content: _Content) -> ArmTables:
     on = np.repeat(np.array([carriers[link][0] for link, _, _ in elements], dtype=np.int64), counts)
     depth = np.array([len(chain) for chain in chains], dtype=np.int64)[on]
     own_checked = _own_checked(links, content)
-    # Only surfaces that do not move are searched triangle by triangle.
-    rows.cores[rows.cores[:, 0] == SHAPE_SURFACE, 0] = SHAPE_CONCAVE
     bodies = _bodies(rows, on, depth)
     first = _starts(counts)
     struct = RefereeStruct(
@@ -204,10 +194,7 @@ def _build(content: _Content) -> ArmTables:
     )
     planes = _elements_with(rows, PLANE, first)
     moving = tuple(i for i in planes if depth[first[i]] > 0)
-    concave = _elements_with(rows, SHAPE_CONCAVE, first)
-    return ArmTables(
-        links, rows, bodies, struct, len(counts), int(depth.max(initial=0)), planes, moving, concave, own_checked
-    )
+    return ArmTables(links, rows, bodies, struct, len(counts), int(depth.max(initial=0)), planes, moving, own_checked)
 
 
 def _stacked(poses: list[Array]) -> Array:
@@ -280,12 +267,11 @@ def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
     struct = RefereeStruct(
         "RefereeModel", bodies=bodies, element_bodies=first, element_count=len(counts), base_element=-1
     )
-    planes, concave = _elements_with(rows, PLANE, first), _elements_with(rows, SHAPE_CONCAVE, first)
-    return ArmTables((), rows, bodies, struct, len(counts), 0, planes, (), concave, None)
+    return ArmTables((), rows, bodies, struct, len(counts), 0, _elements_with(rows, PLANE, first), (), None)
 
 
 def _bodies(rows: BodyRows, links: Table | None, depth: Table | None) -> RefereeStruct:
-    """Bodies as the kernels read them, with their corners and triangles.
+    """Bodies as the kernels read them, with their corners and trees.
 
     Args:
         rows: The bodies.
@@ -301,12 +287,12 @@ def _bodies(rows: BodyRows, links: Table | None, depth: Table | None) -> Referee
     corner_count = int(columns.sum())
     if corner_count:
         table[:, FIRST_CORNER] = np.cumsum(columns) - columns
-        solids = [solid(rows.shapes[i]) for i in np.flatnonzero(columns).tolist()]
-        arrays["corners"] = np.concatenate([body.core.corners for body in solids], axis=1)
-    searched = [i for i, form in enumerate(kind.tolist()) if form == SHAPE_SURFACE]
-    if searched:
-        surfaces = [surface for i in searched if (surface := solid(rows.shapes[i]).surface) is not None]
-        table[searched, FIRST_NODE] = _starts([len(surface.nodes) for surface in surfaces])[:-1]
-        arrays["boxes"] = np.concatenate([surface.boxes for surface in surfaces])
-        arrays["nodes"] = np.concatenate([surface.nodes for surface in surfaces])
+        made = [point_body(rows.shapes[i]) for i in np.flatnonzero(columns).tolist()]
+        arrays["corners"] = np.concatenate([body.core.corners for body in made], axis=1)
+    compound = np.flatnonzero(kind >= SURFACE)
+    if len(compound):
+        trees = [tree for i in compound.tolist() if (tree := point_body(rows.shapes[i]).tree) is not None]
+        table[compound, FIRST_NODE] = _starts([len(tree.nodes) for tree in trees])[:-1]
+        arrays["boxes"] = np.concatenate([tree.boxes for tree in trees])
+        arrays["nodes"] = np.concatenate([tree.nodes for tree in trees])
     return RefereeStruct("RefereeBodies", body_count=len(table), corner_count=corner_count, **arrays)

@@ -88,7 +88,7 @@ static int64_t lay_out(RefereeSearch *s, char *block) {
     TAKE(elements, spare);
     TAKE(gjk, spare);
     TAKE(directions, spare);
-    TAKE(left, s->pair_room);
+    TAKE(marked, s->pair_room);
     TAKE(items, s->pair_room * SEARCH_DEPTH);
 #undef TAKE
     for (int64_t b = 0; block && b < bodies; b++) s->placed_on[b] = 0;
