@@ -111,14 +111,15 @@ static inline double axis_separation(const BoundingBox *a, const BoundingBox *b)
     return gap;
 }
 
-// A lower bound of the distance of what is in two boxes [m].
+// A lower bound of the distance of what is in two boxes [m]; below zero where they overlap.
 static inline double box_separation(const BoundingBox *a, const BoundingBox *b) {
-    double square = 0.0;
+    double square = 0.0, most = -INFINITY;
     for (int i = 0; i < 3; i++) {
-        double gap = greater(greater(a->low[i] - b->high[i], b->low[i] - a->high[i]), 0.0);
-        square += gap * gap;
+        double gap = greater(a->low[i] - b->high[i], b->low[i] - a->high[i]);
+        most = greater(most, gap);
+        if (gap > 0.0) square += gap * gap;
     }
-    return sqrt(square);
+    return square > 0.0 ? sqrt(square) : most;
 }
 
 // ---- owners that stand still -------------------------------------------------------------------
