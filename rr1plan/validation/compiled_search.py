@@ -47,6 +47,7 @@ class ProofOptions:
 
     Args:
         tolerance: The smallest clearance reported is within this of the true one [m].
+        share: Or within this share of it, if that is more.
         max_searches: Searches for each chunk of pairs before giving up.
         clearance: Whether smallest clearances are looked for, besides contacts.
     """
@@ -54,6 +55,7 @@ class ProofOptions:
     tolerance: float
     max_searches: int
     clearance: bool = True
+    share: float = 0.0
 
 
 class Search:
@@ -87,6 +89,7 @@ class Search:
             column_count=columns,
             with_clearance=options.clearance,
             tolerance=options.tolerance,
+            share=options.share,
             touch=TOUCH,
             max_searches=options.max_searches,
             **scene.fields,

@@ -126,5 +126,5 @@ EXPORT void rr1_begin_search(RefereeSearch *s, double *block) {
         }
     }
     s->states[s->joint_count] = (JointState){.change = 0.0};
-    for (int group = 0; group < PAIR_GROUPS; group++) s->smallest[group] = s->proven[group] = INFINITY;
+    for (int group = 0; group < PAIR_GROUPS; group++) s->smallest[group] = s->proven[group] = s->refined[group] = INFINITY;
 }

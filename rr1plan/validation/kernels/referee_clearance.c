@@ -169,7 +169,9 @@ static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base,
 
 // The least clearance of a group that has to be proven on an interval [m].
 static inline double needed_clearance(const RefereeSearch *s, int64_t group) {
-    return s->with_clearance ? greater(0.0, s->smallest[group] - s->tolerance) : 0.0;
+    double smallest = s->smallest[group];
+    if (!s->with_clearance || !(smallest < INFINITY)) return s->with_clearance ? smallest : 0.0;
+    return greater(0.0, smallest - greater(s->tolerance, s->share * smallest));
 }
 
 // Where the nearest pair of a group is kept, behind the pairs of the chunk; and a place for a pair of the moment.

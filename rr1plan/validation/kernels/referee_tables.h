@@ -319,7 +319,8 @@ typedef struct {
     const double *paddings;
     // What is looked for.
     int64_t with_clearance;  // whether the smallest clearances are, besides contacts
-    double tolerance;        // smallest clearances and largest depths are found within this [m]
+    double tolerance;        // smallest clearances and largest depths are found within this [m],
+    double share;            // or this share of a clearance, and a twentieth of a depth, if that is more
     double touch;            // a clearance up to this is a contact [m]
     int64_t max_searches;    // of a chunk of pairs, before what is open is left undecided
     // Counts that follow from these, and memory that the caller gives; see `memory.c`.
@@ -383,6 +384,7 @@ typedef struct {
     int64_t has_nearest[2];  // whether a smallest clearance of each group is known
     double smallest[2];      // that clearance, or 0 with a contact to report [m]
     double proven[2];        // lower bound of it [m]
+    double refined[2];       // the one around whose time a smaller one was looked for last [m]
     double decided;          // what is decided of the chunk: pairs of bodies times seconds
     ElementPair ends[2];     // pair with the smallest clearance to the surroundings at the begin and at the end
 } RefereeSearch;

@@ -8,9 +8,10 @@
 
 // A first contact is found to this [s].
 #define CONTACT_STEP 1e-5
-// A smallest clearance is sharp when another look changes it by less [m], a largest depth by this share of the tolerance.
-#define SHARP 1e-10
-#define SHARP_DEPTH 1e-3
+// A smallest clearance or a largest depth is sharp when another look changes it by less than this share of the tolerance.
+#define SHARP 1e-3
+// Of so many slices the smallest clearance of the arms' own pairs is looked at in the middle of one.
+enum { OWN_SLICES = 4 };
 // Contacts of which the largest depth is made sharp. Searches for depths: of a chunk, before those of all chunks count, and
 // the share of `max_searches` that they may take.
 enum { MOST_SHARPENED = 64, CHUNK_DEPTHS = 500, DEPTHS_SHARE = 4 };
@@ -51,37 +52,35 @@ static double lowest_of_parabola(TimedClearance low, TimedClearance at, TimedCle
     return 0.5 * (below * right * right - above * left * left) / bend;
 }
 
+// The clearance of a pair at the time nearest to this one within the motion.
+static TimedClearance clearance_near(RefereeSearch *s, int64_t k, double time) {
+    time = lesser(greater(time, s->breaks[0]), s->breaks[s->break_count - 1]);
+    return (TimedClearance){time, clearance_at(s, k, time)};
+}
+
 // Find the smallest clearance of a pair of bodies around the time it was seen.
 //
-// Of three times the middle one has the smallest clearance; they close in on it until the outer ones differ by less than
-// `precision` [m], by the lowest points of parabolas where those are good, else by golden sections.
+// Of three times the middle one has the smallest clearance, after steps downhill; they close in on it until the outer ones
+// differ by less than `precision` [m], by the lowest points of parabolas where those are good, else by golden sections.
 static void refine_pair(RefereeSearch *s, int64_t k, double precision) {
-    enum { EACH_WAY = 4, ROUNDS = 60 };
+    enum { STEPS = 8, ROUNDS = 60 };
     const RefereePair *pair = &s->pairs[k];
     if (pair->arm_a >= s->moving_count && pair->arm_b >= s->moving_count) return;
-    double begin = s->breaks[0], finish = s->breaks[s->break_count - 1], center = s->elements[pair->elements].when;
-    double step = (finish - begin) / 256.0;
-    TimedClearance at = {center, 1e300}, seen[2 * EACH_WAY + 3];
-    if (!(step > 0.0)) {
-        clearance_at(s, k, center);
-        return;
+    double duration = s->breaks[s->break_count - 1] - s->breaks[0], step = duration / 256.0;
+    TimedClearance at = clearance_near(s, k, s->elements[pair->elements].when);
+    if (!(step > 0.0)) return;
+    TimedClearance low = clearance_near(s, k, at.time - step), high = clearance_near(s, k, at.time + step);
+    for (int i = 0; i < STEPS && (low.value < at.value || high.value < at.value); i++) {
+        int down = low.value < high.value;
+        TimedClearance next = clearance_near(s, k, down ? low.time - step : high.time + step);
+        *(down ? &high : &low) = at;
+        at = down ? low : high;
+        *(down ? &low : &high) = next;
+        step *= 1.5;
     }
-    int best = 1;
-    for (int i = 1; i <= 2 * EACH_WAY + 1; i++) {
-        double time = lesser(greater(center + (i - 1 - EACH_WAY) * step, begin), finish);
-        seen[i] = (TimedClearance){time, clearance_at(s, k, time)};
-        if (seen[i].value < seen[best].value) best = i;
-    }
-    at = seen[best];
-    for (int side = -1; side < 2; side += 2) {
-        if (best + side > 0 && best + side <= 2 * EACH_WAY + 1) continue;
-        double time = lesser(greater(at.time + side * step, begin), finish);
-        seen[best + side] = (TimedClearance){time, clearance_at(s, k, time)};
-    }
-    TimedClearance low = seen[best - 1], high = seen[best + 1];
     for (int round = 0; round < ROUNDS; round++) {
         double left = at.time - low.time, right = high.time - at.time, width = greater(left, right);
-        if (greater(low.value, high.value) - at.value <= precision || left + right <= 1e-7 * (finish - begin)) return;
+        if (greater(low.value, high.value) - at.value <= precision || left + right <= 1e-7 * duration) return;
         double wider = right > left ? 1.0 : -1.0, move = lowest_of_parabola(low, at, high);
         if (round % 3 == 2 || move == 0.0) {
             move = 0.382 * wider * width;
@@ -102,9 +101,14 @@ static void refine_pair(RefereeSearch *s, int64_t k, double precision) {
     }
 }
 
-static void refine_nearest(RefereeSearch *s, double precision) {
-    for (int64_t group = 0; group < PAIR_GROUPS; group++)
-        if (s->has_nearest[group]) refine_pair(s, nearest_pair(s, group), precision);
+// Refine the smallest clearances that were seen since the last time.
+static void refine_nearest(RefereeSearch *s) {
+    for (int64_t group = 0; group < PAIR_GROUPS; group++) {
+        int64_t k = nearest_pair(s, group);
+        if (!s->has_nearest[group] || s->elements[k].seen == s->refined[group]) continue;
+        refine_pair(s, k, SHARP * s->tolerance);
+        s->refined[group] = s->elements[k].seen;
+    }
 }
 
 // ---- intervals ---------------------------------------------------------------------------------
@@ -236,7 +240,7 @@ static void report_marks(RefereeSearch *s) {
         const ElementPair *elements = &s->elements[e];
         if (elements->mark == PAIR_FREE) continue;
         if (elements->mark == PAIR_TOUCHES && s->sharpened_count < MOST_SHARPENED) {
-            refine_pair(s, elements->pair, SHARP_DEPTH * s->tolerance);
+            refine_pair(s, elements->pair, SHARP * s->tolerance);
             s->sharpened_count++;
         }
         s->marked[s->marked_count++] = *elements;
@@ -359,7 +363,6 @@ static void search_ends(RefereeSearch *s) {
         pose_movers_at(s, time);
         NearestElements best = find_nearest_others(s, 0, s->moving_count, time, 0.0, standing);
         s->ends[end] = (ElementPair){best.a, best.b, PAIR_FREE, -1, best.clearance, time, INFINITY};
-        find_nearest_own(s, time, s->tolerance);
     }
 }
 
@@ -383,7 +386,7 @@ static void search_slices(RefereeSearch *s) {
         if (!s->with_clearance) continue;
         NearestElements best = {s->smallest[GROUP_OTHERS], -1, -1};
         find_nearest_others(s, 0, s->moving_count, middle.time, s->tolerance, best);
-        find_nearest_own(s, middle.time, s->tolerance);
+        if (slice % OWN_SLICES == OWN_SLICES / 2 || s->slice_count == 1) find_nearest_own(s, middle.time, s->tolerance);
     }
 }
 
@@ -402,7 +405,7 @@ static void start_search(RefereeSearch *s) {
     sort_owners(s);
     if (s->with_clearance) search_ends(s);
     search_slices(s);
-    if (s->with_clearance) refine_nearest(s, 0.1 * s->tolerance);
+    if (s->with_clearance) refine_nearest(s);
     s->stage = SEARCH_STATIONARY;
     s->arm = s->moving_count;
     s->partner = s->arm + 1;
@@ -425,5 +428,5 @@ EXPORT void rr1_prove_motion(RefereeSearch *s, int64_t budget) {
             }
         }
     }
-    if (s->stage == SEARCH_DONE && s->with_clearance) refine_nearest(s, SHARP);
+    if (s->stage == SEARCH_DONE && s->with_clearance) refine_nearest(s);
 }
