@@ -18,64 +18,45 @@ from rr1plan.validation.hull_support import Core, hull_core
 from rr1plan.validation.mesh_surfaces import PartTree, cell_parts, surface_parts
 from rr1plan.validation.referee_kernels import BOX, CYLINDER, GRID_CELLS, PLANE, SURFACE
 
-Triple = tuple[float, float, float]
-
-
-class CoreRow(NamedTuple):
-    """What the kernels read of a shape in its frame; see `BodySizes` in `referee_tables.h`.
-
-    Args:
-        kind: What it is to the kernels.
-        single: Number of corners to look at one by one.
-        columns: Its columns of `corners`.
-        half: Half edges, or what stands for them.
-        rounding: Radius around that [m].
-        radius: Of the ball around all [m].
-        box: Half edges of its bounding box [m].
-        center: Middle of that box [m].
-    """
-
-    kind: int
-    single: int
-    columns: int
-    half: Triple
-    rounding: float
-    radius: float
-    box: Triple
-    center: Triple = (0.0, 0.0, 0.0)
-
 
 class PointBody(NamedTuple):
     """A mesh or a point cloud.
 
     Args:
         core: What the kernels read of it besides its sizes.
-        row: Its sizes.
+        row: Its sizes; see `core_row`.
         tree: The tree of its parts; None for a convex one.
     """
 
     core: Core
-    row: CoreRow
+    row: tuple[float, ...]
     tree: PartTree | None
 
 
-def core_row(shape: Shape) -> CoreRow:
-    """What the kernels read of a shape."""
+def core_row(shape: Shape) -> tuple[float, ...]:
+    """What the kernels read of a shape in its frame, a `ShapeRow` of `referee_tables.h`.
+
+    Returns:
+        14 numbers: kind, number of corners that are looked at one by one, columns of `corners`; half edges or what
+        stands for them (3), the radius around that, the radius of the ball around all, half edges (3) and middle (3) of
+        the bounding box [m].
+    """
     if isinstance(shape, Box):
         x, y, z = shape.size
-        half = 0.5 * x, 0.5 * y, 0.5 * z
-        return CoreRow(BOX, 0, 0, half, 0.0, math.hypot(*half), half)
+        x, y, z = 0.5 * x, 0.5 * y, 0.5 * z
+        return BOX, 0, 0, x, y, z, 0.0, math.hypot(x, y, z), x, y, z, 0.0, 0.0, 0.0
     if isinstance(shape, Cylinder):
         r, h = shape.radius, 0.5 * shape.length
-        return CoreRow(CYLINDER, 0, 0, (r, r, h), 0.0, math.hypot(r, h), (r, r, h))
+        return CYLINDER, 0, 0, r, r, h, 0.0, math.hypot(r, h), r, r, h, 0.0, 0.0, 0.0
     if isinstance(shape, Sphere):
         r = shape.radius
-        return CoreRow(BOX, 0, 0, (0.0, 0.0, 0.0), r, r, (r, r, r))
+        return BOX, 0, 0, 0.0, 0.0, 0.0, r, r, r, r, r, 0.0, 0.0, 0.0
     if isinstance(shape, Capsule):
         r, h = shape.radius, 0.5 * shape.length
-        return CoreRow(BOX, 0, 0, (0.0, 0.0, h), r, h + r, (r, r, h + r))
+        return BOX, 0, 0, 0.0, 0.0, h, r, h + r, r, r, h + r, 0.0, 0.0, 0.0
     if isinstance(shape, HalfSpace):
-        return CoreRow(PLANE, 0, 0, shape.normal, shape.offset, math.inf, (math.inf, math.inf, math.inf))
+        wide = math.inf
+        return PLANE, 0, 0, *shape.normal, shape.offset, wide, wide, wide, wide, 0.0, 0.0, 0.0
     return point_body(shape).row
 
 
@@ -95,13 +76,13 @@ def point_body(shape: Mesh | PointCloud) -> PointBody:
     return PointBody(core, _bounded(core, columns[:3].T, 0.0), tree)
 
 
-def _bounded(core: Core, points: Array, thickness: float) -> CoreRow:
+def _bounded(core: Core, points: Array, thickness: float) -> tuple[float, ...]:
     """The sizes of points (n, 3), each a cube of half edge `thickness` [m]."""
     lower, upper = points.min(axis=0) - thickness, points.max(axis=0) + thickness
     center = 0.5 * (lower + upper)
     radius = float(np.linalg.norm(points - center, axis=1).max()) + math.sqrt(3.0) * thickness
-    (x, y, z), (a, b, c) = (0.5 * (upper - lower)).tolist(), center.tolist()
-    return CoreRow(*core.row, (thickness, thickness, thickness), 0.0, radius, (x, y, z), (a, b, c))
+    half = [thickness] * 3
+    return (*core.row, *half, 0.0, radius, *(0.5 * (upper - lower)).tolist(), *center.tolist())
 
 
 def _is_flat(points: Array) -> bool:

@@ -45,7 +45,7 @@ class Pairs:
 
     def __init__(self, model: ArmTables) -> None:
         self.model = model
-        self.solids = [solid(shape) for shape in model.rows.shapes]
+        self.solids = [solid(shape) for shape in model.shapes]
         self.meter = CoalDistance()
         self.state = RefereeStruct("GjkState")
 
@@ -55,7 +55,7 @@ class Pairs:
         for body, T in ((a, Ta), (b, Tb)):
             middle = T[:3, :3] @ self.solids[body].center + T[:3, 3]
             placed[body] = np.concatenate([T[:3, :3].ravel(), T[:3, 3], middle])
-        off = self.model.rows.sizes[a, 3] + self.model.rows.sizes[b, 3]
+        off = float(self.model.bodies.part("sizes")[[a, b], 3].sum())
         bounds = np.zeros(2)
         load_library().rr1_probe_separation(
             self.model.bodies, placed, a, b, self.state, min(base + off, 1e300), 1e300, bounds

@@ -66,6 +66,18 @@ typedef struct {
     double origin[3];
 } BodySizes;
 
+// A shape in its own frame; see `core_row` in `referee_shapes.py`.
+typedef struct {
+    double shape;
+    double corner_count;
+    double columns;  // of `corners`
+    double half[3];
+    double rounding;
+    double radius;
+    double box[3];
+    double center[3];
+} ShapeRow;
+
 // World pose of a body, and the center of its bounding ball.
 typedef struct {
     double rotation[9];
