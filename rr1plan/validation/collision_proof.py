@@ -93,9 +93,10 @@ def _contacts(scene: MovingScene, search: Search) -> list[Contact]:
     return [contact for _, contact in sorted(rows, key=lambda row: row[0])]
 
 
-def _names(scene: MovingScene, elements: ElementPair) -> list[tuple[int, str, str]]:
+def _names(scene: MovingScene, elements: ElementPair) -> tuple[tuple[int, str, str], tuple[int, str, str]]:
     """Places of two elements in the scene, in order, with their names and those of their owners."""
-    return sorted(scene.element(e) for e in elements)
+    one, two = map(scene.element, elements)
+    return (one, two) if one <= two else (two, one)
 
 
 def _nearest(scene: MovingScene, found: FoundPair | None) -> Nearest | None:

@@ -46,6 +46,7 @@ class MovingScene:
         still = [name for name in tables.names if name not in self.columns_of_arm]
         self.arms = [tables.numbers[name] for name in (*moving, *still)]
         self.moving = len(moving)
+        self._elements: dict[int, tuple[int, str, str]] = {}
         if any(model.moving_planes for model in tables.models):
             self._check_moving_planes()
         self.fields = self._instances(still) | self._rule_rows()
@@ -139,8 +140,12 @@ class MovingScene:
 
     def element(self, element: int) -> tuple[int, str, str]:
         """Place among all elements of the scene, name and owner's name of an element."""
-        (place, local), arms = self._locate(element), len(self.arms)
-        return self.tables.element(*((self.arms[place], local) if place < arms else (arms + local, 0)))
+        known = self._elements.get(element)
+        if known is None:
+            (place, local), arms = self._locate(element), len(self.arms)
+            owner = (self.arms[place], local) if place < arms else (arms + local, 0)
+            known = self._elements[element] = self.tables.element(*owner)
+        return known
 
     def equal_pairs(self, pair: tuple[int, int]) -> Iterator[tuple[int, int]]:
         """A pair of elements, and if it is an arm's own, the same pair of all stationary arms equal to it."""
