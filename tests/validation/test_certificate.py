@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from concave_meshes import torus
 
 import rr1plan as rp
 from rr1plan.errors import InputError, UnknownNameError
@@ -150,6 +151,19 @@ def test_half_a_micrometer_is_undecided_never_free(slider: Make, quintic: Make) 
     doubt = only(validate(quintic(["arm/slide"], [0.0], [0.4495 - 5e-7]), scene), "undecided")
     assert doubt.value == pytest.approx(5e-7, abs=1e-9)
     assert doubt.limit == 1e-6
+
+
+def test_less_than_a_micrometer_is_undecided_where_bounding_volumes_suffice_too(slider: Make) -> None:
+    """Two balls, whose distance needs no search, and a mesh beside the corner of its own box."""
+    for shape in (rp.Sphere(0.1), torus(0.1, 0.02)):
+        reach = 0.1 if isinstance(shape, rp.Sphere) else float(shape.vertices[:, 0].max())
+        scene = rp.Scene().with_arm("arm", slider(BALL)).with_obstacle("other", shape, [1.0, 0.0, 0.0])
+        for gap, free in ((5e-7, False), (2e-6, True)):
+            still = rp.Trajectory.rest(("arm/slide",), [1.0 - reach - BALL.radius - gap])
+            for clearance in (True, False):
+                report = validate(still, scene, clearance=clearance)
+                assert [v.kind for v in report.violations] == ([] if free else ["undecided"])
+            assert not free or validate(still, scene).margins["clearance"].value == pytest.approx(gap, abs=1e-9)
 
 
 def test_work_without_end_is_given_up_as_undecided(

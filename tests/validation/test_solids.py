@@ -172,7 +172,7 @@ def test_a_depth_is_the_smallest_overlap_along_any_direction(clearance: Clearanc
 
 
 def test_a_cloud_is_as_far_as_the_slow_certificate_finds(clearance: Clearance) -> None:
-    """Each convex shape and a mesh; apart to rounding, and in contact no less deep than some cell."""
+    """Each convex shape and a mesh: equal to rounding where free, and no deeper than Coal says in contact."""
     rng = np.random.default_rng(7)
     touching = 0
     for n in range(36):

@@ -59,6 +59,36 @@ def test_the_search_finds_what_coals_distances_do(name: str, chain: Make, proof_
     assert 0 < sum(verdicts) < 10
 
 
+CLOUD = rp.PointCloud(np.random.default_rng(0).uniform(-0.2, 0.2, (60, 3)), 0.03)
+
+
+@pytest.mark.parametrize("other", [rp.Box((0.1, 0.2, 0.3)), angle_block(), CLOUD], ids=["box", "mesh", "cloud"])
+@pytest.mark.parametrize("held", ["torus", "half shell", "soup", "angle"])
+def test_meshes_that_move_are_decided_as_by_coals_distances(
+    held: str, other: Any, chain: Make, proof_of: Make, all_pairs: Make
+) -> None:
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        scene = rp.Scene().with_arm("arm", chain(rng, 3))
+        tool = scene.link_poses()["arm/link3"]
+        scene = scene.with_obstacle("held", MESHES[held], tool @ pose([0.2, 0.0, 0.0])).attach("held", "arm")
+        at = tool[:3, 3] + rng.uniform(0.4, 0.8) * np.array([0.6, 0.0, 0.8])
+        scene = scene.with_obstacle("other", other, pose(at, rpy=rng.normal(size=3)))
+        move = wander(scene, rng, (0.02, 0.1)[seed])
+        fast, sure = proof_of(scene, move), all_pairs(scene, move)
+        assert [contact.pair for contact in fast.contacts] == sure.hits, seed
+        for contact in fast.contacts:
+            first = sure.found.first_contact[scene.checked_pairs.index(contact.pair)]
+            assert contact.first == pytest.approx(first, abs=2e-5)
+            assert contact.clearance <= 1e-6
+        if not fast.contacts:
+            for group in range(2):
+                nearest = fast.nearest[group]
+                assert (nearest is None) == np.isinf(sure.smallest[group])
+                assert nearest is None or nearest.clearance == pytest.approx(sure.smallest[group], abs=2e-4 + COAL)
+                assert nearest is None or fast.proven[group] <= sure.smallest[group] + COAL
+
+
 @pytest.mark.parametrize("pin", [rp.Capsule(0.01, 0.5), torus(0.02, 0.01)], ids=["convex", "mesh"])
 def test_a_held_ring_may_move_around_a_pin_but_not_through_it(pin: Any, slider: Make, quintic: Make) -> None:
     scene = rp.Scene().with_arm("arm", slider(rp.Sphere(0.01)))

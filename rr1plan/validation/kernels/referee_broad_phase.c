@@ -111,7 +111,7 @@ static inline double axis_separation(const BoundingBox *a, const BoundingBox *b)
     return gap;
 }
 
-// A lower bound of the distance of what is in two boxes [m]; below zero where they overlap.
+// A lower bound of the distance of two boxes [m]; where they overlap minus the depth of that.
 static inline double box_separation(const BoundingBox *a, const BoundingBox *b) {
     double square = 0.0, most = -INFINITY;
     for (int i = 0; i < 3; i++) {

@@ -167,11 +167,11 @@ static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base,
     return (ClearanceBounds){found.upper, found.lower};
 }
 
-// The least clearance of a group that has to be proven on an interval [m].
+// The least clearance of a group that has to be proven on an interval [m]: more than what cannot be told from contact.
 static inline double needed_clearance(const RefereeSearch *s, int64_t group) {
     double smallest = s->smallest[group];
-    if (!s->with_clearance || !(smallest < INFINITY)) return s->with_clearance ? smallest : 0.0;
-    return greater(0.0, smallest - greater(s->tolerance, s->share * smallest));
+    if (!s->with_clearance) return s->touch;
+    return smallest < INFINITY ? greater(s->touch, smallest - greater(s->tolerance, s->share * smallest)) : smallest;
 }
 
 // Where the nearest pair of a group is kept, behind the pairs of the chunk; and a place for a pair of the moment.

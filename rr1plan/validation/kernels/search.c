@@ -10,7 +10,7 @@
 #define CONTACT_STEP 1e-5
 // A smallest clearance or a largest depth is sharp when another look changes it by less than this share of the tolerance.
 #define SHARP 1e-3
-// Of so many slices the smallest clearance of the arms' own pairs is looked at in the middle of one.
+// The smallest clearance of the arms' own pairs is searched for in the middle of every fourth slice.
 enum { OWN_SLICES = 4 };
 // Contacts of which the largest depth is made sharp. Searches for depths: of a chunk, before those of all chunks count, and
 // the share of `max_searches` that they may take.

@@ -5,7 +5,7 @@
 // `referee_gjk.c` finds the distance of two parts, and what its direction proves holds for a whole interval. The planes that
 // separated the last parts separate most others.
 
-// Planes that are kept, and pairs of nodes that wait: trees are halved at their medians, so these never suffice for less.
+// Planes that are kept, and pairs of nodes that wait: no more than both trees are deep, and those are halved at medians.
 enum { MOST_PLANES = 4, WALK_DEPTH = 160 };
 
 // All points of a body are below `edge` along a unit direction [m]; that of a body of many parts is not known.
@@ -202,7 +202,7 @@ typedef struct {
     TwoOf waiting[WALK_DEPTH];
     int64_t count;
     TwoOf first, last, at;  // parts of two leaves, and the next two of them
-    double passed;           // smallest bound of what was passed over [m]
+    double passed;           // smallest bound of the nodes and parts that were not searched [m]
 } Walk;
 
 static void begin_walk(const CompoundPair *pair, Walk *walk) {
