@@ -40,7 +40,7 @@ from rr1plan.checks import (
     whole_number,
 )
 from rr1plan.errors import BackendError, InputError
-from rr1plan.pipeline import MotionPlan
+from rr1plan.motion_plan import MotionPlan
 from rr1plan.planners import chosen_planner, is_own
 from rr1plan.planning import Budget, Planner, PlanResult, Progress, ProgressCallback
 from rr1plan.retiming import retiming_names

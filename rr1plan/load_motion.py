@@ -8,8 +8,8 @@ from rr1plan.checks import of_kind
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export.motion_files import changes, check_units, fit_path, fit_trajectory, read_motion
 from rr1plan.export.plan_files import SavedMotion
+from rr1plan.motion_plan import MotionPlan
 from rr1plan.path import Path
-from rr1plan.pipeline import MotionPlan
 from rr1plan.planning import PlanResult, PlanStatus, ProgressCallback
 from rr1plan.report import Report
 from rr1plan.scene import Scene

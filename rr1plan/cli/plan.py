@@ -12,7 +12,8 @@ from rr1plan.cli.console import Console
 from rr1plan.errors import InputError
 from rr1plan.export.csv_files import csv_text, save_csv
 from rr1plan.files.file_access import check_writable
-from rr1plan.pipeline import MotionPlan, plan_motion
+from rr1plan.motion_plan import MotionPlan
+from rr1plan.pipeline import plan_motion
 from rr1plan.planning import PlanStatus, ProgressCallback
 from rr1plan.progress_bar import Advance
 from rr1plan.scene.model_library import load_problems, load_scene_file

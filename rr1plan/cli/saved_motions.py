@@ -10,7 +10,7 @@ from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.plan import told_to
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.load_motion import load_motion
-from rr1plan.pipeline import MotionPlan
+from rr1plan.motion_plan import MotionPlan
 from rr1plan.scene.model_library import load_scene
 
 
@@ -34,7 +34,7 @@ def play(options: Namespace, console: Console) -> int:
     say_changes(motion, console)
     with console.progress("replaying") as advance:
         replay = rp.simulate(
-            trajectory, motion.scene, mode=options.mode, timestep=options.timestep, progress=told_to(advance)
+            trajectory, motion.scene, mode=options.mode, dt=options.timestep, progress=told_to(advance)
         )
     console.say(str(replay))
     console.say(f"  it took {milliseconds(replay.wall_seconds)}")

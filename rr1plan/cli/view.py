@@ -16,7 +16,8 @@ from rr1plan.export.csv_files import save_csv
 from rr1plan.export.motion_files import is_motion_file
 from rr1plan.export.plan_files import save_trajectory
 from rr1plan.files.file_access import check_writable
-from rr1plan.pipeline import MotionPlan, plan_motion
+from rr1plan.motion_plan import MotionPlan
+from rr1plan.pipeline import plan_motion
 from rr1plan.planners import chosen_planner
 from rr1plan.scene.model_library import load_problems, load_scene, scene_names
 

@@ -15,11 +15,14 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
 
 from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
 from rr1plan.multi.problems import dual_arm_shelf, random_grid, ring_swap
+from rr1plan.multi.schedule import Leg, Schedule
 from rr1plan.scene.placement import place_grid, place_ring
 
 __all__ = [
     "GroupResult",
+    "Leg",
     "ManyArmsResult",
+    "Schedule",
     "dual_arm_shelf",
     "place_grid",
     "place_ring",

@@ -115,7 +115,7 @@ def touching_configurations(pair, rng, count):
     """Lines on which both arms first come within 2 mm, then overlap by 1 mm; nothing else is near.
 
     Returns:
-        Configurations q of both arms, steps of the second, and by which part of them both happens.
+        Configurations of both arms, steps of the second arm, and the fractions of the steps at 2 mm and at -1 mm.
     """
     whole = CollisionChecker(pair)
     cross = np.array([crosses(names) for names in whole.pairs])

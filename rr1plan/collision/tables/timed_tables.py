@@ -98,10 +98,10 @@ def _boxes(tables: ExactTables, arms: _INTS) -> tuple[ExactTables, _INTS, _INTS]
         balls = values[members, 12:16]
         first, last = bodies[members[0], 4:].tolist()
         # No farther from an axis than another center that the same joint carries can be, and their distance.
-        apart = float(np.linalg.norm(balls[0, :3] - center)) * _ROUNDING
+        offset = float(np.linalg.norm(balls[0, :3] - center)) * _ROUNDING
         rows.append([kind, joint, 0, 0, len(chain), len(chain) + last - first])
         chain += tables.chain[first:last].tolist()
-        reach += (tables.chain_reach[first:last] + apart).tolist()
+        reach += (tables.chain_reach[first:last] + offset).tolist()
         radius = float(ball_reach(balls, center).max()) * _ROUNDING
         box_values.append([*np.eye(3).ravel(), *center, *center, radius, 0.0, *np.zeros(3), *half, *half, 0.0])
     count = len(keys)

@@ -1,0 +1,209 @@
+"""What `plan_motion` returns: the planner's result, path, trajectory and report; to show, print or save."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, TypeVar
+
+from rr1plan.checks import counted
+from rr1plan.errors import NoPlanError
+from rr1plan.path import Path
+from rr1plan.planning import PlanResult, PlanStatus
+from rr1plan.report import Report
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
+from rr1plan.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from rr1plan.multi.portfolio import ManyArmsResult
+    from rr1plan.playback.simulation.replay import Replay
+    from rr1plan.playback.viewer import Viewer, ViewOptions
+
+_T = TypeVar("_T")
+_DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
+
+
+@dataclass(frozen=True, eq=False)
+class MotionPlan:
+    """Result of `plan_motion`: the planner's result, path, trajectory and report.
+
+    Asking a plan that failed for its path, trajectory or report raises `NoPlanError` with the
+    planner's reason; look at `found`, `valid` and `status` first.
+
+    Args:
+        problem: The planning problem; None for a motion from a file without a problem.
+        result: The planner's result.
+        seconds: Wall time of each stage [s], in order: "imports" (lazy imports of `rr1plan` before the first query
+            of the process), "set up" (compiled code and collision tables, once), "plan", "shorten", "retime",
+            "validate".
+        margin: Distance kept beyond the scene's padding while planning [m].
+        changes: For a motion from a file: differences between the scene it was planned in and `scene`.
+        many_arms: Result of the planner "many_arms": paths by arm, stages, makespan. There is no composite `path` then.
+    """
+
+    problem: Problem | None
+    result: PlanResult
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    margin: float = 0.0
+    _path: Path | None = None
+    _trajectory: Trajectory | None = None
+    _report: Report | None = None
+    changes: tuple[str, ...] = ()
+    _scene: Scene | None = None
+    many_arms: ManyArmsResult | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """Where it happens."""
+        if self._scene is not None:
+            return self._scene
+        assert self.problem is not None, "a plan without a problem is made with its scene"
+        return self.problem.scene
+
+    @property
+    def status(self) -> PlanStatus:
+        """How planning ended."""
+        return self.result.status
+
+    @property
+    def found(self) -> bool:
+        """The planner found a path; whether its motion is `valid` is another matter."""
+        return self.result.found
+
+    @property
+    def valid(self) -> bool:
+        """There is a trajectory, and its report is valid: the referee found no violation."""
+        return self._report is not None and self._report.valid
+
+    def __bool__(self) -> bool:
+        """Whether the referee's report is valid and certified."""
+        return self._report is not None and self._report.certified
+
+    @property
+    def path(self) -> Path:
+        """The shortened path."""
+        return self._path if self._path is not None else _present(self.result.path, self.result)
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The timed motion."""
+        return _present(self._trajectory, self.result)
+
+    @property
+    def report(self) -> Report:
+        """The referee's verdict on the trajectory."""
+        return _present(self._report, self.result)
+
+    def __repr__(self) -> str:
+        if self._report is None:
+            return f"MotionPlan({self.result!r})"
+        return f"MotionPlan({self.size()}, {self._report!r})"
+
+    def __str__(self) -> str:
+        if self._report is None:
+            return f"no plan ({self.result.planner}, {self.status.value}): {self.result.reason}"
+        stages = "".join(f"{name} {1e3 * seconds:.1f} ms, " for name, seconds in self.seconds.items())
+        lines = [f"{self.size()}; {stages}".rstrip("; ,"), *(f"  changed      {change}" for change in self.changes)]
+        return "\n".join([*lines, str(self._report)])
+
+    def size(self) -> str:
+        """Summary of path and trajectory: "57 waypoints, 2.31 rad long, 1.20 s in 112 quartic pieces"."""
+        path, trajectory = self._path_if_any(), self._trajectory
+        parts = [] if path is None else [f"{counted(len(path), 'waypoint')}, {path.length:.2f} rad long"]
+        if trajectory is not None:
+            kind = _DEGREES.get(trajectory.degree, f"degree-{trajectory.degree}")
+            parts.append(f"{trajectory.duration:.3f} s in {counted(len(trajectory.coefficients), f'{kind} piece')}")
+        return ", ".join(parts)
+
+    def show(
+        self,
+        *,
+        replay: Replay | None = None,
+        options: ViewOptions | None = None,
+        port: int | None = None,
+        open_browser: bool = True,
+        quiet: bool = False,
+    ) -> Viewer:
+        """Open the motion in a live Meshcat page and print its address; the arguments are those of `rr1plan.show`.
+
+        End a script with `motion.show().wait()`, which keeps the page until it is closed.
+        """
+        from rr1plan.playback.viewer import show
+
+        return show(
+            self.scene,
+            trajectory=self._trajectory,
+            path=self._path_if_any(),
+            problem=self.problem,
+            report=self._report,
+            replay=replay,
+            options=options,
+            port=port,
+            open_browser=open_browser,
+            quiet=quiet,
+        )
+
+    def save_html(
+        self, file: str | FilePath, *, replay: Replay | None = None, options: ViewOptions | None = None
+    ) -> FilePath:
+        """Write one self-contained page that plays the motion offline; arguments as in `rr1plan.save_html`."""
+        from rr1plan.playback.viewer import save_html
+
+        return save_html(
+            file,
+            self.scene,
+            trajectory=self._trajectory,
+            path=self._path_if_any(),
+            problem=self.problem,
+            report=self._report,
+            replay=replay,
+            options=options,
+        )
+
+    def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
+        """Write scene, problem, path, trajectory and report to one JSON file; read it with `rr1plan.load_motion`.
+
+        Args:
+            file: The file.
+            embed: Put large meshes into the file, not into the folder "geometry" beside it; see `save_motion`.
+        """
+        from rr1plan.export.plan_files import save_motion
+
+        return save_motion(
+            file,
+            self.scene,
+            path=self._path_if_any(),
+            trajectory=self._trajectory,
+            report=self._report,
+            problem=self.problem,
+            embed=embed,
+        )
+
+    def to_json(self) -> str:
+        """Text of a self-contained motion file."""
+        from rr1plan.export.plan_files import motion_text
+
+        return motion_text(
+            self.scene,
+            path=self._path_if_any(),
+            trajectory=self._trajectory,
+            report=self._report,
+            problem=self.problem,
+        )
+
+    def _path_if_any(self) -> Path | None:
+        """The path, or None for a motion from a file that holds a trajectory alone."""
+        path = self._path if self._path is not None else self.result.path
+        if path is None:
+            _present(self._trajectory, self.result)
+        return path
+
+
+def _present(value: _T | None, result: PlanResult) -> _T:
+    if value is None:
+        if not result.found:
+            result.path_or_raise()
+        raise NoPlanError(result.reason or f"{result.planner}: found a path that was not timed")
+    return value
