@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,7 +63,7 @@ class TimedChecker:
     An arm rests at the begin of its trajectory before, and at its end after. Times may be any, also before zero.
 
     It is made from the checker's scene, margin and tolerance as they are; later changes of the checker do not count. An
-    instance keeps scratch memory: give each thread its own.
+    instance keeps scratch memory: give each thread its own (they pickle, as what they were made from).
 
     Args:
         checker: The arms that move along edges, and their scene.
@@ -91,6 +91,11 @@ class TimedChecker:
 
     def __repr__(self) -> str:
         return f"TimedChecker(arms={list(self.arms)}, among {list(self._motions)})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickles as what it was made from."""
+        alone = self._alone
+        return _rebuild, (type(alone), self._scene, self.arms, alone.margin, alone.tolerance, self._motions)
 
     @property
     def motions(self) -> dict[str, Trajectory]:
@@ -216,6 +221,17 @@ class TimedChecker:
         begin = trajectory.start_time if t_from is None else t_from
         end = trajectory.end_time if t_to is None else t_to
         return motion, *_checked_times(begin, end)
+
+
+def _rebuild(
+    kind: type[CollisionChecker],
+    scene: Scene,
+    arms: tuple[str, ...],
+    margin: float,
+    tolerance: float,
+    motions: Mapping[str, Trajectory],
+) -> TimedChecker:
+    return TimedChecker(kind(scene, arms, margin=margin, tolerance=tolerance), motions)
 
 
 class _MovingPairs:

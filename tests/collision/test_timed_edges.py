@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -208,6 +210,24 @@ def test_every_arm_moves_at_its_own_base(sliders):
     )
 
 
+def test_a_fast_arm_is_met_wherever_it_is_on_its_way(sliders):
+    # Slices of its motion are boxes several times as long as it.
+    for times in ([0.0, 0.3], [0.0, 0.1], [5.0, 6.0]):
+        for name, place in (("one", 0.0), ("far", 3.0)):
+            for positions in ([-4.0, 4.0], [4.0, -4.0]):
+                timed = CollisionChecker(sliders, [name]).among({"two": slide("two", times, positions)})
+                met = times[0] + (place - positions[0]) / (positions[1] - positions[0]) * (times[1] - times[0])
+                near = 0.1 / 8.0 * (times[1] - times[0])
+                for begin, end, free in (
+                    (times[0], times[1], False),
+                    (met - near, times[1], False),
+                    (times[0], met - 1.01 * near, True),
+                    (met + 1.01 * near, times[1] + 1.0, True),
+                ):
+                    assert timed.edge_is_free([0.0], [0.0], begin, end) == free
+                assert timed.first_contact([0.0], [0.0], *times).time == pytest.approx(met - near, abs=1e-6)
+
+
 def test_arms_without_a_trajectory_stand_still_and_those_with_one_are_not_obstacles(sliders):
     blocked = sliders.with_configuration("two", [0.0])
     one = CollisionChecker(blocked, ["one"])
@@ -301,6 +321,15 @@ def test_all_libraries_give_the_same_answers(pair, monkeypatch):
             found.append(None if contact is None else (contact.time, contact.pair, contact.q.tobytes()))
         answers.append(found)
     assert all(found == answers[0] for found in answers)
+
+
+def test_a_copy_by_pickle_gives_the_same_answers(sliders):
+    timed = CollisionChecker(sliders, ["one"], margin=0.01).among({"two": slide("two", [0.0, 2.0], [-1.0, 1.0])})
+    contact = timed.first_contact([-1.0], [1.0], 0.0, 2.0)
+    copy = pickle.loads(pickle.dumps(timed))
+    again = copy.first_contact([-1.0], [1.0], 0.0, 2.0)
+    assert (again.time, again.pair) == (contact.time, contact.pair)
+    assert set(copy.motions) == {"two"}
 
 
 def test_bad_input_is_named(sliders, pair):
