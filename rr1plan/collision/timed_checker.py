@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from rr1plan.checks import FARTHEST, Array, Value, finite_number, known_name, of_kind, read_only
 from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.collision_geometry import geometries_of
-from rr1plan.collision.edge_kernel import FREE, exact_scratch, exact_struct
+from rr1plan.collision.edge_kernel import FREE
 from rr1plan.collision.reach_broad_phase import ball_gaps, bases_of, placed_balls, reach_ball
+from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
 from rr1plan.collision.tables.timed_tables import TimedPairs, build_timed_pairs
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, load_library

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.convex.enclosing_ball import ball_reach
-from rr1plan.collision.tables.kernel_tables import ExactTables
+from rr1plan.collision.tables.exact_tables import ExactTables
 from rr1plan.kernels.planner_kernels import constants
 
 _INTS = NDArray[np.int64]
