@@ -1,9 +1,11 @@
-"""Time of a certified straight edge: by spheres first, and by the exact kernel alone.
+"""Time of a certified straight edge: by spheres first, by the exact kernel alone, and among arms that move.
 
     python benchmarks/edges.py [PROBLEMS.json.gz --robot panda.urdf] [--every 30]
+    python benchmarks/edges.py --moving
 
 Random edges from random free configurations, 0.2 to 1.5 rad long, certified by one call; the exact kernel gets a call
-for each. Answers are compared.
+for each. Answers are compared. With `--moving` they are edges in space and time, of the RR1 in the middle of nine on a
+grid, 1 to 8 of which follow random trajectories; each is one call from Python and takes 0.1 to 1 s of the motion.
 """
 
 from __future__ import annotations
@@ -31,7 +33,11 @@ def main() -> int:
     parser.add_argument("--robot", type=Path, help="their robot's URDF")
     parser.add_argument("--every", type=int, default=30, help="take every n-th problem")
     parser.add_argument("--edges", type=int, default=1000, help="edges of each scene")
+    parser.add_argument("--moving", action="store_true", help="edges among moving arms instead")
+    parser.add_argument("--spacing", type=float, default=0.8, help="of the grid of moving arms [m]")
     args = parser.parse_args()
+    if args.moving:
+        return _among_moving_arms(args)
     print("| scene | configuration [us] | edge [us] | exact alone [us] | free | left to the exact kernel |")
     print("|---|---|---|---|---|---|")
     agree = True
@@ -53,6 +59,43 @@ def main() -> int:
         print(f"| {name} | {times} | {exact.mean():.0%} | {done.exact_edges / args.edges:.1%} |")
     print("all answers agree" if agree else "ANSWERS DIFFER")
     return 0 if agree else 1
+
+
+def _among_moving_arms(args: argparse.Namespace) -> int:
+    scene = rp.place_grid(rp.load_robot("rr1"), 3, 3, spacing=args.spacing)
+    arms = list(scene.arms)
+    middle = arms.pop(4)
+    rng = np.random.default_rng(0)
+    motions = {arm: _random_motion(scene, arm, rng) for arm in arms}
+    begins, ends = _edges(CollisionChecker(scene.without_arm(arms[0]), [middle]), args.edges)
+    times = rng.uniform(0.0, 3.0, (args.edges, 1)) + np.array([0.0, 1.0]) * rng.uniform(0.1, 1.0, (args.edges, 1))
+    edges = list(zip(begins, ends, *times.T.tolist(), strict=True))
+    print("| moving neighbors | ready [ms] | free edge [us] | blocked edge [us] | free |")
+    print("|---|---|---|---|---|")
+    for count in (0, 1, 2, 4, 8):
+        # All others are out of the way.
+        bare = scene
+        for arm in arms[count:]:
+            bare = bare.without_arm(arm)
+        near = {arm: motions[arm] for arm in arms[:count]}
+        begin = time.process_time()
+        timed = CollisionChecker(bare, [middle]).among(near)
+        timed.edge_is_free(*edges[0])
+        ready = 1e3 * (time.process_time() - begin)
+        free = np.array([timed.edge_is_free(*edge) for edge in edges])
+        taken = [
+            1e6 * _clock(lambda t=timed, c=chosen: [t.edge_is_free(*edges[i]) for i in c]) / max(1, len(chosen))
+            for chosen in (np.flatnonzero(free), np.flatnonzero(~free))
+        ]
+        print(f"| {count} | {ready:.2g} | {taken[0]:.3g} | {taken[1]:.3g} | {free.mean():.0%} |")
+    return 0
+
+
+def _random_motion(scene: rp.Scene, arm: str, rng: np.random.Generator) -> rp.Trajectory:
+    """A motion of 4 s through eight random configurations."""
+    limits = scene.limits([arm])
+    q = rng.uniform(np.maximum(limits.lower, -2.0), np.minimum(limits.upper, 2.0), (8, len(limits.lower)))
+    return rp.Trajectory.from_samples(scene.joint_names([arm]), np.linspace(0.0, 4.0, 8), q, np.zeros_like(q))
 
 
 def _scenes(args: argparse.Namespace) -> Iterator[tuple[str, rp.Scene]]:

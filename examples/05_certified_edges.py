@@ -1,4 +1,7 @@
-"""Certified edges: every sample of a motion can be free although the motion is not, and what a proof costs."""
+"""Certified edges: every sample of a motion can be free although the motion is not, and what a proof costs.
+
+Also among moving arms: an edge has a time then, and whether it is free depends on it.
+"""
 
 import numpy as np
 
@@ -25,3 +28,14 @@ above = scene.with_obstacle("needle", needle, [1.31, 0.99, 0.5])
 checker = rp.CollisionChecker(above)
 print("with the needle lifted:                 ", checker.edge_is_free(start, goal))
 print(f"that proof looked at {checker.done.configurations} configurations")
+
+# Two of these arms face each other. The second reaches across the middle and back, from 1 s to 3 s.
+cell = rp.place_ring(robot, 2, radius=0.9)
+one, two = cell.arms
+across = rp.Trajectory.from_samples(cell.joint_names([two]), [1.0, 2.0, 3.0], [[1.5, 0.0], [0.0, 0.0], [1.5, 0.0]])
+timed = rp.CollisionChecker(cell, [one]).among({two: across})
+for begin in (0.0, 1.5, 2.8):
+    free = timed.edge_is_free([-1.4, 0.0], [1.4, 0.0], begin, begin + 1.0)
+    print(f"an edge from {begin} s to {begin + 1.0} s is free among moving arms: {free}")
+contact = timed.first_contact([-1.4, 0.0], [1.4, 0.0], 1.5, 2.5)
+print(f"first contact at {contact.time:.4f} s: {' and '.join(contact.pair)}")

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from rr1plan.collision import ElementCover as ElementCover
     from rr1plan.collision import FirstContact as FirstContact
     from rr1plan.collision import Nearest as Nearest
+    from rr1plan.collision import TimedChecker as TimedChecker
+    from rr1plan.collision import TimedContact as TimedContact
     from rr1plan.collision import cover_with_spheres as cover_with_spheres
     from rr1plan.collision.edge_kernel import EdgeCounters as EdgeCounters
     from rr1plan.errors import BackendError as BackendError
@@ -192,6 +194,8 @@ _EXPORTS = {
         "ElementCover",
         "FirstContact",
         "Nearest",
+        "TimedChecker",
+        "TimedContact",
         "cover_with_spheres",
     ),
     "rr1plan.collision.edge_kernel": ("EdgeCounters",),

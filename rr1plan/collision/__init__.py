@@ -3,6 +3,7 @@
 from rr1plan.collision.checker import CollisionChecker, FirstContact
 from rr1plan.collision.results import Contact, Nearest
 from rr1plan.collision.sphere_covers import ElementCover, cover_with_spheres
+from rr1plan.collision.timed_checker import TimedChecker, TimedContact
 
 __all__ = [
     "CollisionChecker",
@@ -10,5 +11,7 @@ __all__ = [
     "ElementCover",
     "FirstContact",
     "Nearest",
+    "TimedChecker",
+    "TimedContact",
     "cover_with_spheres",
 ]

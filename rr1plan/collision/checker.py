@@ -32,9 +32,11 @@ from rr1plan.collision.collision_geometry import geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
 from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs
+from rr1plan.collision.timed_checker import TimedChecker, shifted_polynomial
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
 from rr1plan.transforms import as_pose
 
 TOLERANCE = 1e-6
@@ -327,19 +329,46 @@ class CollisionChecker(CoalChecker):
             InputError: wrong shape or not finite.
         """
         q0, q1 = self.checked(q0), self.checked(q1)
-        status, _, pair = self._certify_exactly(np.array([q0, q1 - q0]), 1.0)
+        return self._first_contact(np.array([q0, q1 - q0]), 1.0)
+
+    def first_contact_on(self, coefficients: ArrayLike, duration: float) -> FirstContact | None:
+        """Where the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, first touches something, or None when it is free.
+
+        Args:
+            coefficients: c_k [rad/s^k or m/s^k], shape (k + 1, nq).
+            duration: End of the curve [s], >= 0.
+
+        Raises:
+            InputError: wrong shape, no coefficient, not finite, or a negative duration.
+        """
+        return self._first_contact(*self._checked_curve(coefficients, duration))
+
+    def _first_contact(self, curve: Array, duration: float) -> FirstContact | None:
+        status, _, pair = self._certify_exactly(curve, duration)
         if status == FREE:
             return None
         free, blocked = 0.0, 1.0
         while blocked - free > 1e-9:
             middle = 0.5 * (free + blocked)
-            begin, end = q0 + free * (q1 - q0), q0 + middle * (q1 - q0)
-            status, _, found = self._certify_exactly(np.array([begin, end - begin]), 1.0)
+            part = shifted_polynomial(curve, free * duration)
+            status, _, found = self._certify_exactly(part, (middle - free) * duration)
             if status == FREE:
                 free = middle
             else:
                 blocked, pair = middle, found
-        return FirstContact(free, read_only(q0 + free * (q1 - q0)), self._names(pair))
+        return FirstContact(free, read_only(shifted_polynomial(curve, free * duration)[0]), self._names(pair))
+
+    def among(self, motions: Mapping[str, Trajectory]) -> TimedChecker:
+        """Edges of these arms in space and time, among other arms that follow trajectories.
+
+        Args:
+            motions: Trajectories of other arms of the scene by name; all others stand still. See `TimedChecker`.
+
+        Raises:
+            UnknownNameError: a trajectory of an arm that is not in the scene.
+            InputError: a trajectory of an arm that this checker moves, or with the columns of another arm.
+        """
+        return TimedChecker(self, motions)
 
     def _checked_curve(self, coefficients: ArrayLike, duration: float) -> tuple[Array, float]:
         curve = finite_array("coefficients", coefficients, (None, self.nq))

@@ -151,16 +151,20 @@ NOINLINE int64_t meet_obstacles(f64x8 h, const SceneTables *scene, Scratch *scra
     return count;
 }
 
-// In which of the lanes given each body of a group may come too near the ball around another group.
-INLINE void list_bodies(int64_t group, int64_t other, int64_t shared, uint64_t lanes, f64x8 h,
+// In which of the lanes given each body of a group may come too near the ball around another group; in which any may.
+INLINE uint64_t list_bodies(int64_t group, int64_t other, int64_t shared, uint64_t lanes, f64x8 h,
                         const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
+    uint64_t some = 0;
     SphereRef ball = ball_of_group(other, arm);
     for (int64_t b = arm->groups[group].first_body; b < arm->groups[group].last_body; b++) {
         ready_ball(b, 1, scene, scratch);
-        scratch->group_lanes[b] =
+        uint64_t near =
             lanes_near_sphere(ball_around(&arm->bodies[b]), ball, shared, lanes, scene->max_padding, h, scene, scratch);
+        scratch->group_lanes[b] = near;
+        some |= near;
     }
+    return some;
 }
 
 // List the body pairs of two groups that neither maps nor balls prove apart on the whole edge; how many.
@@ -181,8 +185,9 @@ INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTabl
     if (by_body) {
         near = lanes_near_boxes(groups->group, groups->other, shared, near, scene->max_padding, h, scene, scratch);
         if (near == 0) return 0;
-        list_bodies(groups->group, groups->other, shared, near, h, scene, scratch);
-        list_bodies(groups->other, groups->group, shared, near, h, scene, scratch);
+        near = list_bodies(groups->group, groups->other, shared, near, h, scene, scratch);
+        if (near == 0) return 0;
+        near = list_bodies(groups->other, groups->group, shared, near, h, scene, scratch);
     }
     for (int64_t m = groups->first; m < groups->last; m++) {
         const BodyPair *pair = &scene->pairs->body_pairs[m];

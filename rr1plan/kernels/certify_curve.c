@@ -48,21 +48,31 @@ static void place_interval(const Curve *curve, double middle, double half, int64
     }
 }
 
-// What a pair is on the interval at hand, of number `seen`: EDGE_FREE, EDGE_CONTACT, EDGE_GRAZING or PAIR_OPEN.
-static int judge_pair(int64_t p, double tolerance, int64_t seen, const ExactTables *exact, ExactScratch *scratch,
-                      Counters *done) {
+// Place a body for the interval of number `seen`, and bound how far it can get, unless that is done.
+INLINE void ready_body(int64_t body, int64_t seen, const ExactTables *exact, ExactScratch *scratch) {
+    if (scratch->placed_at[body] == seen) return;
+    scratch->placed_at[body] = seen;
+    place_body(body, exact, scratch);
+    bound_travel(body, scratch->reach, exact, scratch);
+}
+
+// Place both bodies of a pair for the interval of number `seen`; how far they move against each other, at most [m].
+INLINE double place_pair(int64_t p, int64_t seen, const ExactTables *exact, ExactScratch *scratch) {
     const ExactPair *pair = &exact->pairs[p];
     double moved = 0.0;
     for (int side = 0; side < 2; side++) {
         int64_t body = side ? pair->other : pair->body;
         if (!moves(&exact->bodies[body])) continue;
-        if (scratch->placed_at[body] != seen) {
-            scratch->placed_at[body] = seen;
-            place_body(body, exact, scratch);
-            bound_travel(body, scratch->reach, exact, scratch);
-        }
+        ready_body(body, seen, exact, scratch);
         moved += scratch->travel[body * scratch->travel_stride + pair->shared];
     }
+    return moved;
+}
+
+// What a pair that moves so far is on the interval at hand: EDGE_FREE, EDGE_CONTACT, EDGE_GRAZING or PAIR_OPEN.
+static int judge_pair(int64_t p, double moved, double tolerance, const ExactTables *exact, ExactScratch *scratch,
+                      Counters *done) {
+    const ExactPair *pair = &exact->pairs[p];
     double padding = exact->padding[p], enough = padding + moved * SLACK + ROUNDING;
     double quick = quick_gap(pair->body, pair->other, enough, exact, scratch);
     if (quick >= enough) return EDGE_FREE;
@@ -134,7 +144,8 @@ static EdgeResult halve(const Curve *curve, double tolerance, Queue *queue, cons
         double half = 0.5 * interval.half;
         for (int64_t k = 0; k < run; k++) {
             int64_t pair = queue_at(queue, first + k)->pair;
-            int status = judge_pair(pair, tolerance, seen, exact, scratch, done);
+            double moved = place_pair(pair, seen, exact, scratch);
+            int status = judge_pair(pair, moved, tolerance, exact, scratch, done);
             if (status == PAIR_OPEN) {
                 if (queue->tail - queue->head == queue->size)
                     return (EdgeResult){EDGE_GRAZING, pair, interval.middle};

@@ -2,9 +2,10 @@
 #include "scene_tables.h"
 #include "sine.h"
 
-// World poses of all driven joints.
-static void place_joints(const double *q, const ExactTables *exact, ExactScratch *scratch) {
-    for (int64_t j = 1; j < exact->joint_count; j++) {
+// World poses of the driven ones of the joints from `first` to `last`; those above them are placed.
+static void place_joint_range(int64_t first, int64_t last, const double *q, const ExactTables *exact,
+                              ExactScratch *scratch) {
+    for (int64_t j = first; j < last; j++) {
         const ExactJoint *joint = &exact->joints[j];
         if (!joint->driven) continue;
         const ExactPlacement *placement = &exact->placements[j];
@@ -38,6 +39,11 @@ static void place_joints(const double *q, const ExactTables *exact, ExactScratch
             for (int c = 0; c < 3; c++)
                 pose->rotation[3 * r + c] = T[3 * r] * M[c] + T[3 * r + 1] * M[3 + c] + T[3 * r + 2] * M[6 + c];
     }
+}
+
+// World poses of all driven joints.
+static void place_joints(const double *q, const ExactTables *exact, ExactScratch *scratch) {
+    place_joint_range(1, exact->joint_count, q, exact, scratch);
 }
 
 // World pose of a body and of the center of its ball, where its joint is.

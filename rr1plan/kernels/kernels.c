@@ -20,6 +20,7 @@
 #include "place_solids.c"
 #include "map_distances.c"
 #include "coordination.c"
+#include "certify_timed.c"
 // Eight at once: spheres, clearance maps, separating directions.
 #include "fk_simd.c"
 #include "sphere_tests.c"

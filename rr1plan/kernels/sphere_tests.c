@@ -147,9 +147,10 @@ INLINE f64x8 square_between(int64_t one, int64_t two, const Scratch *scratch) {
 
 // The lanes, of those given, in which spheres of two groups may come too near each other.
 //
-// shared: how many joints of their chains move both.
-INLINE uint64_t lanes_near_sphere(SphereRef one, SphereRef two, int64_t shared, uint64_t lanes, double padding,
-                                  f64x8 h, const SceneTables *scene, const Scratch *scratch) {
+// shared: how many joints of their chains move both; velocity: of either, null where no other test needs it.
+INLINE uint64_t lanes_near_moving(SphereRef one, SphereRef two, const Vec8 *velocity_one, const Vec8 *velocity_two,
+                                  int64_t shared, uint64_t lanes, double padding, f64x8 h, const SceneTables *scene,
+                                  const Scratch *scratch) {
     const SphereLanes *a = &scratch->spheres[one.index], *b = &scratch->spheres[two.index];
     const double *speeds = scratch->speeds + shared * scene->arm->group_stride;
     const double *accelerations = scratch->accelerations + shared * scene->arm->group_stride;
@@ -161,10 +162,16 @@ INLINE uint64_t lanes_near_sphere(SphereRef one, SphereRef two, int64_t shared, 
     lanes &= less_than(square, limit * limit);
     uint64_t others = lanes & ~less_than(square, splat(needed * needed));
     if (others == 0) return lanes;
-    Vec8 velocity = vec8_sub(velocity_of(one, scene, scratch), velocity_of(two, scene, scratch));
+    Vec8 velocity = vec8_sub(velocity_one ? *velocity_one : velocity_of(one, scene, scratch),
+                             velocity_two ? *velocity_two : velocity_of(two, scene, scratch));
     f64x8 approach = abs_lanes(vec8_dot(d, velocity)) * SLACK;
     double acceleration = accelerations[one.group] + accelerations[two.group];
     return (lanes & ~others) | (others & lanes_too_near(square - approach * h, square, needed + h * h * (0.5 * acceleration)));
+}
+
+INLINE uint64_t lanes_near_sphere(SphereRef one, SphereRef two, int64_t shared, uint64_t lanes, double padding,
+                                  f64x8 h, const SceneTables *scene, const Scratch *scratch) {
+    return lanes_near_moving(one, two, 0, 0, shared, lanes, padding, h, scene, scratch);
 }
 
 // The lanes, of those given, in which the boxes around two groups may come too near each other.
@@ -186,18 +193,24 @@ INLINE SphereTest test_body(const BodyPair *bodies, uint64_t lanes, int64_t batc
     const LinkSphere *spheres = scene->arm->spheres;
     SphereRef ball_a = ball_around(a), ball_b = ball_around(b);
     int64_t shared = bodies->shared, count = 0;
+    uint64_t some = 0;
     double padding = scene->pairs->padding[bodies->pair];
     ready_spheres(bodies->body, batch, scene, scratch);
     ready_spheres(bodies->other, batch, scene, scratch);
+    Vec8 velocity_a = velocity_of(ball_a, scene, scratch), velocity_b = velocity_of(ball_b, scene, scratch);
     // Only the spheres of either that are near the other's ball.
     for (int64_t k = ball_b.index + 1; k < b->last_sphere; k++) {
-        uint64_t near = lanes_near_sphere(ball_a, sphere_in(b, k), shared, lanes, padding, h, scene, scratch);
+        uint64_t near = lanes_near_moving(ball_a, sphere_in(b, k), &velocity_a, 0, shared, lanes, padding, h, scene,
+                                          scratch);
         scratch->near_spheres[count] = (Near){k, near};
         count += near != 0;
+        some |= near;
     }
     SphereTest found = {0, 0, ball_a.index, ball_b.index};
-    for (int64_t i = ball_a.index + 1; count && i < a->last_sphere; i++) {
-        uint64_t beside = lanes_near_sphere(sphere_in(a, i), ball_b, shared, lanes, padding, h, scene, scratch);
+    // Lanes that stay open need no further test.
+    for (int64_t i = ball_a.index + 1; (some & ~found.open) && i < a->last_sphere; i++) {
+        uint64_t beside = lanes_near_moving(sphere_in(a, i), ball_b, 0, &velocity_b, shared, some & ~found.open,
+                                            padding, h, scene, scratch);
         for (int64_t n = 0; beside && n < count; n++) {
             int64_t k = scratch->near_spheres[n].index;
             uint64_t near = scratch->near_spheres[n].lanes & beside & ~found.open;

@@ -59,6 +59,30 @@ def edges():
                 yield kernel.certify_curve(curve, 1.0)
 
 
+def timed_edges():
+    """Answers about edges among arms that move; polynomials of several degrees, one motion of a single instant."""
+    scene = rp.load_scene("rr1_twelve")
+    arms, rng = list(scene.arms), np.random.default_rng(2)
+    checker = CollisionChecker(scene, arms[:2])
+    motions = {}
+    for k, arm in enumerate(arms[2:]):
+        times = np.cumsum(rng.uniform(0.05, 0.6, k % 4 + 1))
+        q = scene.arms[arm].q + rng.normal(size=(len(times), 6))
+        rates = [np.zeros_like(q)] * (k % 3)
+        motions[arm] = rp.Trajectory.from_samples(scene.joint_names([arm]), times, q, *rates)
+    timed = checker.among(motions)
+    start = np.concatenate([scene.arms[arm].q for arm in arms[:2]])
+    for begin in np.linspace(-0.5, 2.0, 12).tolist():
+        end = start + rng.normal(size=12)
+        yield timed.edge_is_free(start, end, begin, begin + 1.0)
+        contact = timed.first_contact(start, end, begin, begin + 1.0)
+        yield None if contact is None else (contact.time, contact.pair)
+        own = rp.Trajectory.from_samples(
+            checker.joint_names, [0.0, 1.0], [start, end], np.ones((2, 12)), np.ones((2, 12))
+        )
+        yield timed.trajectory_is_free(own, begin, begin + 1.0)
+
+
 def plans():
     """Paths, shorter ones, motions along them, and what a roadmap finds."""
     for scene, name in (
@@ -95,7 +119,7 @@ def solutions():
 
 
 def answers():
-    return [*edges(), *plans(), *solutions()]
+    return [*edges(), *timed_edges(), *plans(), *solutions()]
 
 
 def main() -> int:

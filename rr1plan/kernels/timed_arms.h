@@ -1,0 +1,70 @@
+// Arms whose configuration is a function of time, and which of their bodies must not touch.
+#ifndef RR1_TIMED_ARMS_H
+#define RR1_TIMED_ARMS_H
+
+#include "exact_tables.h"
+
+// Joints and columns of q of an arm, and its motion: piecewise polynomials in time, constant before and after.
+typedef struct {
+    int64_t first_joint;
+    int64_t last_joint;
+    int64_t first_column;
+    int64_t column_count;
+    int64_t is_own;       // 1: its motion is in `own_breaks` and `own_coefficients`
+    int64_t first_break;  // of `piece_count + 1`, which increase
+    int64_t piece_count;
+    int64_t term_count;         // coefficients of a piece, lowest power first
+    int64_t first_coefficient;  // of the first column
+    int64_t stride;             // numbers of a row of coefficients
+    int64_t first_slice;
+    int64_t slice_count;  // of equal duration, over its motion; 0 for an own arm
+} TimedArm;
+
+// What a pair is besides: of two bodies, or of boxes around bodies that one joint carries each.
+typedef struct {
+    int64_t own_body;
+    int64_t arm;  // the other one
+    int64_t first_child;
+    int64_t last_child;  // pairs of the bodies in two boxes; none: two bodies
+} TimedPair;
+
+// A box in the world [m].
+typedef struct {
+    double low[3];
+    double high[3];
+} SliceBox;
+
+typedef struct {
+    const ExactTables *exact;  // bodies of arms, obstacles, then boxes around bodies
+    const TimedArm *arms;      // own arms are those that an edge moves
+    int64_t arm_count;
+    const TimedPair *pairs;
+    int64_t first_root;  // pairs from this one on are of boxes
+    const int64_t *arm_of_body;  // -1: none
+    int64_t first_box;           // bodies from this one on are boxes
+    const double *breaks;        // [s]
+    const double *coefficients;
+    const double *own_breaks;
+    const double *own_coefficients;
+    SliceBox *slices;  // boxes around all of an arm during a slice of its motion
+    double tolerance;  // bodies that pass at less than this beyond the padding are refused [m]
+} TimedScene;
+
+// `free_until` is a time [s] up to which the motion is proven free.
+typedef struct {
+    int64_t status;
+    int64_t pair;
+    double free_until;
+} TimedResult;
+
+typedef struct {
+    ExactScratch *exact;
+    int64_t *placed_arm;  // number of the interval each arm was placed for last
+    int64_t *open;        // pairs open on the interval at hand and on those it is a part of
+    int64_t open_size;
+    int64_t seen;   // intervals so far
+    int64_t nodes;  // of the present query
+    TimedResult result;
+} TimedScratch;
+
+#endif
