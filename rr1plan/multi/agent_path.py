@@ -105,11 +105,16 @@ class AgentPath:
         """Times of the motions from each stop to each later one, shape (stops, stops, gridpoints)."""
         count = len(self.stops)
         begin, end = np.triu_indices(count, 1)
-        stops, halts = np.array(self.stops), np.zeros(self.segments + 1, np.int64)
-        halts[list(self.halts)] = 1
+        stops = np.array(self.stops)
         times = np.zeros((count, count, self.segments + 1))
-        times[begin, end] = hop_times(self.curve, self.grid, self.agent.limits, halts, stops[begin], stops[end])
+        times[begin, end] = self._hops(stops[begin], stops[end])
         return times
+
+    def _hops(self, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Array:
+        """Times of motions from rest to rest, shape (motions, gridpoints)."""
+        halts = np.zeros(self.segments + 1, np.int64)
+        halts[list(self.halts)] = 1
+        return np.asarray(hop_times(self.curve, self.grid, self.agent.limits, halts, begin, end))
 
     def hop_times(self, begin: int, end: int) -> Array:
         """When the fastest motion from rest at one stop to rest at another is at each gridpoint on its way [s].
@@ -130,6 +135,8 @@ class AgentPath:
         """How long it takes [s]."""
         if begin == end:
             return 0.0
+        if abs(begin - end) == self.segments:
+            return self.fastest
         i, j = sorted((self.stops.index(begin), self.stops.index(end)))
         return float(self._times[i, j, self.stops[j]])
 
@@ -163,7 +170,10 @@ class AgentPath:
     @cached_property
     def fastest(self) -> float:
         """Duration of the motion without waiting [s]."""
-        return self.hop_duration(0, self.segments)
+        if self.segments == 0:
+            return 0.0
+        # By itself, because a path that no other one meets needs no other hop.
+        return float(self._hops(np.array([0]), np.array([self.segments]))[0, -1])
 
     # ---- rows of coordination diagrams -----------------------------------------------------
 

@@ -9,7 +9,7 @@ Adaptive robot coordination: a subproblem-based approach for hybrid multi-robot 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -33,6 +33,7 @@ _ITERATIONS = 500  # of the planner on the first window, for each arm
 _SHORTCUTS = 48
 # Windows in all, for each arm, before it is given up.
 _MOST_WINDOWS = 6
+_HALVINGS = 5  # of an edge until the conflict on it is looked at
 _SAME = 1e-9  # instants nearer than this are one [s]
 
 
@@ -49,7 +50,7 @@ class Track(NamedTuple):
 
     def at(self, times: Array) -> Array:
         """Configurations at some instants, shape (k, nq)."""
-        return np.column_stack([np.interp(times, self.times, column) for column in self.points.T])
+        return np.asarray(np.column_stack([np.interp(times, self.times, column) for column in self.points.T]))
 
 
 class _Window(NamedTuple):
@@ -80,8 +81,8 @@ class CoupledWindows:
     """Resolves the conflicts of some arms on the nominal clock.
 
     Args:
-        problem: The problem, with a configuration as each goal.
         paths: Waypoints of each arm's path alone, shape (n, nq).
+        agent_of: The agent of some arms.
         margin: Distance to keep between all of them and from what stands still, beyond the padding [m].
         rng: Where random numbers come from.
         watch: Says when to give up.
@@ -93,19 +94,18 @@ class CoupledWindows:
 
     def __init__(
         self,
-        problem: Problem,
         paths: Mapping[str, Array],
+        agent_of: Callable[[Iterable[str]], Agent],
         margin: float,
         rng: np.random.Generator,
         watch: Stopwatch,
     ) -> None:
-        self._problem, self._margin, self._rng, self._watch = problem, margin, rng, watch
-        self.arms = tuple(arm for arm in problem.arms if arm in paths)
-        self._agent = Agent(problem, self.arms)
-        self._limits = {arm: problem.scene.limits((arm,)) for arm in self.arms}
-        self.tracks = {arm: nominal_track(paths[arm], self._limits[arm]) for arm in self.arms}
+        self._agent_of, self._margin, self._rng, self._watch = agent_of, margin, rng, watch
+        self._agent = agent_of(paths)
+        self._problem = self._agent.problem
+        self.arms = self._agent.arms
+        self.tracks = {arm: nominal_track(paths[arm], self._problem.scene.limits((arm,))) for arm in self.arms}
         self._solved: list[_Window] = []
-        self._coupled: dict[frozenset[str], Agent] = {}
         self.windows = 0
 
     @property
@@ -157,10 +157,11 @@ class CoupledWindows:
         times = np.unique(np.concatenate([[begin], *(self.tracks[arm].times for arm in arms)]))
         times = times[times >= begin]
         # Of instants that are nearly the same the last, so that the end stays.
-        return times[np.append(np.diff(times) > _SAME, True)]
+        kept: Array = times[np.append(np.diff(times) > _SAME, True)]
+        return kept
 
     def _composite(self, arms: Iterable[str], times: Array) -> Array:
-        return np.hstack([self.tracks[arm].at(times) for arm in arms])
+        return np.asarray(np.hstack([self.tracks[arm].at(times) for arm in arms]))
 
     def _first_conflict(self, checker: CollisionChecker, after: float) -> tuple[float, frozenset[str]] | None:
         """When and between which arms the first contact is; None if there is none."""
@@ -171,13 +172,19 @@ class CoupledWindows:
         for (one, two), (begin, end) in zip(pairwise(points), pairwise(times.tolist()), strict=True):
             if checker.edge_is_free(one, two):
                 continue
-            contact = checker.first_contact(one, two)
+            low, high = 0.0, 1.0
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (low + high)
+                free = checker.edge_is_free(one + low * (two - one), one + middle * (two - one))
+                low, high = (middle, high) if free else (low, middle)
+            ends = one + low * (two - one), one + high * (two - one)
+            contact = checker.first_contact(*ends, precision=0.25)
             if contact is None:
                 # The fast and the exact certificate differ by a hair: all that moves there is planned anew.
-                return 0.5 * (begin + end), self._moving(begin, end)
+                return begin + low * (end - begin), self._moving(begin, end)
             owners = (checker.scene.owner(element) for element in contact.pair)
             arms = frozenset(arm for arm in owners if arm in self.tracks)
-            return begin + contact.fraction * (end - begin), arms
+            return begin + (low + contact.fraction * (high - low)) * (end - begin), arms
         return None
 
     def _moving(self, begin: float, end: float) -> frozenset[str]:
@@ -237,12 +244,6 @@ class CoupledWindows:
                 return None
             short = shorten(result.path, scene, checker=checker, iterations=_SHORTCUTS, rng=self._rng)
         return np.asarray(short.waypoints)
-
-    def _agent_of(self, arms: frozenset[str]) -> Agent:
-        """The agent of some arms, whose scene keeps what is made from it."""
-        if arms not in self._coupled:
-            self._coupled[arms] = Agent(self._problem, arms)
-        return self._coupled[arms]
 
     def _splice(self, window: _Window, points: Array) -> _Window:
         """Replace what the arms of a window do in it; what comes after it is shifted in time."""

@@ -27,7 +27,7 @@ from rr1plan.multi.diagram_cache import DiagramCache
 from rr1plan.multi.interaction import arms_in_reach, meeting_groups
 from rr1plan.multi.path_pool import PathPool
 from rr1plan.multi.preflight import MARGINS, preflight
-from rr1plan.multi.prioritized import PLANNED_AS_ONE, PrioritizedPlanner, Statistics
+from rr1plan.multi.prioritized import COUPLED_FIRST, PrioritizedPlanner, Statistics
 from rr1plan.multi.schedule import Schedule
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
@@ -36,6 +36,7 @@ from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
 _IMPROVEMENTS = 6  # rounds for each group
+_CANCELLED = "the progress callback returned False"
 _POLL = 0.05  # time between two looks at what threads do [s]
 
 
@@ -151,6 +152,8 @@ def plan_many_arms(
     if largest < 0.0:
         raise InputError(f"margin is {largest}, expected a distance >= 0")
     near = arms_in_reach(problem.scene, problem.arms, largest)
+    if not watch.goes_on() and watch.cancelled:
+        return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, seconds=watch.seconds)
     found = preflight(problem, near, largest, generator)
     if found.status is not None:
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
@@ -163,8 +166,7 @@ def plan_many_arms(
     search = _GroupSearch(problem.arms, pools, near, DiagramCache(largest), seeds, watch)
     groups = search.run()
     if watch.cancelled:
-        reason = "the progress callback returned False"
-        return ManyArmsResult(PlanStatus.CANCELLED, reason, groups=tuple(groups), seconds=watch.seconds)
+        return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, groups=tuple(groups), seconds=watch.seconds)
     unsolved = [group for group in groups if not group.found]
     if unsolved:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
@@ -243,7 +245,7 @@ class _GroupSearch:
         groups = []
         for group in meeting_groups(paths, self._near, self._diagrams):
             own = {arm: paths[arm] for arm in group}
-            if len(group) <= PLANNED_AS_ONE:
+            if len(group) <= COUPLED_FIRST:
                 groups.append(group)
                 continue
             pairs = [(own[a], own[b]) for a, b in combinations(own, 2) if b in self._near[a]]

@@ -43,7 +43,8 @@ _QUARRELS = 2
 PLANNED_AS_ONE = 4
 """Agents of a group whose joint space is tried first."""
 _ATTEMPTS = 3  # at a path in that joint space
-
+COUPLED_FIRST = 16
+"""Agents of a group for which windows are tried before coordination diagrams are computed."""
 # Arms of an agent that quarrels make, at most: the joint space of more is too large without windows.
 _MOST_TOGETHER = 4
 # Evictions for each agent before windows are tried for the first time; then twice as many each time.
@@ -118,6 +119,8 @@ class PrioritizedPlanner:
         self.reason = ""
         # Pools of single arms, which bound the makespan and are where windows begin.
         self._alone = {agent.arms[0]: pool for agent, pool in self.pools.items() if len(agent.arms) == 1}
+        self._made = {frozenset(agent.arms): agent for agent in self.agents}
+        self._margins: dict[Agent, float] = {}
         self._evicted: Counter[Agent] = Counter()
         self._quarrels: Counter[frozenset[Agent]] = Counter()
         self._detours: Counter[Agent] = Counter()
@@ -143,6 +146,7 @@ class PrioritizedPlanner:
         self.agents += other.agents
         self.pools |= other.pools
         self._alone |= other._alone
+        self._made |= other._made
         self.stage = ""
 
     # ---- the search ------------------------------------------------------------------------
@@ -150,6 +154,8 @@ class PrioritizedPlanner:
     def run(self) -> bool:
         """Schedule all agents; whether that was possible in time."""
         if not self.schedules and 1 < len(self.agents) <= PLANNED_AS_ONE and self._plan_few():
+            return True
+        if not self.schedules and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST and self._couple(0):
             return True
         self._prepare_diagrams()
         waiting = self._time_first_paths()
@@ -226,10 +232,10 @@ class PrioritizedPlanner:
 
     def _couple(self, effort: int) -> bool:
         """Couple arms on windows of time around their conflicts; whether all agents have a schedule then."""
-        problem, began = self.agents[0].problem, time.perf_counter()
+        began = time.perf_counter()
         margin = self._pool_of(self.arms).margin
         starts = {arm: pool.paths[0].path.waypoints for arm, pool in self._alone.items()}
-        windows = CoupledWindows(problem, starts, margin, self._rng, self._watch)
+        windows = CoupledWindows(starts, self._agent_of, margin, self._rng, self._watch)
         solved = windows.solve(effort)
         self.statistics.windows += windows.windows
         self.statistics.add_time("windows", began)
@@ -272,14 +278,24 @@ class PrioritizedPlanner:
         self.agents, self.pools = list(plan.agents), dict(plan.pools)
         self.schedules, self.stage = dict(plan.schedules), plan.stage
 
+    def _agent_of(self, arms: Iterable[str]) -> Agent:
+        """The agent of some arms, whose scene keeps what is made from it."""
+        chosen = frozenset(arms)
+        if chosen not in self._made:
+            self._made[chosen] = Agent(self.agents[0].problem, chosen)
+        return self._made[chosen]
+
     def _pool_of(self, arms: Iterable[str]) -> PathPool:
         """An empty pool for some arms as one agent, with the largest margin that they have."""
-        agent = Agent(self.agents[0].problem, arms)
+        agent = self._agent_of(arms)
         pools = [self._alone[arm] for arm in agent.arms]
         margin = min(pool.margin for pool in pools)
         if len(pools) > 1:
             # They keep it from each other, too.
-            margin = affordable_margin(agent, np.concatenate([pool.paths[0].goal for pool in pools]), margin)
+            if agent not in self._margins:
+                goal = np.concatenate([pool.paths[0].goal for pool in pools])
+                self._margins[agent] = affordable_margin(agent, goal, margin)
+            margin = self._margins[agent]
         return PathPool(agent, margin, self._rng, self._watch)
 
     def _add_path(self, pool: PathPool) -> AgentPath | None:
@@ -321,7 +337,15 @@ class PrioritizedPlanner:
 
     def slowest_alone(self) -> float:
         """Duration of the fastest known motion of the slowest agent alone [s]."""
-        return max((min(path.fastest for path in pool.paths) for pool in self._alone.values()), default=0.0)
+        # What an arm does together with others it can do alone, too.
+        arrivals = {arm: schedule.arrival for agent, schedule in self.schedules.items() for arm in agent.arms}
+        return max(
+            (
+                min(arrivals.get(arm, math.inf), *(path.fastest for path in pool.paths))
+                for arm, pool in self._alone.items()
+            ),
+            default=0.0,
+        )
 
     def _time_limit(self) -> float:
         """Arrivals before this need no better path: others arrive later anyway, or it is good enough."""

@@ -188,7 +188,7 @@ def test_the_first_paths_cannot_be_timed_in_any_order(name: str, planar2r: rp.Ro
     problem = _DEADLOCKS[name](planar2r)
     paths = []
     for arm in problem.arms:
-        path, reason = PathPool(Agent(problem, [arm]), 0.0, np.random.default_rng(0)).add({}, 5.0)
+        path, reason = PathPool(Agent(problem, [arm]), 0.0, np.random.default_rng(0)).add({})
         assert path is not None, reason
         paths.append(path)
     for one, two in (paths, paths[::-1]):
