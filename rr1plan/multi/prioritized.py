@@ -42,7 +42,12 @@ _DETOURS, _MOST_PATHS = 3, 12
 _QUARRELS = 2
 PLANNED_AS_ONE = 4
 """Agents of a group whose joint space is tried first."""
+STAGES = ("timing", "detours", "eviction", "composite", "windows")
+"""Stages of a search, by what they cost."""
 _ATTEMPTS = 3  # at a path in that joint space
+# Separate paths of a few arms are timed where the joint path is slower than their slowest by more than this [ratio]:
+# their coordination diagrams cost more than several joint paths.
+_WORTH_TIMING = 0.3
 COUPLED_FIRST = 16
 """Agents of a group for which windows are tried before coordination diagrams are computed."""
 # Arms of an agent that quarrels make, at most: the joint space of more is too large without windows.
@@ -94,8 +99,7 @@ class PrioritizedPlanner:
 
     Attributes:
         schedules: Of the agents that have one.
-        stage: What it took to schedule all: "timing", "detours", "eviction", "windows" or "composite"; empty while they
-            are not.
+        stage: What it took to schedule all, one of `STAGES`; empty while they are not.
         reason: Why there is none for all of them; empty while that is not known.
         statistics: What was done.
     """
@@ -147,7 +151,7 @@ class PrioritizedPlanner:
         self.pools |= other.pools
         self._alone |= other._alone
         self._made |= other._made
-        self.stage = ""
+        self.stage = _later(self.stage, other.stage)
 
     # ---- the search ------------------------------------------------------------------------
 
@@ -160,13 +164,13 @@ class PrioritizedPlanner:
         self._prepare_diagrams()
         waiting = self._time_first_paths()
         if not waiting:
-            self.stage = self.stage or "timing"
+            self.stage = _later(self.stage, "timing")
             return True
         effort = 0
         while self._watch.goes_on():
             most = self.statistics.evictions + (_EVICTIONS * len(self.agents) << effort)
             if self._repair(waiting, most):
-                self.stage = self._repair_stage()
+                self.stage = _later(self.stage, self._repair_stage())
                 return True
             if not self._watch.goes_on():
                 break
@@ -221,7 +225,7 @@ class PrioritizedPlanner:
             if self._add_path(pool) is None or min(path.fastest for path in pool.paths) <= limit:
                 break
         arrival = min((path.fastest for path in pool.paths), default=math.inf)
-        if arrival <= limit or not self._watch.goes_on():
+        if arrival <= self.slowest_alone() * (1.0 + _WORTH_TIMING) or not self._watch.goes_on():
             return self._adopt([pool], "composite")
         self._prepare_diagrams()
         if not self._time_first_paths() and self.makespan <= arrival:
@@ -533,6 +537,11 @@ class PrioritizedPlanner:
                 f"{' and '.join(agent.arms)} (among {', '.join(others)})" if others else " and ".join(agent.arms)
             )
         return f"no schedule found for {'; '.join(texts)}"
+
+
+def _later(one: str, two: str) -> str:
+    """The later one of two stages."""
+    return max(one, two, key=("", *STAGES).index)
 
 
 def _earlier(one: Schedule | None, two: Schedule | None) -> Schedule | None:
