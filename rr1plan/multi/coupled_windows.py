@@ -34,14 +34,15 @@ _SHORTCUTS = 48
 # Windows in all, for each arm, before it is given up.
 _MOST_WINDOWS = 6
 _HALVINGS = 5  # of an edge until the conflict on it is looked at
-_SAME = 1e-9  # instants nearer than this are one [s]
+# The slowest arm alone takes 1 on the nominal clock: instants nearer than this are one, and a step takes at least that.
+_SAME, _SHORTEST = 1e-9, 1e-6
 
 
 class Track(NamedTuple):
     """A polyline on the nominal clock; after its last waypoint it stays there.
 
     Args:
-        times: When it is at each waypoint, from 0, ascending [s], shape (n,).
+        times: When it is at each waypoint, from 0, ascending, shape (n,).
         points: Waypoints, shape (n, nq).
     """
 
@@ -61,20 +62,20 @@ class _Window(NamedTuple):
     end: float
 
 
-def nominal_track(waypoints: Array, limits: Limits) -> Track:
+def nominal_track(waypoints: Array, limits: Limits, unit: float = 1.0) -> Track:
     """A path at the velocity limits of its joints, from waypoint to waypoint.
 
     Args:
         waypoints: Shape (n, nq).
         limits: Of its joints.
+        unit: Of its times [s].
     """
     fastest = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
-    durations = (np.abs(np.diff(waypoints, axis=0)) / fastest).max(axis=1, initial=0.0)
-    kept = np.concatenate([[True], durations > _SAME])
-    # The end has to be exact even if the last step is tiny.
-    points = waypoints[kept].copy()
-    points[-1] = waypoints[-1]
-    return Track(np.concatenate([[0.0], np.cumsum(durations[kept[1:]])]), points)
+    steps = np.abs(np.diff(waypoints, axis=0))
+    moves = steps.any(axis=1)
+    # No step is so short that its ends are one instant.
+    durations = np.maximum((steps[moves] / fastest).max(axis=1) / unit, _SHORTEST)
+    return Track(np.concatenate([[0.0], np.cumsum(durations)]), waypoints[np.concatenate([[True], moves])])
 
 
 class CoupledWindows:
@@ -104,13 +105,16 @@ class CoupledWindows:
         self._agent = agent_of(paths)
         self._problem = self._agent.problem
         self.arms = self._agent.arms
-        self.tracks = {arm: nominal_track(paths[arm], self._problem.scene.limits((arm,))) for arm in self.arms}
+        limits = {arm: self._problem.scene.limits((arm,)) for arm in self.arms}
+        alone = (float(nominal_track(paths[arm], limits[arm]).times[-1]) for arm in self.arms)
+        self._unit = max(alone) or 1.0
+        self.tracks = {arm: nominal_track(paths[arm], limits[arm], self._unit) for arm in self.arms}
         self._solved: list[_Window] = []
         self.windows = 0
 
     @property
     def end(self) -> float:
-        """When the last arm is at its goal [s]."""
+        """When the last arm is at its goal on the nominal clock."""
         return max(float(track.times[-1]) for track in self.tracks.values())
 
     def solve(self, effort: int) -> bool:
@@ -248,7 +252,7 @@ class CoupledWindows:
     def _splice(self, window: _Window, points: Array) -> _Window:
         """Replace what the arms of a window do in it; what comes after it is shifted in time."""
         agent = self._agent_of(window.arms)
-        track = nominal_track(points, agent.limits)
+        track = nominal_track(points, agent.limits, self._unit)
         duration = float(track.times[-1])
         shift = duration - (window.end - window.begin)
         # Of joints that wrap, the planner may end some turns farther.

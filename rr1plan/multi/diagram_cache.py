@@ -1,4 +1,4 @@
-"""The coordination diagrams of a problem, each computed once; several at a time on threads, since kernels hold no lock."""
+"""The coordination diagrams of a problem, each computed once; several at a time on threads."""
 
 from __future__ import annotations
 

@@ -223,8 +223,7 @@ class _GroupSearch:
         results: dict[PrioritizedPlanner, GroupResult] = {}
         waiting = list(self.planners)
         while waiting:
-            for planner, result in zip(waiting, self._solve_all(waiting), strict=True):
-                results[planner] = result
+            results |= zip(waiting, self._solve_all(waiting), strict=True)
             waiting = self._join_meeting([planner for planner in self.planners if results[planner].found])
         return [results[planner] for planner in self.planners]
 

@@ -194,7 +194,7 @@ class PrioritizedPlanner:
         ]
 
     def _repair(self, waiting: list[Agent], most: int) -> bool:
-        """Schedule agents with detours and evictions; whether that was possible before the number of evictions is `most`."""
+        """Schedule agents with detours, and evictions up to a number of all; whether that was possible."""
         while waiting:
             if not self._watch.goes_on() or self.statistics.evictions >= most:
                 return False
@@ -217,7 +217,7 @@ class PrioritizedPlanner:
     # ---- joint spaces ----------------------------------------------------------------------
 
     def _plan_few(self) -> bool:
-        """Plan a few agents as one, or time their first paths where that arrives earlier; whether either was possible."""
+        """Plan a few agents as one, or time their paths where that arrives earlier; whether either was possible."""
         limit, alone = self._time_limit(), self._plan()
         arms = self.arms
         pool = self._pool_of(arms)
@@ -225,7 +225,7 @@ class PrioritizedPlanner:
             if self._add_path(pool) is None or min(path.fastest for path in pool.paths) <= limit:
                 break
         arrival = min((path.fastest for path in pool.paths), default=math.inf)
-        if arrival <= self.slowest_alone() * (1.0 + _WORTH_TIMING) or not self._watch.goes_on():
+        if arrival <= self._slow_from() or not self._watch.goes_on():
             return self._adopt([pool], "composite")
         self._prepare_diagrams()
         if not self._time_first_paths() and self.makespan <= arrival:
@@ -245,9 +245,17 @@ class PrioritizedPlanner:
         self.statistics.add_time("windows", began)
         if not solved:
             return False
-        # Sets that never shared a window are timed among each other; if that fails, they move as in the windows.
-        sets = windows.coupled_sets()
-        return self._adopt_windows(windows, sets) or (len(sets) > 1 and self._adopt_windows(windows, [self.arms]))
+        # Sets that never shared a window are timed among each other, or all move as in the windows.
+        arms, sets = self.arms, windows.coupled_sets()
+        found = self._adopt_windows(windows, sets)
+        if len(sets) == 1 or (found and self.makespan <= self._slow_from()):
+            return found
+        apart = self._plan()
+        arrival = self.makespan if found else math.inf
+        as_one = self._adopt_windows(windows, [arms])
+        if as_one and self.makespan > arrival:
+            self._return_to(apart)
+        return found or as_one
 
     def _adopt_windows(self, windows: CoupledWindows, sets: Sequence[tuple[str, ...]]) -> bool:
         pools = []
@@ -259,7 +267,8 @@ class PrioritizedPlanner:
                     return False
             pool.add_shortened([path])
             pools.append(pool)
-        return self._adopt(pools, "windows")
+        # Without a window the first paths go together as they are.
+        return self._adopt(pools, "windows" if windows.windows else "timing")
 
     def _adopt(self, pools: Sequence[PathPool], stage: str) -> bool:
         """Replace all agents by those of some pools, if all of them can be timed; whether that was possible."""
@@ -350,6 +359,11 @@ class PrioritizedPlanner:
             ),
             default=0.0,
         )
+
+    def _slow_from(self) -> float:
+        """Arrivals after this are worth another method [s]."""
+        alone = (min(path.fastest for path in pool.paths) for pool in self._alone.values())
+        return max(alone, default=0.0) * (1.0 + _WORTH_TIMING)
 
     def _time_limit(self) -> float:
         """Arrivals before this need no better path: others arrive later anyway, or it is good enough."""
