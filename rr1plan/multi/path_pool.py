@@ -47,13 +47,14 @@ class PathPool:
         self.paths: list[AgentPath] = []
 
     def add(
-        self, others: Mapping[str, Array | None], *, detour: bool = False, patient: bool = False
+        self, others: Mapping[str, Array | None], *, detour: bool = False, effort: int = 0, patient: bool = False
     ) -> tuple[AgentPath | None, str]:
         """Look for one more path.
 
         Args:
             others: Moving arms of the problem that it has to avoid, each in a configuration (nq,).
             detour: Whether it has to go through a random configuration.
+            effort: How often to double the iterations after which a hard search is given up.
             patient: Whether to use all of the time, and then to look for a hint why there is no path; else a hard
                 search is given up soon.
 
@@ -67,7 +68,7 @@ class PathPool:
         legs = [question] if via is None else _split(question, via)
         parts: list[Path] = []
         for leg in legs:
-            result = self._plan(leg, patient=patient)
+            result = self._plan(leg, effort, patient=patient)
             if result.path is None:
                 return None, result.reason
             parts.append(result.path)
@@ -90,12 +91,12 @@ class PathPool:
         self.paths.append(path)
         return path
 
-    def _plan(self, leg: Problem, *, patient: bool) -> PlanResult:
+    def _plan(self, leg: Problem, effort: int, *, patient: bool) -> PlanResult:
         goes_on, seconds = self._watch.let_planner_go_on, max(self._watch.left, 1e-3)
         if patient:
             most = None if math.isfinite(seconds) else _NO_LIMIT
             return plan(leg, budget=Budget(seconds, most), rng=self._rng, progress=goes_on)
-        budget = Budget(seconds, _ITERATIONS * len(self.agent.arms))
+        budget = Budget(seconds, _ITERATIONS * len(self.agent.arms) << effort)
         return RrtConnect().plan(leg, budget=budget, rng=self._rng, progress=goes_on)
 
     def _via(self, question: Problem) -> Array | None:

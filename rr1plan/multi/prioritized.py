@@ -52,7 +52,8 @@ COUPLED_FIRST = 16
 """Agents of a group for which windows are tried before coordination diagrams are computed."""
 # Arms of an agent that quarrels make, at most: the joint space of more is too large without windows.
 _MOST_TOGETHER = 4
-# Evictions for each agent before windows are tried for the first time; then twice as many each time.
+_MOST_AS_ONE = 8  # arms of a group that is planned as one in the end, at most
+# Evictions for each agent between two rounds of windows, which take twice the effort each time.
 _EVICTIONS = 3
 # A makespan nearer to its lower bound than this is not made shorter, nor by less than that [ratio].
 _GOOD_ENOUGH, _LEAST_GAIN = 0.15, 0.005
@@ -159,8 +160,9 @@ class PrioritizedPlanner:
         """Schedule all agents; whether that was possible in time."""
         if not self.schedules and 1 < len(self.agents) <= PLANNED_AS_ONE and self._plan_few():
             return True
-        if not self.schedules and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST and self._couple(0):
-            return True
+        if not self.schedules and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST:
+            if self._couple(0) or self._plan_all(0):
+                return True
         self._prepare_diagrams()
         waiting = self._time_first_paths()
         if not waiting:
@@ -168,13 +170,13 @@ class PrioritizedPlanner:
             return True
         effort = 0
         while self._watch.goes_on():
-            most = self.statistics.evictions + (_EVICTIONS * len(self.agents) << effort)
+            most = self.statistics.evictions + _EVICTIONS * len(self.agents)
             if self._repair(waiting, most):
                 self.stage = _later(self.stage, self._repair_stage())
                 return True
             if not self._watch.goes_on():
                 break
-            if self._couple(effort):
+            if self._couple(effort) or self._plan_all(effort):
                 return True
             effort += 1
             waiting = [agent for agent in self._slowest_first() if agent not in self.schedules]
@@ -232,6 +234,14 @@ class PrioritizedPlanner:
             self.stage = "timing"
             return True
         self._return_to(alone)
+        return self._adopt([pool], "composite")
+
+    def _plan_all(self, effort: int) -> bool:
+        """Plan all arms as one, with twice the effort each time; whether that was possible."""
+        if len(self.arms) > _MOST_AS_ONE:
+            return False
+        pool = self._pool_of(self.arms)
+        self._add_path(pool, effort)
         return self._adopt([pool], "composite")
 
     def _couple(self, effort: int) -> bool:
@@ -311,10 +321,10 @@ class PrioritizedPlanner:
             margin = self._margins[agent]
         return PathPool(agent, margin, self._rng, self._watch)
 
-    def _add_path(self, pool: PathPool) -> AgentPath | None:
+    def _add_path(self, pool: PathPool, effort: int = 0) -> AgentPath | None:
         """One more path from the start to the goal, regardless of others."""
         began = time.perf_counter()
-        path, _ = pool.add({})
+        path, _ = pool.add({}, effort=effort)
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
         return path
@@ -513,7 +523,9 @@ class PrioritizedPlanner:
         return [other for other in self._neighbors(agent) if other in self.schedules]
 
     def _timed(self, path: AgentPath, others: Iterable[Agent]) -> Schedule | None:
-        """The earliest schedule of a path among those of others."""
+        """The earliest schedule of a path among those of others; None if there is none, or no time to look for it."""
+        if not self._watch.goes_on():
+            return None
         found = []
         for other in others:
             theirs = self.schedules[other]
