@@ -74,6 +74,10 @@ class AgentPath:
     def __repr__(self) -> str:
         return f"AgentPath({', '.join(self.agent.arms)}: {self.segments} segments)"
 
+    def __getstate__(self) -> dict[str, object]:
+        """The path without memory of kernels, and without times of hops, which are soon made again."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("placed", "_times")}
+
     @property
     def length(self) -> float:
         """Euclidean length in joint space [rad]."""
@@ -218,8 +222,8 @@ class AgentPath:
         reach += _ROUNDING * (1.0 + np.abs(c).sum(axis=1))
 
     @cached_property
-    def box(self) -> Array:
-        """Low and high corner of a box around all that the agent sweeps [m], shape (6,)."""
+    def boxes(self) -> Array:
+        """Low and high corner of a box around what each body of the agent sweeps [m], shape (bodies, 6)."""
         targets = self.placed.targets
         bodies = len(self.agent.bodies.elements)
         used = targets["is_empty"] == 0
@@ -227,7 +231,7 @@ class AgentPath:
         centers = targets["centers"].reshape(-1, bodies, 3)[used]
         reach = targets["travel"].reshape(-1, bodies)[used] + self.agent.bodies.tables.body_values[:, 15]
         low, high = centers - reach[..., None], centers + reach[..., None]
-        return np.concatenate([low.min(axis=(0, 1)), high.max(axis=(0, 1))])
+        return np.concatenate([low.min(axis=0), high.max(axis=0)], axis=1)
 
 
 def _even_grid(lengths: Array, counts: NDArray[np.int64]) -> Grid:

@@ -78,19 +78,19 @@ def ends_are_apart(one: AgentPath, two: AgentPath, margin: float) -> bool:
 
 
 def may_touch(one: AgentPath, two: AgentPath, margin: float) -> bool:
-    """Whether boxes around all that two agents sweep on their paths leave room for a contact.
+    """Whether boxes around what the bodies of two agents sweep on their paths meet.
 
     Args:
         one: A path of an agent.
         two: A path of another agent, of the same problem.
         margin: Distance to keep beyond the scene's padding [m].
     """
-    pairs = cross_pairs(one.agent, two.agent, margin).value
-    return pairs.group_pair_count > 0 and _boxes_meet(one.box, two.box, pairs.max_padding)
-
-
-def _boxes_meet(one: Array, two: Array, distance: float) -> bool:
-    return bool((one[:3] <= two[3:] + distance).all() and (two[:3] <= one[3:] + distance).all())
+    pairs = cross_pairs(one.agent, two.agent, margin)
+    if pairs.value.group_pair_count == 0:
+        return False
+    a, b = one.boxes[:, None], two.boxes[None]
+    distance = pairs.targets["padding"][..., None]
+    return bool(((a[..., :3] <= b[..., 3:] + distance) & (b[..., :3] <= a[..., 3:] + distance)).all(axis=2).any())
 
 
 def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -> CStruct:

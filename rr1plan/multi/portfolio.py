@@ -21,7 +21,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_generator, finite_number
+from rr1plan.checks import Seed, Value, as_generator, finite_number
 from rr1plan.errors import InputError
 from rr1plan.multi.diagram_cache import DiagramCache
 from rr1plan.multi.interaction import arms_in_reach, meeting_groups
@@ -65,8 +65,8 @@ class GroupResult:
         return not self.reason
 
 
-@dataclass(frozen=True, eq=False)
-class ManyArmsResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class ManyArmsResult(Value):
     """The answer to a problem of many arms.
 
     Args:

@@ -160,9 +160,9 @@ class PrioritizedPlanner:
         """Schedule all agents; whether that was possible in time."""
         if not self.schedules and 1 < len(self.agents) <= PLANNED_AS_ONE and self._plan_few():
             return True
-        if not self.schedules and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST:
-            if self._couple(0) or self._plan_all(0):
-                return True
+        coupled_first = not self.schedules and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST
+        if coupled_first and (self._couple(0) or self._plan_all(0)):
+            return True
         self._prepare_diagrams()
         waiting = self._time_first_paths()
         if not waiting:
