@@ -52,7 +52,7 @@ def test_diagrams_are_the_same_on_threads(grid: rp.Problem, pools: dict[str, Pat
     paths = [pool.paths[0] for pool in pools.values()]
     pairs = list(combinations(paths, 2))
     alone, threaded = DiagramCache(), DiagramCache()
-    threaded.prepare(pairs, 3)
+    threaded.prepare(pairs * 2, 3)
     met = 0
     for one, two in pairs:
         expected, found = alone.diagram(one, two), threaded.diagram(one, two)
@@ -61,7 +61,7 @@ def test_diagrams_are_the_same_on_threads(grid: rp.Problem, pools: dict[str, Pat
             met += 1
             np.testing.assert_array_equal(found, expected)
             np.testing.assert_array_equal(threaded.diagram(two, one), expected.T)
-    assert met > 3
+    assert met > 0
     assert len(threaded) == 2 * len(pairs)
 
 
