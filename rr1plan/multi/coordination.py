@@ -12,7 +12,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
 from rr1plan.collision.checker import TOLERANCE
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.multi.agent_path import AgentPath

@@ -42,6 +42,10 @@ _DETOURS, _MOST_PATHS = 3, 12
 _QUARRELS = 2
 PLANNED_AS_ONE = 4
 """Agents of a group whose joint space is tried first."""
+_STANDING = 0.7  # share of the others around which an arm's path leads before a later round of windows
+_ROUNDS_OF_SAME_EFFORT = 4  # of windows
+_ROUNDS_FIRST = 8  # of windows there, each with twice the effort
+
 STAGES = ("timing", "detours", "eviction", "composite", "windows")
 """Stages of a search, by what they cost."""
 _ATTEMPTS = 3  # at a path in that joint space
@@ -161,14 +165,16 @@ class PrioritizedPlanner:
         if not self.schedules and 1 < len(self.agents) <= PLANNED_AS_ONE and self._plan_few():
             return True
         coupled_first = not self.schedules and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST
-        if coupled_first and (self._couple(0) or self._plan_all(0)):
-            return True
+        effort = 0
+        while coupled_first and effort < _ROUNDS_FIRST and self._watch.goes_on():
+            if self._couple(effort) or self._plan_all(effort):
+                return True
+            effort += 1
         self._prepare_diagrams()
         waiting = self._time_first_paths()
         if not waiting:
             self.stage = _later(self.stage, "timing")
             return True
-        effort = 0
         while self._watch.goes_on():
             most = self.statistics.evictions + _EVICTIONS * len(self.agents)
             if self._repair(waiting, most):
@@ -248,9 +254,9 @@ class PrioritizedPlanner:
         """Couple arms on windows of time around their conflicts; whether all agents have a schedule then."""
         began = time.perf_counter()
         margin = self._pool_of(self.arms).margin
-        starts = {arm: pool.paths[0].path.waypoints for arm, pool in self._alone.items()}
+        starts = {arm: self._first_guess(arm, effort).path.waypoints for arm in self._alone}
         windows = CoupledWindows(starts, self._agent_of, margin, self._rng, self._watch)
-        solved = windows.solve(effort)
+        solved = windows.solve(effort // _ROUNDS_OF_SAME_EFFORT)
         self.statistics.windows += windows.windows
         self.statistics.add_time("windows", began)
         if not solved:
@@ -266,6 +272,21 @@ class PrioritizedPlanner:
         if as_one and self.makespan > arrival:
             self._return_to(apart)
         return found or as_one
+
+    def _first_guess(self, arm: str, effort: int) -> AgentPath:
+        """The path of an arm before windows: its own, or in later rounds one around others where they stand."""
+        pool = self._alone[arm]
+        if effort == 0:
+            return pool.paths[0]
+        standing: dict[str, Array | None] = {}
+        for other in sorted(self._near[arm] & self._alone.keys()):
+            theirs = self._alone[other]
+            q = theirs.paths[0].goal if effort % 2 else theirs.agent.start
+            # Each time among some others, so that each time the paths are different ones.
+            if self._rng.random() < _STANDING and self._leaves_ends_free(pool, theirs.agent, q):
+                standing[other] = q
+        path, _ = pool.add(standing) if standing else (None, "")
+        return path or pool.paths[0]
 
     def _adopt_windows(self, windows: CoupledWindows, sets: Sequence[tuple[str, ...]]) -> bool:
         pools = []
@@ -416,7 +437,7 @@ class PrioritizedPlanner:
         began = time.perf_counter()
         configurations: dict[str, Array | None] = {}
         for other, q in standing.items():
-            if self._leaves_ends_free(agent, other, q):
+            if self._leaves_ends_free(self.pools[agent], other, q):
                 configurations.update(self._split(other, q))
         by_chance = number >= 3 or not configurations
         # Each path in a joint space differs from the others as it is.
@@ -435,12 +456,12 @@ class PrioritizedPlanner:
                 found.append(other)
         return found
 
-    def _leaves_ends_free(self, agent: Agent, other: Agent, q: Array) -> bool:
-        """Whether an agent can be at its start and its goal while another one stands somewhere."""
-        placed = placed_configuration(other.bodies, q)
+    def _leaves_ends_free(self, pool: PathPool, other: Agent, q: Array) -> bool:
+        """Whether the agent of a pool can be at its start and its goal while another one stands somewhere."""
+        agent, placed = pool.agent, placed_configuration(other.bodies, q)
         return all(
-            are_apart(agent, placed_configuration(agent.bodies, end), other, placed, self.pools[agent].margin)
-            for end in (agent.start, self._goal_of(agent))
+            are_apart(agent, placed_configuration(agent.bodies, end), other, placed, pool.margin)
+            for end in (agent.start, pool.paths[0].goal)
         )
 
     def _goal_of(self, agent: Agent) -> Array:
