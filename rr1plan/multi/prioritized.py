@@ -130,6 +130,7 @@ class PrioritizedPlanner:
         self._alone = {agent.arms[0]: pool for agent, pool in self.pools.items() if len(agent.arms) == 1}
         self._made = {frozenset(agent.arms): agent for agent in self.agents}
         self._margins: dict[Agent, float] = {}
+        self._tries_as_one = 0
         self._evicted: Counter[Agent] = Counter()
         self._quarrels: Counter[frozenset[Agent]] = Counter()
         self._detours: Counter[Agent] = Counter()
@@ -167,7 +168,7 @@ class PrioritizedPlanner:
         coupled_first = not self.schedules and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST
         effort = 0
         while coupled_first and effort < _ROUNDS_FIRST and self._watch.goes_on():
-            if self._couple(effort) or self._plan_all(effort):
+            if self._couple(effort) or (effort == 0 and self._plan_all()):
                 return True
             effort += 1
         self._prepare_diagrams()
@@ -182,7 +183,7 @@ class PrioritizedPlanner:
                 return True
             if not self._watch.goes_on():
                 break
-            if self._couple(effort) or self._plan_all(effort):
+            if self._couple(effort) or self._plan_all():
                 return True
             effort += 1
             waiting = [agent for agent in self._slowest_first() if agent not in self.schedules]
@@ -242,12 +243,13 @@ class PrioritizedPlanner:
         self._return_to(alone)
         return self._adopt([pool], "composite")
 
-    def _plan_all(self, effort: int) -> bool:
+    def _plan_all(self) -> bool:
         """Plan all arms as one, with twice the effort each time; whether that was possible."""
         if len(self.arms) > _MOST_AS_ONE:
             return False
         pool = self._pool_of(self.arms)
-        self._add_path(pool, effort)
+        self._add_path(pool, self._tries_as_one)
+        self._tries_as_one += 1
         return self._adopt([pool], "composite")
 
     def _couple(self, effort: int) -> bool:
@@ -371,7 +373,12 @@ class PrioritizedPlanner:
             for agent in again:
                 del self.schedules[agent]
             target = (1.0 - _LEAST_GAIN) * limit
-            if not all(self._schedule(agent, target) and self.schedules[agent].arrival <= target for agent in again):
+            # The diagrams of another path of several arms would cost more than all the rest.
+            tries = {agent: _DETOURS if len(agent.arms) == 1 else 0 for agent in again}
+            if not all(
+                self._schedule(agent, target, detours=count) and self.schedules[agent].arrival <= target
+                for agent, count in tries.items()
+            ):
                 self.schedules = before
 
     @property
