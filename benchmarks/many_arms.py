@@ -77,6 +77,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             args.planners = [name for name in args.planners if name != "srmp"]
             notes.append(f"SRMP is left out: {missing}.")
     results = [task | _ask(task, python) for task in track(_tasks(args), "many arms")]
+    left_out = {f"{r['set']} of {r['arms']} at {r['size']:.2f} m: {r['skipped']}" for r in results if "skipped" in r}
+    notes += (
+        ["\n".join(["Left out, no such problem:", *(f"- {text}" for text in sorted(left_out))])] if left_out else []
+    )
     results = [result for result in results if "skipped" not in result]
     cells = _cells(results)
     fits = _fits(cells)
