@@ -29,7 +29,8 @@ from rr1plan.validation import validate
 # Imports faster than this [s] only look up modules that are already loaded.
 _NO_IMPORTS = 0.01
 _MARGIN = 0.002  # [m]
-_MANY_ARMS = "many_arms"
+MANY_ARMS = "many_arms"
+"""The planner that plans a path for each arm and schedules them; it makes trajectories, not paths."""
 # Up to this many arms are planned in their joint space unless a planner is named.
 _PLANNED_AS_ONE = 2
 # Shortcut attempts before retiming: milliseconds of computation save seconds of motion.
@@ -88,9 +89,9 @@ def plan_motion(
     known_name("retiming", retiming, retiming_names())
     if planner is None:
         as_one = len(problem.arms) <= _PLANNED_AS_ONE or retiming != "blend" or torque_limits
-        planner = "rrt_connect" if as_one else _MANY_ARMS
-    if isinstance(planner, str) and planner == _MANY_ARMS:
-        _check_many_arms_options(retiming, torque_limits)
+        planner = "rrt_connect" if as_one else MANY_ARMS
+    if isinstance(planner, str) and planner == MANY_ARMS:
+        check_many_arms_options(retiming, torque_limits=torque_limits)
         return _plan_many_arms(problem, seconds, margin, budget, generator, progress)
     chosen = chosen_planner(planner)
     shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
@@ -133,14 +134,14 @@ def plan_motion(
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
 
 
-def _check_many_arms_options(retiming: str, torque_limits: bool) -> None:
+def check_many_arms_options(retiming: str, *, torque_limits: bool) -> None:
     """Refuse what the planner "many_arms" cannot do.
 
     Raises:
         InputError: another retiming than "blend", or torque limits.
     """
     if retiming != "blend" or torque_limits:
-        raise InputError(f"planner {_MANY_ARMS!r} times motions itself, by 'blend' and without torque limits")
+        raise InputError(f"planner {MANY_ARMS!r} times motions itself, by 'blend' and without torque limits")
 
 
 def _plan_many_arms(
@@ -160,14 +161,14 @@ def _plan_many_arms(
         with _timed(seconds, "plan", progress):
             found = plan_many_arms(problem, margin=margin, budget=budget, rng=rng, progress=progress)
         if found.trajectory is None:
-            result = PlanResult(found.status, None, found.reason, _MANY_ARMS, seconds=found.seconds)
+            result = PlanResult(found.status, None, found.reason, MANY_ARMS, seconds=found.seconds)
             return MotionPlan(problem, result, seconds, many_arms=found)
         with _timed(seconds, "validate", progress):
             report = validate(found.trajectory, problem.scene, problem)
     except CancelledError as error:
-        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), _MANY_ARMS), seconds)
+        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), MANY_ARMS), seconds)
     reason = "each arm has its own path, see `many_arms.paths`"
-    result = PlanResult(found.status, None, reason, _MANY_ARMS, seconds=found.seconds)
+    result = PlanResult(found.status, None, reason, MANY_ARMS, seconds=found.seconds)
     return MotionPlan(problem, result, seconds, _trajectory=found.trajectory, _report=report, many_arms=found)
 
 

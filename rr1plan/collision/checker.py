@@ -318,12 +318,13 @@ class CollisionChecker(CoalChecker):
         """
         return self._certify_exactly(*self._checked_curve(coefficients, duration))[0] == FREE
 
-    def first_contact(self, q0: ArrayLike, q1: ArrayLike) -> FirstContact | None:
+    def first_contact(self, q0: ArrayLike, q1: ArrayLike, *, precision: float = 1e-9) -> FirstContact | None:
         """Where the straight line from q0 to q1 first touches something, or None when it is free.
 
         Args:
             q0: Begin [rad or m], shape (nq,).
             q1: End [rad or m], shape (nq,).
+            precision: How much later than `fraction` the contact may be, as a share of the line.
 
         Raises:
             InputError: wrong shape or not finite.
@@ -348,7 +349,7 @@ class CollisionChecker(CoalChecker):
         if status == FREE:
             return None
         free, blocked = 0.0, 1.0
-        while blocked - free > 1e-9:
+        while blocked - free > precision:
             middle = 0.5 * (free + blocked)
             part = shifted_polynomial(curve, free * duration)
             status, _, found = self._certify_exactly(part, (middle - free) * duration)

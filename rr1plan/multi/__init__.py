@@ -6,9 +6,10 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     portfolio.py                             plan_many_arms: all stages under one deadline, one trajectory
     preflight.py  interaction.py             starts and goals that cannot be; arms that can meet
     prioritized.py                           schedules one after the other, detours, eviction, meta-agents
+    coupled_windows.py                       arms that conflict are planned as one on windows of time
     path_pool.py                             paths of one agent
     safe_intervals.py  schedule.py           timing on a fixed path; what a schedule occupies
-    coordination.py                          coordination diagrams: which segments of two paths do not touch
+    diagram_cache.py  coordination.py        coordination diagrams: which segments of two paths do not touch
     agent_path.py  placed_path.py  agents.py   paths in segments, with their bodies; arms that move as one
     temporal_plan_graph.py  route.py         temporal plan graphs: who waits for whom; all that an agent passes
     plan_execution.py  route_motion.py       executing a plan with delays; an agent that brakes and goes on

@@ -2,25 +2,32 @@
 
     result = plan_many_arms(problem)
 
-Each interaction group goes through the same stages until one solves it, under one deadline: timing on the fixed paths
-of each arm alone, detours, eviction, and joint spaces of the few arms that stay in each other's way. The paths of a
-group of up to four arms that still has no schedule are planned as one.
+Each arm gets a path of its own first. Arms whose paths do not meet are planned apart; the groups of others are found
+from what their paths sweep, and are joined where a later path of one meets another. Each group goes through the same
+stages until one solves it, under one deadline: the joint space of up to four arms, timing on the fixed paths of each
+arm alone, detours, eviction, and windows of time on which arms that conflict are coupled. Groups are planned side by
+side on threads; each has random numbers that depend on its arms only, so the threads do not change the result.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
+from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_generator, finite_number
+from rr1plan.checks import Seed, Value, as_generator, finite_number
 from rr1plan.errors import InputError
-from rr1plan.multi.interaction import arms_in_reach, interaction_groups
+from rr1plan.multi.diagram_cache import DiagramCache
+from rr1plan.multi.interaction import arms_in_reach, meeting_groups
+from rr1plan.multi.path_pool import PathPool
 from rr1plan.multi.preflight import MARGINS, preflight
-from rr1plan.multi.prioritized import PrioritizedPlanner, Statistics
+from rr1plan.multi.prioritized import COUPLED_FIRST, PrioritizedPlanner, Statistics
 from rr1plan.multi.schedule import Schedule
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
@@ -29,6 +36,8 @@ from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
 _IMPROVEMENTS = 6  # rounds for each group
+_CANCELLED = "the progress callback returned False"
+_POLL = 0.05  # time between two looks at what threads do [s]
 
 
 @dataclass(frozen=True)
@@ -37,7 +46,8 @@ class GroupResult:
 
     Args:
         arms: Its arms.
-        stage: The last stage that was needed: "timing", "detours", "eviction" or "composite"; empty if none did.
+        stage: The last stage that was needed: "timing", "detours", "eviction", "windows" or "composite"; empty if none
+            did.
         seconds: Wall time [s].
         reason: Why there is no answer, in words; empty if there is one.
         statistics: What was done.
@@ -55,8 +65,8 @@ class GroupResult:
         return not self.reason
 
 
-@dataclass(frozen=True, eq=False)
-class ManyArmsResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class ManyArmsResult(Value):
     """The answer to a problem of many arms.
 
     Args:
@@ -142,25 +152,26 @@ def plan_many_arms(
     if largest < 0.0:
         raise InputError(f"margin is {largest}, expected a distance >= 0")
     near = arms_in_reach(problem.scene, problem.arms, largest)
+    if not watch.goes_on() and watch.cancelled:
+        return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, seconds=watch.seconds)
     found = preflight(problem, near, largest, generator)
     if found.status is not None:
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
-    groups: list[GroupResult] = []
-    planners: list[PrioritizedPlanner] = []
-    for arms in interaction_groups(near):
-        # Numbers of their own, so that a group is planned the same whatever the others are.
-        numbers = np.random.default_rng(generator.integers(2**63))
-        agents = [found.agents[arm] for arm in arms]
-        planners.append(PrioritizedPlanner(agents, near, found.margins, numbers, watch))
-        groups.append(_solve(planners[-1], arms, watch))
+    # Each arm has random numbers of its own, so that it is planned the same whatever the others are.
+    seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
+    pools = {
+        arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
+        for arm, agent in found.agents.items()
+    }
+    search = _GroupSearch(problem.arms, pools, near, DiagramCache(largest), seeds, watch)
+    groups = search.run()
     if watch.cancelled:
-        reason = "the progress callback returned False"
-        return ManyArmsResult(PlanStatus.CANCELLED, reason, groups=tuple(groups), seconds=watch.seconds)
+        return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, groups=tuple(groups), seconds=watch.seconds)
     unsolved = [group for group in groups if not group.found]
     if unsolved:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
-    schedules = [schedule for planner in planners for schedule in planner.schedules.values()]
+    schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
     return ManyArmsResult(
         PlanStatus.FOUND,
         trajectory=merged_trajectory(problem, schedules),
@@ -169,20 +180,132 @@ def plan_many_arms(
         groups=tuple(groups),
         seconds=watch.seconds,
         makespan=max((s.arrival for s in schedules), default=0.0),
-        slowest_alone=max((planner.slowest_alone() for planner in planners), default=0.0),
+        slowest_alone=max((planner.slowest_alone() for planner in search.planners), default=0.0),
         path_length=math.fsum(s.length for s in schedules),
         waiting=math.fsum(s.waiting for s in schedules),
     )
 
 
-def _solve(planner: PrioritizedPlanner, arms: tuple[str, ...], watch: Stopwatch) -> GroupResult:
+class _GroupSearch:
+    """Plans interaction groups side by side, and joins those whose paths turn out to meet.
+
+    Args:
+        arms: The arms, in the order of the problem.
+        pools: An empty pool for each.
+        near: Arms that can meet each arm at all.
+        diagrams: Coordination diagrams, which all groups share.
+        seeds: Seed of each arm.
+        watch: Says when to give up.
+
+    Attributes:
+        planners: One for each group.
+    """
+
+    def __init__(
+        self,
+        arms: Sequence[str],
+        pools: Mapping[str, PathPool],
+        near: Mapping[str, frozenset[str]],
+        diagrams: DiagramCache,
+        seeds: Mapping[str, int],
+        watch: Stopwatch,
+    ) -> None:
+        self._arms, self._pools, self._near, self._diagrams = tuple(arms), pools, near, diagrams
+        self._seeds, self._watch = seeds, watch
+        self.planners: list[PrioritizedPlanner] = []
+
+    def run(self) -> list[GroupResult]:
+        """Plan all groups; what came of each."""
+        without = self._first_paths()
+        if without:
+            return without
+        self.planners = [self._planner(group) for group in self._groups()]
+        results: dict[PrioritizedPlanner, GroupResult] = {}
+        waiting = list(self.planners)
+        while waiting:
+            results |= zip(waiting, self._solve_all(waiting), strict=True)
+            waiting = self._join_meeting([planner for planner in self.planners if results[planner].found])
+        return [results[planner] for planner in self.planners]
+
+    def _first_paths(self) -> list[GroupResult]:
+        """Find the first path of each arm; the arms that have none."""
+        without = []
+        for arm, pool in self._pools.items():
+            began = self._watch.seconds
+            path, reason = pool.add({}, patient=True)
+            if path is None:
+                without.append(GroupResult((arm,), "", self._watch.seconds - began, f"{arm}: {reason}"))
+                break
+        return without
+
+    def _groups(self) -> list[tuple[str, ...]]:
+        """Arms whose first paths meet: by boxes, and in large groups by diagrams, which are needed there anyway."""
+        paths = {arm: pool.paths[0] for arm, pool in self._pools.items()}
+        groups = []
+        for group in meeting_groups(paths, self._near, self._diagrams):
+            own = {arm: paths[arm] for arm in group}
+            if len(group) <= COUPLED_FIRST:
+                groups.append(group)
+                continue
+            pairs = [(own[a], own[b]) for a, b in combinations(own, 2) if b in self._near[a]]
+            self._diagrams.prepare(pairs, _processors())
+            groups += meeting_groups(own, self._near, self._diagrams, exactly=True)
+        return groups
+
+    def _planner(self, group: tuple[str, ...]) -> PrioritizedPlanner:
+        rng = np.random.default_rng([self._seeds[arm] for arm in group])
+        return PrioritizedPlanner([self._pools[arm] for arm in group], self._near, self._diagrams, rng, self._watch)
+
+    def _solve_all(self, planners: list[PrioritizedPlanner]) -> list[GroupResult]:
+        """Plan some groups, those of several arms on threads."""
+        several = [planner for planner in planners if len(planner.agents) > 1]
+        threads = min(_processors(), len(several))
+        for planner in planners:
+            planner.threads = _processors() // max(1, threads)
+        if threads < 2:
+            return [_solve(planner, self._watch) for planner in planners]
+        with ThreadPoolExecutor(threads) as executor:
+            futures = [executor.submit(_solve, planner, self._watch) for planner in planners]
+            try:
+                while wait(futures, _POLL).not_done:
+                    self._watch.goes_on()
+            except BaseException:
+                # Ctrl-C, or an error of the progress callback.
+                self._watch.cancel()
+                raise
+            return [future.result() for future in futures]
+
+    def _join_meeting(self, planners: list[PrioritizedPlanner]) -> list[PrioritizedPlanner]:
+        """Join groups whose paths meet now, as detours may; those that have to be planned again."""
+        owner = {arm: planner for planner in planners for arm in planner.arms}
+        paths = {arm: s.path for p in planners for agent, s in p.schedules.items() for arm in agent.arms}
+        again: list[PrioritizedPlanner] = []
+        for group in meeting_groups(paths, self._near, self._diagrams, exactly=True):
+            first, *others = dict.fromkeys(owner[arm] for arm in group)
+            # A group may have parts that do not meet.
+            if not others:
+                continue
+            for other in others:
+                first.join(other)
+                self.planners.remove(other)
+                owner.update(dict.fromkeys(other.arms, first))
+            again.append(first)
+        return list(dict.fromkeys(planner for planner in again if planner in self.planners))
+
+
+def _processors() -> int:
+    """Number of processors available to this process."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _solve(planner: PrioritizedPlanner, watch: Stopwatch) -> GroupResult:
     """Schedule a group, and make its makespan shorter."""
     began = watch.seconds
     solved = planner.run()
     if solved:
         planner.improve(_IMPROVEMENTS)
     reason = "" if solved else planner.reason
-    return GroupResult(arms, planner.stage, watch.seconds - began, reason, planner.statistics)
+    return GroupResult(planner.arms, planner.stage, watch.seconds - began, reason, planner.statistics)
 
 
 def merged_trajectory(problem: Problem, schedules: list[Schedule]) -> Trajectory:

@@ -1,0 +1,89 @@
+"""The coordination diagrams of a problem, each computed once; several at a time on threads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.coordination import Blocked, coordination_diagram, ends_are_apart, may_touch
+from rr1plan.multi.preflight import MARGINS
+from rr1plan.multi.schedule import extended
+
+_FEWEST = 3  # diagrams for which threads are started
+
+
+class DiagramCache:
+    """Extended coordination diagrams of pairs of paths; any thread may use it.
+
+    Args:
+        largest: No two agents need to keep more than this from each other beyond the padding [m].
+    """
+
+    def __init__(self, largest: float = MARGINS[0]) -> None:
+        self._sizes = (largest, *(m for m in MARGINS if m < largest), 0.0)
+        self._margins: dict[tuple[Agent, Agent, bytes, bytes], float] = {}
+        self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
+
+    def __len__(self) -> int:
+        """How many diagrams have been computed, in both orders."""
+        return len(self._diagrams)
+
+    def margin(self, one: AgentPath, two: AgentPath) -> float:
+        """The largest margin that the starts and the goals of two agents have [m].
+
+        Args:
+            one: A path of an agent.
+            two: A path of another one.
+        """
+        key = one.agent, two.agent, one.goal.tobytes(), two.goal.tobytes()
+        if key not in self._margins:
+            last = self._sizes[-1]
+            self._margins[key] = next((m for m in self._sizes[:-1] if ends_are_apart(one, two, m)), last)
+        return self._margins[key]
+
+    def may_touch(self, one: AgentPath, two: AgentPath) -> bool:
+        """Whether boxes around what two agents sweep on their paths meet.
+
+        Args:
+            one: A path of an agent.
+            two: A path of another one.
+        """
+        return may_touch(one, two, self._sizes[0])
+
+    def diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
+        """The extended diagram of two paths; None where all of it is free.
+
+        Args:
+            one: A path of an agent (rows).
+            two: A path of another one (columns).
+        """
+        try:
+            return self._diagrams[one, two]
+        except KeyError:
+            blocked = None
+            if self.may_touch(one, two):
+                blocked = coordination_diagram(one, two, self.margin(one, two))
+            both = None if blocked is None else extended(blocked)
+            self._diagrams[one, two] = both
+            self._diagrams[two, one] = None if both is None else np.ascontiguousarray(both.T)
+            return both
+
+    def prepare(self, pairs: Iterable[tuple[AgentPath, AgentPath]], threads: int) -> None:
+        """Compute diagrams that will be needed.
+
+        Args:
+            pairs: Of these paths.
+            threads: How many to use.
+        """
+        missing = [both for both in pairs if both not in self._diagrams and self.may_touch(*both)]
+        if threads < 2 or len(missing) < _FEWEST:
+            return
+        for path in dict.fromkeys(path for both in missing for path in both):
+            _ = path.placed
+        with ThreadPoolExecutor(threads) as pool:
+            for _ in pool.map(lambda both: self.diagram(*both), missing):
+                pass
