@@ -59,12 +59,17 @@ if TYPE_CHECKING:
     from rr1plan.motion_plan import MotionPlan as MotionPlan
     from rr1plan.multi import GroupResult as GroupResult
     from rr1plan.multi import ManyArmsResult as ManyArmsResult
+    from rr1plan.multi import conveyor_line as conveyor_line
     from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
+    from rr1plan.multi import handover_window as handover_window
     from rr1plan.multi import place_grid as place_grid
     from rr1plan.multi import place_ring as place_ring
     from rr1plan.multi import plan_many_arms as plan_many_arms
     from rr1plan.multi import random_grid as random_grid
+    from rr1plan.multi import reach_grid as reach_grid
     from rr1plan.multi import ring_swap as ring_swap
+    from rr1plan.multi import shared_bin as shared_bin
+    from rr1plan.multi import shelf_rows as shelf_rows
     from rr1plan.path import Path as Path
     from rr1plan.pipeline import plan_motion as plan_motion
     from rr1plan.pipeline import warm_up as warm_up
@@ -202,12 +207,17 @@ _EXPORTS = {
     "rr1plan.multi": (
         "GroupResult",
         "ManyArmsResult",
+        "conveyor_line",
         "dual_arm_shelf",
+        "handover_window",
         "place_grid",
         "place_ring",
         "plan_many_arms",
         "random_grid",
+        "reach_grid",
         "ring_swap",
+        "shared_bin",
+        "shelf_rows",
     ),
     "rr1plan.path": ("Path",),
     "rr1plan.pipeline": ("plan_motion", "warm_up"),

@@ -10,20 +10,27 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     safe_intervals.py  schedule.py           timing on a fixed path; what a schedule occupies
     coordination.py                          coordination diagrams: which segments of two paths do not touch
     agent_path.py  placed_path.py  agents.py   paths in segments, with their bodies; arms that move as one
-    problems.py                              seeded problems; grids and rings are in `rr1plan.scene.placement`
+    problems.py  workcell_problems.py        seeded problems; grids and rings are in `rr1plan.scene.placement`
+    endpoint_sampling.py                     their starts and goals
 """
 
 from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
-from rr1plan.multi.problems import dual_arm_shelf, random_grid, ring_swap
+from rr1plan.multi.problems import dual_arm_shelf, random_grid, reach_grid, ring_swap
+from rr1plan.multi.workcell_problems import conveyor_line, handover_window, shared_bin, shelf_rows
 from rr1plan.scene.placement import place_grid, place_ring
 
 __all__ = [
     "GroupResult",
     "ManyArmsResult",
+    "conveyor_line",
     "dual_arm_shelf",
+    "handover_window",
     "place_grid",
     "place_ring",
     "plan_many_arms",
     "random_grid",
+    "reach_grid",
     "ring_swap",
+    "shared_bin",
+    "shelf_rows",
 ]
