@@ -58,7 +58,9 @@ if TYPE_CHECKING:
     from rr1plan.model import solve_ik as solve_ik
     from rr1plan.motion_plan import MotionPlan as MotionPlan
     from rr1plan.multi import GroupResult as GroupResult
+    from rr1plan.multi import Leg as Leg
     from rr1plan.multi import ManyArmsResult as ManyArmsResult
+    from rr1plan.multi import Schedule as Schedule
     from rr1plan.multi import conveyor_line as conveyor_line
     from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
     from rr1plan.multi import handover_window as handover_window
@@ -206,8 +208,10 @@ _EXPORTS = {
     "rr1plan.motion_plan": ("MotionPlan",),
     "rr1plan.multi": (
         "GroupResult",
+        "Leg",
         "ManyArmsResult",
         "conveyor_line",
+        "Schedule",
         "dual_arm_shelf",
         "handover_window",
         "place_grid",

@@ -452,6 +452,8 @@ _NOT_CALLED = {
     *(
         "PlanFailure",
         "GroupResult",
+        "Leg",
+        "Schedule",
         "ManyArmsResult",
         "Contact",
         "ElementCover",

@@ -16,12 +16,15 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
 
 from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
 from rr1plan.multi.problems import dual_arm_shelf, random_grid, reach_grid, ring_swap
+from rr1plan.multi.schedule import Leg, Schedule
 from rr1plan.multi.workcell_problems import conveyor_line, handover_window, shared_bin, shelf_rows
 from rr1plan.scene.placement import place_grid, place_ring
 
 __all__ = [
     "GroupResult",
+    "Leg",
     "ManyArmsResult",
+    "Schedule",
     "conveyor_line",
     "dual_arm_shelf",
     "handover_window",

@@ -74,6 +74,11 @@ class Schedule:
     path: AgentPath
     legs: tuple[Leg, ...]
 
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """The arms that move by it."""
+        return self.path.agent.arms
+
     @cached_property
     def arrival(self) -> float:
         """When it is at its goal for good [s]."""

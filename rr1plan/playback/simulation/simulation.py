@@ -83,15 +83,11 @@ def simulate(
     steps = max(1, int(np.ceil((trajectory.duration + hold) / timestep - 1e-9)))
     with mujoco_warnings() as warnings:
         world = build_mujoco(scene, timestep=timestep, stiffness=_bounded_stiffness(stiffness))
-        times = _clock(trajectory.start_time, timestep, steps)
+        times = trajectory.start_time + timestep * np.arange(steps + 1, dtype=np.float64)
         run = _Run(world, targets, times, fraction_callback("simulate", progress), warnings)
         started = time.perf_counter()
         (run.dynamic if mode == "dynamic" else run.kinematic)()
     return _report(mode, run, record_dt, time.perf_counter() - started, stiffness)
-
-
-def _clock(start: float, timestep: float, steps: int) -> Array:
-    return np.asarray(start + timestep * np.arange(steps + 1), dtype=np.float64)
 
 
 class JointTargets:
