@@ -90,11 +90,15 @@ if TYPE_CHECKING:
     from rr1plan.planning import PlanResult as PlanResult
     from rr1plan.planning import PlanStatus as PlanStatus
     from rr1plan.planning import SearchTree as SearchTree
+    from rr1plan.planning import Wait as Wait
     from rr1plan.playback.cspace.configuration_space import CSpace as CSpace
     from rr1plan.playback.cspace.configuration_space import cspace as cspace
     from rr1plan.playback.cspace.cspace_decomposition import Decomposition as Decomposition
     from rr1plan.playback.cspace.cspace_grid import CSpaceGrid as CSpaceGrid
     from rr1plan.playback.cspace.search_trees import DrawnTree as DrawnTree
+    from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram as CoordinationDiagram
+    from rr1plan.playback.schedules.timeline import Timeline as Timeline
+    from rr1plan.playback.schedules.timeline import timeline as timeline
     from rr1plan.playback.simulation.replay import Replay as Replay
     from rr1plan.playback.simulation.replay import ReplayContact as ReplayContact
     from rr1plan.playback.simulation.simulation import simulate as simulate
@@ -237,11 +241,13 @@ _EXPORTS = {
         "register_planner",
     ),
     "rr1plan.planners.shortcut": ("shorten",),
-    "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus", "Planner", "SearchTree"),
+    "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus", "Planner", "SearchTree", "Wait"),
     "rr1plan.playback.cspace.configuration_space": ("CSpace", "cspace"),
     "rr1plan.playback.cspace.cspace_decomposition": ("Decomposition",),
     "rr1plan.playback.cspace.cspace_grid": ("CSpaceGrid",),
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
+    "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
+    "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
     "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.simulation": ("simulate",),
