@@ -69,8 +69,8 @@ def say_many(motion: MotionPlan, console: Console) -> None:
     if many is None or console.as_json or console.quiet:
         return
     console.say(
-        f"{counted(len(many.paths), 'arm')}: makespan {many.makespan:.3f} s, {many.ratio:.2f} times the slowest arm alone; "
-        f"{many.waiting:.3f} s of waiting"
+        f"{counted(len(many.paths), 'arm')}: makespan {many.makespan:.3f} s, "
+        f"{many.ratio:.2f} times the slowest arm alone; {many.waiting:.3f} s of waiting"
     )
     _say_groups(many, console)
     _say_waits(motion.timeline(), console)
@@ -113,9 +113,7 @@ def many_values(motion: MotionPlan) -> Mapping[str, Any]:
     ]
     if not many.found:
         return {"many_arms": {"groups": groups}}
-    waits = [
-        {"arm": w.arm, "begin": w.begin, "end": w.end, "others": list(w.others)} for w in motion.timeline().waits
-    ]
+    waits = [{"arm": w.arm, "begin": w.begin, "end": w.end, "others": list(w.others)} for w in motion.timeline().waits]
     numbers = {
         "makespan": many.makespan,
         "slowest_alone": many.slowest_alone,

@@ -98,7 +98,7 @@ def _grid(robot: Robot | Sequence[Robot], count: int, spacing: float) -> Scene:
         checked_robot(one)
     whole_number("count", count, 1, 10_000)
     rows = max(k for k in range(1, math.isqrt(count) + 1) if count % k == 0)
-    scene = place_grid(robots[0], rows, count // rows, spacing=spacing)
+    scene = place_grid(robots[0], rows, count // rows, spacing=spacing, scene=Scene(name=f"grid of {count}"))
     if len(robots) == 1:
         return scene
     for k, (name, arm) in enumerate(scene.arms.items()):

@@ -28,7 +28,7 @@ function draw() {
   pen.setTransform(scale, 0, 0, scale, 0, 0);
   pen.font = "12px Inter, 'Segoe UI', 'DejaVu Sans', sans-serif";
   const named = rowHeight >= 13;
-  left = named ? Math.min(110, 8 + Math.max(...data.arms.map((arm) => pen.measureText(arm.name).width))) : 4;
+  left = named ? Math.min(110, 8 + Math.max(...data.arms.map((arm) => pen.measureText(arm.name).width))) : 14;
   right = width - 8;
   drawGrid();
   data.arms.forEach((arm, row) => drawRow(arm, row, named));
