@@ -4,8 +4,9 @@ import numpy as np
 
 import rr1plan as rp
 
+robot = rp.load_robot("rr1")
 for width in (0.20, 0.15, 0.12, 0.10):
-    problem = rp.handover_window(width, rng=0)
+    problem = rp.handover_window(robot, width, rng=0)
     motion = rp.plan_motion(problem, planner="many_arms", rng=0)
     poses = problem.scene.link_poses(problem.scene.split(motion.trajectory(motion.trajectory.end_time), problem.arms))
     tools = [poses[f"{arm}/{problem.scene.arms[arm].robot.tool}"][:3, 3] for arm in problem.arms]

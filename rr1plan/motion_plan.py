@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, TypeVar
 
-from rr1plan.checks import counted, known_name
+from rr1plan.checks import check_text, counted, known_name
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.planning import PlanResult, PlanStatus
@@ -201,6 +201,8 @@ class MotionPlan:
         from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram
 
         names = (one, two)
+        check_text("one", one)
+        check_text("two", two)
         _present(self._trajectory, self.result)
         if self.many_arms is None:
             raise InputError("this motion has no schedules of arms; plan it with planner='many_arms'")

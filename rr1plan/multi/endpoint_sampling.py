@@ -20,7 +20,6 @@ from rr1plan.multi.interaction import arms_in_reach
 from rr1plan.multi.placed_path import placed_configuration
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
-from rr1plan.scene.model_library import load_robot
 from rr1plan.scene.problem import PoseGoal, Problem
 from rr1plan.transforms import pose
 
@@ -138,18 +137,16 @@ def _free_among(
     return None
 
 
-def checked_robot(robot: Robot | None) -> Robot:
-    """The robot of a problem: the one given, or RR1.
+def check_robot(robot: Robot) -> None:
+    """Refuse a robot of which no configurations can be drawn.
 
     Raises:
         InputError: not a robot, or one with joints that have no position limits.
     """
-    of_kind("robot", robot, Robot, optional=True)
-    chosen = load_robot("rr1") if robot is None else robot
-    for name, low, high in zip(chosen.joint_names, chosen.limits.lower, chosen.limits.upper, strict=True):
+    of_kind("robot", robot, Robot)
+    for name, low, high in zip(robot.joint_names, robot.limits.lower, robot.limits.upper, strict=True):
         if not (math.isfinite(low) and math.isfinite(high)):
             raise InputError(f"joint {name!r} has no position limits to draw configurations from; set some")
-    return chosen
 
 
 def front_of(robot: Robot, front: Array | None = None) -> Array:

@@ -17,7 +17,7 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.endpoint_sampling import (
     CLEARANCE,
     ToolBox,
-    checked_robot,
+    check_robot,
     front_of,
     horizontal_reach,
     sample_configurations,
@@ -94,8 +94,7 @@ def _grid(robot: Robot | Sequence[Robot], count: int, spacing: float) -> Scene:
     if not robots:
         raise InputError("robot is an empty sequence, expected at least one Robot")
     for one in robots:
-        of_kind("robot", one, Robot)
-        checked_robot(one)
+        check_robot(one)
     whole_number("count", count, 1, 10_000)
     rows = max(k for k in range(1, math.isqrt(count) + 1) if count % k == 0)
     scene = place_grid(robots[0], rows, count // rows, spacing=spacing, scene=Scene(name=f"grid of {count}"))

@@ -15,7 +15,7 @@ from rr1plan.checks import Array, Seed, as_generator, positive_number, whole_num
 from rr1plan.errors import InputError
 from rr1plan.multi.endpoint_sampling import (
     ToolBox,
-    checked_robot,
+    check_robot,
     facing,
     horizontal_reach,
     sample_configurations,
@@ -73,19 +73,20 @@ class _Cell:
         return Problem(self.scene, ends[0], ends[1])
 
 
-def handover_window(width: float = 0.12, rng: Seed = None, *, robot: Robot | None = None, gap: float = 0.04) -> Problem:
+def handover_window(robot: Robot, width: float = 0.12, rng: Seed = None, *, gap: float = 0.04) -> Problem:
     """Two arms on both sides of a wall, whose tools meet in a square window.
 
     Args:
+        robot: The robot both are, whose joints have limits.
         width: Width and height of the window [m].
         rng: Seed.
         gap: How far from each other the origins of the tools are then [m]; RR1's fingers end 2.7 cm beyond it.
-        robot: The robot both are (default: RR1).
 
     Raises:
         InputError: a width that makes no sense, or so narrow a window that no configurations are free and apart.
     """
-    robot, generator = checked_robot(robot), as_generator(rng)
+    check_robot(robot)
+    generator = as_generator(rng)
     width = positive_number("width", width)
     if not _WINDOWS[0] <= width <= _WINDOWS[1]:
         raise InputError(f"width is {width:g} m, expected {_WINDOWS[0]:g} to {_WINDOWS[1]:g} m")
@@ -112,18 +113,19 @@ def handover_window(width: float = 0.12, rng: Seed = None, *, robot: Robot | Non
     return cell.problem(starts, goals, generator, "try a wider window or another robot")
 
 
-def shared_bin(count: int = 4, rng: Seed = None, *, robot: Robot | None = None) -> Problem:
+def shared_bin(robot: Robot, count: int = 4, rng: Seed = None) -> Problem:
     """Arms around a bin of 40 x 30 x 20 cm: every second one is in it and leaves, the others come to pick.
 
     Args:
+        robot: The robot all of them are, whose joints have limits.
         count: How many arms, 2 or 4.
         rng: Seed.
-        robot: The robot all of them are (default: RR1).
 
     Raises:
         InputError: another count, or no configurations that are free and apart.
     """
-    robot, generator = checked_robot(robot), as_generator(rng)
+    check_robot(robot)
+    generator = as_generator(rng)
     if whole_number("count", count, 2, 4) == 3:
         raise InputError("count is 3, expected 2 or 4")
     far = horizontal_reach(robot)
@@ -152,18 +154,19 @@ def shared_bin(count: int = 4, rng: Seed = None, *, robot: Robot | None = None) 
     return cell.problem(starts, goals, generator, "try another robot or seed")
 
 
-def conveyor_line(count: int, rng: Seed = None, *, robot: Robot | None = None) -> Problem:
+def conveyor_line(robot: Robot, count: int, rng: Seed = None) -> Problem:
     """Arms along both sides of a belt; each tool moves along it, to where the next arms reach, too.
 
     Args:
+        robot: The robot all of them are, whose joints have limits.
         count: How many arms, on either side in turns.
         rng: Seed.
-        robot: The robot all of them are (default: RR1).
 
     Raises:
         InputError: numbers that make no sense, or no configurations that are free and apart.
     """
-    robot, generator = checked_robot(robot), as_generator(rng)
+    check_robot(robot)
+    generator = as_generator(rng)
     whole_number("count", count, 2, 1000)
     far = horizontal_reach(robot)
     cell = _Cell("conveyor", robot)
@@ -183,18 +186,19 @@ def conveyor_line(count: int, rng: Seed = None, *, robot: Robot | None = None) -
     return cell.problem(starts, goals, generator, "try another robot or seed")
 
 
-def shelf_rows(count: int = 8, rng: Seed = None, *, robot: Robot | None = None) -> Problem:
+def shelf_rows(robot: Robot, count: int = 8, rng: Seed = None) -> Problem:
     """Rows of arms on both sides of a shelf; each tool goes from its bay to another level of that or the next one.
 
     Args:
+        robot: The robot all of them are, whose joints have limits.
         count: How many arms, an even number.
         rng: Seed.
-        robot: The robot all of them are (default: RR1).
 
     Raises:
         InputError: numbers that make no sense, or no configurations that are free and apart.
     """
-    robot, generator = checked_robot(robot), as_generator(rng)
+    check_robot(robot)
+    generator = as_generator(rng)
     if whole_number("count", count, 2, 100) % 2:
         raise InputError(f"count is {count}, expected an even number")
     far = horizontal_reach(robot)

@@ -29,10 +29,10 @@ _KINDS: dict[str, Callable[[rp.Robot, int], rp.Problem]] = {
     "shelf": lambda robot, seed: dual_arm_shelf(robot, 0.6, seed),
     "opposite": lambda robot, seed: ring_swap(robot, 4, 0.36, 2, rng=seed),
     "reaches": lambda robot, seed: reach_grid(robot, 6, 0.6, seed),
-    "hand-over": lambda robot, seed: handover_window(0.10, seed, robot=robot),
-    "bin": lambda robot, seed: shared_bin(4, seed, robot=robot),
-    "conveyor": lambda robot, seed: conveyor_line(4, seed, robot=robot),
-    "shelves": lambda robot, seed: shelf_rows(8, seed, robot=robot),
+    "hand-over": lambda robot, seed: handover_window(robot, 0.10, seed),
+    "bin": lambda robot, seed: shared_bin(robot, 4, seed),
+    "conveyor": lambda robot, seed: conveyor_line(robot, 4, seed),
+    "shelves": lambda robot, seed: shelf_rows(robot, 8, seed),
 }
 
 
@@ -74,8 +74,8 @@ def test_in_a_ring_tools_get_across(rr1: rp.Robot) -> None:
 
 
 @pytest.mark.parametrize("width", [0.10, 0.20])
-def test_tools_meet_in_the_window(width: float) -> None:
-    problem = handover_window(width, 1, gap=0.05)
+def test_tools_meet_in_the_window(width: float, rr1: rp.Robot) -> None:
+    problem = handover_window(rr1, width, 1, gap=0.05)
     one, two = tools(problem, goal_of(problem)).values()
     assert np.linalg.norm(one - two) == pytest.approx(0.05, abs=1e-3)
     wall = problem.scene.obstacles["wall"]
@@ -83,8 +83,8 @@ def test_tools_meet_in_the_window(width: float) -> None:
     assert inner == pytest.approx([width, width])
 
 
-def test_every_second_arm_starts_in_the_bin() -> None:
-    problem = shared_bin(4, 2)
+def test_every_second_arm_starts_in_the_bin(rr1: rp.Robot) -> None:
+    problem = shared_bin(rr1, 4, 2)
     ends = [tools(problem, q) for q in (problem.start, goal_of(problem))]
     inside = [[abs(p[0]) < 0.2 and abs(p[1]) < 0.15 and p[2] < 0.2 for p in end.values()] for end in ends]
     assert inside == [[True, False, True, False], [False, True, False, True]]
@@ -101,8 +101,8 @@ def test_the_front_of_a_robot_is_where_its_tool_is(rr1: rp.Robot) -> None:
     np.testing.assert_array_equal(front_of(rr1), [-1.0, 0.0, 0.0])
 
 
-def test_a_problem_is_saved_in_a_scene_file(tmp_path: Path) -> None:
-    problem = shared_bin(2, 1)
+def test_a_problem_is_saved_in_a_scene_file(tmp_path: Path, rr1: rp.Robot) -> None:
+    problem = shared_bin(rr1, 2, 1)
     file = rp.save_scene(tmp_path / "bin.toml", problem.scene, problems={"pick": problem})
     again = rp.load_problems(file)["pick"]
     assert again.scene.content_hash == problem.scene.content_hash
@@ -122,10 +122,10 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
     with pytest.raises(InputError, match="empty sequence"):
         random_grid([], 3, 0.8)
     with pytest.raises(InputError, match="count is 3, expected 2 or 4"):
-        shared_bin(3)
+        shared_bin(rr1, 3)
     with pytest.raises(InputError, match="an even number"):
-        shelf_rows(3)
+        shelf_rows(rr1, 3)
     with pytest.raises(InputError, match=r"width is 2 m, expected 0.05 to 1 m"):
-        handover_window(2.0)
+        handover_window(rr1, 2.0)
     with pytest.raises(InputError, match="try a wider window"):
-        handover_window(0.10, 0, gap=0.001)
+        handover_window(rr1, 0.10, 0, gap=0.001)

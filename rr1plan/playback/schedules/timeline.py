@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rr1plan.checks import counted, items_of, known_name, of_kind, true_or_false
+from rr1plan.checks import counted, finite_number, items_of, known_name, of_kind, true_or_false
 from rr1plan.planning import Wait
 from rr1plan.playback.schedules.figure_files import check_width, save_figure
 from rr1plan.report import Report, Violation
@@ -140,13 +140,15 @@ def timeline(
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
     of_kind("report", report, Report, optional=True)
+    of_kind("undelayed", undelayed, Mapping, optional=True)
+    alone = {arm: finite_number(f"undelayed of {arm!r}", seconds) for arm, seconds in (undelayed or {}).items()}
     given = items_of("waits", waits, "Waits")
     for wait in given:
         of_kind("one of the waits", wait, Wait)
     columns = _columns(trajectory, scene)
     start = trajectory.start_time
     motions = {arm: _motions(trajectory, own) for arm, own in columns.items()}
-    for name in {wait.arm for wait in given} | set(undelayed or ()):
+    for name in {wait.arm for wait in given} | set(alone):
         known_name("moving arm", name, columns)
     rests = [Wait(arm, *gap, _whom(arm, gap, given)) for arm in columns for gap in _gaps(motions[arm], start)]
     found = [v for v in ([] if report is None else report.violations) if _is_conflict(v)]
@@ -159,7 +161,7 @@ def timeline(
         tuple(rests),
         start,
         max((last[-1][1] - start for last in motions.values() if last), default=0.0),
-        undelayed or {},
+        alone,
         tuple(found),
         tuple(tuple(str(arm) for arm in arms) for arms in touching),
     )
