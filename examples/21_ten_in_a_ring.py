@@ -8,6 +8,10 @@ print(motion)
 line = motion.timeline()
 print(line)
 print(line.save("21_time_line.png"), line.save("21_time_line.svg", dark=True))
+waits = [wait for wait in line.waits if wait.others]
+if waits:
+    longest = max(waits, key=lambda wait: wait.end - wait.begin)
+    print(motion.coordination_diagram(longest.arm, longest.others[0]).save("21_diagram.png"))
 print(motion.save_html("21_ten_in_a_ring.html"), motion.save("21_ten_in_a_ring.json"))
 
 # All at once: each arm on its path, but planned as if it were alone. The referee finds every contact.

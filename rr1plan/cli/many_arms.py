@@ -14,6 +14,7 @@ from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
     from rr1plan.multi.portfolio import ManyArmsResult
+    from rr1plan.multi.schedule import Schedule
     from rr1plan.playback.schedules.timeline import Timeline
 
 _MANY_ARMS = "many_arms"
@@ -39,14 +40,17 @@ def check_figures(options: Namespace, problem: Problem) -> None:
         known_name("moving arm", name, problem.arms)
 
 
-def save_figures(motion: MotionPlan, options: Namespace) -> dict[str, str]:
-    """Draw what was asked for; the files."""
+def save_figures(motion: MotionPlan, options: Namespace, console: Console) -> dict[str, str]:
+    """Draw what was asked for, as far as the plan has it; the files."""
     files = {}
     if options.timeline is not None:
         files["time line"] = str(motion.timeline().save(options.timeline))
     if options.diagram is not None:
         one, two = options.pair or _most_delayed(motion)
-        files["diagram"] = str(motion.coordination_diagram(one, two).save(options.diagram))
+        if _agent_of(motion, one) is _agent_of(motion, two):
+            console.warn(f"{one} and {two} move as one, in their joint space: there is no diagram of them")
+        else:
+            files["diagram"] = str(motion.coordination_diagram(one, two).save(options.diagram))
     return files
 
 
@@ -57,10 +61,14 @@ def _most_delayed(motion: MotionPlan) -> tuple[str, str]:
         longest = max(waits, key=lambda wait: wait.end - wait.begin)
         return longest.arm, longest.others[0]
     assert motion.many_arms is not None, "checked before planning"
-    agents = [schedule.arms[0] for schedule in motion.many_arms.schedules]
-    if len(agents) < 2:
-        raise InputError("all arms move as one, in their joint space: there is no diagram of two of them")
-    return agents[0], agents[1]
+    agents = [schedule.arms for schedule in motion.many_arms.schedules]
+    return (agents[0][0], agents[1][0]) if len(agents) > 1 else (agents[0][0], agents[0][-1])
+
+
+def _agent_of(motion: MotionPlan, arm: str) -> Schedule:
+    """The schedule that moves an arm."""
+    assert motion.many_arms is not None, "checked before planning"
+    return next(schedule for schedule in motion.many_arms.schedules if arm in schedule.arms)
 
 
 def say_many(motion: MotionPlan, console: Console) -> None:

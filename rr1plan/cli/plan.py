@@ -208,5 +208,5 @@ def _save(motion: MotionPlan, options: Namespace, look: rp.ViewOptions | None, c
         files["csv"] = str(save_csv(options.csv, motion.trajectory))
     if options.html is not None:
         files["page"] = str(motion.save_html(options.html, options=look))
-    files |= save_figures(motion, options)
+    files |= save_figures(motion, options, console)
     return files
