@@ -72,7 +72,7 @@ def sample_configurations(
     near = arms_in_reach(scene, scene.arms, CLEARANCE)
     anywhere = Problem(scene, None, {arm: scene.arms[arm].q for arm in scene.arms})
     agents = {arm: Agent(anywhere, [arm]) for arm in scene.arms}
-    ways = {arm: (draws or {}).get(arm) or _anywhere(agent) for arm, agent in agents.items()}
+    samplers = {arm: (draws or {}).get(arm) or _anywhere(agent) for arm, agent in agents.items()}
     placed: dict[str, CStruct] = {}
     configurations: dict[str, Array] = {}
     waiting, failures = list(agents), 0
@@ -80,7 +80,7 @@ def sample_configurations(
     while waiting:
         arm = waiting.pop(0)
         others = [(agents[other], placed[other]) for other in near[arm] if other in placed]
-        q = _free_among(agents[arm], others, ways[arm], tries, rng)
+        q = _free_among(agents[arm], others, samplers[arm], tries, rng)
         if q is not None:
             placed[arm], configurations[arm] = placed_configuration(agents[arm].bodies, q), q
             continue

@@ -7,7 +7,7 @@ import colorsys
 ARM_COLORS = (
     "#e4500e", "#2173d9", "#086453", "#f7bb4a", "#703190", "#4aadb5", "#ab89fc", "#562c09", "#f58268", "#af5197",
 )  # fmt: skip
-"""Told apart by eyes that lack one of their three kinds of cones, too; a test measures that."""
+"""Distinct with protanopia, deuteranopia and tritanopia, too; a test measures that."""
 
 _GOLDEN = 0.381966  # of a turn, between one arm's hue and the next
 

@@ -18,7 +18,7 @@ from rr1plan.playback.schedules.figure_files import Look, look_of, style_of
 if TYPE_CHECKING:
     from rr1plan.playback.schedules.timeline import Timeline
 
-_ROW, _TALLEST, _FRAME = 0.46, 11.0, 1.9  # of a row, of all rows, of what is around them [inch]
+_ROW, _TALLEST, _FRAME = 0.46, 11.0, 1.9  # heights of a row, of all rows at most, of the frame [inch]
 _MOST_NAMED = 40  # rows that have names, and arrows for waits
 _MOST_WORDS = 6  # conflicts that are named in words
 _BAR, _REST = 0.62, 0.16  # heights of bars in rows
