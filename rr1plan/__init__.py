@@ -74,16 +74,21 @@ if TYPE_CHECKING:
     from rr1plan.multi import RunningPlan as RunningPlan
     from rr1plan.multi import Schedule as Schedule
     from rr1plan.multi import add_motion as add_motion
+    from rr1plan.multi import conveyor_line as conveyor_line
     from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
     from rr1plan.multi import execute_plan as execute_plan
+    from rr1plan.multi import handover_window as handover_window
     from rr1plan.multi import load_plan_graph as load_plan_graph
     from rr1plan.multi import place_grid as place_grid
     from rr1plan.multi import place_ring as place_ring
     from rr1plan.multi import plan_graph as plan_graph
     from rr1plan.multi import plan_many_arms as plan_many_arms
     from rr1plan.multi import random_grid as random_grid
+    from rr1plan.multi import reach_grid as reach_grid
     from rr1plan.multi import ring_swap as ring_swap
     from rr1plan.multi import save_plan_graph as save_plan_graph
+    from rr1plan.multi import shared_bin as shared_bin
+    from rr1plan.multi import shelf_rows as shelf_rows
     from rr1plan.path import Path as Path
     from rr1plan.pipeline import plan_motion as plan_motion
     from rr1plan.pipeline import warm_up as warm_up
@@ -102,11 +107,15 @@ if TYPE_CHECKING:
     from rr1plan.planning import PlanResult as PlanResult
     from rr1plan.planning import PlanStatus as PlanStatus
     from rr1plan.planning import SearchTree as SearchTree
+    from rr1plan.planning import Wait as Wait
     from rr1plan.playback.cspace.configuration_space import CSpace as CSpace
     from rr1plan.playback.cspace.configuration_space import cspace as cspace
     from rr1plan.playback.cspace.cspace_decomposition import Decomposition as Decomposition
     from rr1plan.playback.cspace.cspace_grid import CSpaceGrid as CSpaceGrid
     from rr1plan.playback.cspace.search_trees import DrawnTree as DrawnTree
+    from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram as CoordinationDiagram
+    from rr1plan.playback.schedules.timeline import Timeline as Timeline
+    from rr1plan.playback.schedules.timeline import timeline as timeline
     from rr1plan.playback.simulation.controllers import Controller as Controller
     from rr1plan.playback.simulation.controllers import ForwardPositionController as ForwardPositionController
     from rr1plan.playback.simulation.controllers import ForwardVelocityController as ForwardVelocityController
@@ -252,13 +261,18 @@ _EXPORTS = {
         "add_motion",
         "execute_plan",
         "load_plan_graph",
+        "conveyor_line",
+        "handover_window",
         "place_grid",
         "place_ring",
         "plan_graph",
         "plan_many_arms",
         "random_grid",
+        "reach_grid",
         "ring_swap",
         "save_plan_graph",
+        "shared_bin",
+        "shelf_rows",
     ),
     "rr1plan.path": ("Path",),
     "rr1plan.pipeline": ("plan_motion", "warm_up"),
@@ -274,11 +288,13 @@ _EXPORTS = {
         "register_planner",
     ),
     "rr1plan.planners.shortcut": ("shorten",),
-    "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus", "Planner", "SearchTree"),
+    "rr1plan.planning": ("Budget", "PlanResult", "PlanStatus", "Planner", "SearchTree", "Wait"),
     "rr1plan.playback.cspace.configuration_space": ("CSpace", "cspace"),
     "rr1plan.playback.cspace.cspace_decomposition": ("Decomposition",),
     "rr1plan.playback.cspace.cspace_grid": ("CSpaceGrid",),
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
+    "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
+    "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
     "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.replay_trajectory": ("simulate",),

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, TypeVar
 
-from rr1plan.checks import counted
-from rr1plan.errors import NoPlanError
+from rr1plan.checks import check_text, counted, known_name
+from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.planning import PlanResult, PlanStatus
 from rr1plan.report import Report
@@ -18,6 +18,8 @@ from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from rr1plan.multi.portfolio import ManyArmsResult
+    from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram
+    from rr1plan.playback.schedules.timeline import Timeline
     from rr1plan.playback.simulation.replay import Replay
     from rr1plan.playback.viewer import Viewer, ViewOptions
 
@@ -139,7 +141,7 @@ class MotionPlan:
             problem=self.problem,
             report=self._report,
             replay=replay,
-            options=options,
+            options=self._page_options(options),
             port=port,
             open_browser=open_browser,
             quiet=quiet,
@@ -159,8 +161,67 @@ class MotionPlan:
             problem=self.problem,
             report=self._report,
             replay=replay,
-            options=options,
+            options=self._page_options(options),
         )
+
+    def timeline(self) -> Timeline:
+        """When each arm moves and rests, whom it waits for in a plan of many arms, and where arms touch in a bad one.
+
+        Raises:
+            NoPlanError: there is no timed motion.
+        """
+        from rr1plan.playback.schedules.timeline import timeline
+
+        if self.many_arms is None:
+            return timeline(self.trajectory, self.scene, report=self._report)
+        from rr1plan.multi.waits import undelayed, waits_of
+
+        schedules = self.many_arms.schedules
+        return timeline(
+            self.trajectory,
+            self.scene,
+            report=self._report,
+            waits=waits_of(schedules),
+            undelayed=undelayed(schedules),
+        )
+
+    def coordination_diagram(self, one: str, two: str) -> CoordinationDiagram:
+        """Where two arms of a plan of many arms exclude each other on their paths, and how they are timed.
+
+        Args:
+            one: An arm that moves.
+            two: Another one.
+
+        Raises:
+            UnknownNameError: no such arm moves.
+            InputError: the same arm twice, arms that move as one, or a motion that has no schedules.
+            NoPlanError: there is no timed motion.
+        """
+        from rr1plan.multi.waits import pair_timing
+        from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram
+
+        names = (one, two)
+        check_text("one", one)
+        check_text("two", two)
+        _present(self._trajectory, self.result)
+        if self.many_arms is None:
+            raise InputError("this motion has no schedules of arms; plan it with planner='many_arms'")
+        owner = {arm: schedule for schedule in self.many_arms.schedules for arm in schedule.arms}
+        first, second = (owner[known_name("moving arm", name, owner)] for name in names)
+        if one == two:
+            raise InputError(f"{one!r} is named twice, expected two arms")
+        if first is second:
+            raise InputError(f"{one!r} and {two!r} move as one in their joint space, so they have no diagram")
+        numbers = {arm: k for k, arm in enumerate(self.scene.arms)}
+        return CoordinationDiagram(names, (numbers[one], numbers[two]), **vars(pair_timing(first, second)))
+
+    def _page_options(self, options: ViewOptions | None) -> ViewOptions | None:
+        """The options of a page; a plan of many arms has its time line beside it."""
+        if self.many_arms is None or self._trajectory is None:
+            return options
+        from rr1plan.playback.viewer.view_options import with_panel
+
+        return with_panel(options, self.timeline().panel())
 
     def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
         """Write scene, problem, path, trajectory and report to one JSON file; read it with `rr1plan.load_motion`.

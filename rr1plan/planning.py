@@ -130,6 +130,23 @@ class PlanResult:
 
 
 @dataclass(frozen=True)
+class Wait:
+    """A rest of an arm before it arrives, in a plan of many arms.
+
+    Args:
+        arm: The arm.
+        begin: When it stops [s], or 0.
+        end: When it goes on [s].
+        others: The arms that it lets pass; none where it rests for no such reason.
+    """
+
+    arm: str
+    begin: float
+    end: float
+    others: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class PlannerInfo:
     """Name and one-line description of a planner, and whether it improves its path until the budget ends."""
 

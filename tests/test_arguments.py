@@ -95,6 +95,8 @@ def calls(folder: Path) -> dict[str, Call]:
     problem = rp.Problem(scene, "home", [0.5, 0.5])
     motion = rp.plan_motion(problem, rng=0)
     path, trajectory = motion.path, motion.trajectory
+    pair = rp.plan_motion(rp.random_grid(rp.load_robot("rr1"), 3, 2.0, rng=0), rng=0)
+    line, diagram = pair.timeline(), _a_diagram()
     checker = rp.CollisionChecker(scene)
     kinematics = rp.Kinematics(scene)
     q, T, names, budget = np.zeros(2), transforms.identity(), scene.joint_names(), rp.Budget(0.2)
@@ -282,6 +284,14 @@ def calls(folder: Path) -> dict[str, Call]:
             rp.ring_swap,
             {"robot": rp.load_robot("rr1"), "count": 2, "radius": 0.38, "step": 1, "rng": 0, "front": None},
         ),
+        "reach_grid": (rp.reach_grid, {"robot": rp.load_robot("rr1"), "count": 2, "spacing": 2.0, "rng": 0}),
+        "handover_window": (
+            rp.handover_window,
+            {"robot": rp.load_robot("rr1"), "width": 0.2, "rng": 0, "gap": 0.05},
+        ),
+        "shared_bin": (rp.shared_bin, {"robot": rp.load_robot("rr1"), "count": 2, "rng": 0}),
+        "conveyor_line": (rp.conveyor_line, {"robot": rp.load_robot("rr1"), "count": 2, "rng": 0}),
+        "shelf_rows": (rp.shelf_rows, {"robot": rp.load_robot("rr1"), "count": 2, "rng": 0}),
         "dual_arm_shelf": (rp.dual_arm_shelf, {"robot": rp.load_robot("rr1"), "spacing": 0.6, "rng": 0, "front": None}),
         "place_ring": (
             rp.place_ring,
@@ -292,6 +302,18 @@ def calls(folder: Path) -> dict[str, Call]:
         "Path.allclose": (path.allclose, {"other": path, "atol": 1e-9}),
         "Path.sample": (path.sample, {"step": 0.1}),
         "MotionPlan.save": (motion.save, {"file": folder / "o.json", "embed": False}),
+        "MotionPlan.coordination_diagram": (pair.coordination_diagram, {"one": "arm01", "two": "arm02"}),
+        "CoordinationDiagram.curve": (diagram.curve, {"axes": "time"}),
+        "CoordinationDiagram.scales": (diagram.scales, {"axes": "time"}),
+        "CoordinationDiagram.figure": (diagram.figure, {"axes": "time", "width": 5.0, "dark": False}),
+        "CoordinationDiagram.save": (diagram.save, {"file": folder / "o.svg", "axes": "time", "dark": False}),
+        "timeline": (
+            rp.timeline,
+            {"trajectory": trajectory, "scene": scene, "report": None, "waits": [], "undelayed": {}},
+        ),
+        "Timeline.arrival": (line.arrival, {"arm": "arm01"}),
+        "Timeline.figure": (line.figure, {"width": 5.0, "dark": False}),
+        "Timeline.save": (line.save, {"file": folder / "o.svg", "dark": False}),
         "MotionPlan.save_html": (motion.save_html, {"file": folder / "o.html", "replay": None, "options": None}),
         "MotionPlan.show": (lambda **o: motion.show(**o).close(), live | {"replay": None, "options": None}),
         "plan_motion": (
@@ -519,6 +541,14 @@ def calls(folder: Path) -> dict[str, Call]:
     }
 
 
+def _a_diagram() -> rp.CoordinationDiagram:
+    steps = np.array([0.0, 1.0])
+    places = np.array([[0.0, 0.0], [1.0, 1.0]])
+    return rp.CoordinationDiagram(
+        ("a", "b"), (0, 1), np.zeros((3, 3), np.uint8), (steps,) * 2, (steps,) * 2, steps, places
+    )
+
+
 # Arguments that take anything: what does not fit is JSON's to refuse, when the page is made.
 _ANYTHING = {"Panel": {"data"}}
 # Answers, which nobody makes by hand; ways past the checks, which say so; what takes no argument.
@@ -528,6 +558,9 @@ _NOT_CALLED = {
         "GroupResult",
         "Leg",
         "Schedule",
+        "CoordinationDiagram",
+        "Timeline",
+        "Wait",
         "ManyArmsResult",
         "Contact",
         "ElementCover",

@@ -221,10 +221,51 @@ def arms_wait_for_each_other_whatever_is_late(said: str, folder: Path) -> None:
     assert (folder / "18_delays.html").exists()
 
 
+def two_arms_are_timed_past_each_other(said: str, folder: Path) -> None:
+    assert FREE in said
+    assert number(r"(\S+) times the slowest arm alone", said) > 0.0
+    assert (folder / "19_two_arms_swap.html").exists()
+    if "of the diagram is blocked" in said:
+        assert (folder / "19_diagram.png").stat().st_size > 10_000
+        assert "</svg>" in (folder / "19_diagram.svg").read_text()
+
+
+def tools_meet_in_windows_of_four_widths(said: str, folder: Path) -> None:
+    assert len(re.findall(r"^\d+ cm: Report\(certified", said, re.M)) == 4
+    assert numbers(r"meet (\S+) cm apart", said) == [4.0] * 4
+    problem = rp.load_problems(folder / "20_hand_over.toml")["meet"]
+    assert rp.CollisionChecker(problem.scene, problem.arms).is_free(problem.start)
+
+
+def ten_arms_wait_and_touch_if_they_do_not(said: str, folder: Path) -> None:
+    assert FREE in said
+    together, careless = number(r"10 arms, makespan (\S+) s", said), number(r"nobody waits: (\S+) s", said)
+    assert careless < 1.5 * together
+    assert "Report(not valid: collision" in said
+    for name in ("21_time_line.png", "21_nobody_waits.png", "21_time_line.svg"):
+        assert (folder / name).stat().st_size > 10_000
+    assert "arm01" in (folder / "21_nobody_waits.html").read_text()
+
+
+def a_hundred_arms_move_at_once(said: str, folder: Path) -> None:
+    assert "100 arms, 600 joints" in said
+    assert FREE in said
+    assert sum(int(n) for n in re.findall(r"groups with (\d+) arms", said)) == 100
+    assert (folder / "22_time_line.png").stat().st_size > 10_000
+    assert (folder / "22_hundred_on_a_grid.html").exists()
+
+
+def what_has_no_schedule_says_why(said: str, _: Path) -> None:
+    assert re.search(r"invalid_goal\): the goals exclude each other.*'arm02/\w+' and 'arm03/\w+' overlap by", said)
+    assert re.search(r"invalid_start\): arm03: the start is in collision: 'arm03/\w+' and 'box' overlap", said)
+    assert re.search(r"no plan \(many_arms, timeout\): not found in \S+ s: .*arm02", said)
+    assert re.search(r"^ManyArmsResult\(3 arms", said, re.M)
+
+
 def a_simulation_is_commanded_while_it_runs(said: str, folder: Path) -> None:
     assert "Execution(succeeded), code 0" in said
     assert "contacts: 0" in said
-    assert number(r"at most (\S+) rad off") < 1e-3
+    assert number(r"at most (\S+) rad off", said) < 1e-3
     assert "the way back: Execution(canceled" in said
     assert "again at 0 s, 0 rad from the start" in said
     assert len((folder / "24_states.jsonl").read_text().splitlines()) == 200
@@ -249,6 +290,11 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "16_spheres": spheres_contain_the_corners,
     "17_swap_places": eight_arms_swap_places_on_one_clock,
     "18_delays": arms_wait_for_each_other_whatever_is_late,
+    "19_two_arms_swap": two_arms_are_timed_past_each_other,
+    "20_hand_over": tools_meet_in_windows_of_four_widths,
+    "21_ten_in_a_ring": ten_arms_wait_and_touch_if_they_do_not,
+    "22_hundred_on_a_grid": a_hundred_arms_move_at_once,
+    "23_no_schedule": what_has_no_schedule_says_why,
     "24_simulation": a_simulation_is_commanded_while_it_runs,
 }
 

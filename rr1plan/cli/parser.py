@@ -91,10 +91,24 @@ def _plan(parser: Parser) -> None:
     parser.add_argument("--html", type=_named_file, metavar="FILE", help="save a page that plays the motion offline")
     parser.add_argument("--spheres", action="store_true", help="with --html: show the spheres that contain each link")
     _view_from(parser, "of the page, with --html")
+    figure = _file_of(".png", ".svg", ".pdf")
+    parser.add_argument(
+        "--timeline", type=figure, metavar="FILE", help="draw which arm moves, waits or touches another one when"
+    )
+    parser.add_argument(
+        "--diagram", type=figure, metavar="FILE", help="of many_arms: draw how two arms are timed on their paths"
+    )
+    parser.add_argument(
+        "--pair",
+        nargs=2,
+        metavar=("ARM", "ARM"),
+        help="with --diagram: the two arms (default: the one that waits longest, and the one it waits for)",
+    )
+    parser.needs("--pair", "--diagram")
     parser.needs("--spheres", "--html")
     parser.needs("--view", "--html")
     parser.needs("--embed", "--output")
-    parser.different_files("scene", "--output", "--csv", "--html")
+    parser.different_files("scene", "--output", "--csv", "--html", "--timeline", "--diagram")
     parser.details = lambda: f"{_planners()}\n\n{_retimings()}\n\n{_EXIT_CODES}"
 
 
@@ -221,6 +235,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
             "rr1plan plan rr1_table --position -0.3 0.25 0.2 --output motion.json --csv motion.csv",
             "rr1plan plan cell.toml --start home --goal 0.5 0.4 -0.9 --planner anytime --seconds 1",
             "rr1plan plan rr1_pair --arm left --goal zero --limits hardware",
+            "rr1plan plan rr1_ring --timeline timeline.svg --diagram diagram.svg",
         ),
         _plan,
     ),
@@ -318,12 +333,12 @@ def _named_file(text: str) -> str:
     return text
 
 
-def _file_of(suffix: str) -> Callable[[str], str]:
-    """A file name that ends in a suffix."""
+def _file_of(*suffixes: str) -> Callable[[str], str]:
+    """A file name that ends in one of some suffixes."""
 
     def check(text: str) -> str:
-        if not _file(text).lower().endswith(suffix):
-            raise argparse.ArgumentTypeError(f"{text!r} does not end in {suffix}")
+        if not _file(text).lower().endswith(suffixes):
+            raise argparse.ArgumentTypeError(f"{text!r} does not end in {' or '.join(suffixes)}")
         return text
 
     return check

@@ -9,6 +9,7 @@ from typing import Any
 
 import rr1plan as rp
 from rr1plan.cli.console import Console
+from rr1plan.cli.many_arms import check_figures, many_values, save_figures, say_many, say_unscheduled
 from rr1plan.errors import InputError
 from rr1plan.export.csv_files import csv_text, save_csv
 from rr1plan.files.file_access import check_writable
@@ -34,6 +35,7 @@ def plan(options: Namespace, console: Console) -> int:
         problem = question(options, load_scene_file(options.scene))
         if options.limits is not None:
             problem = with_limits(problem, options.limits)
+    check_figures(options, problem)
     budget = rp.Budget(options.seconds, options.iterations)
     with console.progress("planning") as advance:
         motion = plan_motion(
@@ -51,14 +53,15 @@ def plan(options: Namespace, console: Console) -> int:
     if "-" in (options.output, options.csv):
         console.leave_stdout()
     files: Mapping[str, str] = {}
-    if not options.given.isdisjoint(("--output", "--csv", "--html")):
+    if not options.given.isdisjoint(("--output", "--csv", "--html", "--timeline", "--diagram")):
         with console.watch.stage("write the files"):
             files = _save(motion, options, look, console)
     motion = with_stages(motion, console.watch.seconds)
     console.say(str(motion))
+    say_many(motion, console)
     for kind, file in files.items():
         console.say(f"{kind}: {file}")
-    console.result({**summary(motion), "files": files})
+    console.result({**summary(motion), **many_values(motion), "files": files})
     return 0 if motion.valid else 4
 
 
@@ -154,15 +157,16 @@ def told_to(advance: Advance) -> ProgressCallback:
 
 def summary(motion: MotionPlan) -> dict[str, Any]:
     """A motion plan as plain values, for JSON."""
-    result = motion.result
+    result, many = motion.result, motion.many_arms
+    paths = [motion.path] if many is None else list(many.paths.values())
     return {
         "status": motion.status.value,
         "reason": result.reason,
         "planner": result.planner,
         "seed": result.seed,
         "seconds": dict(motion.seconds),
-        "waypoints": len(motion.path),
-        "length": motion.path.length,
+        "waypoints": sum(map(len, paths)),
+        "length": sum(path.length for path in paths),
         "duration": motion.trajectory.duration,
         "report": motion.report.to_dict(),
     }
@@ -172,9 +176,11 @@ def _no_plan(motion: MotionPlan, console: Console) -> int:
     code = 2 if motion.status in _BAD_QUESTION else 3
     if console.as_json:
         result = motion.result
-        console.result({"status": motion.status.value, "reason": result.reason, "planner": result.planner})
+        said = {"status": motion.status.value, "reason": result.reason, "planner": result.planner}
+        console.result({**said, **many_values(motion)})
     else:
         console.error(str(motion), code)
+        say_unscheduled(motion, console)
     return code
 
 
@@ -185,7 +191,7 @@ def _check_outputs(options: Namespace) -> None:
         raise InputError(f"--json and {taken[0]} - both write to standard output; name a file for one of them")
     if options.embed and options.output == "-":
         raise InputError("--embed has no effect with --output -, which always holds all meshes")
-    for file in (options.output, options.csv, options.html):
+    for file in (options.output, options.csv, options.html, options.timeline, options.diagram):
         if file not in (None, "-"):
             check_writable(file)
 
@@ -202,4 +208,5 @@ def _save(motion: MotionPlan, options: Namespace, look: rp.ViewOptions | None, c
         files["csv"] = str(save_csv(options.csv, motion.trajectory))
     if options.html is not None:
         files["page"] = str(motion.save_html(options.html, options=look))
+    files |= save_figures(motion, options, console)
     return files

@@ -41,6 +41,7 @@ from rr1plan.transforms import as_pose
 
 TOLERANCE = 1e-6
 _NEAR = 1e-9  # a gap that counts as one [m]
+_PRECISION = 1e-9  # of the fraction of an edge at which it is in contact first
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -318,7 +319,7 @@ class CollisionChecker(CoalChecker):
         """
         return self._certify_exactly(*self._checked_curve(coefficients, duration))[0] == FREE
 
-    def first_contact(self, q0: ArrayLike, q1: ArrayLike, *, precision: float = 1e-9) -> FirstContact | None:
+    def first_contact(self, q0: ArrayLike, q1: ArrayLike, *, precision: float = _PRECISION) -> FirstContact | None:
         """Where the straight line from q0 to q1 first touches something, or None when it is free.
 
         Args:
@@ -330,7 +331,7 @@ class CollisionChecker(CoalChecker):
             InputError: wrong shape or not finite.
         """
         q0, q1 = self.checked(q0), self.checked(q1)
-        return self._first_contact(np.array([q0, q1 - q0]), 1.0)
+        return self._first_contact(np.array([q0, q1 - q0]), 1.0, positive_number("precision", precision))
 
     def first_contact_on(self, coefficients: ArrayLike, duration: float) -> FirstContact | None:
         """Where the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, first touches something, or None when it is free.
@@ -342,9 +343,9 @@ class CollisionChecker(CoalChecker):
         Raises:
             InputError: wrong shape, no coefficient, not finite, or a negative duration.
         """
-        return self._first_contact(*self._checked_curve(coefficients, duration))
+        return self._first_contact(*self._checked_curve(coefficients, duration), _PRECISION)
 
-    def _first_contact(self, curve: Array, duration: float) -> FirstContact | None:
+    def _first_contact(self, curve: Array, duration: float, precision: float) -> FirstContact | None:
         status, _, pair = self._certify_exactly(curve, duration)
         if status == FREE:
             return None

@@ -15,18 +15,20 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     plan_execution.py  route_motion.py       executing a plan with delays; an agent that brakes and goes on
     added_motions.py  running_plan.py        new goals for single arms while a plan runs
     saved_plan_graph.py  projected_path.py   plan graphs from files; the path of one arm of an agent
-    problems.py                              seeded problems; grids and rings are in `rr1plan.scene.placement`
+    problems.py  workcell_problems.py        seeded problems; grids and rings are in `rr1plan.scene.placement`
+    endpoint_sampling.py                     their starts and goals
 """
 
 from rr1plan.multi.added_motions import AddedMotion, add_motion
 from rr1plan.multi.plan_execution import ArmDelay, PlanExecution, execute_plan
 from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
-from rr1plan.multi.problems import dual_arm_shelf, random_grid, ring_swap
+from rr1plan.multi.problems import dual_arm_shelf, random_grid, reach_grid, ring_swap
 from rr1plan.multi.route import Route
 from rr1plan.multi.running_plan import Part, RunningPlan
 from rr1plan.multi.saved_plan_graph import load_plan_graph, save_plan_graph
 from rr1plan.multi.schedule import Leg, Schedule
 from rr1plan.multi.temporal_plan_graph import Dependency, Node, PlanGraph, plan_graph
+from rr1plan.multi.workcell_problems import conveyor_line, handover_window, shared_bin, shelf_rows
 from rr1plan.scene.placement import place_grid, place_ring
 
 __all__ = [
@@ -44,14 +46,19 @@ __all__ = [
     "RunningPlan",
     "Schedule",
     "add_motion",
+    "conveyor_line",
     "dual_arm_shelf",
     "execute_plan",
+    "handover_window",
     "load_plan_graph",
     "place_grid",
     "place_ring",
     "plan_graph",
     "plan_many_arms",
     "random_grid",
+    "reach_grid",
     "ring_swap",
     "save_plan_graph",
+    "shared_bin",
+    "shelf_rows",
 ]

@@ -228,13 +228,13 @@ class _Change:
     def _time_paths(self, arm: str, stop: Stop, goals: list[Array], attempt: _Attempt, until: float) -> None:
         """Time the straight way from a stop to a goal, and ways around others."""
         agent = self._agent(arm, stop.q, goals)
-        pool = PathPool(agent, affordable_margin(agent, goals[0], MARGINS[0]), self._rng)
+        pool = PathPool(agent, affordable_margin(agent, goals[0], MARGINS[0]), self._rng, self._watch)
         for number in range(1 + _DETOURS):
             if not self._has_time(until):
                 return
             others = self._standing(agent, goals, number, stop.time)
             detour = number > 0 and not others
-            path, reason = pool.add(others, self._watch.left, detour=detour, patient=number == 0)
+            path, reason = pool.add(others, detour=detour, patient=number == 0)
             if path is None:
                 self._reason = self._reason if number else f"{arm}: {reason}"
                 if number == 0:

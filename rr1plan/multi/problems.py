@@ -1,106 +1,108 @@
-"""Seeded problems of many arms: random queries on a grid, swaps in a ring, two arms at a shelf.
+"""Seeded problems of many arms: random queries on a grid, reaches on a table, swaps in a ring, two arms at a shelf.
 
-All starts and goals are checked: each arm is free, and arms are apart from each other.
+All starts and goals are checked: each arm is free, and arms are apart from each other. Problems in cells with more
+around the arms are in `workcell_problems.py`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rr1plan.checks import (
-    Array,
-    Seed,
-    as_generator,
-    finite_array,
-    finite_number,
-    of_kind,
-    positive_number,
-    whole_number,
-)
-from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.checks import Array, Seed, as_generator, items_of, of_kind, positive_number, whole_number
 from rr1plan.errors import InputError
-from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import are_apart
+from rr1plan.multi.endpoint_sampling import (
+    CLEARANCE,
+    ToolBox,
+    check_robot,
+    front_of,
+    horizontal_reach,
+    sample_configurations,
+    tool_in_box,
+)
 from rr1plan.multi.interaction import arms_in_reach
-from rr1plan.multi.placed_path import placed_configuration
 from rr1plan.multi.preflight import goal_configurations
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.placement import place_grid, place_ring
 from rr1plan.scene.problem import PoseGoal, Problem
-from rr1plan.shapes.shapes import Box
+from rr1plan.shapes.shapes import Box, HalfSpace
 from rr1plan.transforms import pose
 
-_CLEARANCE = 2e-3  # of starts and goals [m]
-_TRIES, _DRAWS = 1000, 200
+_ATTEMPTS = 100  # at a ring or a shelf
+# Attempts at a ring whose swaps lead across it, and how far from its middle tools are then, as a share of the radius.
+_CROSSINGS, _ACROSS = 10, 0.6
 
 
-def random_grid(robot: Robot, count: int, spacing: float, rng: Seed = None) -> Problem:
+def random_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: Seed = None) -> Problem:
     """Arms on a grid, each from one random configuration to another over the full range of its joints.
 
     Args:
-        robot: The robot all of them are; its joints have limits.
-        count: How many.
+        robot: The robot all of them are, whose joints have limits; or several robots, which take turns.
+        count: How many arms.
         spacing: Distance between neighbors [m].
         rng: Seed.
 
     Raises:
         InputError: numbers that make no sense, or so narrow a grid that no free configurations are found.
     """
-    of_kind("robot", robot, Robot)
-    whole_number("count", count, 1, 10_000)
-    for name, low, high in zip(robot.joint_names, robot.limits.lower, robot.limits.upper, strict=True):
-        if not (math.isfinite(low) and math.isfinite(high)):
-            raise InputError(f"joint {name!r} has no position limits to draw configurations from; set some")
+    scene = _grid(robot, count, positive_number("spacing", spacing))
     generator = as_generator(rng)
+    start = sample_configurations(scene, generator)
+    return Problem(scene, start, sample_configurations(scene, generator))
+
+
+def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: Seed = None) -> Problem:
+    """Arms on a grid on a table, turned at random; each tool gets from one point above the table to another.
+
+    Points are in front of an arm, up to nine tenths of its reach away, and from 5 cm to half its reach above the table,
+    so that many are where other arms reach, too.
+
+    Args:
+        robot: The robot all of them are, whose joints have limits; or several robots, which take turns.
+        count: How many arms.
+        spacing: Distance between neighbors [m].
+        rng: Seed.
+
+    Raises:
+        InputError: numbers that make no sense, or so narrow a grid that no free configurations are found.
+    """
+    scene = _grid(robot, count, positive_number("spacing", spacing))
+    generator = as_generator(rng)
+    for name, arm in scene.arms.items():
+        turned = arm.base @ pose((0.0, 0.0, 0.0), rpy=(0.0, 0.0, float(generator.uniform(-math.pi, math.pi))))
+        scene = scene.with_arm(name, arm.robot, turned)
+    scene = scene.with_obstacle("table", HalfSpace((0.0, 0.0, 1.0), 0.0))
+    draws = {}
+    for name, arm in scene.arms.items():
+        far = horizontal_reach(arm.robot)
+        ahead = front_of(arm.robot)
+        turn = pose((0.0, 0.0, 0.0), rpy=(0.0, 0.0, math.atan2(ahead[1], ahead[0])))
+        draws[name] = tool_in_box(
+            scene, name, ToolBox(arm.base @ turn, (0.25 * far, -0.4 * far, 0.05), (0.8 * far, 0.4 * far, 0.5 * far))
+        )
+    start = sample_configurations(scene, generator, draws)
+    return Problem(scene, start, sample_configurations(scene, generator, draws))
+
+
+def _grid(robot: Robot | Sequence[Robot], count: int, spacing: float) -> Scene:
+    """Arms of one or several robots on a grid that is as square as their number allows."""
+    robots = (robot,) if isinstance(robot, Robot) else items_of("robot", robot, "robots")
+    if not robots:
+        raise InputError("robot is an empty sequence, expected at least one Robot")
+    for one in robots:
+        check_robot(one)
+    whole_number("count", count, 1, 10_000)
     rows = max(k for k in range(1, math.isqrt(count) + 1) if count % k == 0)
-    scene = place_grid(robot, rows, count // rows, spacing=spacing)
-    start = _random_configurations(scene, generator)
-    return Problem(scene, start, _random_configurations(scene, generator))
-
-
-def _random_configurations(scene: Scene, rng: np.random.Generator) -> dict[str, Array]:
-    """A random free configuration of each arm, apart from all others."""
-    near = arms_in_reach(scene, scene.arms, _CLEARANCE)
-    anywhere = Problem(scene, None, {arm: scene.arms[arm].q for arm in scene.arms})
-    agents = {arm: Agent(anywhere, [arm]) for arm in scene.arms}
-    placed: dict[str, CStruct] = {}
-    configurations: dict[str, Array] = {}
-    waiting, rounds = list(agents), 0
-    while waiting:
-        arm = waiting.pop(0)
-        others = [(agents[other], placed[other]) for other in near[arm] if other in placed]
-        q = _free_among(agents[arm], others, rng)
-        if q is not None:
-            placed[arm], configurations[arm] = placed_configuration(agents[arm].bodies, q), q
-            continue
-        rounds += 1
-        if rounds > _TRIES:
-            raise InputError(f"no free configuration found for {arm!r} among the others; try a wider spacing")
-        # Its neighbors may stand where its base is: they are drawn again.
-        again = [other for other in agents if other in near[arm] and other in placed]
-        for other in again:
-            del placed[other]
-        waiting = [arm, *again, *waiting]
-    return {arm: configurations[arm] for arm in agents}
-
-
-def _free_among(agent: Agent, others: list[tuple[Agent, CStruct]], rng: np.random.Generator) -> Array | None:
-    """A random free configuration of an arm that is apart from others."""
-    question = agent.question({}, 0.0)
-    with checker_from_pool(question.scene, question.arms) as checker:
-        for _ in range(_DRAWS):
-            q = rng.uniform(agent.limits.lower, agent.limits.upper)
-            if checker.clearance(q, 2.0 * _CLEARANCE) < _CLEARANCE:
-                continue
-            own = placed_configuration(agent.bodies, q)
-            if all(are_apart(agent, own, other, placed, _CLEARANCE) for other, placed in others):
-                return np.asarray(q)
-    return None
+    scene = place_grid(robots[0], rows, count // rows, spacing=spacing, scene=Scene(name=f"grid of {count}"))
+    if len(robots) == 1:
+        return scene
+    for k, (name, arm) in enumerate(scene.arms.items()):
+        scene = scene.with_arm(name, robots[k % len(robots)], arm.base)
+    return scene
 
 
 def ring_swap(
@@ -112,9 +114,11 @@ def ring_swap(
         robot: The robot all of them are.
         count: How many.
         radius: Radius of the circle of their bases [m].
-        step: How many places farther its goal is: 1 for the neighbor's tool point, count // 2 for the opposite one.
+        step: How many places farther its goal is: 1 for the neighbor's tool point, count // 2 for the opposite one;
+            for others than neighbors tool points are nearer to the middle.
         rng: Seed.
-        front: Which way the robot's front points in its base frame, shape (3,) (default: -x, as RR1's).
+        front: Which way the robot's front points in its base frame, shape (3,) (default: the axis nearest to
+            its tool at home).
 
     Raises:
         InputError: numbers that make no sense, or no configurations that are free and apart.
@@ -126,9 +130,11 @@ def ring_swap(
     generator = as_generator(rng)
     plank = Box((0.1 * radius, 0.5 * radius, 0.02))
     empty = Scene(name=f"ring of {count}").with_obstacle("plank", plank, (0.0, 0.0, 0.6 * radius))
-    scene = place_ring(robot, count, radius, front=(-1.0, 0.0, 0.0) if front is None else front, scene=empty)
+    scene = place_ring(robot, count, radius, front=front_of(robot, front), scene=empty)
+    if step % count not in (1, count - 1):
+        return _swap_across(scene, radius, step, generator)
     reason = ""
-    for _ in range(_TRIES // 10):
+    for _ in range(_ATTEMPTS):
         angles = 2.0 * np.pi * np.arange(count) / count
         far = radius * generator.uniform(0.3, 0.6, count)
         height = radius * generator.uniform(0.2, 1.0, count)
@@ -140,6 +146,27 @@ def ring_swap(
     raise InputError(f"no swap found in a ring of {count} arms of radius {radius} m: {reason}; try another radius")
 
 
+def _swap_across(scene: Scene, radius: float, step: int, rng: np.random.Generator) -> Problem:
+    """A swap of tool points with arms farther away, at points near the middle that two arms reach each."""
+    arms, reason = list(scene.arms), ""
+    for _ in range(_CROSSINGS):
+        try:
+            height = float(rng.uniform(0.7, 1.1)) * radius
+            low, high = (-_ACROSS * radius, -_ACROSS * radius, height - 0.4 * radius), (_ACROSS * radius,) * 2
+            box = ToolBox(pose((0.0, 0.0, 0.0)), low, (*high, height + 0.4 * radius))
+            starts = sample_configurations(scene, rng, {arm: tool_in_box(scene, arm, box) for arm in arms})
+            poses = scene.link_poses(starts)
+            draws = {}
+            for k, arm in enumerate(arms):
+                other = arms[(k + step) % len(arms)]
+                place = poses[f"{other}/{scene.arms[other].robot.tool}"]
+                draws[arm] = tool_in_box(scene, arm, ToolBox(place, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+            return Problem(scene, starts, sample_configurations(scene, rng, draws))
+        except InputError as error:
+            reason = str(error).partition(";")[0]
+    raise InputError(f"no swap found in a ring of {len(arms)} arms of radius {radius} m: {reason}; try another radius")
+
+
 def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Array | None = None) -> Problem:
     """Two arms side by side before a shelf; each tool goes from one bay to another, which may be the other arm's.
 
@@ -147,7 +174,8 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
         robot: The robot both are.
         spacing: Distance between their bases [m].
         rng: Seed.
-        front: Which way the robot's front points in its base frame, shape (3,) (default: -x, as RR1's).
+        front: Which way the robot's front points in its base frame, shape (3,) (default: the axis nearest to
+            its tool at home).
 
     Raises:
         InputError: numbers that make no sense, or no configurations that are free and apart.
@@ -155,8 +183,8 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
     of_kind("robot", robot, Robot)
     spacing = positive_number("spacing", spacing)
     generator = as_generator(rng)
-    ahead = np.array([-1.0, 0.0, 0.0]) if front is None else finite_array("front", front, (3,))
-    yaw = finite_number("yaw", math.pi / 2.0 - math.atan2(ahead[1], ahead[0]))
+    ahead = front_of(robot, front)
+    yaw = math.pi / 2.0 - math.atan2(ahead[1], ahead[0])
     scene = Scene(name="dual-arm shelf")
     for k, side in enumerate((-0.5, 0.5), start=1):
         scene = scene.with_arm(f"arm{k:02d}", robot, pose((side * spacing, 0.0, 0.0), rpy=(0.0, 0.0, yaw)))
@@ -164,7 +192,7 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
         board = Box((2.0 * spacing, 0.3 * spacing, 0.02))
         scene = scene.with_obstacle(f"board{k + 1}", board, (0.0, 0.7 * spacing, (0.25 + 0.35 * k) * spacing))
     reason = ""
-    for _ in range(_TRIES // 10):
+    for _ in range(_ATTEMPTS):
         ends = []
         for _ in range(2):
             low, high = (-0.7, 0.5, 0.3), (0.7, 0.6, 0.9)
@@ -181,5 +209,5 @@ def _reaching(scene: Scene, points: Mapping[str, Array], rng: np.random.Generato
     aims = {arm: PoseGoal("tool", point) for arm, point in points.items()}
     problem = Problem(scene, None, aims)
     agents = {arm: Agent(problem, [arm]) for arm in problem.arms}
-    found, _, reason = goal_configurations(agents, arms_in_reach(scene, problem.arms, _CLEARANCE), rng)
+    found, _, reason = goal_configurations(agents, arms_in_reach(scene, problem.arms, CLEARANCE), rng)
     return found, reason

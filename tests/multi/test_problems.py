@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,12 +11,28 @@ import pytest
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.multi import dual_arm_shelf, random_grid, ring_swap
+from rr1plan.multi import (
+    conveyor_line,
+    dual_arm_shelf,
+    handover_window,
+    random_grid,
+    reach_grid,
+    ring_swap,
+    shared_bin,
+    shelf_rows,
+)
+from rr1plan.multi.endpoint_sampling import front_of
 
 _KINDS: dict[str, Callable[[rp.Robot, int], rp.Problem]] = {
     "grid": lambda robot, seed: random_grid(robot, 6, 0.55, seed),
     "ring": lambda robot, seed: ring_swap(robot, 4, 0.5, rng=seed),
     "shelf": lambda robot, seed: dual_arm_shelf(robot, 0.6, seed),
+    "opposite": lambda robot, seed: ring_swap(robot, 4, 0.36, 2, rng=seed),
+    "reaches": lambda robot, seed: reach_grid(robot, 6, 0.6, seed),
+    "hand-over": lambda robot, seed: handover_window(robot, 0.10, seed),
+    "bin": lambda robot, seed: shared_bin(robot, 4, seed),
+    "conveyor": lambda robot, seed: conveyor_line(robot, 4, seed),
+    "shelves": lambda robot, seed: shelf_rows(robot, 8, seed),
 }
 
 
@@ -40,6 +57,59 @@ def test_in_a_ring_each_tool_gets_where_the_neighbor_was(rr1: rp.Robot) -> None:
     np.testing.assert_allclose(ends[1], np.roll(ends[0], -1, axis=0), atol=1e-3)
 
 
+def tools(problem: rp.Problem, q: np.ndarray) -> dict[str, np.ndarray]:
+    """Where the tools of all arms are."""
+    poses = problem.scene.link_poses(problem.scene.split(q, problem.arms))
+    return {arm: poses[f"{arm}/{problem.scene.arms[arm].robot.tool}"][:3, 3] for arm in problem.arms}
+
+
+def goal_of(problem: rp.Problem) -> np.ndarray:
+    return np.concatenate([problem.goal[arm][0].q for arm in problem.arms])
+
+
+def test_in_a_ring_tools_get_across(rr1: rp.Robot) -> None:
+    problem = ring_swap(rr1, 4, 0.36, 2, rng=0)
+    before, after = (np.array(list(tools(problem, q).values())) for q in (problem.start, goal_of(problem)))
+    np.testing.assert_allclose(after, np.roll(before, -2, axis=0), atol=1e-3)
+
+
+@pytest.mark.parametrize("width", [0.10, 0.20])
+def test_tools_meet_in_the_window(width: float, rr1: rp.Robot) -> None:
+    problem = handover_window(rr1, width, 1, gap=0.05)
+    one, two = tools(problem, goal_of(problem)).values()
+    assert np.linalg.norm(one - two) == pytest.approx(0.05, abs=1e-3)
+    wall = problem.scene.obstacles["wall"]
+    inner = [g.shape.size[2] for g in wall.geometries[2:]]
+    assert inner == pytest.approx([width, width])
+
+
+def test_every_second_arm_starts_in_the_bin(rr1: rp.Robot) -> None:
+    problem = shared_bin(rr1, 4, 2)
+    ends = [tools(problem, q) for q in (problem.start, goal_of(problem))]
+    inside = [[abs(p[0]) < 0.2 and abs(p[1]) < 0.15 and p[2] < 0.2 for p in end.values()] for end in ends]
+    assert inside == [[True, False, True, False], [False, True, False, True]]
+
+
+def test_a_problem_may_mix_robots(rr1: rp.Robot) -> None:
+    slow = rr1.with_limits("hardware")
+    problem = random_grid([rr1, slow], 4, 0.8, 5)
+    assert [arm.robot is slow for arm in problem.scene.arms.values()] == [False, True, False, True]
+    assert CollisionChecker(problem.scene, problem.arms).is_free_slowly(goal_of(problem))
+
+
+def test_the_front_of_a_robot_is_where_its_tool_is(rr1: rp.Robot) -> None:
+    np.testing.assert_array_equal(front_of(rr1), [-1.0, 0.0, 0.0])
+
+
+def test_a_problem_is_saved_in_a_scene_file(tmp_path: Path, rr1: rp.Robot) -> None:
+    problem = shared_bin(rr1, 2, 1)
+    file = rp.save_scene(tmp_path / "bin.toml", problem.scene, problems={"pick": problem})
+    again = rp.load_problems(file)["pick"]
+    assert again.scene.content_hash == problem.scene.content_hash
+    assert again.start.tobytes() == problem.start.tobytes()
+    assert goal_of(again).tobytes() == goal_of(problem).tobytes()
+
+
 def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
     with pytest.raises(InputError, match="count"):
         random_grid(rr1, 0, 0.8)
@@ -49,3 +119,13 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
         ring_swap(rr1, 2, 3.0, rng=0)
     with pytest.raises(InputError, match="no query found"):
         dual_arm_shelf(rr1, 4.0, 0)
+    with pytest.raises(InputError, match="empty sequence"):
+        random_grid([], 3, 0.8)
+    with pytest.raises(InputError, match="count is 3, expected 2 or 4"):
+        shared_bin(rr1, 3)
+    with pytest.raises(InputError, match="an even number"):
+        shelf_rows(rr1, 3)
+    with pytest.raises(InputError, match=r"width is 2 m, expected 0.05 to 1 m"):
+        handover_window(rr1, 2.0)
+    with pytest.raises(InputError, match="try a wider window"):
+        handover_window(rr1, 0.10, 0, gap=0.001)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -29,7 +28,7 @@ from rr1plan.playback.outlines import silhouette
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.html_page import page_html
 from rr1plan.playback.viewer.page_document import Document, first_camera, pack_array, view_document
-from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
+from rr1plan.playback.viewer.view_options import Panel, ViewOptions, with_panel
 from rr1plan.report import Report
 from rr1plan.shapes import HalfSpace
 from rr1plan.trajectory import Trajectory
@@ -66,12 +65,6 @@ def save_page(
     """
     document, panel = page_parts(cspace, trajectory=trajectory, options=options)
     return write_text(file, page_html(document, with_panel(options, panel)))
-
-
-def with_panel(options: ViewOptions | None, panel: Panel) -> ViewOptions:
-    """The options of a page with one more panel, the first."""
-    options = checked_options(options)
-    return replace(options, panels=(panel, *options.panels))
 
 
 def page_parts(

@@ -7,11 +7,11 @@ from dataclasses import replace
 from rr1plan.checks import true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
-from rr1plan.playback.cspace.cspace_page import page_parts, with_panel
+from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_query import CSpaceQuery, compute_query
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.live_viewer import Viewer, open_viewer
-from rr1plan.playback.viewer.view_options import ViewOptions
+from rr1plan.playback.viewer.view_options import ViewOptions, with_panel
 from rr1plan.report import Report
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -95,3 +95,9 @@ def checked_options(options: ViewOptions | None) -> ViewOptions:
     """
     of_kind("options", options, ViewOptions, optional=True)
     return ViewOptions() if options is None else options
+
+
+def with_panel(options: ViewOptions | None, panel: Panel) -> ViewOptions:
+    """The options of a page with one more panel, the first."""
+    options = checked_options(options)
+    return replace(options, panels=(panel, *options.panels))

@@ -7,10 +7,10 @@ const TOUCHED = [0.86, 0.08, 0.2];
 const GHOSTS = { start: [0.25, 0.47, 0.85], goal: [0.1, 0.62, 0.42], replay: [0.62, 0.3, 0.78] };
 const IDENTITY = identity();
 
-/** Colors of arms, far apart from each other; beyond twelve they are spread around the wheel. */
+/** Colors of arms, those of `arm_colors.py`, for color-blind eyes too; beyond ten they are spread around the wheel. */
 const ARMS = [
-  [0.894, 0.314, 0.055], [0.13, 0.45, 0.85], [0.16, 0.6, 0.31], [0.55, 0.27, 0.78], [0.93, 0.68, 0.1], [0.05, 0.6, 0.65],
-  [0.86, 0.2, 0.5], [0.5, 0.62, 0.1], [0.3, 0.33, 0.75], [0.72, 0.13, 0.16], [0.35, 0.7, 0.9], [0.55, 0.38, 0.25],
+  [0.894, 0.314, 0.055], [0.129, 0.451, 0.851], [0.031, 0.392, 0.325], [0.969, 0.733, 0.29], [0.439, 0.192, 0.565],
+  [0.29, 0.678, 0.71], [0.671, 0.537, 0.988], [0.337, 0.173, 0.035], [0.961, 0.51, 0.408], [0.686, 0.318, 0.592],
 ];
 
 function armColor(index) {

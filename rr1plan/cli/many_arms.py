@@ -1,0 +1,132 @@
+"""What `plan` says of a plan of many arms, and the figures it draws."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from rr1plan.checks import counted, known_name
+from rr1plan.cli.console import Console, milliseconds
+from rr1plan.errors import InputError
+from rr1plan.motion_plan import MotionPlan
+from rr1plan.scene.problem import Problem
+
+if TYPE_CHECKING:
+    from rr1plan.multi.portfolio import ManyArmsResult
+    from rr1plan.multi.schedule import Schedule
+    from rr1plan.playback.schedules.timeline import Timeline
+
+_MANY_ARMS = "many_arms"
+_FEWEST = 3  # arms that are planned by `many_arms` where no planner is named
+_MOST = 8  # waits or groups that are printed
+
+
+def check_figures(options: Namespace, problem: Problem) -> None:
+    """Refuse, before any work, figures that the motion will not have.
+
+    Raises:
+        InputError: a diagram of a motion that no planner of many arms makes, or of one arm.
+        UnknownNameError: no such arm moves.
+    """
+    if options.diagram is None:
+        return
+    schedules = len(problem.arms) >= _FEWEST if options.planner is None else options.planner.startswith(_MANY_ARMS)
+    if not schedules:
+        raise InputError("option diagram needs the schedules of option planner many_arms")
+    if len(problem.arms) < 2:
+        raise InputError(f"option diagram needs two arms that move, got {problem.arms[0]!r} alone")
+    for name in options.pair or ():
+        known_name("moving arm", name, problem.arms)
+
+
+def save_figures(motion: MotionPlan, options: Namespace, console: Console) -> dict[str, str]:
+    """Draw what was asked for, as far as the plan has it; the files."""
+    files = {}
+    if options.timeline is not None:
+        files["time line"] = str(motion.timeline().save(options.timeline))
+    if options.diagram is not None:
+        one, two = options.pair or _most_delayed(motion)
+        if _agent_of(motion, one) is _agent_of(motion, two):
+            console.warn(f"{one} and {two} move as one, in their joint space: there is no diagram of them")
+        else:
+            files["diagram"] = str(motion.coordination_diagram(one, two).save(options.diagram))
+    return files
+
+
+def _most_delayed(motion: MotionPlan) -> tuple[str, str]:
+    """The arm that waits longest for another, and that one; without waits the first two that do not move as one."""
+    waits = [wait for wait in motion.timeline().waits if wait.others]
+    if waits:
+        longest = max(waits, key=lambda wait: wait.end - wait.begin)
+        return longest.arm, longest.others[0]
+    assert motion.many_arms is not None, "checked before planning"
+    agents = [schedule.arms for schedule in motion.many_arms.schedules]
+    return (agents[0][0], agents[1][0]) if len(agents) > 1 else (agents[0][0], agents[0][-1])
+
+
+def _agent_of(motion: MotionPlan, arm: str) -> Schedule:
+    """The schedule that moves an arm."""
+    assert motion.many_arms is not None, "checked before planning"
+    return next(schedule for schedule in motion.many_arms.schedules if arm in schedule.arms)
+
+
+def say_many(motion: MotionPlan, console: Console) -> None:
+    """What a user needs to know of a plan of many arms, besides the report."""
+    many = motion.many_arms
+    if many is None or console.as_json or console.quiet:
+        return
+    console.say(
+        f"{counted(len(many.paths), 'arm')}: makespan {many.makespan:.3f} s, "
+        f"{many.ratio:.2f} times the slowest arm alone; {many.waiting:.3f} s of waiting"
+    )
+    _say_groups(many, console)
+    _say_waits(motion.timeline(), console)
+
+
+def say_unscheduled(motion: MotionPlan, console: Console) -> None:
+    """Which groups of arms have schedules and which have none, where some were planned."""
+    if motion.many_arms is not None:
+        _say_groups(motion.many_arms, console)
+
+
+def _say_groups(many: ManyArmsResult, console: Console) -> None:
+    """The groups that took most, those without schedules first."""
+    groups = sorted(many.groups, key=lambda group: (group.found, -len(group.arms), -group.seconds))
+    for group in groups[:_MOST]:
+        who = ", ".join(group.arms) if len(group.arms) <= _MOST else counted(len(group.arms), "arm")
+        how = f"scheduled by {group.stage}" if group.found else f"not scheduled: {group.reason}"
+        console.say(f"  group        {who}: {how}, {milliseconds(group.seconds)}")
+    if len(groups) > _MOST:
+        console.say(f"               and {counted(len(groups) - _MOST, 'group')} more")
+
+
+def _say_waits(line: Timeline, console: Console) -> None:
+    waits = sorted(line.waits, key=lambda wait: wait.begin - wait.end)
+    for wait in waits[:_MOST]:
+        whom = f" for {', '.join(wait.others)}" if wait.others else ""
+        console.say(f"  waits        {wait.arm}{whom}, {wait.end - wait.begin:.3f} s from {wait.begin:.3f} s on")
+    if len(waits) > _MOST:
+        console.say(f"               and {counted(len(waits) - _MOST, 'wait')} more")
+
+
+def many_values(motion: MotionPlan) -> Mapping[str, Any]:
+    """A plan of many arms as plain values, for JSON; nothing for other motions."""
+    many = motion.many_arms
+    if many is None:
+        return {}
+    groups = [
+        {"arms": list(g.arms), "found": g.found, "stage": g.stage, "reason": g.reason, "seconds": g.seconds}
+        for g in many.groups
+    ]
+    if not many.found:
+        return {"many_arms": {"groups": groups}}
+    waits = [{"arm": w.arm, "begin": w.begin, "end": w.end, "others": list(w.others)} for w in motion.timeline().waits]
+    numbers = {
+        "makespan": many.makespan,
+        "slowest_alone": many.slowest_alone,
+        "ratio": many.ratio,
+        "path_length": many.path_length,
+        "waiting": many.waiting,
+    }
+    return {"many_arms": {**numbers, "groups": groups, "waits": waits}}

@@ -1,0 +1,194 @@
+"""Starts and goals of many arms for seeded problems: random ones, or with tools in regions; all free, and apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from rr1plan.checks import Array, finite_array, of_kind
+from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import InputError
+from rr1plan.kernels.planner_kernels import CStruct
+from rr1plan.model import Kinematics, solve_ik
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.coordination import are_apart
+from rr1plan.multi.interaction import arms_in_reach
+from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.robot import Robot
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import PoseGoal, Problem
+from rr1plan.transforms import pose
+
+CLEARANCE = 2e-3
+"""Smallest distance of starts and goals to everything that does not move with them [m]."""
+
+Draw = Callable[[np.random.Generator], Array | None]
+"""Draws a configuration of one arm, shape (nq,); None where that failed."""
+
+
+class ToolBox(NamedTuple):
+    """Where the tool of an arm starts or ends.
+
+    Args:
+        frame: Frame of the box in the world, shape (4, 4).
+        low: Its lowest corner in that frame [m].
+        high: Its highest corner [m].
+    """
+
+    frame: Array
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+
+_ROUNDS, _DRAWS = 1000, 200
+# With inverse kinematics, which takes longer and finds room where there is some.
+_BOX_ROUNDS, _BOX_DRAWS = 30, 60
+_STARTS = 20  # of inverse kinematics for a point
+_SAMPLES = 400  # configurations that tell how far a robot reaches
+
+
+def sample_configurations(
+    scene: Scene,
+    rng: np.random.Generator,
+    draws: Mapping[str, Draw] | None = None,
+    *,
+    advice: str = "try a wider spacing",
+) -> dict[str, Array]:
+    """A configuration of each arm: free, and apart from those of all others.
+
+    Args:
+        scene: The arms and obstacles.
+        rng: Generator.
+        draws: How to draw a configuration of an arm; of those without, all joints are drawn over their full ranges.
+        advice: What to try where none are found, for the message.
+
+    Raises:
+        InputError: no configurations found; names the arm.
+    """
+    near = arms_in_reach(scene, scene.arms, CLEARANCE)
+    anywhere = Problem(scene, None, {arm: scene.arms[arm].q for arm in scene.arms})
+    agents = {arm: Agent(anywhere, [arm]) for arm in scene.arms}
+    samplers = {arm: (draws or {}).get(arm) or _anywhere(agent) for arm, agent in agents.items()}
+    placed: dict[str, CStruct] = {}
+    configurations: dict[str, Array] = {}
+    waiting, failures = list(agents), 0
+    rounds, tries = (_BOX_ROUNDS, _BOX_DRAWS) if draws else (_ROUNDS, _DRAWS)
+    while waiting:
+        arm = waiting.pop(0)
+        others = [(agents[other], placed[other]) for other in near[arm] if other in placed]
+        q = _free_among(agents[arm], others, samplers[arm], tries, rng)
+        if q is not None:
+            placed[arm], configurations[arm] = placed_configuration(agents[arm].bodies, q), q
+            continue
+        failures += 1
+        if failures > rounds or (not others and draws):
+            raise InputError(f"no free configuration found for {arm!r} among the others; {advice}")
+        # Its neighbors may stand where its base is: they are drawn again.
+        again = [other for other in agents if other in near[arm] and other in placed]
+        for other in again:
+            del placed[other]
+        waiting = [arm, *again, *waiting]
+    return {arm: configurations[arm] for arm in agents}
+
+
+def tool_in_box(scene: Scene, arm: str, box: ToolBox) -> Draw:
+    """Draw configurations with an arm's tool at random points of a box, turned in any way.
+
+    Args:
+        scene: The arms and obstacles.
+        arm: The arm.
+        box: The box.
+    """
+    kinematics = Kinematics(scene, [arm])
+    limits = scene.limits([arm])
+
+    def draw(rng: np.random.Generator) -> Array | None:
+        point = box.frame[:3, :3] @ rng.uniform(box.low, box.high) + box.frame[:3, 3]
+        seed = rng.uniform(limits.lower, limits.upper)
+        found = solve_ik(
+            kinematics, PoseGoal("tool", point), seeds=seed, attempts=_STARTS, max_solutions=1, rng=rng
+        ).solutions
+        return np.asarray(found[0]) if len(found) else None
+
+    return draw
+
+
+def _anywhere(agent: Agent) -> Draw:
+    return lambda rng: np.asarray(rng.uniform(agent.limits.lower, agent.limits.upper))
+
+
+def _free_among(
+    agent: Agent, others: list[tuple[Agent, CStruct]], draw: Draw, tries: int, rng: np.random.Generator
+) -> Array | None:
+    """A free configuration of an arm that is apart from others."""
+    question = agent.question({}, 0.0)
+    with checker_from_pool(question.scene, question.arms) as checker:
+        for _ in range(tries):
+            q = draw(rng)
+            if q is None or checker.clearance(q, 2.0 * CLEARANCE) < CLEARANCE:
+                continue
+            own = placed_configuration(agent.bodies, q)
+            if all(are_apart(agent, own, other, placed, CLEARANCE) for other, placed in others):
+                return np.asarray(q)
+    return None
+
+
+def check_robot(robot: Robot) -> None:
+    """Refuse a robot of which no configurations can be drawn.
+
+    Raises:
+        InputError: not a robot, or one with joints that have no position limits.
+    """
+    of_kind("robot", robot, Robot)
+    for name, low, high in zip(robot.joint_names, robot.limits.lower, robot.limits.upper, strict=True):
+        if not (math.isfinite(low) and math.isfinite(high)):
+            raise InputError(f"joint {name!r} has no position limits to draw configurations from; set some")
+
+
+def front_of(robot: Robot, front: Array | None = None) -> Array:
+    """Which way a robot's front points in its base frame: as given, or the horizontal axis nearest to its tool at home.
+
+    Args:
+        robot: The robot.
+        front: A direction, shape (3,); None finds one.
+
+    Raises:
+        InputError: a direction that is vertical or not finite.
+    """
+    if front is None:
+        tool = robot.link_poses(robot.home)[robot.tool][:2, 3]
+        axis = int(np.argmax(np.abs(tool)))
+        ahead = np.zeros(3)
+        ahead[axis] = -1.0 if tool[axis] < 0.0 else 1.0
+        return ahead
+    ahead = finite_array("front", front, (3,))
+    if math.hypot(ahead[0], ahead[1]) < 1e-9:
+        raise InputError(f"front is {ahead.tolist()}, expected a direction that is not vertical")
+    return ahead
+
+
+def facing(robot: Robot, place: tuple[float, float], angle: float) -> tuple[Array, Array]:
+    """A base with which a robot's front points to an angle, and the frame there whose x axis points ahead.
+
+    Args:
+        robot: The robot.
+        place: Where it stands, x and y [m].
+        angle: Where its front points [rad].
+    """
+    ahead = front_of(robot)
+    turn = math.remainder(angle - math.atan2(ahead[1], ahead[0]), 2.0 * math.pi)
+    base = pose((*place, 0.0), rpy=(0.0, 0.0, turn))
+    return base, pose((*place, 0.0), rpy=(0.0, 0.0, math.remainder(angle, 2.0 * math.pi)))
+
+
+@lru_cache(maxsize=64)
+def horizontal_reach(robot: Robot) -> float:
+    """How far from the axis of its base a robot's tool gets, of some random configurations [m]."""
+    rng = np.random.default_rng(0)
+    drawn = rng.uniform(robot.limits.lower, robot.limits.upper, (_SAMPLES, robot.nq))
+    tools = np.array([robot.link_poses(q)[robot.tool][:2, 3] for q in drawn])
+    return float(np.linalg.norm(tools, axis=1).max())

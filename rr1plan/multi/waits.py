@@ -1,0 +1,172 @@
+"""Which arms an arm waits for, and the timing of two arms in their coordination diagram."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.coordination import Blocked, coordination_diagram
+from rr1plan.multi.preflight import MARGINS
+from rr1plan.multi.schedule import Leg, Occupancy, Schedule, extended, rest_row
+from rr1plan.planning import Wait
+
+# By how much earlier a leg would have to begin to be in somebody's way: at least so much [s], or shares of the wait.
+_SOONEST, _SHARES = 1e-3, (0.02, 0.1, 0.3, 1.0)
+_SHORTEST = 1e-6  # [s]
+
+
+@dataclass(frozen=True, eq=False)
+class PairTiming:
+    """Two agents on their paths: where they exclude each other, and when they are where.
+
+    Args:
+        blocked: Which cells are not proven free, shape (m + 2, n + 2): start, segments and goal of both paths.
+        lengths: Path length at each gridpoint of both paths [rad], shapes (m + 1,) and (n + 1,).
+        undelayed: When each of them would be at its gridpoints without waiting [s].
+        times: Times of the plan [s], shape (k,).
+        places: Gridpoints where both are then, with fractions between two of them, shape (k, 2).
+    """
+
+    blocked: Blocked
+    lengths: tuple[Array, Array]
+    undelayed: tuple[Array, Array]
+    times: Array
+    places: Array
+
+
+def pair_timing(one: Schedule, two: Schedule) -> PairTiming:
+    """The timing of two agents in their coordination diagram.
+
+    Args:
+        one: Schedule of an agent.
+        two: Schedule of another one of the same plan.
+    """
+    blocked = _diagram(one.path, two.path)
+    if blocked is None:
+        blocked = np.zeros((one.path.cells, two.path.cells), np.uint8)
+    tracks = [_track(schedule) for schedule in (one, two)]
+    times = np.unique(np.concatenate([track[0] for track in tracks]))
+    places = np.column_stack([np.interp(times, *track) for track in tracks])
+    return PairTiming(
+        blocked,
+        (_lengths(one.path), _lengths(two.path)),
+        (one.path.hop_times(0, one.path.segments), two.path.hop_times(0, two.path.segments)),
+        times,
+        places,
+    )
+
+
+def undelayed(schedules: Sequence[Schedule]) -> dict[str, float]:
+    """How long the path of each arm takes without waiting [s]."""
+    return {arm: schedule.path.fastest for schedule in schedules for arm in schedule.arms}
+
+
+def waits_of(schedules: Sequence[Schedule]) -> tuple[Wait, ...]:
+    """All rests of arms before they arrive, and for which arms they wait then.
+
+    An arm waits for another if it could not have gone on a little earlier without entering a blocked cell of their
+    coordination diagram. A rest that has no such reason has no others.
+
+    Args:
+        schedules: The schedules of a plan, one for each agent.
+    """
+    diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
+    waits = []
+    for schedule in schedules:
+        for began, leg, following in _rests(schedule):
+            others = _in_the_way(schedule, began, leg, following, schedules, diagrams)
+            waits += [Wait(arm, began, leg.departure, others) for arm in schedule.arms]
+    return tuple(waits)
+
+
+def _rests(schedule: Schedule) -> list[tuple[float, Leg, Leg | None]]:
+    """When each rest before the arrival begins, the leg after it, and the one after that."""
+    rests, now = [], 0.0
+    for leg, following in pairwise((*schedule.legs, None)):
+        assert leg is not None
+        if leg.departure - now > _SHORTEST:
+            rests.append((now, leg, following))
+        now = leg.departure + schedule.path.hop_duration(leg.begin, leg.end)
+    return rests
+
+
+def _in_the_way(
+    schedule: Schedule,
+    began: float,
+    leg: Leg,
+    following: Leg | None,
+    schedules: Sequence[Schedule],
+    diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None],
+) -> tuple[str, ...]:
+    """The arms that an agent would run into if it began a leg a little earlier; by the time at which it would."""
+    wait = leg.departure - began
+    for share in _SHARES:
+        sooner = min(wait, max(_SOONEST, share * wait))
+        moved = _occupancy(schedule.path, leg, leg.departure - sooner, following)
+        found = []
+        for other in schedules:
+            if other is schedule:
+                continue
+            key = schedule.path, other.path
+            if key not in diagrams:
+                blocked = _diagram(*key)
+                diagrams[key] = None if blocked is None else extended(blocked)
+            table = diagrams[key]
+            first = None if table is None else _first_conflict(table, moved, other.occupancy)
+            if first is not None:
+                found.append((first, other.arms))
+        if found:
+            return tuple(arm for _, arms in sorted(found, key=lambda entry: entry[0]) for arm in arms)
+    return ()
+
+
+def _occupancy(path: AgentPath, leg: Leg, departure: float, following: Leg | None) -> Occupancy:
+    """The rows that an agent occupies from a departure until it would leave the stop after that leg."""
+    times = departure + path.hop_times(leg.begin, leg.end)
+    segments = np.arange(leg.begin, leg.end) if leg.end > leg.begin else np.arange(leg.begin, leg.end, -1) - 1
+    rows = np.append(segments + 1, rest_row(path, leg.end))
+    return Occupancy(rows, times, np.append(times[1:], np.inf if following is None else following.departure))
+
+
+def _first_conflict(blocked: Blocked, one: Occupancy, two: Occupancy) -> float | None:
+    """When two agents are in a blocked cell first; None if they never are."""
+    begin = np.maximum(one.enter[:, None], two.enter[None, :])
+    end = np.minimum(one.leave[:, None], two.leave[None, :])
+    met: NDArray[np.bool_] = (end - begin > 0.0) & (blocked[np.ix_(one.rows, two.rows)] != 0)
+    return float(begin[met].min()) if met.any() else None
+
+
+def _diagram(one: AgentPath, two: AgentPath) -> Blocked | None:
+    """The coordination diagram with the largest margin that both starts and both goals have, as it was planned with."""
+    blocked = None
+    for margin in (*MARGINS, 0.0):
+        blocked = coordination_diagram(one, two, margin)
+        if blocked is None or not (blocked[0, 0] or blocked[-1, -1]):
+            break
+    return blocked
+
+
+def _lengths(path: AgentPath) -> Array:
+    return np.concatenate([[0.0], np.cumsum(path.grid.delta)])
+
+
+def _track(schedule: Schedule) -> tuple[Array, Array]:
+    """When an agent is at which gridpoint: times and gridpoints."""
+    times, places, now = [np.zeros(1)], [np.zeros(1)], 0.0
+    for leg in schedule.legs:
+        step = 1 if leg.end > leg.begin else -1
+        gridpoints = np.arange(leg.begin, leg.end + step, step, dtype=np.float64)
+        if leg.departure > now:
+            times.append(np.array([leg.departure]))
+            places.append(gridpoints[:1])
+        when = leg.departure + schedule.path.hop_times(leg.begin, leg.end)
+        times.append(when[1:])
+        places.append(gridpoints[1:])
+        now = float(when[-1])
+    return np.concatenate(times), np.concatenate(places)

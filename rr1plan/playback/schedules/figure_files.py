@@ -1,0 +1,113 @@
+"""Figures of schedules as files, and what they have in common."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rr1plan.checks import file_path, positive_number
+from rr1plan.errors import InputError
+from rr1plan.files.file_access import check_writable, write_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_WIDEST = 100.0  # [inch]
+_DPI = 150
+_FORMATS = (".png", ".svg", ".pdf")
+# So that the same figure gives the same bytes.
+_NO_DATES: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+
+
+class Look(NamedTuple):
+    """Colors of a figure besides those of arms.
+
+    Args:
+        paper: The background.
+        ink: Lines and letters.
+        soft: What matters less.
+        faint: Rows and grids.
+        blocked: Cells of a diagram in which two arms exclude each other.
+        conflict: What must not be.
+    """
+
+    paper: str
+    ink: str
+    soft: str
+    faint: str
+    blocked: str
+    conflict: str
+
+
+_LIGHT = Look("#ffffff", "#22262b", "#667080", "#e9edf1", "#c9ced6", "#d1003f")
+_DARK = Look("#161b22", "#eef1f4", "#9aa5b3", "#262d37", "#4a5361", "#ff5c86")
+
+
+def look_of(dark: bool) -> Look:
+    """The colors of a light or a dark figure."""
+    return _DARK if dark else _LIGHT
+
+
+def style_of(look: Look) -> dict[str, Any]:
+    """Settings of matplotlib: letters that are read from the last row when the figure fills a slide."""
+    return {
+        "font.family": "DejaVu Sans",
+        "font.size": 13,
+        "axes.titlesize": 15,
+        "axes.labelsize": 13,
+        "svg.hashsalt": "rr1plan",
+        "axes.edgecolor": look.soft,
+        "axes.labelcolor": look.ink,
+        "text.color": look.ink,
+        "xtick.color": look.soft,
+        "ytick.color": look.soft,
+        "hatch.linewidth": 0.6,
+    }
+
+
+def check_width(width: float) -> float:
+    """A figure's width [inch].
+
+    Raises:
+        InputError: not above zero, or above 100.
+    """
+    number = positive_number("width", width)
+    if number > _WIDEST:
+        raise InputError(f"width is {number:g} inches, expected at most {_WIDEST:g}")
+    return number
+
+
+def check_figure_file(file: str | FilePath) -> FilePath:
+    """A file for a figure.
+
+    Raises:
+        InputError: a name that ends in none of .png, .svg and .pdf, or one that cannot be written.
+    """
+    target = file_path(file)
+    if target.suffix.lower() not in _FORMATS:
+        raise InputError(f"cannot save {str(file)!r}, expected a name that ends in {', '.join(_FORMATS)}")
+    check_writable(target)
+    return target
+
+
+def save_figure(file: str | FilePath, draw: Callable[[], Figure]) -> FilePath:
+    """Draw a figure and write it in the format that the name ends in, atomically.
+
+    Args:
+        file: The file.
+        draw: Makes the figure.
+
+    Raises:
+        InputError: a name that ends otherwise, or a file that cannot be written.
+    """
+    target = check_figure_file(file)
+    kind = target.suffix.lower()[1:]
+    figure = draw()
+    from matplotlib import rc_context
+
+    buffer = io.BytesIO()
+    with rc_context({"svg.hashsalt": "rr1plan"}):
+        figure.savefig(buffer, format=kind, dpi=_DPI, metadata=_NO_DATES.get(kind, {}))
+    return write_bytes(target, buffer.getvalue())

@@ -1,0 +1,54 @@
+"""The time line as a panel of the page: rows of arms, the clock across them, conflicts that a click shows in red."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from rr1plan.checks import counted
+from rr1plan.playback.schedules.arm_colors import arm_color
+from rr1plan.playback.viewer.view_options import Panel
+
+if TYPE_CHECKING:
+    from rr1plan.playback.schedules.timeline import Timeline
+
+_WIDTH = 440  # [px]
+_MOST_CONFLICTS = 30
+
+
+def timeline_panel(line: Timeline) -> Panel:
+    """The panel of a time line."""
+    html, css, script = (_asset(f"timeline.{kind}") for kind in ("html", "css", "js"))
+    return Panel("timeline", "Who moves when", html=html, css=css, script=script, data=_data(line), width=_WIDTH)
+
+
+def _asset(name: str) -> str:
+    return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")
+
+
+def _data(line: Timeline) -> dict[str, Any]:
+    place = {arm: row for row, arm in enumerate(line.arms)}
+    arms: list[dict[str, Any]] = []
+    for arm in line.arms:
+        waits = [
+            [w.begin, w.end, [place[other] for other in w.others if other in place]] for w in line.waits if w.arm == arm
+        ]
+        color, moves = arm_color(line.numbers[arm]), [list(motion) for motion in line.motions[arm]]
+        arms.append({"name": arm, "color": color, "moves": moves, "waits": waits, "undelayed": line.undelayed.get(arm)})
+    conflicts = [
+        {
+            "time": violation.time,
+            "elements": list(violation.subject),
+            "rows": [place[arm] for arm in touching],
+            "message": violation.message,
+        }
+        for violation, touching in zip(line.conflicts[:_MOST_CONFLICTS], line.touching, strict=False)
+        if violation.time is not None
+    ]
+    times = {"start": line.start, "makespan": line.makespan}
+    return {"arms": arms, **times, "conflicts": conflicts, "summary": _summary(line)}
+
+
+def _summary(line: Timeline) -> str:
+    waiting = f", {line.waiting:.2f} s of waiting in all" if line.waits else ""
+    return f"{counted(len(line.arms), 'arm')}, {line.makespan:.2f} s{waiting}"

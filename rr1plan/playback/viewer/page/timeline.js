@@ -1,0 +1,173 @@
+// The time line of many arms: a row for each, the clock across all of them. Statements of a panel: viewer, root, data.
+
+const canvas = root.querySelector("canvas"), pen = canvas.getContext("2d");
+const chart = root.querySelector(".chart"), now = root.querySelector(".now"), said = root.querySelector(".said");
+const AXIS = 20, CONFLICT = "#d1003f";
+let left = 0, right = 0, rowHeight = 0, below = 0;
+
+const end = data.start + data.makespan;
+const x = (time) => left + ((time - data.start) / (data.makespan || 1)) * (right - left);
+const y = (row) => (row + 0.5) * rowHeight;
+
+/** Seconds between two lines of the grid: 1, 2 or 5 times a power of ten. */
+function gridStep() {
+  const least = data.makespan / 6, power = 10 ** Math.floor(Math.log10(least || 1));
+  return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= least) || 1;
+}
+
+function draw() {
+  const width = chart.clientWidth, rows = data.arms.length;
+  if (!width) return;
+  rowHeight = Math.min(26, Math.max(4, (Math.max(320, window.innerHeight - 220) - AXIS) / rows));
+  below = rows * rowHeight;
+  const scale = window.devicePixelRatio || 1;
+  canvas.width = Math.round(width * scale);
+  canvas.height = Math.round((below + AXIS) * scale);
+  canvas.style.height = `${below + AXIS}px`;
+  now.style.height = `${below}px`;
+  pen.setTransform(scale, 0, 0, scale, 0, 0);
+  pen.font = "12px Inter, 'Segoe UI', 'DejaVu Sans', sans-serif";
+  const named = rowHeight >= 13;
+  left = named ? Math.min(110, 8 + Math.max(...data.arms.map((arm) => pen.measureText(arm.name).width))) : 14;
+  right = width - 8;
+  drawGrid();
+  data.arms.forEach((arm, row) => drawRow(arm, row, named));
+  if (named) drawArrows();
+  for (const conflict of data.conflicts) drawConflict(conflict);
+  follow();
+}
+
+function drawGrid() {
+  const step = gridStep(), digits = Math.max(0, -Math.floor(Math.log10(step)));
+  pen.textBaseline = "alphabetic";
+  pen.textAlign = "center";
+  for (let k = 0; k * step <= data.makespan + 1e-9; k++) {
+    const at = x(data.start + k * step);
+    pen.fillStyle = "#e3e7ec";
+    pen.fillRect(Math.round(at), 0, 1, below);
+    pen.fillStyle = "#667080";
+    pen.fillText(`${(data.start + k * step).toFixed(digits)}${k ? "" : " s"}`, at + (k ? 0 : 6), below + 14);
+  }
+}
+
+function drawRow(arm, row, named) {
+  const thick = Math.max(2.5, 0.62 * rowHeight), thin = Math.max(1.2, 0.17 * rowHeight);
+  if (named) {
+    pen.fillStyle = "#1b2430";
+    pen.textAlign = "left";
+    pen.textBaseline = "middle";
+    pen.fillText(arm.name, 0, y(row), left - 6);
+  }
+  pen.fillStyle = arm.color;
+  pen.globalAlpha = 0.45;
+  for (const [begin, last] of arm.waits) pen.fillRect(x(begin), y(row) - thin / 2, x(last) - x(begin), thin);
+  pen.globalAlpha = 1;
+  for (const [begin, last] of arm.moves) pen.fillRect(x(begin), y(row) - thick / 2, Math.max(1, x(last) - x(begin)), thick);
+  if (arm.undelayed !== null && arm.moves.length) {
+    pen.fillStyle = "#1b2430";
+    pen.fillRect(x(data.start + arm.undelayed) - 0.75, y(row) - 0.42 * rowHeight, 1.5, 0.84 * rowHeight);
+  }
+}
+
+/** From each arm that is waited for to the one that waits, when that goes on. */
+function drawArrows() {
+  data.arms.forEach((arm, row) => {
+    for (const [, until, others] of arm.waits) {
+      for (const other of others) {
+        const at = x(until), from = y(other), sign = row > other ? 1 : -1, to = y(row) - sign * 0.1 * rowHeight;
+        pen.strokeStyle = pen.fillStyle = data.arms[other].color;
+        pen.lineWidth = 1.6;
+        pen.beginPath();
+        pen.moveTo(at, from);
+        pen.lineTo(at, to - 5 * sign);
+        pen.stroke();
+        pen.beginPath();
+        pen.moveTo(at, to);
+        pen.lineTo(at - 4, to - 7 * sign);
+        pen.lineTo(at + 4, to - 7 * sign);
+        pen.fill();
+        pen.beginPath();
+        pen.arc(at, from, 3.2, 0, 7);
+        pen.fill();
+        pen.strokeStyle = "#fff";
+        pen.lineWidth = 1.2;
+        pen.stroke();
+      }
+    }
+  });
+}
+
+function drawConflict({ time, rows }) {
+  if (!rows.length) return;
+  pen.strokeStyle = CONFLICT;
+  pen.lineWidth = 2;
+  pen.beginPath();
+  pen.moveTo(x(time), y(Math.min(...rows)));
+  pen.lineTo(x(time), y(Math.max(...rows)));
+  pen.stroke();
+  const r = Math.max(3, Math.min(5, 0.3 * rowHeight));
+  for (const row of rows) {
+    for (const [color, line] of [["#fff", 5], [CONFLICT, 2.6]]) {
+      pen.strokeStyle = color;
+      pen.lineWidth = line;
+      pen.beginPath();
+      for (const sign of [1, -1]) {
+        pen.moveTo(x(time) - r, y(row) - sign * r);
+        pen.lineTo(x(time) + r, y(row) + sign * r);
+      }
+      pen.stroke();
+    }
+  }
+}
+
+/** Puts the clock's line where the motion is. */
+function follow() {
+  now.style.left = `${x(Math.min(Math.max(viewer.time, data.start), end))}px`;
+}
+
+/** What is at a point of the chart, in words. */
+function words(row, time) {
+  const arm = data.arms[row];
+  if (!arm) return "";
+  const wait = arm.waits.find(([begin, last]) => begin <= time && time <= last);
+  if (!wait) return `${arm.name} ${arm.moves.some(([begin, last]) => begin <= time && time <= last) ? "moves" : "is at its goal"}`;
+  const whom = wait[2].map((other) => data.arms[other].name).join(", ");
+  return `${arm.name} waits ${(wait[1] - wait[0]).toFixed(2)} s${whom ? ` for ${whom}` : ""}`;
+}
+
+function pointed(event) {
+  const box = canvas.getBoundingClientRect();
+  const share = (event.clientX - box.left - left) / (right - left);
+  return { time: data.start + Math.min(Math.max(share, 0), 1) * data.makespan, row: Math.floor((event.clientY - box.top) / rowHeight) };
+}
+
+/** The conflict whose cross is under the pointer. */
+function conflictAt({ time, row }) {
+  const near = (conflict) => Math.abs(x(conflict.time) - x(time)), rows = Math.max(1, 8 / rowHeight);
+  const hit = data.conflicts.filter((c) => near(c) < 7 && c.rows.some((r) => Math.abs(r - row) < rows));
+  return hit.sort((a, b) => near(a) - near(b))[0];
+}
+
+function say(conflict, text) {
+  said.textContent = conflict ? conflict.message : text;
+  said.classList.toggle("bad", Boolean(conflict));
+}
+
+/** Goes to the moment under the pointer; on a cross, to the contact, whose links are painted red. */
+function choose(event) {
+  const place = pointed(event), conflict = conflictAt(place);
+  if (conflict) viewer.point(conflict.time, conflict.elements);
+  else { viewer.pause(); viewer.seek(place.time); }
+}
+
+chart.addEventListener("pointerdown", (event) => { chart.setPointerCapture(event.pointerId); choose(event); });
+chart.addEventListener("pointermove", (event) => {
+  const place = pointed(event);
+  say(conflictAt(place), words(place.row, place.time) || data.summary);
+  if (event.buttons) choose(event);
+});
+chart.addEventListener("pointerleave", () => say(null, data.summary));
+say(null, data.summary);
+new ResizeObserver(draw).observe(chart);
+viewer.on("change", follow);
+draw();
