@@ -9,7 +9,6 @@ group of up to four arms that still has no schedule are planned as one.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -18,7 +17,9 @@ import numpy as np
 
 from rr1plan.checks import Seed, as_generator, finite_number
 from rr1plan.errors import InputError
+from rr1plan.multi.improvement import PlanImprover
 from rr1plan.multi.interaction import arms_in_reach, interaction_groups
+from rr1plan.multi.plan_quality import PlanQuality
 from rr1plan.multi.preflight import MARGINS, preflight
 from rr1plan.multi.prioritized import PrioritizedPlanner, Statistics
 from rr1plan.multi.schedule import Schedule
@@ -71,6 +72,9 @@ class ManyArmsResult:
         slowest_alone: Duration of the fastest motion found for the slowest arm alone [s].
         path_length: Sum of the lengths of all motions [rad].
         waiting: Sum of the times that arms rest before they arrive [s].
+        first: The figures of the first plan, before `improvement`; None if there is no plan.
+        improvements: Moves that were tried to improve it.
+        history: (seconds, makespan [s]) of the first plan, and whenever the makespan got shorter.
     """
 
     status: PlanStatus
@@ -84,6 +88,9 @@ class ManyArmsResult:
     slowest_alone: float = 0.0
     path_length: float = 0.0
     waiting: float = 0.0
+    first: PlanQuality | None = None
+    improvements: int = 0
+    history: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "paths", MappingProxyType(dict(self.paths)))
@@ -100,7 +107,7 @@ class ManyArmsResult:
     @property
     def ratio(self) -> float:
         """Makespan over `slowest_alone`; 1 where nothing moves."""
-        return self.makespan / self.slowest_alone if self.slowest_alone > 0.0 else 1.0
+        return PlanQuality(self.makespan, self.slowest_alone).ratio
 
     def __repr__(self) -> str:
         if not self.found:
@@ -115,6 +122,7 @@ def plan_many_arms(
     *,
     margin: float | None = None,
     budget: Budget | None = None,
+    improvement: Budget | None = None,
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> ManyArmsResult:
@@ -125,7 +133,9 @@ def plan_many_arms(
         margin: Distance to keep beyond the scene's padding [m], as far as starts and goals have it (default: that of
             the problem, or 2 mm where it has none).
         budget: When to stop (default: 10 s); of iterations only the seconds count.
-        rng: Seed; where time does not run out the same seed gives the same motion.
+        improvement: How long to improve the first plan, within `budget`: seconds, and moves as iterations (default: not
+            at all). Makespan first, then the sum of all arrivals; see `improvement.py`.
+        rng: Seed; where time does not run out, the same seed and number of moves give the same motion.
         progress: Called about ten times a second; False cancels.
 
     Returns:
@@ -136,6 +146,8 @@ def plan_many_arms(
         InputError: no problem, a margin below zero, or a scene that cannot be checked.
     """
     check_question(problem, budget, progress)
+    if improvement is not None:
+        check_question(problem, improvement, progress)
     watch = Stopwatch((budget or Budget()).seconds, progress)
     generator = as_generator(rng)
     largest = finite_number("margin", (problem.margin or MARGINS[0]) if margin is None else margin)
@@ -153,14 +165,20 @@ def plan_many_arms(
         agents = [found.agents[arm] for arm in arms]
         planners.append(PrioritizedPlanner(agents, near, found.margins, numbers, watch))
         groups.append(_solve(planners[-1], arms, watch))
-    if watch.cancelled:
-        reason = "the progress callback returned False"
-        return ManyArmsResult(PlanStatus.CANCELLED, reason, groups=tuple(groups), seconds=watch.seconds)
     unsolved = [group for group in groups if not group.found]
-    if unsolved:
+    if unsolved and not watch.cancelled:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
     schedules = [schedule for planner in planners for schedule in planner.schedules.values()]
+    alone = {arm: bound for planner in planners for arm, bound in planner.fastest_alone().items()}
+    improver = PlanImprover(schedules, near, found.margins, alone, generator, watch)
+    first, history = improver.quality, (watch.seconds, improver.quality.makespan)
+    if improvement is not None:
+        improver.run(improvement.seconds, improvement.iterations)
+    if watch.cancelled:
+        reason = "the progress callback returned False"
+        return ManyArmsResult(PlanStatus.CANCELLED, reason, groups=tuple(groups), seconds=watch.seconds)
+    schedules, quality = list(improver.schedules.values()), improver.quality
     return ManyArmsResult(
         PlanStatus.FOUND,
         trajectory=merged_trajectory(problem, schedules),
@@ -168,10 +186,13 @@ def plan_many_arms(
         schedules=tuple(schedules),
         groups=tuple(groups),
         seconds=watch.seconds,
-        makespan=max((s.arrival for s in schedules), default=0.0),
-        slowest_alone=max((planner.slowest_alone() for planner in planners), default=0.0),
-        path_length=math.fsum(s.length for s in schedules),
-        waiting=math.fsum(s.waiting for s in schedules),
+        makespan=quality.makespan,
+        slowest_alone=quality.slowest_alone,
+        path_length=quality.path_length,
+        waiting=quality.waiting,
+        first=first,
+        improvements=improver.iterations,
+        history=(history, *improver.history),
     )
 
 

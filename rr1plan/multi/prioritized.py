@@ -179,10 +179,12 @@ class PrioritizedPlanner:
 
     def slowest_alone(self) -> float:
         """Duration of the fastest known motion of the slowest agent alone [s]."""
-        alone = [*self._parts.values(), *self.pools.values()]
-        return max(
-            (min(path.fastest for path in pool.paths) for pool in alone if len(pool.agent.arms) == 1), default=0.0
-        )
+        return max(self.fastest_alone().values(), default=0.0)
+
+    def fastest_alone(self) -> dict[str, float]:
+        """Duration of the fastest known motion of each arm alone [s]."""
+        alone = [pool for pool in (*self._parts.values(), *self.pools.values()) if len(pool.agent.arms) == 1]
+        return {pool.agent.arms[0]: min(path.fastest for path in pool.paths) for pool in alone}
 
     def _time_limit(self) -> float:
         """Arrivals before this need no better path: others arrive later anyway, or it is good enough."""
