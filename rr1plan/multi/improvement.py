@@ -15,12 +15,12 @@ from itertools import pairwise
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.composite_waypoints import composite_waypoints, waypoints_of_arm
 from rr1plan.multi.diagram_cache import DiagramCache
+from rr1plan.multi.path_changes import changed_waypoints
 from rr1plan.multi.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality, plan_quality
 from rr1plan.multi.preflight import affordable_margin
@@ -33,16 +33,14 @@ from rr1plan.retiming.path_blends import clean
 
 # Agents that are scheduled again together, and arms that may become one agent, at most.
 _NEIGHBORHOOD, _MOST_TOGETHER = 5, 4
-# Other paths of an agent that are kept: the fastest ones.
+# Paths of an agent that are kept: the fastest, and those found last.
 _PATHS = 6
-# Random shortcuts of a path that is found already, and of one that comes from schedules.
-_FEW_SHORTCUTS, _MANY_SHORTCUTS = 8, 120
+# Random shortcuts of a path that comes from schedules.
+_SHORTCUTS = 120
 # How often the agent that arrives last is the one to work on, and how often a neighborhood gets a new path.
 _LAST_FIRST, _NEW_PATH = 0.7, 0.5
 # Improvements of the sum of arrivals that are smaller than this are rounding [ratio].
 _LEAST_GAIN = 1e-6
-# A cheap move is tried this often where others are tried once.
-_NEIGHBORHOODS = 3
 
 
 class PlanImprover:
@@ -99,8 +97,8 @@ class PlanImprover:
             iterations: Moves, at most; None: no limit.
         """
         self._until = self._watch.seconds + seconds
-        neighborhoods = [self._replan_neighborhood] * _NEIGHBORHOODS
-        moves = (*neighborhoods, self._shorten_one, self._move_as_one, self._move_apart)
+        cheap = (self._replan_neighborhood, self._change_path, self._change_path)
+        moves = (*cheap, *cheap, self._move_as_one, *cheap, *cheap, self._move_apart)
         last = len(self.schedules) if iterations is None else self.iterations + iterations
         while (iterations is None or self.iterations < last) and self._goes_on() and not self._is_best():
             move = moves[self.iterations % len(moves)]
@@ -109,9 +107,11 @@ class PlanImprover:
             if not move() or not _is_better(self._cost(), cost):
                 self.schedules = before
                 continue
-            for schedule in self.schedules.values():
-                if before.get(schedule.path.agent) is not schedule:
+            for agent, schedule in self.schedules.items():
+                if before.get(agent) is not schedule:
                     self._bound_arms(schedule)
+                    if schedule.path not in self._paths.setdefault(agent, []):
+                        self._remember(schedule.path)
             if self._cost()[0] < cost[0]:
                 self.history.append((self._watch.seconds, self._cost()[0]))
 
@@ -164,29 +164,31 @@ class PlanImprover:
         return np.array([goals[name] for name in agent.joint_names])
 
     def _remember(self, path: AgentPath) -> None:
-        """Keep a path among the fastest of its agent."""
+        """Keep a path among the latest of its agent, and the fastest."""
         paths = self._paths.setdefault(path.agent, [])
-        if path not in paths:
-            paths.append(path)
-            paths.sort(key=lambda known: known.fastest)
-            for slow in paths[_PATHS:]:
-                slow.release()
-            del paths[_PATHS:]
+        paths.append(path)
+        if len(paths) > _PATHS:
+            fastest = min(paths, key=lambda known: known.fastest)
+            oldest = next(known for known in paths if known is not fastest)
+            oldest.release()
+            paths.remove(oldest)
         if len(path.agent.arms) == 1:
             arm = path.agent.arms[0]
             self.alone[arm] = min(self.alone.get(arm, math.inf), path.fastest)
 
-    def _shortened(self, agent: Agent, waypoints: Array, shortcuts: int, *, certified: bool) -> AgentPath | None:
-        """A path of an agent after random shortcuts; None if an edge of the waypoints is not free."""
-        question = agent.question({}, self._margin(agent))
-        with checker_from_pool(question.scene, question.arms, self._margin(agent)) as checker:
-            if not certified and not _edges_are_free(waypoints, checker):
+    def _certified(
+        self, agent: Agent, waypoints: Array, shortcuts: int, margin: float | None = None
+    ) -> AgentPath | None:
+        """A path of an agent, after random shortcuts; None if an edge of the waypoints is not free."""
+        margin = self._margin(agent) if margin is None else margin
+        question = agent.question({}, margin)
+        with checker_from_pool(question.scene, question.arms, margin) as checker:
+            if not all(checker.edge_is_free(a, b) for a, b in pairwise(waypoints)):
                 return None
             path = Path(agent.joint_names, waypoints)
-            shorter = shorten(path, question.scene, checker=checker, iterations=shortcuts, rng=self._rng)
-            made = AgentPath(agent, shorter, checker)
-        self._remember(made)
-        return made
+            if shortcuts:
+                path = shorten(path, question.scene, checker=checker, iterations=shortcuts, rng=self._rng)
+            return AgentPath(agent, path, checker)
 
     # ---- who is near -------------------------------------------------------------------------
 
@@ -277,13 +279,17 @@ class PlanImprover:
         if path_found is not None:
             self._remember(path_found)
 
-    def _shorten_one(self) -> bool:
-        """Shorten the path of an agent, and time it among the others; then those it frees may be sooner."""
+    def _change_path(self) -> bool:
+        """Change the path of an agent by chance, and time it among the others; then those it frees may be sooner."""
         agent, makespan = self._chosen_agent(), self._cost()[0]
-        known = self._paths[agent]
-        path = known[int(self._rng.integers(len(known)))]
-        made = self._shortened(agent, path.path.waypoints, _FEW_SHORTCUTS, certified=True)
-        if made is None or not self._schedule(agent, [made, self.schedules[agent].path]):
+        current = self.schedules[agent].path
+        if current.segments == 0:
+            return False
+        waypoints = changed_waypoints(clean(current.path.waypoints), agent.limits, self._rng)
+        made = self._certified(agent, waypoints, 0)
+        if made is None or made.fastest > makespan:
+            return False
+        if not self._schedule(agent, [made]) or self.schedules[agent].arrival > makespan:
             return False
         return self._schedule_in_turn(self._in_the_way(agent), makespan)
 
@@ -297,9 +303,10 @@ class PlanImprover:
             return False
         together = self._agent([arm for agent in chosen for arm in agent.arms], first)
         waypoints = composite_waypoints([self.schedules[agent] for agent in chosen], together)
-        made = self._shortened(together, waypoints, _MANY_SHORTCUTS, certified=False)
+        made = self._certified(together, waypoints, _SHORTCUTS)
         if made is None:
             return False
+        self._remember(made)
         for agent in chosen:
             del self.schedules[agent]
         return self._schedule(together, self._paths[together])
@@ -308,17 +315,17 @@ class PlanImprover:
         """Schedule the arms of an agent one by one on their parts of its path, which may be shorter then."""
         together = [agent for agent in self.schedules if len(agent.arms) > 1]
         if not together:
-            return self._shorten_one()
+            return self._change_path()
         whole, makespan = together[int(self._rng.integers(len(together)))], self._cost()[0]
         margin = self._margin(whole)
         parts = []
         for arm in whole.arms:
             part = self._agent([arm], whole)
             waypoints = waypoints_of_arm(self.schedules[whole].path, arm)
-            question = part.question({}, margin)
-            with checker_from_pool(question.scene, question.arms, margin) as checker:
-                self._remember(AgentPath(part, Path(part.joint_names, waypoints), checker))
-            self._shortened(part, waypoints, _MANY_SHORTCUTS, certified=margin >= self._margin(part))
+            for shortcuts in (0, _SHORTCUTS):
+                made = self._certified(part, waypoints, shortcuts, min(margin, self._margin(part)))
+                if made is not None:
+                    self._remember(made)
             parts.append(part)
         del self.schedules[whole]
         order = [parts[i] for i in self._rng.permutation(len(parts)).tolist()]
@@ -330,7 +337,3 @@ def _is_better(new: tuple[float, float], old: tuple[float, float]) -> bool:
     if new[0] > old[0]:
         return False
     return new[0] < old[0] * (1.0 - _LEAST_GAIN) or new[1] < old[1] * (1.0 - _LEAST_GAIN)
-
-
-def _edges_are_free(waypoints: Array, checker: CollisionChecker) -> bool:
-    return all(checker.edge_is_free(a, b) for a, b in pairwise(waypoints))

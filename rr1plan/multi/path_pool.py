@@ -23,6 +23,7 @@ from rr1plan.scene.problem import JointGoal, Problem
 _SHORTCUTS = 48
 _ITERATIONS = 4000  # of the planner, for each arm of an agent
 _SECONDS = 2.0
+_MOST_ITERATIONS = 10**9  # of a search that only the time ends, which may be unlimited
 _SAMPLES = 20  # random configurations that are tried for one to go through
 
 
@@ -62,7 +63,11 @@ class PathPool:
             return None, "no random configuration is free"
         legs = [question] if via is None else _split(question, via)
         seconds = max(seconds, 1e-3)
-        budget = Budget(seconds) if patient else Budget(min(_SECONDS, seconds), _ITERATIONS * len(self.agent.arms))
+        budget = (
+            Budget(seconds, _MOST_ITERATIONS)
+            if patient
+            else Budget(min(_SECONDS, seconds), _ITERATIONS * len(self.agent.arms))
+        )
         points: list[Array] = []
         for leg in legs:
             result = plan(leg, budget=budget, rng=self._rng)
