@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from rr1plan.multi import GroupResult as GroupResult
     from rr1plan.multi import Leg as Leg
     from rr1plan.multi import ManyArmsResult as ManyArmsResult
+    from rr1plan.multi import PlanQuality as PlanQuality
     from rr1plan.multi import Schedule as Schedule
     from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
     from rr1plan.multi import place_grid as place_grid
@@ -205,6 +206,7 @@ _EXPORTS = {
         "GroupResult",
         "Leg",
         "ManyArmsResult",
+        "PlanQuality",
         "Schedule",
         "dual_arm_shelf",
         "place_grid",

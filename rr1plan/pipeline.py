@@ -29,6 +29,7 @@ from rr1plan.validation import validate
 # Imports faster than this [s] only look up modules that are already loaded.
 _NO_IMPORTS = 0.01
 _MARGIN = 0.002  # [m]
+_LEAVES_PATHS = "ruckig_direct"
 _MANY_ARMS, _MANY_ARMS_ANYTIME = "many_arms", "many_arms_anytime"
 # Up to this many arms are planned in their joint space unless a planner is named.
 _PLANNED_AS_ONE = 2
@@ -57,8 +58,7 @@ def plan_motion(
         problem: The question.
         planner: A name of `planner_names()`, an instance of `Planner`, or "many_arms", which plans a path for each arm
             and schedules them (`rr1plan.multi.plan_many_arms`); "many_arms_anytime" then improves the motion until the
-            budget ends. Default: "rrt_connect" for one or two arms, for another retiming than "blend" and with torque
-            limits, else "many_arms".
+            budget ends. Default: "rrt_connect" for one or two arms and for retiming "ruckig_direct", else "many_arms".
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; that of a planner that `keeps_shape`, such as the Cartesian one, is left
@@ -88,11 +88,10 @@ def plan_motion(
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
     if planner is None:
-        as_one = len(problem.arms) <= _PLANNED_AS_ONE or retiming != "blend" or torque_limits
+        as_one = len(problem.arms) <= _PLANNED_AS_ONE or retiming == _LEAVES_PATHS
         planner = "rrt_connect" if as_one else _MANY_ARMS
     if isinstance(planner, str) and planner in (_MANY_ARMS, _MANY_ARMS_ANYTIME):
-        _check_many_arms_options(planner, retiming, torque_limits)
-        return _plan_many_arms(problem, planner, seconds, margin, budget, generator, progress)
+        return _plan_many_arms(problem, planner, retiming, torque_limits, seconds, margin, budget, generator, progress)
     chosen = chosen_planner(planner)
     shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     try:
@@ -134,19 +133,11 @@ def plan_motion(
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
 
 
-def _check_many_arms_options(planner: str, retiming: str, torque_limits: bool) -> None:
-    """Refuse what the planners of many arms cannot do.
-
-    Raises:
-        InputError: another retiming than "blend", or torque limits.
-    """
-    if retiming != "blend" or torque_limits:
-        raise InputError(f"planner {planner!r} times motions itself, by 'blend' and without torque limits")
-
-
 def _plan_many_arms(
     problem: Problem,
     planner: str,
+    retiming: str,
+    torque_limits: bool,
     seconds: dict[str, float],
     margin: float | None,
     budget: Budget | None,
@@ -162,7 +153,14 @@ def _plan_many_arms(
         with _timed(seconds, "plan", progress):
             improvement = (budget or Budget()) if planner == _MANY_ARMS_ANYTIME else None
             found = plan_many_arms(
-                problem, margin=margin, budget=budget, improvement=improvement, rng=rng, progress=progress
+                problem,
+                margin=margin,
+                budget=budget,
+                improvement=improvement,
+                retiming=retiming,
+                torque_limits=torque_limits,
+                rng=rng,
+                progress=progress,
             )
         if found.trajectory is None:
             result = PlanResult(
@@ -170,7 +168,10 @@ def _plan_many_arms(
             )
             return MotionPlan(problem, result, seconds, many_arms=found)
         with _timed(seconds, "validate", progress):
-            report = validate(found.trajectory, problem.scene, problem)
+            jerk_limits = retiming == "ruckig"
+            report = validate(
+                *(found.trajectory, problem.scene, problem), torque_limits=torque_limits, jerk_limits=jerk_limits
+            )
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
     reason = "each arm has its own path, see `many_arms.paths`"

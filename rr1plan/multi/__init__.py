@@ -6,6 +6,10 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     portfolio.py                             plan_many_arms: all stages under one deadline, one trajectory
     preflight.py  interaction.py             starts and goals that cannot be; arms that can meet
     prioritized.py                           schedules one after the other, detours, eviction, meta-agents
+    improvement.py  path_changes.py          anytime improvement: moves on schedules, random changes of paths
+    composite_waypoints.py  plan_quality.py  schedules as one composite path and back; makespan, waiting, bounds
+    hop_timing.py                            torque limits and jerk-limited stops
+    diagram_cache.py                         coordination diagrams of the paths in use
     path_pool.py                             paths of one agent
     safe_intervals.py  schedule.py           timing on a fixed path; what a schedule occupies
     coordination.py                          coordination diagrams: which segments of two paths do not touch
@@ -13,6 +17,7 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     problems.py                              seeded problems; grids and rings are in `rr1plan.scene.placement`
 """
 
+from rr1plan.multi.plan_quality import PlanQuality
 from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
 from rr1plan.multi.problems import dual_arm_shelf, random_grid, ring_swap
 from rr1plan.multi.schedule import Leg, Schedule
@@ -22,6 +27,7 @@ __all__ = [
     "GroupResult",
     "Leg",
     "ManyArmsResult",
+    "PlanQuality",
     "Schedule",
     "dual_arm_shelf",
     "place_grid",

@@ -16,6 +16,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import RetimingError
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.composite_waypoints import composite_waypoints, waypoints_of_arm
@@ -144,7 +145,7 @@ class PlanImprover:
 
     def _agent(self, arms: Iterable[str], problem_of: Agent) -> Agent:
         """The agent of some arms; made once, so that what it keeps is made once."""
-        made = Agent(problem_of.problem, arms)
+        made = Agent(problem_of.problem, arms, problem_of.timing)
         return self._agents.setdefault(made.arms, made)
 
     def _margin(self, agent: Agent) -> float:
@@ -188,7 +189,10 @@ class PlanImprover:
             path = Path(agent.joint_names, waypoints)
             if shortcuts:
                 path = shorten(path, question.scene, checker=checker, iterations=shortcuts, rng=self._rng)
-            return AgentPath(agent, path, checker)
+            try:
+                return AgentPath(agent, path, checker)
+            except RetimingError:
+                return None
 
     # ---- who is near -------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import RetimingError
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
 from rr1plan.path import Path
@@ -81,7 +82,10 @@ class PathPool:
                     Path(names, part), question.scene, checker=checker, iterations=_SHORTCUTS, rng=self._rng
                 )
                 shorter.append(short.waypoints)
-            path = AgentPath(self.agent, Path(names, np.concatenate(shorter)), checker)
+            try:
+                path = AgentPath(self.agent, Path(names, np.concatenate(shorter)), checker)
+            except RetimingError as error:
+                return None, str(error)
         self.paths.append(path)
         return path, ""
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from rr1plan.checks import Seed, as_generator, finite_number
 from rr1plan.errors import InputError
+from rr1plan.multi.hop_timing import HopTiming
 from rr1plan.multi.improvement import PlanImprover
 from rr1plan.multi.interaction import arms_in_reach, interaction_groups
 from rr1plan.multi.plan_quality import PlanQuality
@@ -123,6 +124,8 @@ def plan_many_arms(
     margin: float | None = None,
     budget: Budget | None = None,
     improvement: Budget | None = None,
+    retiming: str = "blend",
+    torque_limits: bool = False,
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> ManyArmsResult:
@@ -135,6 +138,8 @@ def plan_many_arms(
         budget: When to stop (default: 10 s); of iterations only the seconds count.
         improvement: How long to improve the first plan, within `budget`: seconds, and moves as iterations (default: not
             at all). Makespan first, then the sum of all arrivals; see `improvement.py`.
+        retiming: "blend" rounds corners where certified, "stop" stops at each, "ruckig" too and limits jerk.
+        torque_limits: Whether the motion also has to keep the joints' effort limits.
         rng: Seed; where time does not run out, the same seed and number of moves give the same motion.
         progress: Called about ten times a second; False cancels.
 
@@ -143,18 +148,21 @@ def plan_many_arms(
         TIMEOUT with the arms that have no schedule, and those among which they have none.
 
     Raises:
-        InputError: no problem, a margin below zero, or a scene that cannot be checked.
+        UnknownNameError: an unknown retiming.
+        InputError: no problem, a margin below zero, a retiming that leaves the paths, or a scene that cannot be
+            checked.
     """
     check_question(problem, budget, progress)
     if improvement is not None:
         check_question(problem, improvement, progress)
+    timing = HopTiming(retiming, torque_limits)
     watch = Stopwatch((budget or Budget()).seconds, progress)
     generator = as_generator(rng)
     largest = finite_number("margin", (problem.margin or MARGINS[0]) if margin is None else margin)
     if largest < 0.0:
         raise InputError(f"margin is {largest}, expected a distance >= 0")
     near = arms_in_reach(problem.scene, problem.arms, largest)
-    found = preflight(problem, near, largest, generator)
+    found = preflight(problem, near, largest, generator, timing)
     if found.status is not None:
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
     groups: list[GroupResult] = []

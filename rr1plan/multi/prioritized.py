@@ -326,7 +326,7 @@ class PrioritizedPlanner:
 
     def _merge(self, agents: list[Agent]) -> Agent | None:
         """One agent of several, with a path in the joint space of all their arms; None if none is found."""
-        merged = Agent(agents[0].problem, [arm for agent in agents for arm in agent.arms])
+        merged = Agent(agents[0].problem, [arm for agent in agents for arm in agent.arms], agents[0].timing)
         if not self._make_pool(merged):
             self.reason = ""
             return None
