@@ -229,7 +229,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "plan_many_arms": (
             rp.plan_many_arms,
             {"problem": problem, "margin": 0.001, "budget": budget, "rng": 0, "progress": None}
-            | {"improvement": budget, "retiming": "blend", "torque_limits": False},
+            | {"improvement": budget, "method": "portfolio", "retiming": "blend", "torque_limits": False},
         ),
         "random_grid": (rp.random_grid, {"robot": rp.load_robot("rr1"), "count": 2, "spacing": 3.0, "rng": 0}),
         "ring_swap": (
@@ -462,6 +462,7 @@ _NOT_CALLED = {
         "Nearest",
         "IkResult",
         "MotionPlan",
+        "PlanQuality",
         "PlanResult",
     ),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),

@@ -6,7 +6,7 @@ itself never changes: an agent may wait at a gridpoint, go on, or go back, and n
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -86,6 +86,33 @@ class AgentPath:
         first = np.concatenate([[0], np.cumsum(counts)])
         corners = np.flatnonzero(sizes[1:-1] == 0.0) + 1
         self.halts = tuple(int(first[before[i]]) for i in corners)
+
+    @classmethod
+    def chained(cls, paths: Sequence[AgentPath]) -> AgentPath:
+        """Paths of an agent one behind the other, with stops where they join; each as it is by itself, to the last bit.
+
+        Args:
+            paths: The paths, none of length zero; each begins where the one before ends.
+        """
+        chain = cls.__new__(cls)
+        chain.agent = paths[0].agent
+        waypoints = np.concatenate([paths[0].path.waypoints, *(part.path.waypoints[1:] for part in paths[1:])])
+        chain.path = Path(paths[0].path.joint_names, waypoints)
+        chain._limits_jerk, chain._stretches, chain._lines = paths[0]._limits_jerk, {}, {}
+        chain.start, chain.goal = paths[0].start, paths[-1].goal
+        lengths = np.concatenate([part.curve.lengths for part in paths])
+        coefficients = np.concatenate([part.curve.coefficients for part in paths])
+        chain.curve = Curve(lengths, coefficients, (0, len(waypoints) - 1))
+        pieces = np.cumsum([0, *(len(part.curve.lengths) for part in paths)])
+        piece = np.concatenate([part.grid.piece + first for part, first in zip(paths, pieces, strict=False)])
+        offset, delta = (np.concatenate([part.grid[k] for part in paths]) for k in (1, 2))
+        chain.grid = Grid(piece, offset, delta)
+        joints = np.cumsum([0, *(part.segments for part in paths)]).tolist()
+        inner = [first + halt for part, first in zip(paths, joints, strict=False) for halt in part.halts]
+        chain.segments = joints[-1]
+        chain.halts = tuple(sorted({*joints[1:-1], *inner}))
+        chain.__dict__["stops"] = tuple(joints)
+        return chain
 
     def __repr__(self) -> str:
         return f"AgentPath({', '.join(self.agent.arms)}: {self.segments} segments)"

@@ -15,7 +15,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_generator, finite_number
+from rr1plan.checks import Seed, as_generator, finite_number, known_name
 from rr1plan.errors import InputError
 from rr1plan.multi.hop_timing import HopTiming
 from rr1plan.multi.improvement import PlanImprover
@@ -24,6 +24,7 @@ from rr1plan.multi.plan_quality import PlanQuality
 from rr1plan.multi.preflight import MARGINS, preflight
 from rr1plan.multi.prioritized import PrioritizedPlanner, Statistics
 from rr1plan.multi.schedule import Schedule
+from rr1plan.multi.small_teams import plan_small_team
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
 from rr1plan.planning import Budget, PlanStatus, ProgressCallback, check_question
@@ -31,6 +32,8 @@ from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
 _IMPROVEMENTS = 6  # rounds for each group
+_SEARCH = "conflict_based_search"
+_METHODS = ("portfolio", _SEARCH)
 
 
 @dataclass(frozen=True)
@@ -39,10 +42,13 @@ class GroupResult:
 
     Args:
         arms: Its arms.
-        stage: The last stage that was needed: "timing", "detours", "eviction" or "composite"; empty if none did.
+        stage: The last stage that was needed: "timing", "detours", "eviction" or "composite", or the method
+            "conflict_based_search"; empty if none did.
         seconds: Wall time [s].
         reason: Why there is no answer, in words; empty if there is one.
         statistics: What was done.
+        suboptimality: The sum of its arrivals is at most this multiple of the least on the roadmaps that were searched,
+            on which each arm stops at each vertex; None: nothing is known.
     """
 
     arms: tuple[str, ...]
@@ -50,6 +56,7 @@ class GroupResult:
     seconds: float
     reason: str = ""
     statistics: Statistics = field(default_factory=Statistics)
+    suboptimality: float | None = None
 
     @property
     def found(self) -> bool:
@@ -124,6 +131,7 @@ def plan_many_arms(
     margin: float | None = None,
     budget: Budget | None = None,
     improvement: Budget | None = None,
+    method: str = "portfolio",
     retiming: str = "blend",
     torque_limits: bool = False,
     rng: Seed = None,
@@ -138,6 +146,8 @@ def plan_many_arms(
         budget: When to stop (default: 10 s); of iterations only the seconds count.
         improvement: How long to improve the first plan, within `budget`: seconds, and moves as iterations (default: not
             at all). Makespan first, then the sum of all arrivals; see `improvement.py`.
+        method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
+            arrivals (`GroupResult.suboptimality`) that holds before `improvement`.
         retiming: "blend" rounds corners where certified, "stop" stops at each, "ruckig" too and limits jerk.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         rng: Seed; where time does not run out, the same seed and number of moves give the same motion.
@@ -148,13 +158,14 @@ def plan_many_arms(
         TIMEOUT with the arms that have no schedule, and those among which they have none.
 
     Raises:
-        UnknownNameError: an unknown retiming.
-        InputError: no problem, a margin below zero, a retiming that leaves the paths, or a scene that cannot be
-            checked.
+        UnknownNameError: an unknown method or retiming.
+        InputError: no problem, a margin below zero, a retiming that leaves the paths, a scene that cannot be checked,
+            or too many arms for the method.
     """
     check_question(problem, budget, progress)
     if improvement is not None:
         check_question(problem, improvement, progress)
+    known_name("method", method, _METHODS)
     timing = HopTiming(retiming, torque_limits)
     watch = Stopwatch((budget or Budget()).seconds, progress)
     generator = as_generator(rng)
@@ -166,19 +177,28 @@ def plan_many_arms(
     if found.status is not None:
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
     groups: list[GroupResult] = []
-    planners: list[PrioritizedPlanner] = []
+    schedules: list[Schedule] = []
+    alone: dict[str, float] = {}
     for arms in interaction_groups(near):
         # Numbers of their own, so that a group is planned the same whatever the others are.
         numbers = np.random.default_rng(generator.integers(2**63))
         agents = [found.agents[arm] for arm in arms]
-        planners.append(PrioritizedPlanner(agents, near, found.margins, numbers, watch))
-        groups.append(_solve(planners[-1], arms, watch))
+        if method == _SEARCH:
+            began = watch.seconds
+            team = plan_small_team(agents, near, found.margins, numbers, watch)
+            seconds, bound = watch.seconds - began, team.suboptimality if team.schedules else None
+            groups.append(GroupResult(arms, _SEARCH, seconds, team.reason, suboptimality=bound))
+            schedules += team.schedules
+            alone.update(team.alone)
+            continue
+        planner = PrioritizedPlanner(agents, near, found.margins, numbers, watch)
+        groups.append(_solve(planner, arms, watch))
+        schedules += planner.schedules.values()
+        alone.update(planner.fastest_alone())
     unsolved = [group for group in groups if not group.found]
     if unsolved and not watch.cancelled:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
-    schedules = [schedule for planner in planners for schedule in planner.schedules.values()]
-    alone = {arm: bound for planner in planners for arm, bound in planner.fastest_alone().items()}
     improver = PlanImprover(schedules, near, found.margins, alone, generator, watch)
     first, history = improver.quality, (watch.seconds, improver.quality.makespan)
     if improvement is not None:
