@@ -28,6 +28,8 @@ from rr1plan.multi.schedule import Leg, Schedule
 from rr1plan.multi.stopwatch import Stopwatch
 
 _INSTANT = 1e-6  # [s]
+# A departure is put off until the conflict with rest that ends is this short, then by half of it [s].
+_SHORT_REST = 1e-3
 _MOST_NODES = 20_000
 
 
@@ -65,9 +67,9 @@ class _Node:
         return sum(len(found) for found in self.conflicts.values())
 
     def first_conflict(self) -> tuple[str, str, Action, Action, Conflict]:
-        """The earliest one."""
+        """The earliest one; those with an arm that rests for a while come last, because they exclude the least time."""
         found = [(pair, *each) for pair, several in self.conflicts.items() for each in several]
-        (one, two), a, b, conflict = min(found, key=lambda item: (item[3].begin, item[0]))
+        (one, two), a, b, conflict = min(found, key=lambda item: (_rests(item[1]) or _rests(item[2]), item[3].begin))
         return one, two, a, b, conflict
 
 
@@ -210,7 +212,8 @@ class ConflictBasedSearch:
         if math.isinf(b.end):
             # However late it departs, who has come for good before is in its way.
             return [(one, Departure(edge, a.begin, math.inf)), (two, Settling(a.begin - low))]
-        delay = 0.5 * (conflict.end - (a.begin - high))
+        overlap = conflict.end - (a.begin - high)
+        delay = overlap - min(_SHORT_REST, 0.5 * overlap)
         return [
             (one, Departure(edge, a.begin, a.begin + delay)),
             (two, Presence(place, a.begin - high + delay, a.begin - low)),
@@ -218,6 +221,10 @@ class ConflictBasedSearch:
 
     def _edge(self, arm: str, action: Action) -> tuple[int, int]:
         return self._roadmaps[arm].ends(action.path)
+
+
+def _rests(action: Action) -> bool:
+    return not action.moves and math.isfinite(action.end)
 
 
 def _arrival(moves: Sequence[Move]) -> float:
