@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from rr1plan.collision.edge_kernel import EdgeCounters as EdgeCounters
     from rr1plan.errors import BackendError as BackendError
     from rr1plan.errors import CancelledError as CancelledError
+    from rr1plan.errors import ControllerError as ControllerError
     from rr1plan.errors import FormatError as FormatError
     from rr1plan.errors import InputError as InputError
     from rr1plan.errors import InstallationError as InstallationError
@@ -91,9 +92,22 @@ if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_decomposition import Decomposition as Decomposition
     from rr1plan.playback.cspace.cspace_grid import CSpaceGrid as CSpaceGrid
     from rr1plan.playback.cspace.search_trees import DrawnTree as DrawnTree
+    from rr1plan.playback.simulation.controllers import Controller as Controller
+    from rr1plan.playback.simulation.controllers import ForwardPositionController as ForwardPositionController
+    from rr1plan.playback.simulation.controllers import ForwardVelocityController as ForwardVelocityController
+    from rr1plan.playback.simulation.controllers import JointInfo as JointInfo
+    from rr1plan.playback.simulation.controllers import JointState as JointState
+    from rr1plan.playback.simulation.controllers import SetPoint as SetPoint
+    from rr1plan.playback.simulation.gripper_controller import GripperController as GripperController
+    from rr1plan.playback.simulation.gripper_controller import GripperStatus as GripperStatus
     from rr1plan.playback.simulation.replay import Replay as Replay
     from rr1plan.playback.simulation.replay import ReplayContact as ReplayContact
-    from rr1plan.playback.simulation.simulation import simulate as simulate
+    from rr1plan.playback.simulation.replay_trajectory import simulate as simulate
+    from rr1plan.playback.simulation.simulation import Simulation as Simulation
+    from rr1plan.playback.simulation.state_broadcaster import JointStateBroadcaster as JointStateBroadcaster
+    from rr1plan.playback.simulation.trajectory_controller import Execution as Execution
+    from rr1plan.playback.simulation.trajectory_controller import ExecutionStatus as ExecutionStatus
+    from rr1plan.playback.simulation.trajectory_controller import JointTrajectoryController as JointTrajectoryController
     from rr1plan.playback.viewer import Panel as Panel
     from rr1plan.playback.viewer import Viewer as Viewer
     from rr1plan.playback.viewer import ViewOptions as ViewOptions
@@ -170,6 +184,7 @@ _EXPORTS = {
     "rr1plan.collision.edge_kernel": ("EdgeCounters",),
     "rr1plan.errors": (
         "BackendError",
+        "ControllerError",
         "CancelledError",
         "FormatError",
         "InputError",
@@ -236,7 +251,23 @@ _EXPORTS = {
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
     "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
-    "rr1plan.playback.simulation.simulation": ("simulate",),
+    "rr1plan.playback.simulation.replay_trajectory": ("simulate",),
+    "rr1plan.playback.simulation.simulation": ("Simulation",),
+    "rr1plan.playback.simulation.controllers": (
+        "Controller",
+        "ForwardPositionController",
+        "ForwardVelocityController",
+        "JointInfo",
+        "JointState",
+        "SetPoint",
+    ),
+    "rr1plan.playback.simulation.gripper_controller": ("GripperController", "GripperStatus"),
+    "rr1plan.playback.simulation.state_broadcaster": ("JointStateBroadcaster",),
+    "rr1plan.playback.simulation.trajectory_controller": (
+        "Execution",
+        "ExecutionStatus",
+        "JointTrajectoryController",
+    ),
     "rr1plan.playback.viewer": ("Panel", "ViewOptions", "Viewer", "pack_array", "save_html", "screenshot", "show"),
     "rr1plan.scene.problem": ("Goal", "JointGoal", "PoseGoal", "Problem", "RegionGoal"),
     "rr1plan.progress": ("Progress", "ProgressCallback"),

@@ -10,6 +10,7 @@
     ├── MissingPackageError (ImportError)   an optional package; names the extra to install
     ├── InstallationError (ImportError)     a part of rr1plan that the build makes is missing or broken
     ├── PlannerError                  a planner of the caller's own raised something, or its answer is none
+    ├── ControllerError              a controller raised something, or returned no set-points
     └── BackendError                  a library failed in a way we did not foresee
 
 A failed search is a value (`PlanResult.status`), an invalid argument is an exception.
@@ -90,6 +91,10 @@ class NoPlanError(Rr1PlanError):
 
 class PlannerError(Rr1PlanError):
     """A planner of the caller's own raised something, or returned a path that is no answer to the problem."""
+
+
+class ControllerError(Rr1PlanError):
+    """A controller of a simulation raised something, or returned what is no set-point."""
 
 
 class RetimingError(Rr1PlanError):

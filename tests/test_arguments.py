@@ -115,6 +115,29 @@ def calls(folder: Path) -> dict[str, Call]:
     picture = rp.cspace(scene, problem, resolution=8)
     pose_goal = rp.PoseGoal("tool", [0.3, 0.2, 0.0])
 
+    arm_names = list(names)
+    simulation = rp.Simulation(scene)
+    stepper, drift = rp.ForwardPositionController(arm_names), rp.ForwardVelocityController(arm_names)
+    follower, grip = rp.JointTrajectoryController(arm_names), rp.GripperController(arm_names)
+
+    def commanded(controller: Any, **options: Any) -> None:
+        rp.Simulation(scene).activate(controller)
+        controller.command(**options)
+
+    def sent(**options: Any) -> None:
+        rp.Simulation(scene).activate(follower)
+        follower.send(**options)
+
+    def run(**options: Any) -> None:
+        rp.Simulation(scene).run(**options)
+
+    def deactivated(**options: Any) -> None:
+        simulation.activate(stepper)
+        simulation.deactivate(**options)
+
+    def broadcast(**options: Any) -> None:
+        rp.JointStateBroadcaster(**options).close()
+
     def shown_page(**options: Any) -> None:
         rp.show(**options).close()
 
@@ -298,9 +321,35 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "simulate": (
             rp.simulate,
-            {"trajectory": trajectory, "scene": scene, "mode": "kinematic", "timestep": 0.002, "record_dt": 0.01}
+            {"trajectory": trajectory, "scene": scene, "mode": "kinematic", "dt": 0.002, "record_dt": 0.01}
             | {"stiffness": 80.0, "hold": 0.0, "progress": None},
         ),
+        "Simulation": (rp.Simulation, {"scene": scene, "dt": 0.002, "stiffness": 80.0, "threads": 1}),
+        "Simulation.step": (simulation.step, {"count": 1}),
+        "Simulation.run": (run, {"until": None, "duration": 0.01, "speed": 1.0}),
+        "Simulation.place": (simulation.place, {"joint_names": arm_names, "positions": q, "velocities": None}),
+        "Simulation.activate": (simulation.activate, {"controller": stepper, "replace": False}),
+        "Simulation.deactivate": (deactivated, {"controller": stepper}),
+        "Simulation.on_step": (rp.Simulation(scene).on_step, {"callback": print}),
+        "Simulation.configuration": (simulation.configuration, {"arms": None}),
+        "Simulation.state": (simulation.state, {"joint_names": arm_names}),
+        "ForwardPositionController": (rp.ForwardPositionController, {"joint_names": arm_names}),
+        "ForwardPositionController.command": (partial(commanded, stepper), {"positions": q}),
+        "ForwardVelocityController": (rp.ForwardVelocityController, {"joint_names": arm_names}),
+        "ForwardVelocityController.command": (partial(commanded, drift), {"velocities": q}),
+        "GripperController": (
+            rp.GripperController,
+            {"joint_names": arm_names, "speed": 1.0, "tolerance": 0.01, "stall_speed": 0.002, "stall_time": 0.05},
+        ),
+        "GripperController.command": (partial(commanded, grip), {"positions": q}),
+        "JointTrajectoryController": (
+            rp.JointTrajectoryController,
+            {"joint_names": arm_names, "start_tolerance": 0.01, "path_tolerance": 1.0, "goal_tolerance": 0.01}
+            | {"goal_time": 1.0},
+        ),
+        "JointTrajectoryController.send": (sent, {"trajectory": trajectory, "at": None}),
+        "JointStateBroadcaster": (broadcast, {"joint_names": arm_names, "to": folder / "states.jsonl", "rate": 50.0}),
+        "JointStateBroadcaster.attach": (rp.JointStateBroadcaster(arm_names, print).attach, {"sim": simulation}),
         "JointGoal": (rp.JointGoal, {"q": q}),
         "PoseGoal": (
             rp.PoseGoal,
@@ -465,6 +514,13 @@ _NOT_CALLED = {
         "PlanQuality",
         "PlanResult",
     ),
+    *("Controller", "Controller.activate", "Controller.update", "Controller.check_positions", "Execution"),
+    *("JointInfo", "JointState", "SetPoint"),
+    *(
+        f"{kind}Controller.{name}"
+        for kind in ("ForwardPosition", "ForwardVelocity", "Gripper", "JointTrajectory")
+        for name in ("activate", "update", "check_positions")
+    ),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
     *("CSpace", "CSpaceGrid", "Decomposition", "DrawnTree", "Replay", "ReplayContact", "ContactBand", "PairProposal"),
     *("CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
@@ -540,7 +596,7 @@ def test_every_argument_is_checked(name: str, table: dict[str, Call]) -> None:
 
 
 # A class is a function too, and what a function of the caller's raises is raised.
-_CALLBACKS = ("progress", "accept", "factory")
+_CALLBACKS = ("progress", "accept", "factory", "callback", "to")
 
 
 def refusal_of(function: Callable[..., Any], arguments: dict[str, Any]) -> str | None:

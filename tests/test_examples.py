@@ -207,6 +207,15 @@ def eight_arms_swap_places_on_one_clock(said: str, folder: Path) -> None:
     assert (folder / "17_swap_places.html").exists()
 
 
+def a_simulation_is_commanded_while_it_runs(said: str, folder: Path) -> None:
+    assert "Execution(succeeded), code 0" in said
+    assert "contacts: 0" in said
+    assert number(r"at most (\S+) rad off") < 1e-3
+    assert "the way back: Execution(canceled" in said
+    assert "again at 0 s, 0 rad from the start" in said
+    assert len((folder / "24_states.jsonl").read_text().splitlines()) == 200
+
+
 CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "01_first_motion": the_first_motion_is_proven_and_replayed,
     "02_robots": robots_have_presets_and_grippers_and_bad_files_are_refused,
@@ -225,6 +234,7 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "15_many_problems": many_problems_are_answered_in_order,
     "16_spheres": spheres_contain_the_corners,
     "17_swap_places": eight_arms_swap_places_on_one_clock,
+    "24_simulation": a_simulation_is_commanded_while_it_runs,
 }
 
 

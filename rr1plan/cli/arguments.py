@@ -104,7 +104,7 @@ class Parser(argparse.ArgumentParser):
             files = {os.path.realpath(read): source.upper()} if os.path.isfile(read) else {}  # noqa: PTH113
             for option in outputs:
                 if option in options.given:
-                    name = getattr(options, _dest(option))
+                    name = getattr(options, option.lstrip("-").replace("-", "_"))
                     other = files.setdefault(os.path.realpath(name), option)
                     if other != option:
                         return f"{other} and {option} are the same file {name!r}"
@@ -165,10 +165,6 @@ def spell_options(text: str, command: str, commands: Mapping[str, Parser]) -> st
         return found[0]
 
     return re.sub(r"\boption (\w+)", spell, text)
-
-
-def _dest(option: str) -> str:
-    return option.lstrip("-").replace("-", "_")
 
 
 def _note(action: argparse.Action, namespace: argparse.Namespace, option: str | None) -> None:

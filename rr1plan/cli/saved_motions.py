@@ -34,7 +34,7 @@ def play(options: Namespace, console: Console) -> int:
     say_changes(motion, console)
     with console.progress("replaying") as advance:
         replay = rp.simulate(
-            trajectory, motion.scene, mode=options.mode, timestep=options.timestep, progress=told_to(advance)
+            trajectory, motion.scene, mode=options.mode, dt=options.timestep, progress=told_to(advance)
         )
     console.say(str(replay))
     console.say(f"  it took {milliseconds(replay.wall_seconds)}")

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.export import motion_schema as schema
 from rr1plan.path import Path
@@ -52,7 +51,9 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
     if value is None or isinstance(value, bool | str | int):
         return value
     if isinstance(value, float):
-        return _plain_number(value)
+        if math.isnan(value):
+            raise InputError("a NaN has no form in a motion file")
+        return value if math.isfinite(value) else repr(value)
     if isinstance(value, np.generic | np.ndarray):
         finite = bool(np.isfinite(value).all())
         return value.tolist() if finite else plain(value.tolist())
@@ -62,10 +63,12 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
         return [plain(item, stored) for item in value]
     if isinstance(value, frozenset):
         return sorted(_both(item) if isinstance(item, frozenset) else item for item in value)
-    if stored is not None and isinstance(value, Mesh | PointCloud) and _size(value) > _FEW:
-        sha256 = shape_hash(value)
-        stored[sha256] = value
-        return {"type": "stored", "sha256": sha256}
+    if stored is not None and isinstance(value, Mesh | PointCloud):
+        points = value.vertices if isinstance(value, Mesh) else value.points
+        if len(points) > _FEW:
+            sha256 = shape_hash(value)
+            stored[sha256] = value
+            return {"type": "stored", "sha256": sha256}
     return _plain_fields(value, stored)
 
 
@@ -77,16 +80,6 @@ def _plain_fields(value: Any, stored: Shapes | None) -> dict[str, Any]:
     names = zip(entry.__struct_encode_fields__, entry.__struct_fields__, strict=True)
     fields = {key: plain(getattr(value, name), stored) for key, name in names}
     return fields if tag is None else {"type": tag, **fields}
-
-
-def _plain_number(value: float) -> Any:
-    if math.isnan(value):
-        raise InputError("a NaN has no form in a motion file")
-    return value if math.isfinite(value) else repr(value)
-
-
-def _size(shape: Mesh | PointCloud) -> int:
-    return len(shape.vertices if isinstance(shape, Mesh) else shape.points)
 
 
 def _both(names: Pair) -> list[str]:
@@ -265,11 +258,7 @@ def _joint(entry: schema.Joint) -> Joint:
 
 
 def _limits(entry: schema.Limits) -> Limits:
-    return Limits(**{name: _bounds(getattr(entry, name)) for name in entry.__struct_fields__})
-
-
-def _bounds(values: list[schema.Bound]) -> Array:
-    return np.array([float(value) for value in values])
+    return Limits(**{name: np.array(getattr(entry, name), dtype=float) for name in entry.__struct_fields__})
 
 
 def _geometries(entries: list[schema.Geometry], read_shape: ReadShape) -> tuple[Geometry, ...]:

@@ -56,7 +56,9 @@ def _value(value: Any) -> str:
     if isinstance(value, int):
         return str(value)
     if isinstance(value, float):
-        return _float(value)
+        if math.isnan(value):
+            raise InputError("a NaN cannot be written to a TOML file")
+        return repr(float(value))
     if isinstance(value, str):
         return _text(value)
     if isinstance(value, list | tuple):
@@ -65,9 +67,3 @@ def _value(value: Any) -> str:
         inner = ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items())
         return "{ " + inner + " }" if inner else "{}"
     raise InputError(f"TOML has no form for {value!r}")
-
-
-def _float(value: float) -> str:
-    if math.isnan(value):
-        raise InputError("a NaN cannot be written to a TOML file")
-    return repr(float(value))

@@ -10,7 +10,7 @@ import numpy as np
 from rr1plan.checks import Array, Seed
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.multi.agents import Agent, subscene
+from rr1plan.multi.agents import Agent
 from rr1plan.multi.coordination import are_apart
 from rr1plan.multi.hop_timing import BLENDED, HopTiming
 from rr1plan.multi.placed_path import placed_configuration
@@ -18,6 +18,7 @@ from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
 from rr1plan.planning import PlanStatus
 from rr1plan.scene.problem import JointGoal, Problem
+from rr1plan.scene.subscene import subscene
 
 MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4)
 """Distances to keep beyond the padding [m]: the largest is taken of which starts and goals have twice as much."""

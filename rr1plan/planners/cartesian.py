@@ -23,7 +23,7 @@ from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start
 from rr1plan.planners.planning_query import Query
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
-from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem
+from rr1plan.scene.problem import JointGoal, PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
 
 _FIRST_STEP, _LARGEST_STEP, _SMALLEST_STEP = 0.1, 0.25, 1e-4  # parts of the line
@@ -33,10 +33,6 @@ _REACHED = 1e-12  # squared error below which a descent has converged
 _EXACT = 1e-6  # tolerance of the check whether another configuration reaches a pose [m], [rad]
 _SINGULAR = 0.02  # singular values below this count as singular
 _NO_LENGTH = 1e-9  # a shorter line counts as no motion [m + rad]
-
-
-def _kind(goal: Goal) -> str:
-    return "a configuration" if isinstance(goal, JointGoal) else "a region"
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +95,8 @@ def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
     goals: list[PoseGoal] = []
     for goal in problem.goal[problem.arms[0]]:
         if not isinstance(goal, PoseGoal):
-            raise InputError(f"the cartesian planner moves to a pose, got {_kind(goal)} as goal")
+            kind = "a configuration" if isinstance(goal, JointGoal) else "a region"
+            raise InputError(f"the cartesian planner moves to a pose, got {kind} as goal")
         goals.append(goal)
     return tuple(goals)
 

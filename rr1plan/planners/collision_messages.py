@@ -72,14 +72,9 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
     for held, other in ((contact.a, contact.b), (contact.b, contact.a)):
         if held not in scene.attachments or scene.owner(other) != scene.attachments[held].arm:
             continue
-        if _is_rigid(checker, contact):
+        if (contact.a, contact.b) in checker.static_contacts:  # no moving joint lies between them
             link = other.split("/", 1)[-1]
             yield (
                 f"{held!r} touches the hand that holds it: name the link with scene.attach({held!r}, "
                 f'touch=[{link!r}]), in a scene file touch = ["{link}"] in [attachments.{held}]'
             )
-
-
-def _is_rigid(checker: CollisionChecker, contact: Contact) -> bool:
-    """Whether no moving joint lies between the two elements of a contact."""
-    return (contact.a, contact.b) in checker.static_contacts

@@ -90,7 +90,8 @@ class _HintSearch:
 
     def hints(self) -> Iterator[str]:
         """Hints, the most certain first."""
-        goals = self._goals()
+        with checker_from_pool(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
+            goals = GoalSearch(self._problem, motions, self._seed).find().configurations
         yield from self._ends_in_contact(goals)
         tried: dict[_LinksOfArm, None] = {}
         for count in _ROUNDS:
@@ -114,10 +115,6 @@ class _HintSearch:
             if self._solves_without(rest, len(pairs) - k + 1):
                 pairs = rest
         yield self._describe(pairs)
-
-    def _goals(self) -> Array:
-        with checker_from_pool(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
-            return GoalSearch(self._problem, motions, self._seed).find().configurations
 
     def _ends_in_contact(self, goals: Array) -> Iterator[str]:
         """A start or goal so close to contact that no edge from it can be certified."""

@@ -64,17 +64,14 @@ class TreeSearch:
             stop = min(query.iterations + self._pace.next(), last)
             if bound == math.inf:
                 if query.iterations >= self._slice:
-                    self._find_more_goals()
+                    # All known goals may be unreachable from the start.
+                    self._slice = 2 * query.iterations
+                    trees.add_goals(query.more_goals())
                 stop = min(stop, self._slice)
             connected = trees.grow(self.state, stop - begin, query.motion.context)
             query.iterations = begin + trees.samples
         query.edges += trees.edges
         return connected
-
-    def _find_more_goals(self) -> None:
-        """Add goals, in case all known ones are unreachable from the start."""
-        self._slice = 2 * self.query.iterations
-        self.trees.add_goals(self.query.more_goals())
 
     def describe(self) -> str:
         """Message about the sizes of the last trees."""

@@ -175,7 +175,7 @@ class _Reader:
         except CycleError as error:
             name = error.args[1][0]
             raise self.groups[name].error(f"group {name!r} contains itself") from error
-        return {name: self._in_order(found[name]) for name in self.groups}
+        return {name: tuple(n for n in self.order if n in found[name]) for name in self.groups}
 
     def _own_members(self, group: Element) -> set[str]:
         """The movable joints of a group, without those of its subgroups."""
@@ -186,9 +186,6 @@ class _Reader:
             if self._has_chain(chain):
                 joints |= set(chain_joints(self.tree.joints, chain.text("base_link"), chain.text("tip_link")))
         return {n for n in joints if self.joints[n].kind != "fixed"}
-
-    def _in_order(self, names: set[str]) -> tuple[str, ...]:
-        return tuple(n for n in self.order if n in names)
 
     def _has_chain(self, chain: Element) -> bool:
         ends = [self._has_link(chain, end) for end in ("base_link", "tip_link")]
@@ -213,12 +210,10 @@ class _Reader:
             key = (group, element.text("name"))
             if key in found:
                 raise element.error(f"state {key[1]!r} of group {key[0]!r} is there twice")
-            values = [e for e in element.all("joint") if self._has_joint(e) and not self._is_fixed(e.text("name"))]
-            found[key] = {e.text("name"): e.number("value") for e in values}
+            joints = [e for e in element.all("joint") if self._has_joint(e)]
+            movable = [e for e in joints if self.joints[e.text("name")].kind != "fixed"]
+            found[key] = {e.text("name"): e.number("value") for e in movable}
         return found
-
-    def _is_fixed(self, joint: str) -> bool:
-        return self.joints[joint].kind == "fixed"
 
     def _end_effectors(self) -> tuple[EndEffector, ...]:
         found = []

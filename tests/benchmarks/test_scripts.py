@@ -55,6 +55,14 @@ def test_problems_of_a_file_are_solved_and_judged(script, problem_file, tmp_path
     assert (tmp_path / "panda_problems.png").stat().st_size > 0
 
 
+def test_simulated_arms_are_measured(script, tmp_path):
+    arguments = ["--arms", "1", "2", "--spacings", "3", "--threads", "1", "--seconds", "0.01"]
+    assert script("simulated_arms").main([*arguments, "--out", str(tmp_path)]) == 0
+    results = json.loads((tmp_path / "simulated_arms.json").read_text())["results"]
+    assert [(r["arms"], r["models"], r["contacts"]) for r in results] == [(1, 1, 0), (2, 1, 0)]
+    assert all(r["error"] < 1e-3 for r in results)
+
+
 def test_peers_answer_the_same_problems_or_tell_why_not(script, tmp_path, monkeypatch):
     peers = script("peers")
     straight = tmp_path / "straight_worker.py"

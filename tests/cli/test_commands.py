@@ -256,7 +256,7 @@ def test_a_replay_that_does_not_follow_its_motion_is_no_success(
     assert "the motion was not followed" in capsys.readouterr().out
     assert run(["play", str(motion), "--timestep", "0.5", "--json"]) == INVALID_PLAN
     assert answer(capsys)["tracked"] is False
-    monkeypatch.setattr(rp, "simulate", partial(rp.simulate, timestep=0.5))
+    monkeypatch.setattr(rp, "simulate", partial(rp.simulate, dt=0.5))
     assert run(["demo", "--output", "out"]) == INVALID_PLAN
     assert "the motion was not followed" in capsys.readouterr().out
 

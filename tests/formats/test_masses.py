@@ -122,7 +122,7 @@ def test_a_replay_whose_steps_are_too_long_says_so(tmp_path: Path) -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot(file))
     trajectory = rp.plan_motion(rp.Problem(scene, "home", [0.9]), rng=0).trajectory
     replay = rp.simulate(trajectory, scene)
-    assert "take a smaller timestep" in str(replay)
-    finer = rp.simulate(trajectory, scene, timestep=1e-4)
-    assert "timestep" not in str(finer)
+    assert "take a smaller time step" in str(replay)
+    finer = rp.simulate(trajectory, scene, dt=1e-4)
+    assert "time step" not in str(finer)
     assert finer.worst_error < 0.2 * replay.worst_error

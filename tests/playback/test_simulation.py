@@ -17,8 +17,8 @@ from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.playback.cloud_boxes import cloud_boxes
 from rr1plan.playback.simulation import mujoco_model
+from rr1plan.playback.simulation.joint_map import JointTargets
 from rr1plan.playback.simulation.mujoco_model import build_mujoco, mass_matrix
-from rr1plan.playback.simulation.simulation import JointTargets
 from rr1plan.scene.model_library import load_robot, load_scene, robot_names
 from rr1plan.transforms import pose
 
@@ -113,8 +113,8 @@ def test_a_motor_that_is_too_weak_is_told_with_what_to_try(rr1: rp.Robot) -> Non
 def test_a_replay_far_off_its_motion_is_no_success(rr1_table: rp.Scene) -> None:
     start = rr1_table.configuration()
     motion = quintic(rr1_table, start, start + np.array([0.3, 0.05, -0.2, 0.2, 0.1, 0.3]), 2.0)
-    fine, coarse = rp.simulate(motion, rr1_table), rp.simulate(motion, rr1_table, timestep=0.5)
-    kinematic = rp.simulate(motion, rr1_table, mode="kinematic", timestep=0.5)
+    fine, coarse = rp.simulate(motion, rr1_table), rp.simulate(motion, rr1_table, dt=0.5)
+    kinematic = rp.simulate(motion, rr1_table, mode="kinematic", dt=0.5)
     for replay in (fine, kinematic):
         assert replay
         assert replay.to_dict()["tracked"]
@@ -199,8 +199,8 @@ def test_bad_arguments_are_named(rr1_table: rp.Scene) -> None:
     rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration())
     with pytest.raises(UnknownNameError, match="replay mode 'dynamical'"):
         rp.simulate(rest, rr1_table, mode="dynamical")
-    with pytest.raises(InputError, match="timestep is 0"):
-        rp.simulate(rest, rr1_table, timestep=0.0)
+    with pytest.raises(InputError, match="dt is 0"):
+        rp.simulate(rest, rr1_table, dt=0.0)
     with pytest.raises(InputError, match="hold is -1"):
         rp.simulate(rest, rr1_table, hold=-1.0)
     with pytest.raises(UnknownNameError, match="joint 'arm/ghost'"):
@@ -221,7 +221,7 @@ def test_an_unstable_simulation_is_an_error_and_leaves_no_file(
     rr1_table: rp.Scene, too_fast: rp.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(rp.BackendError, match=r"unstable at 0\.\d+ s \(.*CTRL.*\); try a smaller timestep or"):
+    with pytest.raises(rp.BackendError, match=r"unstable at 0\.\d+ s \(.*CTRL.*\); try a smaller time step or"):
         rp.simulate(too_fast, rr1_table)
     assert list(tmp_path.iterdir()) == []
     assert mujoco.get_mju_user_warning() is None

@@ -93,7 +93,7 @@ def test_fcl_and_mujoco_agree_on_rr1(name: str, seed: int, fcl_world: Make) -> N
             continue
         for pair in scene.checked_pairs:
             assert frozenset(pair) in hits or not world.pair_touches(*pair)
-    seen = rp.simulate(move, scene, mode="kinematic", timestep=0.005).contacts
+    seen = rp.simulate(move, scene, mode="kinematic", dt=0.005).contacts
     assert {frozenset(c.pair) for c in seen if c.depth > 1e-5} <= set(hits)
     # The path has the same geometry as the motion along it.
     on_path = {frozenset(v.subject) for v in certify_path(path, scene).violations if v.kind == "collision"}
@@ -110,7 +110,7 @@ def test_mujoco_sees_what_the_referee_plants_in_the_way() -> None:
     blocked = free.with_obstacle("post", rp.Cylinder(0.01, 2.0), [turned[0], turned[1], 0.0])
     move = timed(rp.Path(free.joint_names(), [home, home + np.eye(len(home))[0] * 1.2]))
     hits = {v.subject: v for v in validate(move, blocked).violations if v.kind == "collision"}
-    seen = {frozenset(c.pair): c for c in rp.simulate(move, blocked, mode="kinematic", timestep=0.001).contacts}
+    seen = {frozenset(c.pair): c for c in rp.simulate(move, blocked, mode="kinematic", dt=0.001).contacts}
     assert {frozenset(pair) for pair in hits} == set(seen)
     assert hits
     for pair, hit in hits.items():

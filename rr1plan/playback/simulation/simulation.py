@@ -1,287 +1,506 @@
-"""Replay of a trajectory in MuJoCo.
+"""A simulation of a scene in MuJoCo: all arms on one clock, commanded by controllers, step by step.
 
-Dynamic: each joint has a servo with position and velocity set-points and a torque feed-forward
-from inverse dynamics, updated at every step; what comes out is what a well-tuned arm would do.
-Kinematic: the arms are put where the trajectory says, and MuJoCo says what touches.
+    sim = rp.Simulation(scene)
+    arm = rp.JointTrajectoryController(scene.joint_names(["arm"]))
+    sim.activate(arm)
+    execution = arm.send(motion.trajectory)
+    sim.run(duration=motion.trajectory.duration + 1.0)
+    print(execution, sim.contacts)
+
+In each step the controllers see the state at its beginning; their set-points go to servos with a feed-forward torque
+from inverse dynamics at that state (computed torque control). Arms that can never meet are in separate MuJoCo models,
+which are stepped side by side on threads; the numbers do not depend on the number of threads.
 """
 
 from __future__ import annotations
 
+import math
+import threading
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, check_callback, finite_number, known_name, of_kind, positive_number
-from rr1plan.errors import BackendError, InputError, UnknownNameError
+from rr1plan.checks import (
+    Array,
+    check_callback,
+    counted,
+    finite_array,
+    finite_number,
+    of_kind,
+    positive_number,
+    whole_number,
+)
+from rr1plan.errors import BackendError, ControllerError, InputError, UnknownNameError
+from rr1plan.path import check_joint_names
+from rr1plan.playback.simulation.contact_log import ContactLog
+from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
+from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.playback.simulation.mujoco_model import MujocoScene, build_mujoco
-from rr1plan.playback.simulation.replay import Replay, ReplayContact
-from rr1plan.progress import ProgressCallback, fraction_callback
-from rr1plan.robot import Joint
+from rr1plan.playback.simulation.replay import ReplayContact
+from rr1plan.playback.simulation.tiles import tile_scenes
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Scene
-from rr1plan.trajectory import Trajectory
 
-_UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC", "CTRL")]
-# More steps than this take hours and more memory than there is.
-_MOST_STEPS = 5_000_000
-# A joint that moves more than this in one step is not tracked well [rad or m].
-_LONG_STRIDE = 0.05
+_UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}")) for kind in ("QPOS", "QVEL", "QACC", "CTRL")]
 _MOST_STIFFNESS = 1e6  # [rad/s]
-Mode = Literal["dynamic", "kinematic"]
+_LONGEST_STEP = 1.0  # [s]
+# Steps of one call.
+_MOST_STEPS = 5_000_000
+# Real time is waited for when the simulation is ahead of it by more than this [s].
+_AHEAD = 0.002
+
+StepCallback = Callable[["Simulation"], bool | None]
 
 
-def simulate(
-    trajectory: Trajectory,
-    scene: Scene,
-    *,
-    mode: Mode = "dynamic",
-    timestep: float = 0.002,
-    record_dt: float = 0.01,
-    stiffness: float = 80.0,
-    hold: float = 0.0,
-    progress: ProgressCallback | None = None,
-) -> Replay:
-    """Replay a trajectory in MuJoCo, the whole scene at once.
-
-    Joint damping and friction of the description are left out: they belong to a drive, whose
-    controller compensates them. Position limits are the referee's to check.
+class Tile:
+    """One MuJoCo model of a simulation: some of its arms with the obstacles.
 
     Args:
-        trajectory: The motion; arms without columns hold their configuration of the scene.
-        scene: The scene it was planned in.
-        mode: "dynamic" or "kinematic".
-        timestep: Step of the simulator [s].
-        record_dt: Time between recorded positions [s].
+        world: The compiled model.
+        columns: Index of each of its joints among those of the simulation.
+
+    Attributes:
+        model: MuJoCo's model.
+        data: MuJoCo's data.
+    """
+
+    def __init__(self, world: MujocoScene, columns: NDArray[np.int64]) -> None:
+        self.world, self.columns = world, columns
+        self.model: Any = world.model
+        self.data: Any = mujoco.MjData(world.model)
+        self._control = np.zeros((len(columns), 3))
+        self._torque = np.zeros(self.model.nv)
+        self._alarms = self.data.warning.number
+        self._state_size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
+
+    def refresh(self) -> None:
+        """Compute all that follows from the state: poses, contacts, bias torques."""
+        mujoco.mj_step1(self.model, self.data)
+
+    def command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
+        """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
+        control = self._control
+        mujoco.mj_mulM(self.model, self.data, self._torque, accelerations[self.columns])
+        control[:, 0] = positions[self.columns]
+        control[:, 1] = velocities[self.columns]
+        control[:, 2] = self._torque + self.data.qfrc_bias + efforts[self.columns]
+        self.data.ctrl[:] = control.ravel()
+
+    def advance(self) -> None:
+        """Take a step from the present state, and refresh what follows from the new one."""
+        mujoco.mj_step2(self.model, self.data)
+        mujoco.mj_step1(self.model, self.data)
+
+    def is_unstable(self) -> bool:
+        """Whether MuJoCo has warned of values that are not finite or too large."""
+        return bool(self._alarms[_UNSTABLE].any())
+
+    def save(self) -> Array:
+        """The state from which a run can be repeated exactly."""
+        state = np.zeros(self._state_size)
+        mujoco.mj_getState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        return state
+
+    def restore(self, state: Array) -> None:
+        """Go back to a saved state."""
+        mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        self.refresh()
+
+
+class Simulation:
+    """A scene in MuJoCo, to be stepped; nothing moves that no controller commands.
+
+    Joint damping and friction of the description are left out: they belong to a drive, whose controller compensates
+    them. The scene is not changed.
+
+    Args:
+        scene: The scene; arms start in their configurations.
+        dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
-        hold: How long to go on after the end, the set-points resting there [s].
-        progress: Called about ten times a second; False cancels.
+        threads: Threads for arms that can never meet.
 
-    Returns:
-        Tracking error, contacts, effort and speed; true where the arms followed the motion without contact.
-
-    Raises:
-        InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know.
-        BackendError: MuJoCo does not take the scene, or its simulation became unstable.
-        CancelledError: `progress` returned False.
-    """
-    known_name("replay mode", mode, ("dynamic", "kinematic"))
-    check_callback("progress", progress)
-    timestep = positive_number("timestep", timestep)
-    record_dt = positive_number("record_dt", record_dt)
-    hold = finite_number("hold", hold)
-    if hold < 0.0:
-        raise InputError(f"hold is {hold}, expected a time >= 0")
-    of_kind("trajectory", trajectory, Trajectory)
-    of_kind("scene", scene, Scene)
-    targets = JointTargets(trajectory, scene)
-    if trajectory.duration + hold > _MOST_STEPS * timestep:
-        raise InputError(f"{trajectory.duration + hold:g} s in steps of {timestep:g} s are too many; take longer steps")
-    steps = max(1, int(np.ceil((trajectory.duration + hold) / timestep - 1e-9)))
-    with mujoco_warnings() as warnings:
-        world = build_mujoco(scene, timestep=timestep, stiffness=_bounded_stiffness(stiffness))
-        times = _clock(trajectory.start_time, timestep, steps)
-        run = _Run(world, targets, times, fraction_callback("simulate", progress), warnings)
-        started = time.perf_counter()
-        (run.dynamic if mode == "dynamic" else run.kinematic)()
-    return _report(mode, run, record_dt, time.perf_counter() - started, stiffness)
-
-
-def _clock(start: float, timestep: float, steps: int) -> Array:
-    return np.asarray(start + timestep * np.arange(steps + 1), dtype=np.float64)
-
-
-class JointTargets:
-    """Where every movable joint of a scene has to be: planned, locked, mimicking and resting ones.
-
-    Args:
-        trajectory: The motion of some arms.
+    Attributes:
         scene: The scene.
+        dt: Time of a step [s].
+        joint_names: "arm/joint" of every movable joint, the order of `positions`, `velocities` and `efforts`.
+        tiles: The MuJoCo models with their data.
 
     Raises:
-        UnknownNameError: a column of the trajectory is no joint of the scene.
-        InputError: only some joints of an arm have columns.
+        InputError: a step or stiffness that is not above zero, or a point cloud of too many cells.
+        BackendError: MuJoCo does not take the scene.
     """
 
-    def __init__(self, trajectory: Trajectory, scene: Scene) -> None:
-        known = scene.joint_names()
-        for name in trajectory.joint_names:
-            if name not in known:
-                raise UnknownNameError("joint", name, known)
-        missing = [n for n in scene.joint_names(trajectory.arms) if n not in trajectory.joint_names]
-        if missing:
-            raise InputError(f"the trajectory moves {', '.join(trajectory.arms)} but has no column for {missing[0]!r}")
-        self.trajectory = trajectory
+    def __init__(self, scene: Scene, dt: float = 0.002, *, stiffness: float = 80.0, threads: int = 1) -> None:
+        of_kind("scene", scene, Scene)
         self.scene = scene
-        movable = [(a, j) for a, arm in scene.arms.items() for j in arm.robot.joints if j.kind != "fixed"]
-        self.names = tuple(f"{a}/{j.name}" for a, j in movable)
-        self._factor = np.zeros((len(movable), len(trajectory.joint_names)))
-        self._offset = np.zeros(len(movable))
-        for row, (arm, joint) in enumerate(movable):
-            self._fill(row, arm, joint)
+        self.dt = positive_number("dt", dt)
+        if self.dt > _LONGEST_STEP:
+            raise InputError(f"dt is {dt:g} s, expected at most {_LONGEST_STEP:g} s")
+        if positive_number("stiffness", stiffness) > _MOST_STIFFNESS:
+            raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
+        self._threads = whole_number("threads", threads, 1, 256)
+        self._map = JointMap(scene)
+        self.joint_names = self._map.names
+        column = {name: i for i, name in enumerate(self.joint_names)}
+        self.tiles: list[Tile] = []
+        with mujoco_warnings() as self._warnings:
+            for part in tile_scenes(scene):
+                world = build_mujoco(part, timestep=self.dt, stiffness=stiffness)
+                self.tiles.append(Tile(world, np.array([column[name] for name in world.joint_names], dtype=np.int64)))
+        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 and len(self.tiles) > 1 else None
+        self._active: dict[Controller, NDArray[np.int64]] = {}
+        self._callbacks: list[StepCallback] = []
+        self._pause = threading.Event()
+        self._contacts = ContactLog(1.5 * self.dt)
+        self._wall = 0.0
+        self._begin(self._map.expand(scene.configuration()), np.zeros(len(self.joint_names)))
 
-    def _fill(self, row: int, arm: str, joint: Joint) -> None:
-        """One row of the affine map from columns to joints, following a chain of mimics."""
-        robot = self.scene.arms[arm].robot
-        factor, offset = 1.0, 0.0
-        while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.locked_joints:
-            offset += factor * joint.mimic.offset
-            factor *= joint.mimic.multiplier
-            joint = robot.joint(joint.mimic.joint)
-        column = f"{arm}/{joint.name}"
-        if column in self.trajectory.joint_names:
-            self._factor[row, self.trajectory.joint_names.index(column)] = factor
-            self._offset[row] = offset
-        else:
-            self._offset[row] = factor * robot.joint_values(self.scene.arms[arm].q)[joint.name] + offset
+    def __repr__(self) -> str:
+        models = f", {len(self.tiles)} models" if len(self.tiles) > 1 else ""
+        return f"Simulation({counted(len(self.scene.arms), 'arm')}, {self.time:.3f} s{models})"
 
-    def __call__(self, times: Array, derivative: int = 0) -> Array:
-        """Positions (or rates) of all movable joints at `times`, shape (n, joints)."""
-        rates = self.trajectory(times, derivative) @ self._factor.T
-        return np.asarray(rates + self._offset if derivative == 0 else rates)
+    # ---- state -----------------------------------------------------------------------------------
 
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.steps * self.dt
 
-@dataclass
-class _Run:
-    """One pass through the simulator, and what it leaves behind."""
+    @property
+    def positions(self) -> Array:
+        """Position of every joint [rad or m], shape (n,)."""
+        return self._now.positions.copy()
 
-    world: MujocoScene
-    targets: JointTargets
-    times: Array
-    progress: Callable[[float], None] | None
-    warnings: list[str]
-    actual: Array = field(init=False)
-    effort: Array = field(init=False)
-    contacts: dict[tuple[str, str], list[ReplayContact]] = field(default_factory=dict)
-    _told: float = 0.0
+    @property
+    def velocities(self) -> Array:
+        """Velocity of every joint [rad/s or m/s], shape (n,)."""
+        return self._now.velocities.copy()
 
-    def __post_init__(self) -> None:
-        self.desired = self.targets(self.times)
-        self.actual = self.desired.copy()
-        self.effort = np.zeros(len(self.targets.names))
+    @property
+    def efforts(self) -> Array:
+        """Effort of every servo in the last step [Nm or N], shape (n,)."""
+        return self._now.efforts.copy()
 
-    def dynamic(self) -> None:
-        """Step the physics, set-points and feed-forward updated at each step."""
-        model = self.world.model
-        data = mujoco.MjData(model)
-        velocity = self.targets(self.times, 1)
-        feedforward = self._feedforward(velocity)
-        control = np.stack([self.desired, velocity, feedforward], axis=2).reshape(len(self.times), -1)
-        limit = self.world.effort_limits
-        data.qpos[:] = self.desired[0]
-        data.qvel[:] = velocity[0]
-        for k in range(len(self.times) - 1):
-            data.ctrl[:] = control[k]
-            mujoco.mj_step(model, data)
-            if data.warning.number[_UNSTABLE].any():
-                said = f" ({self.warnings[-1]})" if self.warnings else ""
-                raise BackendError(
-                    f"MuJoCo's simulation became unstable at {self.times[k]:.3f} s{said}; "
-                    "try a smaller timestep or a slower motion"
-                )
-            self.actual[k + 1] = data.qpos
-            np.maximum(self.effort, np.abs(data.actuator_force) / limit, out=self.effort)
-            if data.ncon:
-                self._note(data, self.times[k])
-            self._tell(k)
+    @property
+    def effort_limits(self) -> Array:
+        """Largest effort of every servo [Nm or N], shape (n,); inf where there is none.
 
-    def kinematic(self) -> None:
-        """Put the arms where they should be and ask what touches."""
-        model = self.world.model
-        data = mujoco.MjData(model)
-        for k, q in enumerate(self.desired):
-            data.qpos[:] = q
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_collision(model, data)
-            if data.ncon:
-                self._note(data, self.times[k])
-            self._tell(k)
+        Servos keep it, except in arms whose masses are estimated.
+        """
+        return self._map.effort.copy()
 
-    def _feedforward(self, velocity: Array) -> Array:
-        """Torques of the wanted motion by MuJoCo's inverse dynamics, shape (n, joints)."""
-        model = self.world.model
-        flags = model.opt.disableflags
-        model.opt.disableflags = flags | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        data = mujoco.MjData(model)
-        acceleration = self.targets(self.times, 2)
-        torque = np.empty_like(velocity)
-        for k in range(len(self.times)):
-            data.qpos[:] = self.desired[k]
-            data.qvel[:] = velocity[k]
-            data.qacc[:] = acceleration[k]
-            mujoco.mj_inverse(model, data)
-            torque[k] = data.qfrc_inverse
-        model.opt.disableflags = flags
-        return torque
+    @property
+    def set_points(self) -> Array:
+        """Position that every servo follows [rad or m], shape (n,)."""
+        return np.array(self._desired[0])
 
-    def _note(self, data: Any, t: float) -> None:
-        """Add the contacts of this instant to the intervals of their pairs."""
-        elements = self.world.geom_elements
-        gap = 1.5 * (self.times[1] - self.times[0]) if len(self.times) > 1 else 0.0
-        for (first, second), distance in zip(data.contact.geom, data.contact.dist, strict=True):
-            if distance > 0.0:
+    @property
+    def contacts(self) -> tuple[ReplayContact, ...]:
+        """Contacts that the scene forbids, since the beginning, in order of time."""
+        return self._contacts.intervals()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What MuJoCo has warned of."""
+        return tuple(dict.fromkeys(self._warnings))
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds for each second that steps have taken."""
+        return self.time / self._wall if self._wall > 0.0 else 0.0
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's model.
+
+        Raises:
+            InputError: arms that cannot meet have models of their own; see `tiles`.
+        """
+        return self._only_tile().model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's data; change it between steps only.
+
+        Raises:
+            InputError: arms that cannot meet have models of their own; see `tiles`.
+        """
+        return self._only_tile().data
+
+    def configuration(self, arms: Sequence[str] | None = None) -> Array:
+        """Positions of the planning joints of some arms (default: all), as in `Scene.configuration`, shape (nq,).
+
+        Raises:
+            UnknownNameError: an unknown arm.
+        """
+        names = self.scene.joint_names(arms)
+        return self.positions[self._indices(names)]
+
+    def state(self, joint_names: Sequence[str]) -> JointState:
+        """The state of some joints.
+
+        Raises:
+            UnknownNameError: an unknown joint.
+        """
+        return self._state(self._indices(check_joint_names(joint_names)))
+
+    # ---- controllers -----------------------------------------------------------------------------
+
+    @property
+    def controllers(self) -> tuple[Controller, ...]:
+        """The active controllers."""
+        return tuple(self._active)
+
+    def activate(self, controller: Controller, *, replace: bool = False) -> None:
+        """Let a controller command its joints, from the next step on.
+
+        Args:
+            controller: The controller.
+            replace: Deactivate those that command some of its joints.
+
+        Raises:
+            InputError: another controller commands one of its joints, or a joint mimics another one.
+            UnknownNameError: an unknown joint.
+        """
+        of_kind("controller", controller, Controller)
+        indices = self._indices(controller.joint_names)
+        for name in controller.joint_names:
+            if name in self._map.followers:
+                raise InputError(f"joint {name!r} mimics {self._map.followers[name]!r}; command that one")
+        for other, claimed in list(self._active.items()):
+            shared = set(claimed.tolist()) & set(indices.tolist())
+            if not shared or other is controller:
                 continue
-            a, b = sorted((elements[first], elements[second]))
-            intervals = self.contacts.setdefault((a, b), [])
-            if intervals and t - intervals[-1].last <= gap:
-                last = intervals.pop()
-                intervals.append(ReplayContact((a, b), last.first, float(t), max(last.depth, -float(distance))))
-            else:
-                intervals.append(ReplayContact((a, b), float(t), float(t), -float(distance)))
+            if not replace:
+                raise InputError(
+                    f"joint {self.joint_names[min(shared)]!r} is commanded by an active {type(other).__name__}; "
+                    "deactivate it first, or activate with replace=True"
+                )
+            del self._active[other]
+        self._active.pop(controller, None)
+        joints = self._map
+        info = JointInfo(
+            controller.joint_names, joints.lower[indices], joints.upper[indices], joints.velocity[indices], self.dt
+        )
+        controller.activate(info, self._state(indices))
+        self._active[controller] = indices
 
-    def _tell(self, k: int) -> None:
-        if self.progress is not None and k % 16 == 0:
-            now = time.monotonic()
-            if now - self._told > 0.1:
-                self._told = now
-                self.progress(k / len(self.times))
+    def deactivate(self, controller: Controller) -> None:
+        """Stop a controller; its joints hold their last set-points.
 
+        Raises:
+            InputError: it is not active.
+        """
+        of_kind("controller", controller, Controller)
+        if controller not in self._active:
+            raise InputError("the controller is not active in this simulation")
+        indices = self._active.pop(controller)
+        for rates in self._desired[1:]:
+            rates[indices] = 0.0
 
-def _bounded_stiffness(value: float) -> float:
-    if positive_number("stiffness", value) > _MOST_STIFFNESS:
-        raise InputError(f"stiffness is {value}, expected at most {_MOST_STIFFNESS:g} rad/s")
-    return float(value)
+    def on_step(self, callback: StepCallback) -> Callable[[], None]:
+        """Call something after each step.
 
+        Args:
+            callback: Gets the simulation; False pauses it.
 
-def _report(mode: Mode, run: _Run, record_dt: float, wall: float, stiffness: float) -> Replay:
-    names = run.targets.trajectory.joint_names
-    columns = [run.targets.names.index(name) for name in names]
-    error = run.actual[:, columns] - run.desired[:, columns]
-    timestep = float(run.times[1] - run.times[0])
-    stride = max(1, round(min(record_dt / timestep, len(run.times))))
-    record = np.unique(np.append(np.arange(0, len(run.times), stride), len(run.times) - 1))
-    contacts = sorted((c for intervals in run.contacts.values() for c in intervals), key=lambda c: c.first)
-    return Replay(
-        mode=mode,
-        joint_names=names,
-        times=run.times[record],
-        desired=run.desired[record][:, columns],
-        actual=run.actual[record][:, columns],
-        max_error=np.abs(error).max(axis=0),
-        rms_error=np.sqrt((error**2).mean(axis=0)),
-        peak_effort=run.effort[columns],
-        contacts=tuple(contacts),
-        steps=len(run.times) - 1,
-        timestep=timestep,
-        wall_seconds=wall,
-        settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness},
-        remarks=(*(_remarks(run) if mode == "dynamic" else ()), *(f"MuJoCo: {text}" for text in run.warnings)),
-    )
+        Returns:
+            What ends the calls.
+        """
+        if callback is None:
+            raise InputError("callback is None, expected a function of the simulation")
+        check_callback("callback", callback)
+        self._callbacks.append(callback)
+        return lambda: self._callbacks.remove(callback)
 
+    # ---- running ---------------------------------------------------------------------------------
 
-def _remarks(run: _Run) -> tuple[str, ...]:
-    """What the description or the step lacks for the physics, in words."""
-    arms = run.targets.scene.arms.items()
-    links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]
-    found = []
-    if links:
-        found.append(f"masses estimated from shapes: {', '.join(links)}")
-    if run.world.massless_joints:
-        found.append(f"joints that carry no mass: {', '.join(run.world.massless_joints)}")
-    stride = float(np.abs(np.diff(run.desired, axis=0)).max(initial=0.0))
-    if stride > _LONG_STRIDE:
-        found.append(f"joints move up to {stride:.2g} rad in a step, which costs accuracy: take a smaller timestep")
-    return tuple(found)
+    def step(self, count: int = 1) -> None:
+        """Take some steps, as fast as possible; ends early if a callback pauses the simulation.
+
+        Raises:
+            InputError: a count below one.
+            ControllerError: a controller raised something or returned no set-points; nothing has moved in that step.
+            BackendError: the simulation became unstable.
+        """
+        self._run(whole_number("count", count, 1, _MOST_STEPS), math.inf)
+
+    def run(self, *, until: float | None = None, duration: float | None = None, speed: float = math.inf) -> bool:
+        """Run to a time or for a time; another thread or a callback may `pause` it.
+
+        Args:
+            until: Simulated time at which to stop [s].
+            duration: How long to run instead [s, simulated].
+            speed: Simulated seconds for a second at the most: 1 is real time (default: as fast as possible).
+
+        Returns:
+            Whether it got there; False if it was paused.
+
+        Raises:
+            InputError: neither or both of `until` and `duration`, a time that has passed, a speed not above zero.
+            ControllerError: a controller raised something or returned no set-points; nothing has moved in that step.
+            BackendError: the simulation became unstable.
+        """
+        if (until is None) == (duration is None):
+            raise InputError("run takes either until or duration")
+        if until is not None:
+            end = finite_number("until", until)
+        else:
+            end = self.time + finite_number("duration", duration if duration is not None else 0.0)
+        if end < self.time - 1e-9:
+            raise InputError(f"the simulation is at {self.time:g} s, it cannot run to {end:g} s; reset it first")
+        if not (isinstance(speed, float) and speed == math.inf):
+            speed = positive_number("speed", speed)
+        if end - self.time > _MOST_STEPS * self.dt:
+            raise InputError(f"{end - self.time:g} s are more than {_MOST_STEPS} steps; run it in parts")
+        return self._run(math.ceil((end - self.time) / self.dt - 1e-9), float(speed))
+
+    def pause(self) -> None:
+        """End the present `run` or `step` after its step; from a callback or another thread."""
+        self._pause.set()
+
+    def reset(self) -> None:
+        """Go back to the beginning exactly; active controllers are activated again."""
+        for tile, state in zip(self.tiles, self._initial, strict=True):
+            tile.restore(state)
+        self._set_off()
+
+    def place(self, joint_names: Sequence[str], positions: ArrayLike, velocities: ArrayLike | None = None) -> None:
+        """Put joints somewhere without physics and begin anew there, at time zero; `reset` comes back to it.
+
+        Args:
+            joint_names: The joints, "arm/joint"; the others stay where they are.
+            positions: Where [rad or m], shape (n,).
+            velocities: How fast [rad/s or m/s], shape (n,) (default: at rest).
+
+        Raises:
+            InputError: wrong shapes or not finite.
+            UnknownNameError: an unknown joint.
+        """
+        names = check_joint_names(joint_names)
+        indices = self._indices(names)
+        every = self.positions
+        every[indices] = finite_array("positions", positions, (len(names),))
+        rates = np.zeros(len(every))
+        rates[indices] = 0.0 if velocities is None else finite_array("velocities", velocities, (len(names),))
+        self._begin(self._map.follow(every), self._map.follow(rates, rates=True))
+
+    # ---- inside ----------------------------------------------------------------------------------
+
+    def _begin(self, positions: Array, velocities: Array) -> None:
+        for tile in self.tiles:
+            mujoco.mj_resetData(tile.model, tile.data)
+            tile.data.qpos[:] = positions[tile.columns]
+            tile.data.qvel[:] = velocities[tile.columns]
+            tile.refresh()
+        self._initial = [tile.save() for tile in self.tiles]
+        self._set_off()
+
+    def _set_off(self) -> None:
+        """Start the clock, with the present positions as set-points."""
+        self.steps = 0
+        self._wall = 0.0
+        self._contacts.clear()
+        self._observe()
+        self._desired = np.zeros((4, len(self.joint_names)))
+        self._desired[0] = self._now.positions
+        self._note_contacts()
+        for controller in list(self._active):
+            self.activate(controller)
+
+    def _run(self, count: int, speed: float) -> bool:
+        self._pause.clear()
+        began = time.perf_counter()
+        with mujoco_warnings() as warnings:
+            try:
+                for k in range(count):
+                    self._step()
+                    if any(tile.is_unstable() for tile in self.tiles):
+                        raise BackendError(
+                            f"MuJoCo's simulation became unstable at {self.time:.3f} s"
+                            f"{f' ({warnings[-1]})' if warnings else ''}; try a smaller time step or a slower motion"
+                        )
+                    self._note_contacts()
+                    for callback in list(self._callbacks):
+                        if callback(self) is False:
+                            self._pause.set()
+                    ahead = (k + 1) * self.dt / speed - (time.perf_counter() - began)
+                    if speed < math.inf and ahead > _AHEAD:
+                        time.sleep(ahead)
+                    if self._pause.is_set():
+                        break
+            finally:
+                self._warnings += warnings
+                self._wall += time.perf_counter() - began
+        return not self._pause.is_set()
+
+    def _step(self) -> None:
+        for controller, indices in list(self._active.items()):
+            self._take(controller, indices)
+        desired = self._desired if not self._map.followers else self._map.follow_all(self._desired)
+        for tile in self.tiles:
+            tile.command(*desired)
+        if self._pool is None:
+            for tile in self.tiles:
+                tile.advance()
+        else:
+            list(self._pool.map(Tile.advance, self.tiles))
+        self.steps += 1
+        self._observe()
+
+    def _take(self, controller: Controller, indices: NDArray[np.int64]) -> None:
+        """Get the set-points of a controller."""
+        name = type(controller).__name__
+        try:
+            point = controller.update(self._state(indices))
+        except Exception as error:
+            raise ControllerError(f"{name} raised {type(error).__name__} at {self.time:.3f} s: {error}") from error
+        if not isinstance(point, SetPoint):
+            raise ControllerError(f"{name} returned a {type(point).__name__} at {self.time:.3f} s, expected a SetPoint")
+        wanted = np.zeros((len(point), len(indices)))
+        for row, (field, values) in enumerate(zip(SetPoint._fields, point, strict=True)):
+            if values is None:
+                continue
+            if np.shape(values) != indices.shape:
+                shape = np.shape(values)
+                raise ControllerError(
+                    f"{name} returned {field} of shape {shape} at {self.time:.3f} s, expected {indices.shape}"
+                )
+            wanted[row] = values
+        if not np.isfinite(wanted).all():
+            field = SetPoint._fields[int(np.argmin(np.isfinite(wanted).all(axis=1)))]
+            raise ControllerError(f"{name} returned {field} that are not finite at {self.time:.3f} s")
+        self._desired[:, indices] = wanted
+
+    def _note_contacts(self) -> None:
+        for tile in self.tiles:
+            if tile.data.ncon:
+                self._contacts.add(tile.data, tile.world.geom_elements, self.time)
+
+    def _observe(self) -> None:
+        """Collect the state of all joints from the models."""
+        rates = np.empty((3, len(self.joint_names)))
+        for tile in self.tiles:
+            rates[:, tile.columns] = tile.data.qpos, tile.data.qvel, tile.data.actuator_force
+        self._now = JointState(self.time, *rates)
+
+    def _state(self, indices: NDArray[np.int64]) -> JointState:
+        now = self._now
+        return JointState(now.time, now.positions[indices], now.velocities[indices], now.efforts[indices])
+
+    def _indices(self, names: Sequence[str]) -> NDArray[np.int64]:
+        for name in names:
+            if name not in self._map.index:
+                raise UnknownNameError("joint", name, self.joint_names)
+        return np.array([self._map.index[name] for name in names], dtype=np.int64)
+
+    def _only_tile(self) -> Tile:
+        if len(self.tiles) > 1:
+            raise InputError(f"this simulation has {len(self.tiles)} MuJoCo models; see Simulation.tiles")
+        return self.tiles[0]

@@ -1,0 +1,48 @@
+"""Contacts of a simulation as intervals of time: which elements touched, from when to when, how deep."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rr1plan.playback.simulation.replay import ReplayContact
+
+
+class ContactLog:
+    """Collects the contacts of instants.
+
+    Args:
+        gap: Longest time between two instants of one interval [s].
+    """
+
+    def __init__(self, gap: float) -> None:
+        self._gap = gap
+        self._intervals: dict[tuple[str, str], list[ReplayContact]] = {}
+
+    def add(self, data: Any, elements: tuple[str, ...], time: float) -> None:
+        """Add the contacts of one instant.
+
+        Args:
+            data: MuJoCo's data after the collision stage.
+            elements: The scene element of each geom, by geom id.
+            time: The instant [s], not before that of the last call.
+        """
+        for (first, second), distance in zip(data.contact.geom, data.contact.dist, strict=True):
+            if distance > 0.0:
+                continue
+            a, b = sorted((elements[first], elements[second]))
+            intervals = self._intervals.setdefault((a, b), [])
+            depth = -float(distance)
+            if intervals and time - intervals[-1].last <= self._gap:
+                last = intervals.pop()
+                intervals.append(ReplayContact((a, b), last.first, time, max(last.depth, depth)))
+            else:
+                intervals.append(ReplayContact((a, b), time, time, depth))
+
+    def clear(self) -> None:
+        """Forget all contacts."""
+        self._intervals.clear()
+
+    def intervals(self) -> tuple[ReplayContact, ...]:
+        """All intervals in the order in which they began."""
+        found = (contact for intervals in self._intervals.values() for contact in intervals)
+        return tuple(sorted(found, key=lambda contact: contact.first))

@@ -1,0 +1,213 @@
+"""Controllers: what commands the joints of a simulation at every step, with the meaning of `ros2_control`.
+
+A controller claims some joints. At every step it sees their state and returns set-points, which the joint servos
+follow: a PID with position and velocity set-points and a feed-forward torque from inverse dynamics. Your own controller
+is a class with one method:
+
+    class Sway(Controller):
+        def update(self, state):
+            return SetPoint(state.start + 0.1 * np.sin(state.time))
+
+It can be used without a simulation as well: call `activate` once, then `update` with each state.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import Array, finite_array
+from rr1plan.errors import InputError
+from rr1plan.path import check_joint_names
+
+
+@dataclass(frozen=True, eq=False)
+class JointInfo:
+    """The joints that a controller has claimed.
+
+    Args:
+        names: Their names, "arm/joint", in the order of all arrays.
+        lower, upper: Position limits [rad or m], shape (n,); -inf and inf where there is none.
+        velocity: Highest speeds [rad/s or m/s], shape (n,).
+        dt: Time between two updates [s].
+    """
+
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    velocity: Array
+    dt: float
+
+
+class JointState(NamedTuple):
+    """Some joints at an instant; as in `sensor_msgs/JointState`.
+
+    Args:
+        time: Simulated time [s].
+        positions: Positions [rad or m], shape (n,).
+        velocities: Velocities [rad/s or m/s], shape (n,).
+        efforts: Efforts of the servos in the last step [Nm or N], shape (n,).
+    """
+
+    time: float
+    positions: Array
+    velocities: Array
+    efforts: Array
+
+
+class SetPoint(NamedTuple):
+    """What the servos of some joints have to follow.
+
+    Args:
+        positions: Positions [rad or m], shape (n,).
+        velocities: Velocities [rad/s or m/s], shape (n,); None: zero.
+        accelerations: Accelerations for the feed-forward torque [rad/s² or m/s²], shape (n,); None: zero.
+        efforts: Torques or forces to add to the feed-forward [Nm or N], shape (n,); None: zero.
+    """
+
+    positions: Array
+    velocities: Array | None = None
+    accelerations: Array | None = None
+    efforts: Array | None = None
+
+
+class Controller(ABC):
+    """Commands some joints; the base of all controllers.
+
+    Args:
+        joint_names: The joints to claim, "arm/joint".
+
+    Attributes:
+        joint_names: The same.
+        joints: Limits and step, from `activate` on.
+
+    Raises:
+        InputError: no joints, or a joint twice.
+    """
+
+    joints: JointInfo
+
+    def __init__(self, joint_names: Sequence[str]) -> None:
+        self.joint_names = check_joint_names(joint_names)
+
+    def activate(self, joints: JointInfo, state: JointState) -> None:
+        """Take over the joints; called once before the updates, and again after a reset.
+
+        Args:
+            joints: The joints, in the order of `joint_names`.
+            state: Their state.
+        """
+        self.joints = joints
+
+    @abstractmethod
+    def update(self, state: JointState) -> SetPoint:
+        """The set-points until the next update.
+
+        Args:
+            state: The state of the joints, in the order of `joint_names`.
+        """
+
+    def check_positions(self, positions: Array) -> None:
+        """Refuse positions beyond the limits of the joints.
+
+        Args:
+            positions: Positions [rad or m], shape (..., n).
+
+        Raises:
+            InputError: a position out of limits; names the joint.
+        """
+        joints = self.joints
+        over = np.maximum(positions - joints.upper, joints.lower - positions).reshape(-1, len(joints.names))
+        worst = over.max(axis=0, initial=-np.inf)
+        if (worst > _TOLERANCE).any():
+            i = int(np.argmax(worst))
+            raise InputError(
+                f"joint {joints.names[i]!r} is commanded {worst[i]:.3g} beyond its limits "
+                f"[{joints.lower[i]:.4g}, {joints.upper[i]:.4g}]"
+            )
+
+
+_TOLERANCE = 1e-6  # rounding of trajectories that end at a limit [rad or m]
+
+
+class ForwardPositionController(Controller):
+    """Passes commanded positions on, as `position_controllers/JointGroupPositionController` does.
+
+    Before the first command it holds the positions of activation. A command is a step: the servos follow it as fast as
+    their efforts allow.
+
+    Args:
+        joint_names: The joints to claim, "arm/joint".
+    """
+
+    _command: Array
+
+    def activate(self, joints: JointInfo, state: JointState) -> None:
+        """Hold the present positions until the first command."""
+        super().activate(joints, state)
+        self._command = state.positions.copy()
+
+    def command(self, positions: ArrayLike) -> None:
+        """Set the positions from the next update on.
+
+        Args:
+            positions: Positions [rad or m], shape (n,).
+
+        Raises:
+            InputError: another shape, not finite, or out of limits.
+        """
+        target = finite_array("positions", positions, (len(self.joint_names),))
+        self.check_positions(target)
+        self._command = target
+
+    def update(self, state: JointState) -> SetPoint:
+        """The last command."""
+        return SetPoint(self._command)
+
+
+class ForwardVelocityController(Controller):
+    """Passes commanded velocities on, as `velocity_controllers/JointGroupVelocityController` does.
+
+    Positions are integrated from them and stop at the position limits.
+
+    Args:
+        joint_names: The joints to claim, "arm/joint".
+    """
+
+    _positions: Array
+    _command: Array
+
+    def activate(self, joints: JointInfo, state: JointState) -> None:
+        """Hold the present positions until the first command."""
+        super().activate(joints, state)
+        self._positions = state.positions.copy()
+        self._command = np.zeros(len(joints.names))
+
+    def command(self, velocities: ArrayLike) -> None:
+        """Set the velocities from the next update on.
+
+        Args:
+            velocities: Velocities [rad/s or m/s], shape (n,).
+
+        Raises:
+            InputError: another shape, not finite, or above the limits.
+        """
+        target = finite_array("velocities", velocities, (len(self.joint_names),))
+        over = np.abs(target) - self.joints.velocity
+        if (over > _TOLERANCE).any():
+            i = int(np.argmax(over))
+            name, limit = self.joint_names[i], self.joints.velocity[i]
+            raise InputError(f"joint {name!r} is commanded {target[i]:.4g} per second, above its limit of {limit:.4g}")
+        self._command = target
+
+    def update(self, state: JointState) -> SetPoint:
+        """The next positions on the way."""
+        wanted = self._positions + self._command * self.joints.dt
+        positions = np.clip(wanted, self.joints.lower, self.joints.upper)
+        self._positions = positions
+        return SetPoint(positions, np.where(positions == wanted, self._command, 0.0))

@@ -1,0 +1,92 @@
+"""A gripper controller: opens and closes at a speed, and says whether it has arrived or holds something."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import Array, finite_array, positive_number
+from rr1plan.errors import InputError
+from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
+
+
+class GripperStatus(enum.Enum):
+    """How a gripper stands to its last command."""
+
+    MOVING = "moving"
+    ARRIVED = "arrived"
+    STALLED = "stalled"
+
+
+class GripperController(Controller):
+    """Moves fingers at a speed until they arrive or stall, as `gripper_action_controller` does.
+
+    Fingers that stall keep pushing with the effort of their servos, which is how they hold something.
+
+    Args:
+        joint_names: The joints of the fingers, "arm/joint"; those that mimic them follow.
+        speed: How fast the fingers move [rad/s or m/s].
+        tolerance: They have arrived this near their command [rad or m].
+        stall_speed: They may have stalled if none is faster than this [rad/s or m/s] ...
+        stall_time: ... for this long [s], while their set-points have arrived.
+
+    Attributes:
+        status: How they stand to the last command.
+    """
+
+    _command: Array
+    _positions: Array
+
+    def __init__(
+        self,
+        joint_names: Sequence[str],
+        *,
+        speed: float = 1.0,
+        tolerance: float = 0.005,
+        stall_speed: float = 0.002,
+        stall_time: float = 0.05,
+    ) -> None:
+        super().__init__(joint_names)
+        self.speed, self.tolerance = positive_number("speed", speed), positive_number("tolerance", tolerance)
+        self.stall_speed = positive_number("stall_speed", stall_speed)
+        self.stall_time = positive_number("stall_time", stall_time)
+        self.status = GripperStatus.ARRIVED
+
+    def activate(self, joints: JointInfo, state: JointState) -> None:
+        """Hold the present positions until the first command."""
+        super().activate(joints, state)
+        self._positions = self._command = state.positions.copy()
+        self._quiet = 0.0
+        self.status = GripperStatus.ARRIVED
+
+    def command(self, positions: ArrayLike) -> None:
+        """Move the fingers from the next update on.
+
+        Args:
+            positions: Where to [rad or m], shape (n,).
+
+        Raises:
+            InputError: another shape, not finite, out of limits, or a controller that is not active.
+        """
+        if not hasattr(self, "joints"):
+            raise InputError("the controller is not active; activate it in a simulation first")
+        target = finite_array("positions", positions, (len(self.joint_names),))
+        self.check_positions(target)
+        self._command, self._quiet = target, 0.0
+        self.status = GripperStatus.MOVING
+
+    def update(self, state: JointState) -> SetPoint:
+        """The next positions on the way."""
+        step = np.clip(self._command - self._positions, -self.speed * self.joints.dt, self.speed * self.joints.dt)
+        self._positions = self._positions + step
+        if self.status is not GripperStatus.ARRIVED:
+            slow = not step.any() and bool((np.abs(state.velocities) <= self.stall_speed).all())
+            self._quiet = self._quiet + self.joints.dt if slow else 0.0
+            if (np.abs(state.positions - self._command) <= self.tolerance).all():
+                self.status = GripperStatus.ARRIVED
+            elif self._quiet >= self.stall_time:
+                self.status = GripperStatus.STALLED
+        return SetPoint(self._positions, step / self.joints.dt)

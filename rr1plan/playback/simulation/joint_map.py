@@ -1,0 +1,116 @@
+"""The movable joints of a scene: which are independent, which mimic others, and what all of them do for a motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.robot import Joint, Robot
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+
+class JointMap:
+    """The movable joints of all arms of a scene: planned, locked and mimicking ones.
+
+    Args:
+        scene: The scene.
+
+    Attributes:
+        names: "arm/joint" of each, in the order of the arms and of their descriptions.
+        index: Its place among them.
+        followers: Of each mimicking joint, the independent one that it follows.
+        lower, upper: Position limits [rad or m], shape (n,).
+        velocity: Highest speeds [rad/s or m/s], shape (n,).
+        effort: Largest efforts [Nm or N], shape (n,).
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        movable = [(a, j) for a, arm in scene.arms.items() for j in arm.robot.joints if j.kind != "fixed"]
+        self.names = tuple(f"{a}/{j.name}" for a, j in movable)
+        self.index = {name: i for i, name in enumerate(self.names)}
+        self.lower = np.array([j.lower for _, j in movable])
+        self.upper = np.array([j.upper for _, j in movable])
+        self.velocity = np.array([j.velocity for _, j in movable])
+        self.effort = np.array([j.effort for _, j in movable])
+        self.followers: dict[str, str] = {}
+        self._source: NDArray[np.int64] = np.arange(len(movable))
+        self._factor, self._offset = np.ones(len(movable)), np.zeros(len(movable))
+        for row, (arm, joint) in enumerate(movable):
+            source, factor, offset = _independent(scene.arms[arm].robot, joint)
+            if source is not joint:
+                self.followers[self.names[row]] = f"{arm}/{source.name}"
+            self._source[row] = self.index[f"{arm}/{source.name}"]
+            self._factor[row], self._offset[row] = factor, offset
+
+    def follow(self, values: Array, *, rates: bool = False) -> Array:
+        """Values of all joints, mimicking ones computed from those that they follow.
+
+        Args:
+            values: Positions of all joints, or their rates, shape (..., n).
+            rates: Whether they are rates, to which offsets do not apply.
+        """
+        followed = values[..., self._source] * self._factor
+        return np.asarray(followed if rates else followed + self._offset)
+
+    def follow_all(self, rows: Array) -> Array:
+        """The same for positions, velocities, accelerations and efforts at once, shape (4, n)."""
+        followed = rows[:, self._source] * self._factor
+        followed[0] += self._offset
+        followed[3] = rows[3]
+        return np.asarray(followed)
+
+    def expand(self, q: Array) -> Array:
+        """Positions of all joints while the planning joints of all arms are at q (nq,); locked ones stay locked."""
+        split = self._scene.split(q)
+        values = {name: arm.robot.joint_values(split[name]) for name, arm in self._scene.arms.items()}
+        return np.array([values[arm][joint] for arm, joint in (name.split("/", 1) for name in self.names)])
+
+
+def _independent(robot: Robot, joint: Joint) -> tuple[Joint, float, float]:
+    """The joint that a joint follows through a chain of mimics, with factor and offset; itself if it follows none."""
+    factor, offset = 1.0, 0.0
+    while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.locked_joints:
+        offset += factor * joint.mimic.offset
+        factor *= joint.mimic.multiplier
+        joint = robot.joint(joint.mimic.joint)
+    return joint, factor, offset
+
+
+class JointTargets:
+    """Where every movable joint of a scene has to be: planned, locked, mimicking and resting ones.
+
+    Args:
+        trajectory: The motion of some arms.
+        scene: The scene.
+
+    Raises:
+        UnknownNameError: a column of the trajectory is no joint of the scene.
+        InputError: only some joints of an arm have columns.
+    """
+
+    def __init__(self, trajectory: Trajectory, scene: Scene) -> None:
+        known = scene.joint_names()
+        for name in trajectory.joint_names:
+            if name not in known:
+                raise UnknownNameError("joint", name, known)
+        missing = [n for n in scene.joint_names(trajectory.arms) if n not in trajectory.joint_names]
+        if missing:
+            raise InputError(f"the trajectory moves {', '.join(trajectory.arms)} but has no column for {missing[0]!r}")
+        self.trajectory = trajectory
+        self.scene = scene
+        self._map = JointMap(scene)
+        self.names = self._map.names
+        self._rest = self._map.expand(scene.configuration())
+        self._columns = np.array([self._map.index[name] for name in trajectory.joint_names], dtype=np.int64)
+
+    def __call__(self, times: Array, derivative: int = 0) -> Array:
+        """Positions (or rates) of all movable joints at `times`, shape (n, joints)."""
+        values = np.zeros((len(times), len(self.names)))
+        if derivative == 0:
+            values[:] = self._rest
+        values[:, self._columns] = self.trajectory(times, derivative)
+        return self._map.follow(values, rates=derivative > 0)

@@ -1,0 +1,215 @@
+"""Replay of a trajectory in MuJoCo.
+
+Dynamic: a `Simulation` whose servos follow the trajectory; what comes out is what a well-tuned arm would do.
+Kinematic: the arms are put where the trajectory says, and MuJoCo says what touches.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import mujoco
+import numpy as np
+
+from rr1plan.checks import Array, check_callback, finite_number, known_name, of_kind, positive_number
+from rr1plan.errors import InputError
+from rr1plan.playback.simulation.contact_log import ContactLog
+from rr1plan.playback.simulation.controllers import Controller, JointState, SetPoint
+from rr1plan.playback.simulation.joint_map import JointTargets
+from rr1plan.playback.simulation.mujoco_model import build_mujoco
+from rr1plan.playback.simulation.replay import Replay, ReplayContact
+from rr1plan.playback.simulation.simulation import Simulation
+from rr1plan.progress import ProgressCallback, fraction_callback
+from rr1plan.robot.mujoco_warnings import mujoco_warnings
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+# More steps than this take hours and more memory than there is.
+_MOST_STEPS = 5_000_000
+# A joint that moves more than this in one step is not tracked well [rad or m].
+_LONG_STRIDE = 0.05
+# Time between two reports of progress [s].
+_REPORT_EVERY = 0.1
+Mode = Literal["dynamic", "kinematic"]
+
+
+def simulate(
+    trajectory: Trajectory,
+    scene: Scene,
+    *,
+    mode: Mode = "dynamic",
+    dt: float = 0.002,
+    record_dt: float = 0.01,
+    stiffness: float = 80.0,
+    hold: float = 0.0,
+    progress: ProgressCallback | None = None,
+) -> Replay:
+    """Replay a trajectory in MuJoCo, the whole scene at once.
+
+    Joint damping and friction of the description are left out: they belong to a drive, whose
+    controller compensates them. Position limits are the referee's to check.
+
+    Args:
+        trajectory: The motion; arms without columns hold their configuration of the scene.
+        scene: The scene it was planned in.
+        mode: "dynamic" or "kinematic".
+        dt: Time of a step [s].
+        record_dt: Time between recorded positions [s].
+        stiffness: Natural frequency of the joint servos [rad/s].
+        hold: How long to go on after the end, the set-points resting there [s].
+        progress: Called about ten times a second; False cancels.
+
+    Returns:
+        Tracking error, contacts, effort and speed; true where the arms followed the motion without contact.
+
+    Raises:
+        InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know.
+        BackendError: MuJoCo does not take the scene, or its simulation became unstable.
+        CancelledError: `progress` returned False.
+    """
+    known_name("replay mode", mode, ("dynamic", "kinematic"))
+    check_callback("progress", progress)
+    dt = positive_number("dt", dt)
+    record_dt = positive_number("record_dt", record_dt)
+    hold = finite_number("hold", hold)
+    if hold < 0.0:
+        raise InputError(f"hold is {hold}, expected a time >= 0")
+    of_kind("trajectory", trajectory, Trajectory)
+    of_kind("scene", scene, Scene)
+    targets = JointTargets(trajectory, scene)
+    if trajectory.duration + hold > _MOST_STEPS * dt:
+        raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
+    steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
+    times = trajectory.start_time + dt * np.arange(steps + 1, dtype=np.float64)
+    desired = targets(times)
+    report = _reporter(fraction_callback("simulate", progress), steps)
+    if mode == "dynamic":
+        seen = _dynamic(targets, times, desired, dt, stiffness, report)
+    else:
+        seen = _kinematic(scene, times, desired, dt, report)
+    columns = np.array([targets.names.index(name) for name in trajectory.joint_names], dtype=np.int64)
+    error = (seen.actual - desired)[:, columns]
+    stride = max(1, round(min(record_dt / dt, len(times))))
+    kept = np.unique(np.append(np.arange(0, len(times), stride), len(times) - 1))
+    return Replay(
+        mode=mode,
+        joint_names=trajectory.joint_names,
+        times=times[kept],
+        desired=desired[np.ix_(kept, columns)],
+        actual=seen.actual[np.ix_(kept, columns)],
+        max_error=np.abs(error).max(axis=0),
+        rms_error=np.sqrt((error**2).mean(axis=0)),
+        peak_effort=seen.effort[columns],
+        contacts=seen.contacts,
+        steps=steps,
+        timestep=dt,
+        wall_seconds=seen.wall,
+        settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness},
+        remarks=seen.remarks,
+    )
+
+
+class _Seen(NamedTuple):
+    """What a replay saw: positions of all joints at all times, shares of effort limits, contacts."""
+
+    actual: Array
+    effort: Array
+    contacts: tuple[ReplayContact, ...]
+    remarks: tuple[str, ...]
+    wall: float
+
+
+class _Follow(Controller):
+    """Follows a trajectory from the first step on, also beyond limits, which are the referee's to check."""
+
+    def __init__(self, trajectory: Trajectory, times: Array) -> None:
+        super().__init__(trajectory.joint_names)
+        self._rates = [trajectory(times, derivative) for derivative in range(3)]
+
+    def update(self, state: JointState) -> SetPoint:
+        k = round(state.time / self.joints.dt)
+        return SetPoint(*(rates[k] for rates in self._rates))
+
+
+def _dynamic(
+    targets: JointTargets,
+    times: Array,
+    desired: Array,
+    dt: float,
+    stiffness: float,
+    report: Callable[[int], None],
+) -> _Seen:
+    """Servos move the arms."""
+    sim = Simulation(targets.scene, dt, stiffness=stiffness)
+    sim.place(targets.names, desired[0], targets(times[:1], 1)[0])
+    actual, effort = desired.copy(), np.zeros(len(targets.names))
+    if targets.trajectory.joint_names:
+        sim.activate(_Follow(targets.trajectory, times))
+
+    def record(sim: Simulation) -> None:
+        actual[sim.steps] = sim.positions
+        np.maximum(effort, np.abs(sim.efforts), out=effort)
+        report(sim.steps)
+
+    sim.on_step(record)
+    began = time.perf_counter()
+    sim.step(len(times) - 1)
+    wall = time.perf_counter() - began
+    begin = float(times[0])
+    contacts = tuple(replace(c, first=begin + c.first, last=begin + c.last) for c in sim.contacts)
+    remarks = (*_remarks(targets.scene, sim, desired), *(f"MuJoCo: {text}" for text in sim.warnings))
+    return _Seen(actual, effort / sim.effort_limits, contacts, remarks, wall)
+
+
+def _kinematic(scene: Scene, times: Array, desired: Array, dt: float, report: Callable[[int], None]) -> _Seen:
+    """Arms are put where they should be, and MuJoCo says what touches."""
+    contacts = ContactLog(1.5 * dt)
+    with mujoco_warnings() as warnings:
+        world = build_mujoco(scene, timestep=dt)
+        model, data = world.model, mujoco.MjData(world.model)
+        began = time.perf_counter()
+        for k, q in enumerate(desired):
+            data.qpos[:] = q
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_collision(model, data)
+            if data.ncon:
+                contacts.add(data, world.geom_elements, float(times[k]))
+            report(k)
+        wall = time.perf_counter() - began
+    remarks = tuple(f"MuJoCo: {text}" for text in warnings)
+    return _Seen(desired, np.zeros(desired.shape[1]), contacts.intervals(), remarks, wall)
+
+
+def _reporter(progress: Callable[[float], None] | None, steps: int) -> Callable[[int], None]:
+    """Reports the fraction of the steps, about ten times a second."""
+    last = 0.0
+
+    def report(k: int) -> None:
+        nonlocal last
+        if progress is None or k % 16:
+            return
+        now = time.monotonic()
+        if now - last > _REPORT_EVERY:
+            last = now
+            progress(k / steps)
+
+    return report
+
+
+def _remarks(scene: Scene, sim: Simulation, desired: Array) -> tuple[str, ...]:
+    """What the description or the step lacks for the physics, in words."""
+    arms = scene.arms.items()
+    massless = [name for tile in sim.tiles for name in tile.world.massless_joints]
+    links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]
+    found = []
+    if links:
+        found.append(f"masses estimated from shapes: {', '.join(links)}")
+    if massless:
+        found.append(f"joints that carry no mass: {', '.join(massless)}")
+    stride = float(np.abs(np.diff(desired, axis=0)).max(initial=0.0))
+    if stride > _LONG_STRIDE:
+        found.append(f"joints move up to {stride:.2g} rad in a step, which costs accuracy: take a smaller time step")
+    return tuple(found)

@@ -1,0 +1,258 @@
+"""Execution of trajectories: a joint trajectory controller with tolerances, preemption and a terminal result."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rr1plan.checks import Array, counted, finite_number, of_kind, shown
+from rr1plan.errors import InputError
+from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
+from rr1plan.trajectory import Trajectory
+
+# Number of updates whose set-points are evaluated at once.
+_BLOCK = 64
+
+
+class ExecutionStatus(enum.Enum):
+    """How the execution of a trajectory stands."""
+
+    WAITING = "waiting"
+    ACTIVE = "active"
+    SUCCEEDED = "succeeded"
+    PREEMPTED = "preempted"
+    CANCELED = "canceled"
+    PATH_TOLERANCE_VIOLATED = "path tolerance violated"
+    GOAL_TOLERANCE_VIOLATED = "goal tolerance violated"
+
+    @property
+    def terminal(self) -> bool:
+        """Whether the execution has ended."""
+        return self not in (ExecutionStatus.WAITING, ExecutionStatus.ACTIVE)
+
+
+# Those of `control_msgs/FollowJointTrajectory`, where there is one.
+_CODES = {
+    ExecutionStatus.SUCCEEDED: 0,
+    ExecutionStatus.PATH_TOLERANCE_VIOLATED: -4,
+    ExecutionStatus.GOAL_TOLERANCE_VIOLATED: -5,
+}
+
+
+@dataclass(eq=False)
+class Execution:
+    """One trajectory on its way through a `JointTrajectoryController`.
+
+    Args:
+        trajectory: The trajectory.
+        start: When its beginning is due [s, simulated].
+        status: How it stands.
+        message: Why it ended without success.
+        ended: When it ended [s, simulated]; nan before.
+        max_error: Largest tracking error of each joint so far [rad or m], shape (n,), columns of the trajectory.
+    """
+
+    trajectory: Trajectory
+    start: float
+    status: ExecutionStatus = ExecutionStatus.WAITING
+    message: str = ""
+    ended: float = math.nan
+    max_error: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def code(self) -> int | None:
+        """The error code of `control_msgs/FollowJointTrajectory`; None while it runs, or where that has none."""
+        return _CODES.get(self.status)
+
+    def __bool__(self) -> bool:
+        """It succeeded."""
+        return self.status is ExecutionStatus.SUCCEEDED
+
+    def __repr__(self) -> str:
+        return f"Execution({self.status.value}{f': {self.message}' if self.message else ''})"
+
+
+class JointTrajectoryController(Controller):
+    """Follows trajectories, as `joint_trajectory_controller` does.
+
+    What `Trajectory.from_samples` makes of points is interpolated linearly, cubically or quintically, by what they
+    carry. Between trajectories the controller holds its last set-point. A trajectory that leaves a tolerance is
+    aborted, and the controller holds the position at which that happened.
+
+    Args:
+        joint_names: The joints to claim, "arm/joint".
+        start_tolerance: How far the set-points may be from the beginning of a trajectory [rad or m].
+        path_tolerance: Largest tracking error on the way [rad or m]; inf: any.
+        goal_tolerance: Largest tracking error at the goal [rad or m]; inf: any.
+        goal_time: How long the joints may take to reach the goal tolerance after the end [s].
+    """
+
+    _active: Execution | None
+    _queued: Execution | None
+    # Set-points of the updates from a time on, shape (3, _BLOCK, n).
+    _block: Array
+    _block_start: float
+
+    def __init__(
+        self,
+        joint_names: Sequence[str],
+        *,
+        start_tolerance: float = 0.01,
+        path_tolerance: float = math.inf,
+        goal_tolerance: float = 0.01,
+        goal_time: float = 1.0,
+    ) -> None:
+        super().__init__(joint_names)
+        tolerances = {"start_tolerance": start_tolerance, "path_tolerance": path_tolerance}
+        tolerances |= {"goal_tolerance": goal_tolerance, "goal_time": goal_time}
+        for name, value in tolerances.items():
+            if not isinstance(value, int | float) or isinstance(value, bool) or not value >= 0.0:
+                raise InputError(f"{name} is {shown(value)}, expected a number >= 0")
+        self.start_tolerance, self.path_tolerance = start_tolerance, path_tolerance
+        self.goal_tolerance, self.goal_time = goal_tolerance, goal_time
+        self._active = self._queued = None
+
+    def activate(self, joints: JointInfo, state: JointState) -> None:
+        """Hold the present positions, and cancel what is on its way."""
+        super().activate(joints, state)
+        for execution in (self._active, self._queued):
+            if execution is not None:
+                _end(execution, ExecutionStatus.CANCELED, state.time, "the controller was activated again")
+        self._active = self._queued = None
+        self._now = state.time
+        self._hold = SetPoint(state.positions.copy())
+        self._last = self._hold
+        self._block_start = -math.inf
+
+    def send(self, trajectory: Trajectory, *, at: float | None = None) -> Execution:
+        """Execute a trajectory; one that is on its way is preempted when the new one begins.
+
+        Args:
+            trajectory: The motion, of the joints of this controller in any order. Its first time counts as the start.
+            at: When to begin [s, simulated] (default: at the next update).
+
+        Returns:
+            How it goes, updated while the simulation runs.
+
+        Raises:
+            InputError: other joints, beyond limits, a time that has passed, a controller that is not active, or a
+                beginning farther from the set-points than `start_tolerance`.
+        """
+        of_kind("trajectory", trajectory, Trajectory)
+        if not hasattr(self, "joints"):
+            raise InputError("the controller is not active; activate it in a simulation first")
+        if set(trajectory.joint_names) != set(self.joint_names):
+            odd = sorted(set(trajectory.joint_names) ^ set(self.joint_names))
+            whose = "the trajectory" if odd[0] in trajectory.joint_names else "the controller"
+            raise InputError(f"trajectory and controller have different joints: only {whose} has {odd[0]!r}")
+        start = self._now if at is None else finite_number("at", at)
+        if start < self._now:
+            raise InputError(f"at is {start:g} s, which has passed: it is {self._now:g} s")
+        columns = [trajectory.joint_names.index(name) for name in self.joint_names]
+        times = trajectory.sample_times(max(self.joints.dt, trajectory.duration / 1e6))
+        for block in range(0, len(times), 4096):
+            self.check_positions(trajectory(times[block : block + 4096])[:, columns])
+        if at is None:
+            self._check_start(trajectory, columns)
+        execution = Execution(trajectory, start, max_error=np.zeros(len(columns)))
+        if self._queued is not None:
+            _end(self._queued, ExecutionStatus.PREEMPTED, self._now, "a newer trajectory was sent")
+        self._queued = execution
+        return execution
+
+    def cancel(self) -> None:
+        """Stop the trajectory that is on its way, and hold the position of the next update."""
+        for execution in (self._active, self._queued):
+            if execution is not None:
+                _end(execution, ExecutionStatus.CANCELED, self._now, "by its caller")
+        self._queued = None
+
+    def update(self, state: JointState) -> SetPoint:
+        """The point of the trajectory for this time, or the position to hold."""
+        self._now = state.time
+        if self._queued is not None and state.time >= self._queued.start - 0.5 * self.joints.dt:
+            self._begin(self._queued)
+        execution = self._active
+        if execution is None:
+            return self._hold
+        if execution.status.terminal:
+            return self._stop(state)
+        since = state.time - execution.start
+        point = self._set_point(since)
+        error = np.abs(state.positions - point.positions)
+        np.maximum(execution.max_error, error[self._back], out=execution.max_error)
+        if (error > self.path_tolerance).any():
+            message = self._worst(error, self.path_tolerance)
+            _end(execution, ExecutionStatus.PATH_TOLERANCE_VIOLATED, state.time, message)
+            return self._stop(state)
+        if since >= execution.trajectory.duration - 1e-9:
+            self._check_goal(execution, point.positions, error, since)
+        if self._active is None:
+            return self._hold
+        self._last = point
+        return point
+
+    def _begin(self, execution: Execution) -> None:
+        """Replace the active trajectory."""
+        columns = [execution.trajectory.joint_names.index(name) for name in self.joint_names]
+        if self._active is not None and not self._active.status.terminal:
+            _end(self._active, ExecutionStatus.PREEMPTED, self._now, "a newer trajectory began")
+        self._queued = None
+        self._active = execution
+        # Its time begins with the update, so that its first set-point is its beginning.
+        execution.start = self._now
+        execution.status = ExecutionStatus.ACTIVE
+        self._columns = columns
+        self._back = [self.joint_names.index(name) for name in execution.trajectory.joint_names]
+        self._block_start = -math.inf
+
+    def _check_start(self, trajectory: Trajectory, columns: list[int]) -> None:
+        gap = np.abs(trajectory(trajectory.start_time)[columns] - self._last.positions)
+        if (gap > self.start_tolerance).any():
+            raise InputError(
+                f"the trajectory begins elsewhere: {self._worst(gap, self.start_tolerance)}; "
+                "put the joints there first (Simulation.place), or raise start_tolerance"
+            )
+
+    def _check_goal(self, execution: Execution, goal: Array, error: Array, since: float) -> None:
+        """End an execution whose joints are at the goal, or should be by now."""
+        over = since - execution.trajectory.duration
+        if (error <= self.goal_tolerance).all():
+            _end(execution, ExecutionStatus.SUCCEEDED, self._now, "")
+        elif over > self.goal_time + 1e-9:
+            message = f"{over:.3g} s after the end {self._worst(error, self.goal_tolerance)}"
+            _end(execution, ExecutionStatus.GOAL_TOLERANCE_VIOLATED, self._now, message)
+        if execution.status.terminal:
+            self._active = None
+            self._last = self._hold = SetPoint(goal.copy())
+
+    def _stop(self, state: JointState) -> SetPoint:
+        """Hold the present position."""
+        self._active = None
+        self._last = self._hold = SetPoint(state.positions.copy())
+        return self._hold
+
+    def _set_point(self, since: float) -> SetPoint:
+        """Position, velocity and acceleration, from a block of updates that is evaluated at once."""
+        k = round((since - self._block_start) / self.joints.dt) if math.isfinite(self._block_start) else _BLOCK
+        if k >= _BLOCK:
+            assert self._active is not None
+            trajectory = self._active.trajectory
+            times = trajectory.start_time + since + self.joints.dt * np.arange(_BLOCK)
+            self._block = np.array([trajectory(times, derivative)[:, self._columns] for derivative in range(3)])
+            self._block_start, k = since, 0
+        return SetPoint(*self._block[:, k])
+
+    def _worst(self, error: Array, tolerance: float) -> str:
+        i = int(np.argmax(error))
+        many = counted(int((error > tolerance).sum()), "joint")
+        return f"{many} off, {self.joint_names[i]!r} by {error[i]:.3g} (tolerance {tolerance:g})"
+
+
+def _end(execution: Execution, status: ExecutionStatus, time: float, message: str) -> None:
+    if not execution.status.terminal:
+        execution.status, execution.ended, execution.message = status, time, message

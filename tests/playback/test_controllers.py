@@ -1,0 +1,409 @@
+"""The simulation and its controllers: one clock, exact repeats, the meaning of ros2_control, named errors."""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.transforms import pose
+
+ARM = [f"rr1/{name}" for name in rp.load_robot("rr1").joint_names]
+
+
+class Sway(rp.Controller):
+    """A user's own controller: one method."""
+
+    def update(self, state: rp.JointState) -> rp.SetPoint:
+        return rp.SetPoint(np.full(len(self.joints.names), 0.05 * math.sin(3.0 * state.time)))
+
+
+def motion(scene: rp.Scene, names: list[str], seconds: float = 0.6, by: float = 0.2) -> rp.Trajectory:
+    """From the scene's configuration by some angle, quintic, at rest at both ends."""
+    q = scene.configuration()
+    start = np.array([q[scene.joint_names().index(name)] for name in names])
+    still = np.zeros((2, len(names)))
+    return rp.Trajectory.from_samples(names, [0.0, seconds], [start, start + by], still, still)
+
+
+@pytest.fixture
+def scene() -> rp.Scene:
+    return rp.load_scene("rr1_table")
+
+
+def made(kind: str, scene: rp.Scene) -> tuple[rp.Controller, Callable[[], object]]:
+    """A controller, and a call that gives it something to do once it is active."""
+    if kind == "own":
+        return Sway(ARM), lambda: None
+    if kind == "trajectory":
+        follow = rp.JointTrajectoryController(ARM)
+        return follow, lambda: follow.send(motion(scene, ARM))
+    if kind == "position":
+        step = rp.ForwardPositionController(ARM)
+        return step, lambda: step.command(scene.configuration() + 0.02)
+    if kind == "velocity":
+        drift = rp.ForwardVelocityController(ARM)
+        return drift, lambda: drift.command(np.full(len(ARM), 0.1))
+    grip = rp.GripperController(["rr1/finger_joint"])
+    return grip, lambda: grip.command([0.02])
+
+
+KINDS = ("own", "trajectory", "position", "velocity", "gripper")
+
+
+# ---- the contract of every controller --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_runs_repeat_to_the_bit_also_after_a_reset(kind: str, scene: rp.Scene) -> None:
+    def run(sim: rp.Simulation) -> list[bytes]:
+        states: list[bytes] = []
+        end = sim.on_step(lambda s: states.append(s.positions.tobytes() + s.efforts.tobytes()))
+        begin()
+        sim.step(200)
+        end()
+        return states
+
+    controller, begin = made(kind, scene)
+    sim = rp.Simulation(scene)
+    sim.activate(controller)
+    first = run(sim)
+    sim.reset()
+    assert sim.time == 0.0
+    assert run(sim) == first
+    controller, begin = made(kind, scene)
+    other = rp.Simulation(scene)
+    other.activate(controller)
+    assert run(other) == first
+    assert len(set(first)) > 100  # something moves
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_controllers_hold_until_commanded_and_leave_other_joints_alone(kind: str, scene: rp.Scene) -> None:
+    controller, begin = made(kind, scene)
+    sim = rp.Simulation(scene)
+    sim.activate(controller)
+    before = sim.positions
+    if kind != "own":
+        sim.step(100)
+        np.testing.assert_allclose(sim.positions, before, atol=1e-4)
+    begin()
+    sim.step(150)
+    others = [i for i, name in enumerate(sim.joint_names) if name not in controller.joint_names]
+    others = [i for i in others if "finger" not in sim.joint_names[i]]
+    np.testing.assert_allclose(sim.positions[others], before[others], atol=1e-3)
+    claimed = [sim.joint_names.index(name) for name in controller.joint_names]
+    assert np.abs(sim.positions[claimed] - before[claimed]).max() > 1e-3
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_joints_are_claimed_by_one_controller_at_a_time(kind: str, scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    controller, _ = made(kind, scene)
+    sim.activate(controller)
+    rival = Sway(controller.joint_names[:1])
+    with pytest.raises(rp.InputError, match=f"{controller.joint_names[0]}.*{type(controller).__name__}.*replace=True"):
+        sim.activate(rival)
+    sim.activate(rival, replace=True)
+    assert sim.controllers == (rival,)
+    sim.deactivate(rival)
+    with pytest.raises(rp.InputError, match="not active"):
+        sim.deactivate(rival)
+    held = sim.set_points
+    sim.step(5)
+    np.testing.assert_array_equal(sim.set_points, held)
+
+
+# ---- the trajectory controller ------------------------------------------------------------------------
+
+
+def test_a_trajectory_is_followed_and_its_execution_succeeds(scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    follow = rp.JointTrajectoryController(ARM)
+    sim.activate(follow)
+    trajectory = motion(scene, ARM)
+    shuffled = rp.Trajectory(trajectory.joint_names[::-1], trajectory.breaks, trajectory.coefficients[:, :, ::-1])
+    execution = follow.send(shuffled)
+    sim.run(duration=0.3)
+    assert execution.status is rp.ExecutionStatus.ACTIVE
+    assert execution.code is None
+    assert not execution
+    np.testing.assert_allclose(sim.configuration(), trajectory(0.3), atol=1e-3)
+    sim.run(until=0.7)
+    assert execution
+    assert execution.code == 0
+    assert execution.ended == pytest.approx(0.6, abs=0.003)
+    assert 0.0 < execution.max_error.max() < 1e-3
+    np.testing.assert_allclose(sim.configuration(), trajectory(0.6), atol=1e-4)
+
+
+def test_simulate_is_the_same_motion(scene: rp.Scene) -> None:
+    trajectory = motion(scene, ARM)
+    replay = rp.simulate(trajectory, scene, record_dt=0.002)
+    sim = rp.Simulation(scene)
+    follow = rp.JointTrajectoryController(ARM)
+    sim.activate(follow)
+    follow.send(trajectory)
+    rows = [sim.configuration()]
+    sim.on_step(lambda s: rows.append(s.configuration()))
+    sim.step(replay.steps)
+    np.testing.assert_allclose(np.array(rows), replay.actual, atol=1e-9)
+
+
+def test_points_are_interpolated_by_what_they_carry(scene: rp.Scene) -> None:
+    q = scene.configuration()
+    still, times = np.zeros((2, len(q))), [0.0, 0.4]
+    middle = {"linear": (), "cubic": (still,), "quintic": (still, still)}
+    for rates in middle.values():
+        sim = rp.Simulation(scene)
+        follow = rp.JointTrajectoryController(ARM)
+        sim.activate(follow)
+        follow.send(rp.Trajectory.from_samples(ARM, times, [q, q + 0.1], *rates))
+        sim.run(until=0.102)
+        u = 0.25
+        part = {0: u, 1: 3 * u**2 - 2 * u**3, 2: 10 * u**3 - 15 * u**4 + 6 * u**5}[len(rates)]
+        columns = [sim.joint_names.index(name) for name in ARM]
+        np.testing.assert_allclose(sim.set_points[columns], q + 0.1 * part, atol=1e-9)
+
+
+def test_a_newer_trajectory_preempts_at_its_time(scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    follow = rp.JointTrajectoryController(ARM, start_tolerance=1.0)
+    sim.activate(follow)
+    first = follow.send(motion(scene, ARM))
+    second = follow.send(motion(scene, ARM, by=-0.1), at=0.2)
+    assert second.status is rp.ExecutionStatus.WAITING
+    assert first.status is rp.ExecutionStatus.PREEMPTED  # both would begin, the newer one replaces it
+    sim.run(until=0.1)
+    assert second.status is rp.ExecutionStatus.WAITING
+    third = follow.send(motion(scene, ARM, by=0.05))
+    assert second.status is rp.ExecutionStatus.PREEMPTED
+    sim.run(until=1.0)
+    assert third
+    assert third.start == pytest.approx(0.1)
+
+
+def test_an_execution_can_be_canceled_and_the_arm_holds(scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    follow = rp.JointTrajectoryController(ARM)
+    sim.activate(follow)
+    execution = follow.send(motion(scene, ARM))
+    sim.run(until=0.3)
+    follow.cancel()
+    sim.run(until=0.302)
+    held = sim.configuration()
+    sim.run(until=1.0)
+    assert execution.status is rp.ExecutionStatus.CANCELED
+    np.testing.assert_allclose(sim.configuration(), held, atol=0.02)
+    np.testing.assert_allclose(sim.velocities, 0.0, atol=1e-4)
+
+
+def test_tolerances_end_an_execution_with_the_codes_of_ros(scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    tight = rp.JointTrajectoryController(ARM, path_tolerance=1e-7)
+    sim.activate(tight)
+    execution = tight.send(motion(scene, ARM))
+    sim.run(until=0.8)
+    assert execution.status is rp.ExecutionStatus.PATH_TOLERANCE_VIOLATED
+    assert execution.code == -4
+    assert "rr1/" in execution.message
+    assert execution.ended < 0.6
+
+    pushed = rp.Simulation(scene)
+    late = rp.JointTrajectoryController(ARM, goal_tolerance=1e-3, goal_time=0.1)
+    pushed.activate(late)
+    execution = late.send(motion(scene, ARM))
+    body = pushed.model.body("rr1/hand_link").id
+    pushed.data.xfrc_applied[body, 2] = -20.0  # a load that the feed-forward does not know
+    pushed.run(until=1.0)
+    assert execution.status is rp.ExecutionStatus.GOAL_TOLERANCE_VIOLATED
+    assert execution.code == -5
+    assert execution.ended == pytest.approx(0.7, abs=0.01)
+
+
+def test_trajectories_that_do_not_fit_are_refused_by_name(scene: rp.Scene) -> None:
+    follow = rp.JointTrajectoryController(ARM)
+    with pytest.raises(rp.InputError, match="not active"):
+        follow.send(motion(scene, ARM))
+    sim = rp.Simulation(scene)
+    sim.activate(follow)
+    with pytest.raises(rp.InputError, match=ARM[0]):
+        follow.send(motion(scene, ARM[1:]))
+    with pytest.raises(rp.InputError, match=r"joint .rr1/.*beyond its limits"):
+        follow.send(motion(scene, ARM, by=30.0))
+    elsewhere = motion(scene.with_configuration("rr1", scene.configuration() + 0.05), ARM)
+    with pytest.raises(rp.InputError, match=r"begins elsewhere: 6 joints off.*start_tolerance"):
+        follow.send(elsewhere)
+    sim.step(10)
+    with pytest.raises(rp.InputError, match="which has passed"):
+        follow.send(motion(scene, ARM), at=0.0)
+    with pytest.raises(rp.InputError, match="goal_time"):
+        rp.JointTrajectoryController(ARM, goal_time=math.nan)
+
+
+# ---- other controllers --------------------------------------------------------------------------------
+
+
+def test_velocities_stop_at_the_limits(scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    drift = rp.ForwardVelocityController(ARM[1:2])
+    sim.activate(drift)
+    upper = scene.limits().upper[1]
+    drift.command([1.0])
+    sim.run(until=5.0)
+    assert sim.state(ARM[1:2]).positions[0] == pytest.approx(upper, abs=1e-3)
+    with pytest.raises(rp.InputError, match="above its limit"):
+        drift.command([1000.0])
+
+
+def test_a_gripper_arrives_or_stalls(scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    grip = rp.GripperController(["rr1/finger_joint"], speed=0.5)
+    sim.activate(grip)
+    target = 0.5 * sum(_limits(scene, "finger_joint"))
+    grip.command([target])
+    assert grip.status is rp.GripperStatus.MOVING
+    sim.run(duration=2.0)
+    assert grip.status is rp.GripperStatus.ARRIVED
+    with pytest.raises(rp.InputError, match="mimics 'rr1/finger_joint'"):
+        sim.activate(rp.GripperController(["rr1/opposite_finger_joint"]))
+
+
+def _limits(scene: rp.Scene, joint: str) -> tuple[float, float]:
+    found = scene.arms["rr1"].robot.joint(joint)
+    return found.lower, found.upper
+
+
+def test_states_are_broadcast_at_a_rate(scene: rp.Scene, tmp_path: Path) -> None:
+    sim = rp.Simulation(scene)
+    seen: list[float] = []
+    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    receiver.bind(("127.0.0.1", 0))
+    receiver.settimeout(5.0)
+    file = tmp_path / "states.jsonl"
+    targets = (lambda state: seen.append(state.time)), file, receiver.getsockname()
+    casters = [rp.JointStateBroadcaster(ARM, to, rate=50.0) for to in targets]
+    for caster in casters:
+        caster.attach(sim)
+    sim.run(until=0.2)
+    for caster in casters:
+        caster.close()
+    sim.run(until=0.4)
+    assert np.allclose(np.diff(seen), 0.02, atol=0.0021)
+    assert len(seen) == 10
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    assert [line["time"] for line in lines] == pytest.approx(seen)
+    assert lines[0]["name"] == ARM
+    assert json.loads(receiver.recv(65536)) == lines[0]
+    receiver.close()
+
+
+# ---- the simulation -----------------------------------------------------------------------------------
+
+
+def test_arms_that_cannot_meet_have_models_of_their_own_and_threads_change_nothing() -> None:
+    robot = rp.load_robot("rr1")
+    arms = {f"a{i}": rp.Arm(robot, pose([5.0 * i, 0.0, 0.0])) for i in range(45)}
+    scene = rp.Scene(arms=arms).with_obstacle("floor", rp.HalfSpace((0.0, 0.0, 1.0), -0.02))
+    names = list(scene.joint_names())
+    runs = []
+    for threads in (1, 3):
+        sim = rp.Simulation(scene, threads=threads)
+        assert len(sim.tiles) == 3
+        with pytest.raises(rp.InputError, match="3 MuJoCo models"):
+            _ = sim.model
+        follow = rp.JointTrajectoryController(names)
+        sim.activate(follow)
+        follow.send(motion(scene, names, 0.2, 0.05))
+        sim.step(50)
+        runs.append(sim.positions)
+        # One clock: every arm does exactly the same.
+        each = sim.configuration().reshape(45, -1)
+        np.testing.assert_allclose(each, np.broadcast_to(each[0], each.shape), atol=1e-12)
+    np.testing.assert_array_equal(*runs)
+
+
+def test_contacts_are_named_with_their_time(scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    assert sim.contacts == ()
+    low = sim.data.qpos.copy()
+    drop = rp.ForwardPositionController(ARM)
+    sim.activate(drop)
+    limits = scene.limits()
+    rng = np.random.default_rng(0)
+    checker = rp.CollisionChecker(scene)
+    samples = (rng.uniform(limits.lower, limits.upper) for _ in range(1000))
+    blocked = next(q for q in samples if not checker.is_free(q) and all("/" not in c.b for c in checker.contacts(q)))
+    sim.place(ARM, blocked)
+    pairs = {frozenset((c.a, c.b)) for c in checker.contacts(blocked)}
+    assert {frozenset(c.pair) for c in sim.contacts} == pairs
+    assert all(c.first == 0.0 for c in sim.contacts)
+    assert not np.allclose(sim.data.qpos, low)
+
+
+def test_a_run_can_be_paused_and_paced(scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    stop = sim.on_step(lambda s: s.steps < 10)
+    assert sim.run(until=1.0) is False
+    assert sim.steps == 10
+    stop()
+    began = time.perf_counter()
+    assert sim.run(duration=0.1, speed=1.0)
+    assert time.perf_counter() - began > 0.09
+    threading.Timer(0.05, sim.pause).start()
+    assert sim.run(until=1000.0, speed=1.0) is False
+    with pytest.raises(rp.InputError, match="it cannot run to 0 s; reset it first"):
+        sim.run(until=0.0)
+    with pytest.raises(rp.InputError, match="either until or duration"):
+        sim.run()
+
+
+def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> None:
+    class Raises(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            raise ZeroDivisionError("no gain")
+
+    class Nothing(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            return None  # type: ignore[return-value]
+
+    class NotFinite(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            return rp.SetPoint(state.positions, np.full(len(state.positions), np.nan))
+
+    class TooFew(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            return rp.SetPoint(state.positions[:-1])
+
+    messages = {Raises: "Raises raised ZeroDivisionError at 0.000 s: no gain", Nothing: "returned a NoneType"}
+    messages |= {NotFinite: "velocities that are not finite", TooFew: r"positions of shape \(5,\).*expected \(6,\)"}
+    for kind, message in messages.items():
+        sim = rp.Simulation(scene)
+        sim.activate(kind(ARM))
+        with pytest.raises(rp.ControllerError, match=message):
+            sim.step()
+        assert sim.steps == 0
+        np.testing.assert_array_equal(sim.configuration(), scene.configuration())
+
+
+def test_bad_arguments_are_refused(scene: rp.Scene) -> None:
+    for arguments in ({"dt": 0.0}, {"dt": math.nan}, {"threads": 0}, {"stiffness": -1.0}):
+        with pytest.raises(rp.InputError, match=next(iter(arguments))):
+            rp.Simulation(scene, **arguments)
+    sim = rp.Simulation(scene)
+    with pytest.raises(rp.UnknownNameError, match="rr1/elbow"):
+        sim.activate(Sway(["rr1/elbow"]))
+    with pytest.raises(rp.InputError, match="controller"):
+        sim.activate(object())  # type: ignore[arg-type]
+    with pytest.raises(rp.InputError, match="speed"):
+        sim.run(duration=1.0, speed=0.0)
+    with pytest.raises(rp.InputError, match="host and a port"):
+        rp.JointStateBroadcaster(ARM, ("127.0.0.1", 0))
