@@ -8,6 +8,9 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     prioritized.py                           schedules one after the other, detours, eviction, meta-agents
     improvement.py  path_changes.py          anytime improvement: moves on schedules, random changes of paths
     composite_waypoints.py  plan_quality.py  schedules as one composite path and back; makespan, waiting, bounds
+    small_teams.py  conflict_based_search.py conflict-based search on roadmaps
+    arm_roadmap.py  roadmap_search.py  relative_conflicts.py
+                                             roadmaps, the earliest motion on one, and when edges conflict
     hop_timing.py                            torque limits and jerk-limited stops
     diagram_cache.py                         coordination diagrams of the paths in use
     path_pool.py                             paths of one agent

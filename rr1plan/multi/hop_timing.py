@@ -29,7 +29,7 @@ class HopTiming:
 
     Raises:
         UnknownNameError: no such retiming.
-        InputError: a retiming that leaves the path, so that arms proven apart on their paths may meet.
+        InputError: a retiming that leaves the path, where nothing is certified between the arms.
     """
 
     method: str = "blend"
@@ -40,7 +40,7 @@ class HopTiming:
         true_or_false("torque_limits", self.torque_limits)
         if self.method not in _METHODS:
             raise InputError(
-                f"retiming {self.method!r} leaves the paths on which the arms are certified apart; "
+                f"retiming {self.method!r} leaves the paths that are certified between the arms; "
                 f"expected one of {', '.join(_METHODS)}, or a planner of all arms as one, e.g. 'rrt_connect'"
             )
 

@@ -109,7 +109,7 @@ def _intervals(one: AgentPath, two: AgentPath, blocked: Blocked) -> list[tuple[f
 def _cell_times(path: AgentPath) -> tuple[Array, Array]:
     """When each row of its diagrams is entered and left, from its departure on [s], shape (cells,) each.
 
-    A place of rest is one instant: who rests there does so at that instant of its own time, whatever it is.
+    All times of rest are relative to the instant of rest itself, so they are zero.
     """
     if path.segments == 0:
         return np.zeros(path.cells), np.zeros(path.cells)
