@@ -41,6 +41,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import BackendError, InputError
 from rr1plan.motion_plan import MotionPlan
+from rr1plan.pipeline import MANY_ARMS, MANY_ARMS_ANYTIME, check_many_arms_retiming
 from rr1plan.planners import chosen_planner, is_own
 from rr1plan.planning import Budget, Planner, PlanResult, Progress, ProgressCallback
 from rr1plan.retiming import retiming_names
@@ -115,7 +116,8 @@ def plan_many(
         workers: How many processes (default: the processors this process may use); with an executor, how
             many it has.
         full: Plan, shorten, retime and validate, as `plan_motion`; or only plan, as `plan`.
-        planner: A name of `planner_names()`, or an instance of `Planner`, which is sent to the processes by pickle.
+        planner: A name of `planner_names()`, "many_arms" as for `plan_motion`, or an instance of `Planner`, which is
+            sent to the processes by pickle.
         retiming: A name of `retiming_names()`.
         budget: When the planner has to stop, for each problem (default: 10 s).
         rng: Seed of the batch; problem i gets seed i of `problem_seeds(rng, n)`.
@@ -128,16 +130,17 @@ def plan_many(
 
     Raises:
         UnknownNameError: no such planner or retiming.
-        InputError: something that is not a problem, no worker, a seed below zero, a planner that cannot be pickled.
+        InputError: something that is not a problem, no worker, a seed below zero, a planner that cannot be pickled,
+            "many_arms" with retiming "ruckig_direct" or without `full`.
         BackendError: the processes do not even start.
         KeyboardInterrupt: Ctrl-C, after the processes have ended.
     """
-    settings = Settings(
-        full,
-        _sent_planner(planner, executor),
-        known_name("retiming", retiming, retiming_names()),
-        budget,
-    )
+    known_name("retiming", retiming, retiming_names())
+    if isinstance(planner, str) and planner in (MANY_ARMS, MANY_ARMS_ANYTIME):
+        check_many_arms_retiming(planner, retiming)
+        if true_or_false("full", full) is False:
+            raise InputError(f"planner {planner!r} makes trajectories, not paths; leave full=True")
+    settings = Settings(full, _sent_planner(planner, executor), retiming, budget)
     check_callback("progress", progress)
     of_kind("budget", budget, Budget, optional=True)
     true_or_false("full", full)
@@ -171,9 +174,9 @@ def _sent_planner(planner: str | Planner, executor: Executor | None) -> str | Pl
     Raises:
         InputError: a planner that cannot be sent.
     """
-    chosen = chosen_planner(planner)
-    if isinstance(planner, str) and is_own(planner):
+    if isinstance(planner, str) and (planner in (MANY_ARMS, MANY_ARMS_ANYTIME) or is_own(planner)):
         return planner
+    chosen = chosen_planner(planner)
     if executor is None:
         try:
             pickle.dumps(chosen)

@@ -29,8 +29,9 @@ from rr1plan.validation import validate
 # Imports faster than this [s] only look up modules that are already loaded.
 _NO_IMPORTS = 0.01
 _MARGIN = 0.002  # [m]
+MANY_ARMS, MANY_ARMS_ANYTIME = "many_arms", "many_arms_anytime"
+"""Planners that plan a path for each arm and schedule them; they make trajectories, not paths."""
 _LEAVES_PATHS = "ruckig_direct"
-_MANY_ARMS, _MANY_ARMS_ANYTIME = "many_arms", "many_arms_anytime"
 # Up to this many arms are planned in their joint space unless a planner is named.
 _PLANNED_AS_ONE = 2
 # Shortcut attempts before retiming: milliseconds of computation save seconds of motion.
@@ -89,8 +90,9 @@ def plan_motion(
     known_name("retiming", retiming, retiming_names())
     if planner is None:
         as_one = len(problem.arms) <= _PLANNED_AS_ONE or retiming == _LEAVES_PATHS
-        planner = "rrt_connect" if as_one else _MANY_ARMS
-    if isinstance(planner, str) and planner in (_MANY_ARMS, _MANY_ARMS_ANYTIME):
+        planner = "rrt_connect" if as_one else MANY_ARMS
+    if isinstance(planner, str) and planner in (MANY_ARMS, MANY_ARMS_ANYTIME):
+        check_many_arms_retiming(planner, retiming)
         return _plan_many_arms(problem, planner, retiming, torque_limits, seconds, margin, budget, generator, progress)
     chosen = chosen_planner(planner)
     shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
@@ -133,6 +135,19 @@ def plan_motion(
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
 
 
+def check_many_arms_retiming(planner: str, retiming: str) -> None:
+    """Refuse a retiming that is impossible for the planners of many arms.
+
+    Raises:
+        InputError: it leaves the paths, where nothing is certified between the arms.
+    """
+    if retiming == _LEAVES_PATHS:
+        raise InputError(
+            f"planner {planner!r} cannot use retiming {retiming!r}, which leaves the paths that are certified between "
+            "the arms; use 'ruckig', which also limits jerk"
+        )
+
+
 def _plan_many_arms(
     problem: Problem,
     planner: str,
@@ -151,7 +166,7 @@ def _plan_many_arms(
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
         with _timed(seconds, "plan", progress):
-            improvement = (budget or Budget()) if planner == _MANY_ARMS_ANYTIME else None
+            improvement = (budget or Budget()) if planner == MANY_ARMS_ANYTIME else None
             found = plan_many_arms(
                 problem,
                 margin=margin,

@@ -294,3 +294,20 @@ def test_dask_leads_off_this_machine(problems):
     here = rp.plan_many(problems, executor=InLine(), rng=7, full=False, budget=BUDGET)
     for one, two in zip(paths(here), paths(answers), strict=True):
         np.testing.assert_array_equal(one, two)
+
+
+def test_problems_of_many_arms_are_planned_in_processes(rr1):
+    grid = rp.random_grid(rr1, 2, 0.6, 1)
+    here, spawned = (
+        rp.plan_many([grid] * 2, rng=5, planner="many_arms", budget=rp.Budget(60.0), **where)
+        for where in ({"executor": InLine()}, {"workers": 1})
+    )
+    for one, two in zip(here, spawned, strict=True):
+        assert one
+        assert two.many_arms.makespan == pytest.approx(two.trajectory.duration)
+        assert one.trajectory.coefficients.tobytes() == two.trajectory.coefficients.tobytes()
+        assert {arm for s in two.many_arms.schedules for arm in s.path.agent.arms} == set(grid.arms)
+    with pytest.raises(rp.InputError, match="leave full=True"):
+        rp.plan_many([grid], planner="many_arms", full=False)
+    with pytest.raises(rp.InputError, match="leaves the paths"):
+        rp.plan_many([grid], planner="many_arms", retiming="ruckig_direct")

@@ -317,12 +317,13 @@ class CollisionChecker(CoalChecker):
         """
         return self._certify_exactly(*self._checked_curve(coefficients, duration))[0] == FREE
 
-    def first_contact(self, q0: ArrayLike, q1: ArrayLike) -> FirstContact | None:
+    def first_contact(self, q0: ArrayLike, q1: ArrayLike, *, precision: float = 1e-9) -> FirstContact | None:
         """Where the straight line from q0 to q1 first touches something, or None when it is free.
 
         Args:
             q0: Begin [rad or m], shape (nq,).
             q1: End [rad or m], shape (nq,).
+            precision: How much later than `fraction` the contact may be, as a share of the line.
 
         Raises:
             InputError: wrong shape or not finite.
@@ -332,7 +333,7 @@ class CollisionChecker(CoalChecker):
         if status == FREE:
             return None
         free, blocked = 0.0, 1.0
-        while blocked - free > 1e-9:
+        while blocked - free > precision:
             middle = 0.5 * (free + blocked)
             begin, end = q0 + free * (q1 - q0), q0 + middle * (q1 - q0)
             status, _, found = self._certify_exactly(np.array([begin, end - begin]), 1.0)

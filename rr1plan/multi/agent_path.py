@@ -117,6 +117,10 @@ class AgentPath:
     def __repr__(self) -> str:
         return f"AgentPath({', '.join(self.agent.arms)}: {self.segments} segments)"
 
+    def __getstate__(self) -> dict[str, object]:
+        """The path without memory of kernels, and without times of hops, which are soon made again."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("placed", "_times")}
+
     @property
     def length(self) -> float:
         """Euclidean length in joint space [rad]."""
@@ -148,15 +152,20 @@ class AgentPath:
         """Times of the motions from each stop to each later one, shape (stops, stops, gridpoints)."""
         count = len(self.stops)
         begin, end = np.triu_indices(count, 1)
-        stops, halts = np.array(self.stops), np.zeros(self.segments + 1, np.int64)
-        halts[list(self.halts)] = 1
+        stops = np.array(self.stops)
         times = np.zeros((count, count, self.segments + 1))
         if self._limits_jerk:
             for i, j in zip(begin.tolist(), end.tolist(), strict=True):
                 times[i, j, self.stops[i] : self.stops[j] + 1] = self._jerk_limited_times(self.stops[i], self.stops[j])
             return times
-        times[begin, end] = hop_times(self.curve, self.grid, self.agent.limits, halts, stops[begin], stops[end])
+        times[begin, end] = self._hops(stops[begin], stops[end])
         return times
+
+    def _hops(self, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Array:
+        """Times of motions from rest to rest, shape (motions, gridpoints)."""
+        halts = np.zeros(self.segments + 1, np.int64)
+        halts[list(self.halts)] = 1
+        return np.asarray(hop_times(self.curve, self.grid, self.agent.limits, halts, begin, end))
 
     def hop_times(self, begin: int, end: int) -> Array:
         """When the fastest motion from rest at one stop to rest at another is at each gridpoint on its way [s].
@@ -178,6 +187,8 @@ class AgentPath:
         if begin == end:
             return 0.0
         begin, end = min(begin, end), max(begin, end)
+        if end - begin == self.segments:
+            return self.fastest
         duration = self._times[self.stops.index(begin), self.stops.index(end), end]
         return float(duration * self._stretch(begin, end))
 
@@ -249,7 +260,14 @@ class AgentPath:
     @cached_property
     def fastest(self) -> float:
         """Duration of the motion without waiting [s]."""
-        return self.hop_duration(0, self.segments)
+        if self.segments == 0:
+            return 0.0
+        # By itself, because a path that no other one meets needs no other hop.
+        if self._limits_jerk:
+            duration = self._jerk_limited_times(0, self.segments)[-1]
+        else:
+            duration = self._hops(np.array([0]), np.array([self.segments]))[0, -1]
+        return float(duration * self._stretch(0, self.segments))
 
     # ---- rows of coordination diagrams -----------------------------------------------------
 
@@ -294,8 +312,8 @@ class AgentPath:
         reach += _ROUNDING * (1.0 + np.abs(c).sum(axis=1))
 
     @cached_property
-    def box(self) -> Array:
-        """Low and high corner of a box around all that the agent sweeps [m], shape (6,)."""
+    def boxes(self) -> Array:
+        """Low and high corner of a box around what each body of the agent sweeps [m], shape (bodies, 6)."""
         targets = self.placed.targets
         bodies = len(self.agent.bodies.elements)
         used = targets["is_empty"] == 0
@@ -303,7 +321,7 @@ class AgentPath:
         centers = targets["centers"].reshape(-1, bodies, 3)[used]
         reach = targets["travel"].reshape(-1, bodies)[used] + self.agent.bodies.tables.body_values[:, 15]
         low, high = centers - reach[..., None], centers + reach[..., None]
-        return np.concatenate([low.min(axis=(0, 1)), high.max(axis=(0, 1))])
+        return np.concatenate([low.min(axis=0), high.max(axis=0)], axis=1)
 
 
 def _even_grid(lengths: Array, counts: NDArray[np.int64]) -> Grid:

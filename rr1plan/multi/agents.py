@@ -108,6 +108,10 @@ class Agent:
     def __repr__(self) -> str:
         return f"Agent({', '.join(self.arms)})"
 
+    def __getstate__(self) -> dict[str, object]:
+        """What it was made from, and no memory of kernels."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("bodies", "_alone")}
+
     @cached_property
     def bodies(self) -> AgentBodies:
         """The bodies of its arms."""

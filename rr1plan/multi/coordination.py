@@ -12,11 +12,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
 from rr1plan.collision.checker import TOLERANCE
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.placed_path import placed_configuration
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
 
@@ -32,9 +32,9 @@ def coordination_diagram(one: AgentPath, two: AgentPath, margin: float = 0.0) ->
         two: A path of another agent, of the same problem.
         margin: Distance to keep beyond the scene's padding [m].
     """
-    pairs = cross_pairs(one.agent, two.agent, margin)
-    if pairs.value.group_pair_count == 0 or not _boxes_meet(one.box, two.box, pairs.value.max_padding):
+    if not may_touch(one, two, margin):
         return None
+    pairs = cross_pairs(one.agent, two.agent, margin)
     blocked = np.zeros((one.cells, two.cells), np.uint8)
     directions = np.empty((len(one.agent.bodies.elements) * len(two.agent.bodies.elements), 3))
     load_library().rr1_coordinate_paths(one.placed, two.placed, pairs, directions, blocked)
@@ -51,20 +51,45 @@ def are_apart(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: f
         other: Its bodies.
         margin: Distance to keep beyond the scene's padding [m].
     """
-    pairs = cross_pairs(one, two, margin, fixed=True)
+    return _are_apart(one, two, placed, other, cross_pairs(one, two, margin, fixed=True))
+
+
+def _are_apart(one: Agent, two: Agent, placed: CStruct, other: CStruct, pairs: CStruct) -> bool:
     blocked = np.zeros((1, 1), np.uint8)
     directions = np.empty((len(one.bodies.elements) * len(two.bodies.elements), 3))
     load_library().rr1_coordinate_paths(placed, other, pairs, directions, blocked)
     return not blocked.any()
 
 
-def ends_exclude(blocked: Blocked | None) -> bool:
-    """Whether the starts, or the goals, of two paths are not proven apart."""
-    return blocked is not None and bool(blocked[0, 0] or blocked[-1, -1])
+def ends_are_apart(one: AgentPath, two: AgentPath, margin: float) -> bool:
+    """Whether the starts, and the goals, of two paths are proven apart; bodies that no joint moves do not count.
+
+    Args:
+        one: A path of an agent.
+        two: A path of another agent, of the same problem.
+        margin: Distance to keep beyond the scene's padding [m].
+    """
+    a, b, pairs = one.agent, two.agent, cross_pairs(one.agent, two.agent, margin)
+    return all(
+        _are_apart(a, b, placed_configuration(a.bodies, q), placed_configuration(b.bodies, other), pairs)
+        for q, other in ((one.start, two.start), (one.goal, two.goal))
+    )
 
 
-def _boxes_meet(one: Array, two: Array, distance: float) -> bool:
-    return bool((one[:3] <= two[3:] + distance).all() and (two[:3] <= one[3:] + distance).all())
+def may_touch(one: AgentPath, two: AgentPath, margin: float) -> bool:
+    """Whether boxes around what the bodies of two agents sweep on their paths meet.
+
+    Args:
+        one: A path of an agent.
+        two: A path of another agent, of the same problem.
+        margin: Distance to keep beyond the scene's padding [m].
+    """
+    pairs = cross_pairs(one.agent, two.agent, margin)
+    if pairs.value.group_pair_count == 0:
+        return False
+    a, b = one.boxes[:, None], two.boxes[None]
+    distance = pairs.targets["padding"][..., None]
+    return bool(((a[..., :3] <= b[..., 3:] + distance) & (b[..., :3] <= a[..., 3:] + distance)).all(axis=2).any())
 
 
 def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -> CStruct:

@@ -1,54 +1,98 @@
-"""Coordination diagrams of paths that are in use: each is computed once, and forgotten with its paths."""
+"""The coordination diagrams of a problem, each computed once; several at a time on threads."""
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from rr1plan.multi.agent_path import AgentPath
-from rr1plan.multi.coordination import Blocked, coordination_diagram, ends_exclude
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.coordination import Blocked, coordination_diagram, ends_are_apart, may_touch
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.schedule import extended
 
-# Distances to keep between agents beyond the padding [m]: the largest that their starts and their goals have.
-_MARGINS = (*MARGINS, 0.0)
+_FEWEST = 3  # diagrams for which threads are started
 
 
 class DiagramCache:
-    """Extended diagrams of pairs of paths; an entry lives as long as both of its paths."""
+    """Extended coordination diagrams of pairs of paths; any thread may use it.
 
-    def __init__(self) -> None:
-        self._diagrams: WeakKeyDictionary[AgentPath, WeakKeyDictionary[AgentPath, Blocked | None]]
-        self._diagrams = WeakKeyDictionary()
-        # Paths of an agent share their ends, so a margin found for two agents holds for all of their paths.
-        self._margins: dict[frozenset[tuple[str, ...]], float] = {}
+    Args:
+        largest: No two agents need to keep more than this from each other beyond the padding [m].
+    """
 
-    def diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
-        """The extended diagram (rows: of the first path); None where all of it is free.
+    def __init__(self, largest: float = MARGINS[0]) -> None:
+        self._sizes = (largest, *(m for m in MARGINS if m < largest), 0.0)
+        self._margins: dict[tuple[Agent, Agent, bytes, bytes], float] = {}
+        self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
+
+    def __len__(self) -> int:
+        """How many diagrams have been computed, in both orders."""
+        return len(self._diagrams)
+
+    def margin(self, one: AgentPath, two: AgentPath) -> float:
+        """The largest margin that the starts and the goals of two agents have [m].
 
         Args:
             one: A path of an agent.
-            two: A path of another agent of the same problem.
+            two: A path of another one.
         """
-        row = self._diagrams.setdefault(one, WeakKeyDictionary())
-        if two not in row:
-            blocked = self._compute(one, two)
-            row[two] = blocked
-            self._diagrams.setdefault(two, WeakKeyDictionary())[one] = (
-                None if blocked is None else np.ascontiguousarray(blocked.T)
-            )
-        return row[two]
+        key = one.agent, two.agent, one.goal.tobytes(), two.goal.tobytes()
+        if key not in self._margins:
+            last = self._sizes[-1]
+            self._margins[key] = next((m for m in self._sizes[:-1] if ends_are_apart(one, two, m)), last)
+        return self._margins[key]
 
-    def _compute(self, one: AgentPath, two: AgentPath) -> Blocked | None:
-        agents = frozenset((one.agent.arms, two.agent.arms))
-        largest = self._margins.get(agents, _MARGINS[0])
-        blocked = None
-        for margin in _MARGINS:
-            if margin > largest:
-                continue
-            blocked = coordination_diagram(one, two, margin)
-            self._margins[agents] = margin
-            if not ends_exclude(blocked):
-                break
-        return None if blocked is None else extended(blocked)
+    def may_touch(self, one: AgentPath, two: AgentPath) -> bool:
+        """Whether boxes around what two agents sweep on their paths meet.
+
+        Args:
+            one: A path of an agent.
+            two: A path of another one.
+        """
+        return may_touch(one, two, self._sizes[0])
+
+    def diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
+        """The extended diagram of two paths; None where all of it is free.
+
+        Args:
+            one: A path of an agent (rows).
+            two: A path of another one (columns).
+        """
+        try:
+            return self._diagrams[one, two]
+        except KeyError:
+            blocked = None
+            if self.may_touch(one, two):
+                blocked = coordination_diagram(one, two, self.margin(one, two))
+            both = None if blocked is None else extended(blocked)
+            self._diagrams[one, two] = both
+            self._diagrams[two, one] = None if both is None else np.ascontiguousarray(both.T)
+            return both
+
+    def keep_only(self, paths: Iterable[AgentPath]) -> None:
+        """Forget all diagrams but those between some paths; not while other threads use it.
+
+        Args:
+            paths: These paths.
+        """
+        kept = set(paths)
+        self._diagrams = {both: found for both, found in self._diagrams.items() if kept.issuperset(both)}
+
+    def prepare(self, pairs: Iterable[tuple[AgentPath, AgentPath]], threads: int) -> None:
+        """Compute diagrams that will be needed.
+
+        Args:
+            pairs: Of these paths.
+            threads: How many to use.
+        """
+        missing = [both for both in pairs if both not in self._diagrams and self.may_touch(*both)]
+        if threads < 2 or len(missing) < _FEWEST:
+            return
+        for path in dict.fromkeys(path for both in missing for path in both):
+            _ = path.placed
+        with ThreadPoolExecutor(threads) as pool:
+            for _ in pool.map(lambda both: self.diagram(*both), missing):
+                pass

@@ -40,6 +40,8 @@ _PATHS = 6
 _SHORTCUTS = 120
 # How often the agent that arrives last is the one to work on, and how often a neighborhood gets a new path.
 _LAST_FIRST, _NEW_PATH = 0.7, 0.5
+# Moves between two times at which diagrams are forgotten.
+_FORGET_EVERY = 32
 # Improvements of the sum of arrivals that are smaller than this are rounding [ratio].
 _LEAST_GAIN = 1e-6
 
@@ -54,6 +56,7 @@ class PlanImprover:
         alone: Duration of the fastest known motion of each arm alone [s].
         rng: Where random numbers come from.
         watch: Says when to stop.
+        diagrams: Coordination diagrams that are known.
 
     Attributes:
         schedules: Of each agent; better after each accepted move.
@@ -70,13 +73,14 @@ class PlanImprover:
         alone: Mapping[str, float],
         rng: np.random.Generator,
         watch: Stopwatch,
+        diagrams: DiagramCache | None = None,
     ) -> None:
         self.schedules = {schedule.path.agent: schedule for schedule in schedules}
         self.alone = dict(alone)
         self.iterations = 0
         self.history: list[tuple[float, float]] = []
         self._near, self._arm_margins, self._rng, self._watch = near, margins, rng, watch
-        self._cache = DiagramCache()
+        self._cache = diagrams or DiagramCache()
         self._agents = {agent.arms: agent for agent in self.schedules}
         self._margins: dict[tuple[str, ...], float] = {}
         self._paths: dict[Agent, list[AgentPath]] = {}
@@ -104,6 +108,8 @@ class PlanImprover:
         while (iterations is None or self.iterations < last) and self._goes_on() and not self._is_best():
             move = moves[self.iterations % len(moves)]
             self.iterations += 1
+            if self.iterations % _FORGET_EVERY == 0:
+                self._forget_paths()
             before, cost = dict(self.schedules), self._cost()
             if not move() or not _is_better(self._cost(), cost):
                 self.schedules = before
@@ -116,12 +122,13 @@ class PlanImprover:
             if self._cost()[0] < cost[0]:
                 self.history.append((self._watch.seconds, self._cost()[0]))
 
+    def _forget_paths(self) -> None:
+        """Forget the diagrams of paths that are no longer known, which are most."""
+        known = [path for paths in self._paths.values() for path in paths]
+        self._cache.keep_only([*known, *(schedule.path for schedule in self.schedules.values())])
+
     def _goes_on(self) -> bool:
         return self._watch.goes_on() and self._watch.seconds < self._until
-
-    @property
-    def _seconds_left(self) -> float:
-        return min(self._watch.left, self._until - self._watch.seconds)
 
     def _cost(self) -> tuple[float, float]:
         """Makespan [s], and the sum of all arrivals [s]."""
@@ -278,8 +285,8 @@ class PlanImprover:
                 path = self.schedules[other].path
                 configurations = agent.problem.scene.split((path.goal, path.start)[kind], other.arms)
                 standing.update({arm: configurations[arm] for arm in other.arms})
-        pool = PathPool(agent, self._margin(agent), self._rng)
-        path_found, _ = pool.add(standing, self._seconds_left, detour=kind == 2)
+        pool = PathPool(agent, self._margin(agent), self._rng, self._watch)
+        path_found, _ = pool.add(standing, detour=kind == 2)
         if path_found is not None:
             self._remember(path_found)
 

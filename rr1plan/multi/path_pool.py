@@ -6,7 +6,8 @@ and through random configurations, which gives idle agents a way to step aside a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,16 +16,16 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import RetimingError
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
-from rr1plan.planners import plan
+from rr1plan.planners import RrtConnect, plan
 from rr1plan.planners.shortcut import shorten
-from rr1plan.planning import Budget
+from rr1plan.planning import Budget, PlanResult
 from rr1plan.scene.problem import JointGoal, Problem
 
 _SHORTCUTS = 48
-_ITERATIONS = 4000  # of the planner, for each arm of an agent
-_SECONDS = 2.0
-_MOST_ITERATIONS = 10**9  # of a search that only the time ends, which may be unlimited
+_ITERATIONS = 2000  # of the planner, for each arm of an agent
+_NO_LIMIT = 2**62
 _SAMPLES = 20  # random configurations that are tried for one to go through
 
 
@@ -35,25 +36,28 @@ class PathPool:
         agent: The agent.
         margin: Distance that they keep from all that stands still, beyond the padding [m].
         rng: Where random numbers come from.
+        watch: Says when to give up (default: never).
 
     Attributes:
         paths: Those found so far.
     """
 
-    def __init__(self, agent: Agent, margin: float, rng: np.random.Generator) -> None:
+    def __init__(self, agent: Agent, margin: float, rng: np.random.Generator, watch: Stopwatch | None = None) -> None:
         self.agent, self.margin, self._rng = agent, margin, rng
+        self._watch = watch or Stopwatch(np.inf)
         self.paths: list[AgentPath] = []
 
     def add(
-        self, others: Mapping[str, Array | None], seconds: float, *, detour: bool = False, patient: bool = False
+        self, others: Mapping[str, Array | None], *, detour: bool = False, effort: int = 0, patient: bool = False
     ) -> tuple[AgentPath | None, str]:
         """Look for one more path.
 
         Args:
             others: Moving arms of the problem that it has to avoid, each in a configuration (nq,).
-            seconds: When to give up [s].
             detour: Whether it has to go through a random configuration.
-            patient: Whether to use all of the time; else a hard search is given up soon.
+            effort: How often to double the iterations after which a hard search is given up.
+            patient: Whether to use all of the time, and then to look for a hint why there is no path; else a hard
+                search is given up soon.
 
         Returns:
             The path, which is part of the pool now, or None and why there is none.
@@ -63,31 +67,44 @@ class PathPool:
         if detour and via is None:
             return None, "no random configuration is free"
         legs = [question] if via is None else _split(question, via)
-        seconds = max(seconds, 1e-3)
-        budget = (
-            Budget(seconds, _MOST_ITERATIONS)
-            if patient
-            else Budget(min(_SECONDS, seconds), _ITERATIONS * len(self.agent.arms))
-        )
-        points: list[Array] = []
+        parts: list[Path] = []
         for leg in legs:
-            result = plan(leg, budget=budget, rng=self._rng)
+            result = self._plan(leg, effort, patient=patient)
             if result.path is None:
                 return None, result.reason
-            points.append(result.path.waypoints)
+            parts.append(result.path)
+        try:
+            return self.add_shortened(parts, question), ""
+        except RetimingError as error:
+            return None, str(error)
+
+    def add_shortened(self, parts: Sequence[Path], question: Problem | None = None) -> AgentPath:
+        """Shorten a path that is certified, round its corners, and add it.
+
+        Args:
+            parts: The path in parts, each shortened by itself.
+            question: What it avoids (default: all that stands still).
+
+        Raises:
+            RetimingError: it cannot be timed under the limits.
+        """
+        question = question or self.agent.question({}, self.margin)
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:
-            names, shorter = self.agent.joint_names, []
-            for part in points:
-                short = shorten(
-                    Path(names, part), question.scene, checker=checker, iterations=_SHORTCUTS, rng=self._rng
-                )
-                shorter.append(short.waypoints)
-            try:
-                path = AgentPath(self.agent, Path(names, np.concatenate(shorter)), checker)
-            except RetimingError as error:
-                return None, str(error)
+            shorter = [
+                shorten(part, question.scene, checker=checker, iterations=_SHORTCUTS, rng=self._rng).waypoints
+                for part in parts
+            ]
+            path = AgentPath(self.agent, Path(self.agent.joint_names, np.concatenate(shorter)), checker)
         self.paths.append(path)
-        return path, ""
+        return path
+
+    def _plan(self, leg: Problem, effort: int, *, patient: bool) -> PlanResult:
+        goes_on, seconds = self._watch.let_planner_go_on, max(self._watch.left, 1e-3)
+        if patient:
+            most = None if math.isfinite(seconds) else _NO_LIMIT
+            return plan(leg, budget=Budget(seconds, most), rng=self._rng, progress=goes_on)
+        budget = Budget(seconds, _ITERATIONS * len(self.agent.arms) << effort)
+        return RrtConnect().plan(leg, budget=budget, rng=self._rng, progress=goes_on)
 
     def _via(self, question: Problem) -> Array | None:
         """A random free configuration, nearer ones more often."""

@@ -2,27 +2,34 @@
 
     result = plan_many_arms(problem)
 
-Each interaction group goes through the same stages until one solves it, under one deadline: timing on the fixed paths
-of each arm alone, detours, eviction, and joint spaces of the few arms that stay in each other's way. The paths of a
-group of up to four arms that still has no schedule are planned as one.
+Each arm gets a path of its own first. Arms whose paths do not meet are planned apart; the groups of others are found
+from what their paths sweep, and are joined where a later path of one meets another. Each group goes through the same
+stages until one solves it, under one deadline: the joint space of up to four arms, timing on the fixed paths of each
+arm alone, detours, eviction, and windows of time on which arms that conflict are coupled. Groups are planned side by
+side on threads; each has random numbers that depend on its arms only, so the threads do not change the result.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
+from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_generator, finite_number, known_name
+from rr1plan.checks import Seed, Value, as_generator, finite_number, known_name
 from rr1plan.errors import InputError
+from rr1plan.multi.diagram_cache import DiagramCache
 from rr1plan.multi.hop_timing import HopTiming
 from rr1plan.multi.improvement import PlanImprover
-from rr1plan.multi.interaction import arms_in_reach, interaction_groups
+from rr1plan.multi.interaction import arms_in_reach, interaction_groups, meeting_groups
+from rr1plan.multi.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality
-from rr1plan.multi.preflight import MARGINS, preflight
-from rr1plan.multi.prioritized import PrioritizedPlanner, Statistics
+from rr1plan.multi.preflight import MARGINS, Preflight, preflight
+from rr1plan.multi.prioritized import COUPLED_FIRST, PrioritizedPlanner, Statistics
 from rr1plan.multi.schedule import Schedule
 from rr1plan.multi.small_teams import plan_small_team
 from rr1plan.multi.stopwatch import Stopwatch
@@ -34,6 +41,8 @@ from rr1plan.trajectory import Trajectory
 _IMPROVEMENTS = 6  # rounds for each group
 _SEARCH = "conflict_based_search"
 _METHODS = ("portfolio", _SEARCH)
+_CANCELLED = "the progress callback returned False"
+_POLL = 0.05  # time between two looks at what threads do [s]
 
 
 @dataclass(frozen=True)
@@ -42,7 +51,7 @@ class GroupResult:
 
     Args:
         arms: Its arms.
-        stage: The last stage that was needed: "timing", "detours", "eviction" or "composite", or the method
+        stage: The last stage that was needed: "timing", "detours", "eviction", "windows" or "composite", or the method
             "conflict_based_search"; empty if none did.
         seconds: Wall time [s].
         reason: Why there is no answer, in words; empty if there is one.
@@ -64,8 +73,8 @@ class GroupResult:
         return not self.reason
 
 
-@dataclass(frozen=True, eq=False)
-class ManyArmsResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class ManyArmsResult(Value):
     """The answer to a problem of many arms.
 
     Args:
@@ -173,39 +182,35 @@ def plan_many_arms(
     if largest < 0.0:
         raise InputError(f"margin is {largest}, expected a distance >= 0")
     near = arms_in_reach(problem.scene, problem.arms, largest)
+    if not watch.goes_on() and watch.cancelled:
+        return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, seconds=watch.seconds)
     found = preflight(problem, near, largest, generator, timing)
     if found.status is not None:
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
-    groups: list[GroupResult] = []
-    schedules: list[Schedule] = []
-    alone: dict[str, float] = {}
-    for arms in interaction_groups(near):
-        # Numbers of their own, so that a group is planned the same whatever the others are.
-        numbers = np.random.default_rng(generator.integers(2**63))
-        agents = [found.agents[arm] for arm in arms]
-        if method == _SEARCH:
-            began = watch.seconds
-            team = plan_small_team(agents, near, found.margins, numbers, watch)
-            seconds, bound = watch.seconds - began, team.suboptimality if team.schedules else None
-            groups.append(GroupResult(arms, _SEARCH, seconds, team.reason, suboptimality=bound))
-            schedules += team.schedules
-            alone.update(team.alone)
-            continue
-        planner = PrioritizedPlanner(agents, near, found.margins, numbers, watch)
-        groups.append(_solve(planner, arms, watch))
-        schedules += planner.schedules.values()
-        alone.update(planner.fastest_alone())
+    # Each arm has random numbers of its own, so that it is planned the same whatever the others are.
+    seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
+    diagrams = DiagramCache(largest)
+    if method == _SEARCH:
+        groups, schedules, alone = _search_small_teams(found, near, seeds, watch)
+    else:
+        pools = {
+            arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
+            for arm, agent in found.agents.items()
+        }
+        search = _GroupSearch(problem.arms, pools, near, diagrams, seeds, watch)
+        groups = search.run()
+        schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
+        alone = {arm: bound for planner in search.planners for arm, bound in planner.fastest_alone().items()}
     unsolved = [group for group in groups if not group.found]
     if unsolved and not watch.cancelled:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
-    improver = PlanImprover(schedules, near, found.margins, alone, generator, watch)
+    improver = PlanImprover(schedules, near, found.margins, alone, generator, watch, diagrams)
     first, history = improver.quality, (watch.seconds, improver.quality.makespan)
     if improvement is not None:
         improver.run(improvement.seconds, improvement.iterations)
     if watch.cancelled:
-        reason = "the progress callback returned False"
-        return ManyArmsResult(PlanStatus.CANCELLED, reason, groups=tuple(groups), seconds=watch.seconds)
+        return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, groups=tuple(groups), seconds=watch.seconds)
     schedules, quality = list(improver.schedules.values()), improver.quality
     return ManyArmsResult(
         PlanStatus.FOUND,
@@ -224,14 +229,143 @@ def plan_many_arms(
     )
 
 
-def _solve(planner: PrioritizedPlanner, arms: tuple[str, ...], watch: Stopwatch) -> GroupResult:
+def _search_small_teams(
+    found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], watch: Stopwatch
+) -> tuple[list[GroupResult], list[Schedule], dict[str, float]]:
+    """What came of the conflict-based search of each group, all schedules, and how fast each arm is alone [s]."""
+    groups: list[GroupResult] = []
+    schedules: list[Schedule] = []
+    alone: dict[str, float] = {}
+    for arms in interaction_groups(near):
+        began, rng = watch.seconds, np.random.default_rng([seeds[arm] for arm in arms])
+        team = plan_small_team([found.agents[arm] for arm in arms], near, found.margins, rng, watch)
+        bound = team.suboptimality if team.schedules else None
+        groups.append(GroupResult(arms, _SEARCH, watch.seconds - began, team.reason, suboptimality=bound))
+        schedules += team.schedules
+        alone.update(team.alone)
+    return groups, schedules, alone
+
+
+class _GroupSearch:
+    """Plans interaction groups side by side, and joins those whose paths turn out to meet.
+
+    Args:
+        arms: The arms, in the order of the problem.
+        pools: An empty pool for each.
+        near: Arms that can meet each arm at all.
+        diagrams: Coordination diagrams, which all groups share.
+        seeds: Seed of each arm.
+        watch: Says when to give up.
+
+    Attributes:
+        planners: One for each group.
+    """
+
+    def __init__(
+        self,
+        arms: Sequence[str],
+        pools: Mapping[str, PathPool],
+        near: Mapping[str, frozenset[str]],
+        diagrams: DiagramCache,
+        seeds: Mapping[str, int],
+        watch: Stopwatch,
+    ) -> None:
+        self._arms, self._pools, self._near, self._diagrams = tuple(arms), pools, near, diagrams
+        self._seeds, self._watch = seeds, watch
+        self.planners: list[PrioritizedPlanner] = []
+
+    def run(self) -> list[GroupResult]:
+        """Plan all groups; what came of each."""
+        without = self._first_paths()
+        if without:
+            return without
+        self.planners = [self._planner(group) for group in self._groups()]
+        results: dict[PrioritizedPlanner, GroupResult] = {}
+        waiting = list(self.planners)
+        while waiting:
+            results |= zip(waiting, self._solve_all(waiting), strict=True)
+            waiting = self._join_meeting([planner for planner in self.planners if results[planner].found])
+        return [results[planner] for planner in self.planners]
+
+    def _first_paths(self) -> list[GroupResult]:
+        """Find the first path of each arm; the arms that have none."""
+        without = []
+        for arm, pool in self._pools.items():
+            began = self._watch.seconds
+            path, reason = pool.add({}, patient=True)
+            if path is None:
+                without.append(GroupResult((arm,), "", self._watch.seconds - began, f"{arm}: {reason}"))
+                break
+        return without
+
+    def _groups(self) -> list[tuple[str, ...]]:
+        """Arms whose first paths meet: by boxes, and in large groups by diagrams, which are needed there anyway."""
+        paths = {arm: pool.paths[0] for arm, pool in self._pools.items()}
+        groups = []
+        for group in meeting_groups(paths, self._near, self._diagrams):
+            own = {arm: paths[arm] for arm in group}
+            if len(group) <= COUPLED_FIRST:
+                groups.append(group)
+                continue
+            pairs = [(own[a], own[b]) for a, b in combinations(own, 2) if b in self._near[a]]
+            self._diagrams.prepare(pairs, _processors())
+            groups += meeting_groups(own, self._near, self._diagrams, exactly=True)
+        return groups
+
+    def _planner(self, group: tuple[str, ...]) -> PrioritizedPlanner:
+        rng = np.random.default_rng([self._seeds[arm] for arm in group])
+        return PrioritizedPlanner([self._pools[arm] for arm in group], self._near, self._diagrams, rng, self._watch)
+
+    def _solve_all(self, planners: list[PrioritizedPlanner]) -> list[GroupResult]:
+        """Plan some groups, those of several arms on threads."""
+        several = [planner for planner in planners if len(planner.agents) > 1]
+        threads = min(_processors(), len(several))
+        for planner in planners:
+            planner.threads = _processors() // max(1, threads)
+        if threads < 2:
+            return [_solve(planner, self._watch) for planner in planners]
+        with ThreadPoolExecutor(threads) as executor:
+            futures = [executor.submit(_solve, planner, self._watch) for planner in planners]
+            try:
+                while wait(futures, _POLL).not_done:
+                    self._watch.goes_on()
+            except BaseException:
+                # Ctrl-C, or an error of the progress callback.
+                self._watch.cancel()
+                raise
+            return [future.result() for future in futures]
+
+    def _join_meeting(self, planners: list[PrioritizedPlanner]) -> list[PrioritizedPlanner]:
+        """Join groups whose paths meet now, as detours may; those that have to be planned again."""
+        owner = {arm: planner for planner in planners for arm in planner.arms}
+        paths = {arm: s.path for p in planners for agent, s in p.schedules.items() for arm in agent.arms}
+        again: list[PrioritizedPlanner] = []
+        for group in meeting_groups(paths, self._near, self._diagrams, exactly=True):
+            first, *others = dict.fromkeys(owner[arm] for arm in group)
+            # A group may have parts that do not meet.
+            if not others:
+                continue
+            for other in others:
+                first.join(other)
+                self.planners.remove(other)
+                owner.update(dict.fromkeys(other.arms, first))
+            again.append(first)
+        return list(dict.fromkeys(planner for planner in again if planner in self.planners))
+
+
+def _processors() -> int:
+    """Number of processors available to this process."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _solve(planner: PrioritizedPlanner, watch: Stopwatch) -> GroupResult:
     """Schedule a group, and make its makespan shorter."""
     began = watch.seconds
     solved = planner.run()
     if solved:
         planner.improve(_IMPROVEMENTS)
     reason = "" if solved else planner.reason
-    return GroupResult(arms, planner.stage, watch.seconds - began, reason, planner.statistics)
+    return GroupResult(planner.arms, planner.stage, watch.seconds - began, reason, planner.statistics)
 
 
 def merged_trajectory(problem: Problem, schedules: list[Schedule]) -> Trajectory:

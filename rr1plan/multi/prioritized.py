@@ -1,10 +1,13 @@
-"""Prioritized planning on path pools, with detours and local eviction.
+"""Prioritized planning on path pools, with detours, local eviction and coupled windows.
 
 Agents are scheduled one after the other, each among the schedules of those before it (Erdmann and Lozano-Pérez 1987).
 An agent for which no path of its pool can be timed gets detours; if none helps, it evicts the agents that are in its
 way, which are scheduled again (as in large neighborhood search: Li et al., MAPF-LNS2, 2022). All other schedules stay.
 Agents that keep evicting each other become one (a meta-agent: Sharon et al., Meta-agent conflict-based search, 2012),
 which is planned in the joint space of all its arms.
+
+The joint space of up to four arms is tried first, because its search takes milliseconds. Where eviction does not come
+to an end, arms are coupled on windows of time (`coupled_windows.py`), which grow with every round.
 """
 
 from __future__ import annotations
@@ -12,34 +15,47 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from rr1plan.checks import Array
+from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import RetimingError
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import Blocked, are_apart, coordination_diagram, ends_exclude
+from rr1plan.multi.coordination import Blocked, are_apart
+from rr1plan.multi.coupled_windows import CoupledWindows
+from rr1plan.multi.diagram_cache import DiagramCache
 from rr1plan.multi.path_pool import PathPool
 from rr1plan.multi.placed_path import placed_configuration
-from rr1plan.multi.preflight import MARGINS, affordable_margin
+from rr1plan.multi.preflight import affordable_margin
 from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
-from rr1plan.multi.schedule import Schedule, extended
+from rr1plan.multi.schedule import Schedule
 from rr1plan.multi.stopwatch import Stopwatch
 
-# Distances to keep between agents beyond the padding [m]: the largest that their starts and their goals have.
-_MARGINS = (*MARGINS, 0.0)
 # Paths of a pool before another agent is evicted, and at most.
 _DETOURS, _MOST_PATHS = 3, 12
 # Two agents of which one has evicted the other so often become one.
 _QUARRELS = 2
-# Agents of a group that are planned as one as soon as their first paths cannot be timed.
-_PLANNED_AS_ONE = 3
-# Arms of an agent, at most: the joint space of more is hopeless.
+PLANNED_AS_ONE = 4
+"""Agents of a group whose joint space is tried first."""
+STAGES = ("timing", "detours", "eviction", "composite", "windows")
+"""Stages of a search, by what they cost."""
+_ATTEMPTS = 3  # at a path in that joint space
+# Separate paths of a few arms are timed where the joint path is slower than their slowest by more than this [ratio]:
+# their coordination diagrams cost more than several joint paths.
+_WORTH_TIMING = 0.3
+COUPLED_FIRST = 16
+"""Agents of a group for which windows are tried before coordination diagrams are computed."""
+# Arms of an agent that quarrels make, at most: the joint space of more is too large without windows.
 _MOST_TOGETHER = 4
-
-
+_MOST_AS_ONE = 8  # arms of a group that is planned as one in the end, at most
+# Evictions for each agent between two rounds of windows, which take twice the effort each time.
+_EVICTIONS = 3
 # A makespan nearer to its lower bound than this is not made shorter, nor by less than that [ratio].
 _GOOD_ENOUGH, _LEAST_GAIN = 0.15, 0.005
 _NEIGHBORHOOD = 3  # agents that are scheduled again with the last, at most
@@ -55,6 +71,7 @@ class Statistics:
     timings: int = 0
     evictions: int = 0
     merged: int = 0
+    windows: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
 
     def add_time(self, stage: str, began: float) -> None:
@@ -62,86 +79,259 @@ class Statistics:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
 
 
+class _Plan(NamedTuple):
+    """Agents, their pools and schedules, to come back to."""
+
+    agents: list[Agent]
+    pools: dict[Agent, PathPool]
+    schedules: dict[Agent, Schedule]
+    stage: str
+
+
 class PrioritizedPlanner:
     """Schedules for the agents of one interaction group.
 
     Args:
-        agents: The agents; each knows the problem.
+        pools: Of each agent, with its first path; agents know the problem.
         near: Arms that can meet each arm.
-        margins: Distance that each arm keeps from what stands still, beyond the padding [m].
+        diagrams: Coordination diagrams, which groups share.
         rng: Where random numbers come from.
         watch: Says when to give up.
+        threads: How many to use.
 
     Attributes:
         schedules: Of the agents that have one.
-        stage: What it took to schedule all: "timing", "detours", "eviction" or "composite"; empty while they are not.
+        stage: What it took to schedule all, one of `STAGES`; empty while they are not.
         reason: Why there is none for all of them; empty while that is not known.
         statistics: What was done.
     """
 
     def __init__(
         self,
-        agents: Iterable[Agent],
+        pools: Iterable[PathPool],
         near: Mapping[str, frozenset[str]],
-        margins: Mapping[str, float],
+        diagrams: DiagramCache,
         rng: np.random.Generator,
         watch: Stopwatch,
+        threads: int = 1,
     ) -> None:
-        self._near, self._margins, self._rng, self._watch = near, margins, rng, watch
-        self.agents = list(agents)
-        self.pools: dict[Agent, PathPool] = {}
+        self._near, self._diagrams, self._rng, self._watch = near, diagrams, rng, watch
+        self.pools = {pool.agent: pool for pool in pools}
+        self.agents = list(self.pools)
+        self.threads = threads
         self.schedules: dict[Agent, Schedule] = {}
-        self.statistics = Statistics()
+        self.statistics = Statistics(paths=len(self.pools))
         self.stage = ""
         self.reason = ""
-        # Pools of agents that are part of another one now; they bound its makespan.
-        self._parts: dict[Agent, PathPool] = {}
-        self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
-        self._pair_margins: dict[frozenset[Agent], float] = {}
+        # Pools of single arms, which bound the makespan and are where windows begin.
+        self._alone = {agent.arms[0]: pool for agent, pool in self.pools.items() if len(agent.arms) == 1}
+        self._made = {frozenset(agent.arms): agent for agent in self.agents}
+        self._margins: dict[Agent, float] = {}
         self._evicted: Counter[Agent] = Counter()
         self._quarrels: Counter[frozenset[Agent]] = Counter()
         self._detours: Counter[Agent] = Counter()
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Its arms, in the order of the problem."""
+        own = {arm for agent in self.agents for arm in agent.arms}
+        return tuple(arm for arm in self.agents[0].problem.arms if arm in own)
+
+    def join(self, other: PrioritizedPlanner) -> None:
+        """Take over the agents of another group, with their schedules as far as they do not meet those here.
+
+        Args:
+            other: The planner of that group, not used any more.
+        """
+        for agent in other.agents:
+            path = other.schedules[agent].path if agent in other.schedules else None
+            if path is not None and not any(
+                self._diagrams.diagram(path, schedule.path) is not None for schedule in self.schedules.values()
+            ):
+                self.schedules[agent] = other.schedules[agent]
+        self.agents += other.agents
+        self.pools |= other.pools
+        self._alone |= other._alone
+        self._made |= other._made
+        self.stage = _later(self.stage, other.stage)
 
     # ---- the search ------------------------------------------------------------------------
 
     def run(self) -> bool:
         """Schedule all agents; whether that was possible in time."""
-        for agent in self.agents:
-            if not self._make_pool(agent):
-                return False
-        waiting = sorted(self.agents, key=lambda agent: -self.pools[agent].paths[0].fastest)
-        if 1 < len(waiting) <= _PLANNED_AS_ONE and self._solve_few(waiting):
-            waiting = []
-        while waiting:
+        if not self.schedules and 1 < len(self.agents) <= PLANNED_AS_ONE and self._plan_few():
+            return True
+        coupled_first = not self.schedules and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST
+        if coupled_first and (self._couple(0) or self._plan_all(0)):
+            return True
+        self._prepare_diagrams()
+        waiting = self._time_first_paths()
+        if not waiting:
+            self.stage = _later(self.stage, "timing")
+            return True
+        effort = 0
+        while self._watch.goes_on():
+            most = self.statistics.evictions + _EVICTIONS * len(self.agents)
+            if self._repair(waiting, most):
+                self.stage = _later(self.stage, self._repair_stage())
+                return True
             if not self._watch.goes_on():
-                self.reason = self._blocked_by(waiting)
+                break
+            if self._couple(effort) or self._plan_all(effort):
+                return True
+            effort += 1
+            waiting = [agent for agent in self._slowest_first() if agent not in self.schedules]
+        self.reason = self.reason or self._blocked_by(waiting)
+        return False
+
+    def _slowest_first(self) -> list[Agent]:
+        return sorted(self.agents, key=lambda agent: -self.pools[agent].paths[0].fastest)
+
+    def _time_first_paths(self) -> list[Agent]:
+        """Time the paths of agents without a schedule, and return those for which that is not possible."""
+        limit = self._time_limit()
+        return [
+            agent
+            for agent in self._slowest_first()
+            if agent not in self.schedules and not self._schedule(agent, limit, detours=0)
+        ]
+
+    def _repair(self, waiting: list[Agent], most: int) -> bool:
+        """Schedule agents with detours, and evictions up to a number of all; whether that was possible."""
+        while waiting:
+            if not self._watch.goes_on() or self.statistics.evictions >= most:
                 return False
             agent = waiting.pop(0)
             if self._schedule(agent, self._time_limit()):
                 continue
             evicted = self._evict(agent)
             if evicted is None:
-                self.reason = self.reason or self._blocked_by([agent, *waiting])
+                waiting.insert(0, agent)
                 return False
-            waiting = [*self._merge_quarrels(agent, evicted), *waiting]
-            waiting = [agent for agent in waiting if agent in self.pools]
-        self.stage = self._stage()
+            waiting[:] = [*self._merge_quarrels(agent, evicted), *waiting]
+            waiting[:] = [agent for agent in waiting if agent in self.pools]
         return True
 
-    def _solve_few(self, agents: list[Agent]) -> bool:
-        """Time the first paths of a few agents, or else plan them as one; whether that was possible."""
-        limit = self._time_limit()
-        if all(self._schedule(agent, limit, detours=0) for agent in agents) and self.makespan <= limit:
+    def _repair_stage(self) -> str:
+        if self.statistics.merged:
+            return "composite"
+        return "eviction" if self.statistics.evictions else "detours"
+
+    # ---- joint spaces ----------------------------------------------------------------------
+
+    def _plan_few(self) -> bool:
+        """Plan a few agents as one, or time their paths where that arrives earlier; whether either was possible."""
+        limit, alone = self._time_limit(), self._plan()
+        arms = self.arms
+        pool = self._pool_of(arms)
+        for _ in range(_ATTEMPTS):
+            if self._add_path(pool) is None or min(path.fastest for path in pool.paths) <= limit:
+                break
+        arrival = min((path.fastest for path in pool.paths), default=math.inf)
+        if arrival <= self._slow_from() or not self._watch.goes_on():
+            return self._adopt([pool], "composite")
+        self._prepare_diagrams()
+        if not self._time_first_paths() and self.makespan <= arrival:
+            self.stage = "timing"
             return True
-        timed = dict(self.schedules) if len(self.schedules) == len(agents) else None
-        merged = self._merge(agents)
-        if merged is not None and self._schedule(merged, math.inf, detours=0):
-            if timed is None or self.makespan <= max(schedule.arrival for schedule in timed.values()):
-                return True
-            # Those that wait are sooner there.
-            self._split_up(merged, agents)
-        self.schedules = {} if timed is None else timed
-        return timed is not None
+        self._return_to(alone)
+        return self._adopt([pool], "composite")
+
+    def _plan_all(self, effort: int) -> bool:
+        """Plan all arms as one, with twice the effort each time; whether that was possible."""
+        if len(self.arms) > _MOST_AS_ONE:
+            return False
+        pool = self._pool_of(self.arms)
+        self._add_path(pool, effort)
+        return self._adopt([pool], "composite")
+
+    def _couple(self, effort: int) -> bool:
+        """Couple arms on windows of time around their conflicts; whether all agents have a schedule then."""
+        began = time.perf_counter()
+        margin = self._pool_of(self.arms).margin
+        starts = {arm: pool.paths[0].path.waypoints for arm, pool in self._alone.items()}
+        windows = CoupledWindows(starts, self._agent_of, margin, self._rng, self._watch)
+        solved = windows.solve(effort)
+        self.statistics.windows += windows.windows
+        self.statistics.add_time("windows", began)
+        if not solved:
+            return False
+        # Sets that never shared a window are timed among each other, or all move as in the windows.
+        arms, sets = self.arms, windows.coupled_sets()
+        found = self._adopt_windows(windows, sets)
+        if len(sets) == 1 or (found and self.makespan <= self._slow_from()):
+            return found
+        apart = self._plan()
+        arrival = self.makespan if found else math.inf
+        as_one = self._adopt_windows(windows, [arms])
+        if as_one and self.makespan > arrival:
+            self._return_to(apart)
+        return found or as_one
+
+    def _adopt_windows(self, windows: CoupledWindows, sets: Sequence[tuple[str, ...]]) -> bool:
+        pools = []
+        for arms in sets:
+            pool, path = self._pool_of(arms), windows.path(arms)
+            question = pool.agent.question({}, pool.margin)
+            with checker_from_pool(question.scene, question.arms, pool.margin) as checker:
+                if not checker.path_is_free(path):
+                    return False
+            try:
+                pool.add_shortened([path])
+            except RetimingError:
+                return False
+            pools.append(pool)
+        # Without a window the first paths go together as they are.
+        return self._adopt(pools, "windows" if windows.windows else "timing")
+
+    def _adopt(self, pools: Sequence[PathPool], stage: str) -> bool:
+        """Replace all agents by those of some pools, if all of them can be timed; whether that was possible."""
+        if not all(pool.paths for pool in pools):
+            return False
+        before = self._plan()
+        self.agents = [pool.agent for pool in pools]
+        self.pools = {pool.agent: pool for pool in pools}
+        self.schedules = {}
+        if self._time_first_paths():
+            self._return_to(before)
+            return False
+        self.stage = stage
+        return True
+
+    def _plan(self) -> _Plan:
+        return _Plan(list(self.agents), dict(self.pools), dict(self.schedules), self.stage)
+
+    def _return_to(self, plan: _Plan) -> None:
+        self.agents, self.pools = list(plan.agents), dict(plan.pools)
+        self.schedules, self.stage = dict(plan.schedules), plan.stage
+
+    def _agent_of(self, arms: Iterable[str]) -> Agent:
+        """The agent of some arms, whose scene keeps what is made from it."""
+        chosen = frozenset(arms)
+        if chosen not in self._made:
+            self._made[chosen] = Agent(self.agents[0].problem, chosen, self.agents[0].timing)
+        return self._made[chosen]
+
+    def _pool_of(self, arms: Iterable[str]) -> PathPool:
+        """An empty pool for some arms as one agent, with the largest margin that they have."""
+        agent = self._agent_of(arms)
+        pools = [self._alone[arm] for arm in agent.arms]
+        margin = min(pool.margin for pool in pools)
+        if len(pools) > 1:
+            # They keep it from each other, too.
+            if agent not in self._margins:
+                goal = np.concatenate([pool.paths[0].goal for pool in pools])
+                self._margins[agent] = affordable_margin(agent, goal, margin)
+            margin = self._margins[agent]
+        return PathPool(agent, margin, self._rng, self._watch)
+
+    def _add_path(self, pool: PathPool, effort: int = 0) -> AgentPath | None:
+        """One more path from the start to the goal, regardless of others."""
+        began = time.perf_counter()
+        path, _ = pool.add({}, effort=effort)
+        self.statistics.add_time("paths", began)
+        self.statistics.paths += 1
+        return path
 
     def improve(self, rounds: int) -> None:
         """Make the makespan shorter: the last agent and some of those near it are scheduled again, it first.
@@ -149,6 +339,8 @@ class PrioritizedPlanner:
         Args:
             rounds: How often to try.
         """
+        if len(self.agents) < 2:
+            return
         for _ in range(rounds):
             last = max(self.agents, key=lambda agent: self.schedules[agent].arrival)
             limit = self.makespan
@@ -165,13 +357,6 @@ class PrioritizedPlanner:
             if not all(self._schedule(agent, target) and self.schedules[agent].arrival <= target for agent in again):
                 self.schedules = before
 
-    def _stage(self) -> str:
-        if self.statistics.merged:
-            return "composite"
-        if self.statistics.evictions:
-            return "eviction"
-        return "detours" if self.statistics.detours else "timing"
-
     @property
     def makespan(self) -> float:
         """When the last agent arrives [s]."""
@@ -183,29 +368,21 @@ class PrioritizedPlanner:
 
     def fastest_alone(self) -> dict[str, float]:
         """Duration of the fastest known motion of each arm alone [s]."""
-        alone = [pool for pool in (*self._parts.values(), *self.pools.values()) if len(pool.agent.arms) == 1]
-        return {pool.agent.arms[0]: min(path.fastest for path in pool.paths) for pool in alone}
+        # What an arm does together with others it can do alone, too.
+        arrivals = {arm: schedule.arrival for agent, schedule in self.schedules.items() for arm in agent.arms}
+        return {
+            arm: min(arrivals.get(arm, math.inf), *(path.fastest for path in pool.paths))
+            for arm, pool in self._alone.items()
+        }
+
+    def _slow_from(self) -> float:
+        """Arrivals after this are worth another method [s]."""
+        alone = (min(path.fastest for path in pool.paths) for pool in self._alone.values())
+        return max(alone, default=0.0) * (1.0 + _WORTH_TIMING)
 
     def _time_limit(self) -> float:
         """Arrivals before this need no better path: others arrive later anyway, or it is good enough."""
         return max(self.makespan, self.slowest_alone() * (1.0 + _GOOD_ENOUGH))
-
-    def _make_pool(self, agent: Agent) -> bool:
-        margin = min(self._margins[arm] for arm in agent.arms)
-        if len(agent.arms) > 1:
-            # They keep it from each other, too.
-            goals = {arm: q for part in self.pools for arm, q in self._split(part, self._goal_of(part)).items()}
-            margin = affordable_margin(agent, np.concatenate([goals[arm] for arm in agent.arms]), margin)
-        pool = PathPool(agent, margin, self._rng)
-        began = time.perf_counter()
-        path, reason = pool.add({}, self._watch.left, patient=len(agent.arms) == 1)
-        self.statistics.add_time("paths", began)
-        self.statistics.paths += 1
-        if path is None:
-            self.reason = f"{' and '.join(agent.arms)}: {reason}"
-            return False
-        self.pools[agent] = pool
-        return True
 
     def _schedule(self, agent: Agent, limit: float, *, detours: int | None = None) -> bool:
         """Time the paths of an agent, and detours while none arrives before the limit; whether there is a schedule."""
@@ -246,7 +423,9 @@ class PrioritizedPlanner:
         for other, q in standing.items():
             if self._leaves_ends_free(agent, other, q):
                 configurations.update(self._split(other, q))
-        path, _ = self.pools[agent].add(configurations, self._watch.left, detour=number >= 3 or not configurations)
+        by_chance = number >= 3 or not configurations
+        # Each path in a joint space differs from the others as it is.
+        path, _ = self.pools[agent].add(configurations, detour=by_chance and len(agent.arms) == 1)
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
         self.statistics.detours += 1
@@ -326,26 +505,17 @@ class PrioritizedPlanner:
 
     def _merge(self, agents: list[Agent]) -> Agent | None:
         """One agent of several, with a path in the joint space of all their arms; None if none is found."""
-        merged = Agent(agents[0].problem, [arm for agent in agents for arm in agent.arms], agents[0].timing)
-        if not self._make_pool(merged):
-            self.reason = ""
+        pool = self._pool_of(arm for agent in agents for arm in agent.arms)
+        if self._add_path(pool) is None:
             return None
         for old in agents:
-            self._parts[old] = self.pools.pop(old)
+            del self.pools[old]
             self.schedules.pop(old, None)
             self.agents.remove(old)
-        self.agents.append(merged)
+        self.agents.append(pool.agent)
+        self.pools[pool.agent] = pool
         self.statistics.merged += 1
-        return merged
-
-    def _split_up(self, merged: Agent, agents: list[Agent]) -> None:
-        """Undo a merger."""
-        for agent in agents:
-            self.pools[agent] = self._parts.pop(agent)
-            self.agents.append(agent)
-        del self.pools[merged]
-        self.agents.remove(merged)
-        self.statistics.merged -= 1
+        return pool.agent
 
     # ---- timing ------------------------------------------------------------------------------
 
@@ -358,7 +528,9 @@ class PrioritizedPlanner:
         return [other for other in self._neighbors(agent) if other in self.schedules]
 
     def _timed(self, path: AgentPath, others: Iterable[Agent]) -> Schedule | None:
-        """The earliest schedule of a path among those of others."""
+        """The earliest schedule of a path among those of others; None if there is none, or no time to look for it."""
+        if not self._watch.goes_on():
+            return None
         found = []
         for other in others:
             theirs = self.schedules[other]
@@ -372,26 +544,21 @@ class PrioritizedPlanner:
         return schedule
 
     def _diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
-        """The extended diagram of two paths, kept for both orders; None where all of it is free."""
-        try:
-            return self._diagrams[one, two]
-        except KeyError:
-            began = time.perf_counter()
-            key = frozenset((one.agent, two.agent))
-            blocked = None
-            for margin in _MARGINS:
-                if margin > self._pair_margins.get(key, math.inf):
-                    continue
-                blocked = coordination_diagram(one, two, margin)
-                if not ends_exclude(blocked):
-                    break
-            self._pair_margins[key] = margin
+        """The extended diagram of two paths; None where all of it is free."""
+        began, before = time.perf_counter(), len(self._diagrams)
+        blocked = self._diagrams.diagram(one, two)
+        if len(self._diagrams) > before:
             self.statistics.add_time("diagrams", began)
             self.statistics.diagrams += 1
-            both = None if blocked is None else extended(blocked)
-            self._diagrams[one, two] = both
-            self._diagrams[two, one] = None if both is None else np.ascontiguousarray(both.T)
-            return both
+        return blocked
+
+    def _prepare_diagrams(self) -> None:
+        """Compute the diagrams of all first paths, side by side."""
+        began = time.perf_counter()
+        paths = {arm: pool.paths[0] for pool in self.pools.values() for arm in pool.agent.arms}
+        pairs = [(paths[a], paths[b]) for a, b in combinations(paths, 2) if b in self._near[a]]
+        self._diagrams.prepare([both for both in dict.fromkeys(pairs) if both[0] is not both[1]], self.threads)
+        self.statistics.add_time("diagrams", began)
 
     def _blocked_by(self, waiting: list[Agent]) -> str:
         texts = []
@@ -401,6 +568,11 @@ class PrioritizedPlanner:
                 f"{' and '.join(agent.arms)} (among {', '.join(others)})" if others else " and ".join(agent.arms)
             )
         return f"no schedule found for {'; '.join(texts)}"
+
+
+def _later(one: str, two: str) -> str:
+    """The later one of two stages."""
+    return max(one, two, key=("", *STAGES).index)
 
 
 def _earlier(one: Schedule | None, two: Schedule | None) -> Schedule | None:

@@ -93,6 +93,8 @@ def earliest_schedule(path: AgentPath, blocked: BlockedTimes) -> Schedule | None
         begins, _ = blocked.of(0)
         begins_at_goal, _ = blocked.of(1)
         return Schedule(path, ()) if len(begins) == 0 and len(begins_at_goal) == 0 else None
+    if len(blocked.rows) == 0:
+        return Schedule(path, (Leg(0.0, 0, path.segments),))
     return _Search(path, blocked).run()
 
 

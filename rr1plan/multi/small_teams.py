@@ -79,7 +79,7 @@ def plan_small_team(
     paths: dict[str, Array] = {}
     alone: dict[str, float] = {}
     for agent, arm in zip(agents, arms, strict=True):
-        path, reason = PathPool(agent, margins[arm], rng).add({}, watch.left, patient=True)
+        path, reason = PathPool(agent, margins[arm], rng, watch).add({}, patient=True)
         if path is None:
             return TeamPlan(reason=f"{arm}: {reason}")
         paths[arm], alone[arm] = clean(path.path.waypoints), path.fastest

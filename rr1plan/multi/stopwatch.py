@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 from rr1plan.planning import Progress, ProgressCallback
@@ -10,20 +11,21 @@ _REPORTS = 0.1  # time between two reports [s]
 
 
 class Stopwatch:
-    """A clock that runs from its making.
+    """A clock that runs from its making; any thread may read it.
 
     Args:
         budget: Seconds until the search has to stop (inf: no limit).
-        progress: Called about ten times a second, or None; False cancels.
+        progress: Called about ten times a second, in the thread that made the clock, or None; False cancels.
 
     Attributes:
-        cancelled: The progress wanted to end the search.
+        cancelled: The search has to end: the progress callback returned False, or `cancel` was called.
     """
 
     def __init__(self, budget: float, progress: ProgressCallback | None = None) -> None:
         self._began = time.perf_counter()
         self._budget, self._progress = budget, progress
         self._reported = -_REPORTS
+        self._thread = threading.get_ident()
         self.cancelled = False
 
     @property
@@ -36,11 +38,25 @@ class Stopwatch:
         """Wall time left [s]; below zero when it is used up."""
         return self._budget - self.seconds
 
+    def cancel(self) -> None:
+        """End the search in all threads."""
+        self.cancelled = True
+
     def goes_on(self) -> bool:
-        """Whether there is time left, and the progress, which is told, does not cancel."""
+        """Whether there is time left and nothing cancels; reports progress in the thread that made the clock."""
         seconds = self.seconds
-        if self._progress is not None and not self.cancelled and seconds - self._reported >= _REPORTS:
+        if (
+            self._progress is not None
+            and not self.cancelled
+            and seconds - self._reported >= _REPORTS
+            and threading.get_ident() == self._thread
+        ):
             self._reported = seconds
             used = min(1.0, seconds / self._budget)
-            self.cancelled = self._progress(Progress("many_arms", seconds, used)) is False
+            if self._progress(Progress("many_arms", seconds, used)) is False:
+                self.cancelled = True
         return not self.cancelled and seconds < self._budget
+
+    def let_planner_go_on(self, _: Progress) -> bool:
+        """The progress callback of a planner within the search: False once the search has to end."""
+        return self.goes_on()

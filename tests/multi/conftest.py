@@ -1,0 +1,28 @@
+"""What every plan of many arms has to hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker
+from rr1plan.multi import ManyArmsResult
+
+
+def check_plan(problem: rp.Problem, result: ManyArmsResult, samples: int = 150) -> None:
+    """The referee certifies the motion, and Coal sees no contact at many instants."""
+    assert result.found, result.reason
+    assert result.trajectory is not None
+    report = rp.validate(result.trajectory, problem.scene, problem)
+    assert report.certified, report
+    checker = CollisionChecker(problem.scene, problem.arms)
+    times = np.linspace(result.trajectory.start_time, result.trajectory.end_time, samples)
+    assert all(checker.is_free_slowly(q) for q in result.trajectory(times))
+
+
+@pytest.fixture(scope="session")
+def assert_safe() -> Callable[..., None]:
+    return check_plan

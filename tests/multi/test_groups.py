@@ -1,0 +1,103 @@
+"""Interaction groups: what actual paths sweep decides which arms are planned together, and threads change nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.multi import plan_many_arms, portfolio, random_grid
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.coordination import ends_are_apart, may_touch
+from rr1plan.multi.diagram_cache import DiagramCache
+from rr1plan.multi.interaction import arms_in_reach, meeting_groups
+from rr1plan.multi.path_pool import PathPool
+from rr1plan.planning import Budget
+
+_BUDGET = Budget(seconds=60.0)
+
+
+@pytest.fixture(scope="module")
+def grid(rr1: rp.Robot) -> rp.Problem:
+    return random_grid(rr1, 9, 0.65, 2)
+
+
+@pytest.fixture(scope="module")
+def pools(grid: rp.Problem) -> dict[str, PathPool]:
+    found = {arm: PathPool(Agent(grid, [arm]), 0.002, np.random.default_rng(0)) for arm in grid.arms}
+    assert all(pool.add({})[0] is not None for pool in found.values())
+    return found
+
+
+def test_arms_of_different_groups_never_touch(grid: rp.Problem, pools: dict[str, PathPool]) -> None:
+    paths = {arm: pool.paths[0] for arm, pool in pools.items()}
+    near, diagrams = arms_in_reach(grid.scene, grid.arms, 0.002), DiagramCache()
+    by_boxes = meeting_groups(paths, near, diagrams)
+    exactly = meeting_groups(paths, near, diagrams, exactly=True)
+    assert len(exactly) >= len(by_boxes) > 1
+    for groups in (by_boxes, exactly):
+        assert sorted(arm for group in groups for arm in group) == sorted(grid.arms)
+        group_of = {arm: k for k, group in enumerate(groups) for arm in group}
+        for one, two in combinations(grid.arms, 2):
+            if group_of[one] != group_of[two]:
+                assert diagrams.diagram(paths[one], paths[two]) is None
+    # What moves as one is one.
+    assert len(meeting_groups(dict.fromkeys(grid.arms, paths[grid.arms[0]]), near, diagrams)) == 1
+
+
+def test_diagrams_are_the_same_on_threads(grid: rp.Problem, pools: dict[str, PathPool]) -> None:
+    paths = [pool.paths[0] for pool in pools.values()]
+    pairs = list(combinations(paths, 2))
+    alone, threaded = DiagramCache(), DiagramCache()
+    threaded.prepare(pairs * 2, 3)
+    met = 0
+    for one, two in pairs:
+        expected, found = alone.diagram(one, two), threaded.diagram(one, two)
+        assert (expected is None) == (found is None)
+        if expected is not None:
+            met += 1
+            np.testing.assert_array_equal(found, expected)
+            np.testing.assert_array_equal(threaded.diagram(two, one), expected.T)
+    assert met > 0
+    assert len(threaded) == 2 * len(pairs)
+
+
+def test_ends_keep_what_their_diagram_keeps(pools: dict[str, PathPool]) -> None:
+    diagrams = DiagramCache()
+    for one, two in combinations([pool.paths[0] for pool in pools.values()], 2):
+        margin = diagrams.margin(one, two)
+        assert ends_are_apart(one, two, margin) or margin == 0.0
+        blocked = diagrams.diagram(one, two)
+        if blocked is not None:
+            assert may_touch(one, two, 0.002)
+            assert not blocked[0, 0]
+            assert not blocked[one.segments + 1, two.segments + 1]
+
+
+def test_the_same_seed_gives_the_same_motion_whatever_the_threads(
+    grid: rp.Problem, monkeypatch: pytest.MonkeyPatch, assert_safe: Callable[..., None]
+) -> None:
+    results = []
+    for processors in (1, 2, 5):
+        monkeypatch.setattr(portfolio, "_processors", lambda n=processors: n)
+        results.append(plan_many_arms(grid, rng=3, budget=_BUDGET))
+    assert sum(len(group.arms) > 1 for group in results[0].groups) > 1
+    assert_safe(grid, results[0], 60)
+    assert len({result.trajectory.coefficients.tobytes() for result in results if result.trajectory}) == 1
+
+
+def test_groups_whose_detours_meet_are_joined(planar2r: rp.Robot, assert_safe: Callable[..., None]) -> None:
+    # A long row of neighbors that swap sides in pairs: whoever goes around meets the next pair.
+    scene, start, goal = rp.Scene(), {}, {}
+    for k in range(3):
+        for side, angle in ((-1.0, 0.5), (1.0, np.pi + 0.5)):
+            name = f"arm{k}{'l' if side < 0.0 else 'r'}"
+            scene = scene.with_arm(name, planar2r, (1.2 * side, 2.6 * k, 0.0))
+            start[name], goal[name] = [angle, 0.0], [angle - 1.0, 0.0]
+    problem = rp.Problem(scene, start, goal)
+    result = plan_many_arms(problem, rng=0, budget=_BUDGET)
+    assert_safe(problem, result)
+    assert 1 <= len(result.groups) <= 3

@@ -1,0 +1,161 @@
+"""Problems of many arms without an answer: proofs where there are any, and never a motion that is none."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import threading
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.multi import place_grid, plan_many_arms
+from rr1plan.planning import Budget, PlanStatus
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.robot_parts import Geometry, Joint, Link
+
+Check = Callable[..., None]
+
+
+def _facing(planar2r: rp.Robot) -> rp.Scene:
+    scene = rp.Scene().with_arm("left", planar2r, (-1.2, 0.0, 0.0))
+    return scene.with_arm("right", planar2r, (1.2, 0.0, 0.0))
+
+
+def _rail(starts: list[float], goals: list[float]) -> rp.Problem:
+    """Balls of 0.1 m on one rail, which can never pass each other."""
+    along = Joint("slide", "prismatic", "base", "ball", axis=np.array([1.0, 0.0, 0.0]), lower=-10.0, upper=10.0)
+    one = np.ones(1)
+    robot = rp.Robot(
+        name="slider",
+        links=(Link("base"), Link("ball", collisions=(Geometry("ball", rp.Sphere(0.1)),))),
+        joints=(along,),
+        joint_names=("slide",),
+        limits=Limits(-10.0 * one, 10.0 * one, one, 2.0 * one, 9.0 * one, 9.0 * one),
+        configurations={"home": np.zeros(1)},
+        locked_joints={},
+        disabled_collisions=frozenset(),
+        tool="ball",
+    )
+    names = [f"arm{k}" for k in range(len(starts))]
+    scene = rp.Scene()
+    for name in names:
+        scene = scene.with_arm(name, robot)
+    return rp.Problem(
+        scene,
+        {name: [q] for name, q in zip(names, starts, strict=True)},
+        {name: [q] for name, q in zip(names, goals, strict=True)},
+    )
+
+
+def test_starts_in_contact_are_named(planar2r: rp.Robot) -> None:
+    scene = _facing(planar2r)
+    problem = rp.Problem(scene, {"left": [0.0, 0.0], "right": [np.pi, 0.0]}, {"left": [1.0, 0.0], "right": [2.0, 0.0]})
+    result = plan_many_arms(problem)
+    assert result.status is PlanStatus.INVALID_START
+    assert "'left/link2' and 'right/link2'" in result.reason
+    assert "overlap by 80 mm" in result.reason
+
+
+@pytest.mark.parametrize("depth", [0.001, 0.005, 0.05])
+def test_goals_that_exclude_each_other_are_named(planar2r: rp.Robot, depth: float) -> None:
+    scene = rp.Scene().with_arm("left", planar2r, (-1.7 - 0.04 + depth / 2, 0.0, 0.0))
+    scene = scene.with_arm("right", planar2r, (1.7 + 0.04 - depth / 2, 0.0, 0.0))
+    problem = rp.Problem(scene, {"left": [1.0, 0.0], "right": [2.0, 0.0]}, {"left": [0.0, 0.0], "right": [np.pi, 0.0]})
+    result = plan_many_arms(problem)
+    assert result.status is PlanStatus.INVALID_GOAL
+    assert "exclude each other" in result.reason
+    assert "'left/link2' and 'right/link2'" in result.reason
+
+
+def test_goals_that_touch_by_a_hair_less_are_reached(planar2r: rp.Robot, assert_safe: Check) -> None:
+    scene = rp.Scene().with_arm("left", planar2r, (-1.7 - 0.04 - 1e-3, 0.0, 0.0))
+    scene = scene.with_arm("right", planar2r, (1.7 + 0.04 + 1e-3, 0.0, 0.0))
+    problem = rp.Problem(scene, {"left": [1.0, 0.0], "right": [2.0, 0.0]}, {"left": [0.0, 0.0], "right": [np.pi, 0.0]})
+    assert_safe(problem, plan_many_arms(problem, rng=0))
+
+
+def test_goals_out_of_limits_or_reach_are_named(rr1: rp.Robot) -> None:
+    scene = place_grid(rr1, 2, 1, spacing=0.6)
+    result = plan_many_arms(rp.Problem(scene, None, {"arm01": [3.0, 0, 0, 0, 1, 0], "arm02": "home"}))
+    assert result.status is PlanStatus.INVALID_GOAL
+    assert "arm01" in result.reason
+    assert "shoulder_joint" in result.reason
+    far = rp.PoseGoal("tool", (4.0, 0.0, 0.3))
+    result = plan_many_arms(rp.Problem(scene, None, {"arm01": "home", "arm02": far}))
+    assert result.status in (PlanStatus.INFEASIBLE, PlanStatus.INVALID_GOAL)
+    assert result.reason.startswith("arm02")
+
+
+def test_what_is_not_found_in_time_is_said_with_who_is_blocked(planar2r: rp.Robot) -> None:
+    # A post on either side of the first link at its goal: it cannot turn there from anywhere.
+    scene = _facing(planar2r)
+    goal = {"left": [-1.5, 0.0], "right": [np.pi, 0.0]}
+    for k, side in enumerate((-1.0, 1.0)):
+        scene = scene.with_obstacle(f"post{k}", rp.Cylinder(0.02, 0.2), (0.6, 0.1 * side, 0.0))
+    start = {"left": [1.5, 0.0], "right": [np.pi - 1.0, 0.0]}
+    result = plan_many_arms(rp.Problem(scene, start, goal), rng=0, budget=Budget(seconds=0.5))
+    assert result.status is PlanStatus.TIMEOUT
+    assert "right" in result.reason
+    assert result.trajectory is None
+    assert not math.isnan(result.seconds)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_on_a_rail_plans_are_found_exactly_where_the_order_stays(seed: int, assert_safe: Check) -> None:
+    rng = np.random.default_rng(seed)
+    count = 2 + seed % 3
+    starts = np.sort(rng.permutation(12)[:count] * 0.5)
+    goals = np.sort(rng.permutation(12)[:count] * 0.5)
+    possible = _rail(starts.tolist(), goals.tolist())
+    assert_safe(possible, plan_many_arms(possible, rng=seed), 60)
+    swapped = _rail(starts.tolist(), [*goals[2:], *goals[1::-1]] if count > 2 else goals[::-1].tolist())
+    result = plan_many_arms(swapped, rng=seed, budget=Budget(seconds=0.4))
+    assert result.status is PlanStatus.TIMEOUT
+    assert result.trajectory is None
+    assert "not found in 0.4" in result.reason
+    assert "arm0" in result.reason or "arm1" in result.reason
+
+
+def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
+    # Four walls around the hand at its goal, and none in which it is.
+    scene = _facing(planar2r)
+    for k, (x, y, sx, sy) in enumerate([(0.0, 0.1, 1.2, 0.02), (0.0, -0.1, 1.2, 0.02), (0.6, 0.0, 0.02, 0.22)]):
+        scene = scene.with_obstacle(f"wall{k}", rp.Box((sx, sy, 0.2)), (x + 0.2, y, 0.0))
+    problem = rp.Problem(
+        scene, {"left": [1.5, 0.0], "right": [np.pi - 1.0, 0.0]}, {"left": [0.0, 0.0]}, arms=["left", "right"]
+    )
+    result = plan_many_arms(problem, rng=0, budget=Budget(seconds=0.5))
+    assert result.status is PlanStatus.TIMEOUT
+    assert result.reason.startswith("not found in 0.5")
+    assert "left" in result.reason
+
+
+@pytest.mark.parametrize("count", [2, 6])
+def test_progress_cancels_a_long_search(count: int) -> None:
+    problem = _rail([float(k) for k in range(count)], [float(count - k) for k in range(count)])
+    result = plan_many_arms(problem, rng=0, budget=Budget(seconds=60.0), progress=lambda p: p.seconds < 0.2)
+    assert result.status is PlanStatus.CANCELLED
+    assert result.seconds < 30.0
+
+
+@pytest.mark.parametrize("groups", [1, 2])
+def test_ctrl_c_ends_the_search_in_all_threads(groups: int) -> None:
+    rail = _rail([0.0, 1.0], [1.0, 0.0])
+    scene, start, goal = rp.Scene(), {}, {}
+    for k in range(groups):
+        for arm, part in rail.scene.arms.items():
+            name = f"{arm}-{k}"
+            scene = scene.with_arm(name, part.robot, (0.0, 5.0 * k, 0.0))
+            start[name] = rail.scene.split(rail.start, rail.arms)[arm]
+            goal[name] = rail.goal[arm]
+    before = threading.active_count()
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        plan_many_arms(rp.Problem(scene, start, goal), rng=0, budget=Budget(seconds=60.0))
+    timer.join()
+    assert threading.active_count() == before
