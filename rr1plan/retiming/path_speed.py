@@ -125,7 +125,7 @@ def time_polyline(points: Array, sizes: Array, limits: Limits) -> Pieces:
         raise RetimingError(f"no speed between waypoints {failed - 1} and {failed}; try wider limits")
     made = pieces.value.count
     terms = 5 if code == constants()["TIMED_BENT"] else 3
-    return Pieces(durations[:made].copy(), coefficients[:made, :terms].copy())
+    return Pieces(durations[:made], coefficients[:made, :terms])
 
 
 def timed(curve: Curve, grid: Grid, x: Array) -> Pieces:
