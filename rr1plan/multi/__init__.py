@@ -6,16 +6,16 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     portfolio.py                             plan_many_arms: all stages under one deadline, one trajectory
     preflight.py  interaction.py             starts and goals that cannot be; arms that can meet
     prioritized.py                           schedules one after the other, detours, eviction, meta-agents
+    coupled_windows.py                       arms that conflict are planned as one on windows of time
     improvement.py  path_changes.py          anytime improvement: moves on schedules, random changes of paths
     composite_waypoints.py  plan_quality.py  schedules as one composite path and back; makespan, waiting, bounds
     small_teams.py  conflict_based_search.py conflict-based search on roadmaps
     arm_roadmap.py  roadmap_search.py  relative_conflicts.py
                                              roadmaps, the earliest motion on one, and when edges conflict
     hop_timing.py                            torque limits and jerk-limited stops
-    diagram_cache.py                         coordination diagrams of the paths in use
     path_pool.py                             paths of one agent
     safe_intervals.py  schedule.py           timing on a fixed path; what a schedule occupies
-    coordination.py                          coordination diagrams: which segments of two paths do not touch
+    diagram_cache.py  coordination.py        coordination diagrams: which segments of two paths do not touch
     agent_path.py  placed_path.py  agents.py   paths in segments, with their bodies; arms that move as one
     problems.py                              seeded problems; grids and rings are in `rr1plan.scene.placement`
 """

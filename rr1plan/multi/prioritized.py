@@ -43,6 +43,10 @@ _DETOURS, _MOST_PATHS = 3, 12
 _QUARRELS = 2
 PLANNED_AS_ONE = 4
 """Agents of a group whose joint space is tried first."""
+_STANDING = 0.7  # share of the others around which an arm's path leads before a later round of windows
+_ROUNDS_OF_SAME_EFFORT = 4  # of windows
+_ROUNDS_FIRST = 8  # of windows there, each with twice the effort
+
 STAGES = ("timing", "detours", "eviction", "composite", "windows")
 """Stages of a search, by what they cost."""
 _ATTEMPTS = 3  # at a path in that joint space
@@ -127,6 +131,7 @@ class PrioritizedPlanner:
         self._alone = {agent.arms[0]: pool for agent, pool in self.pools.items() if len(agent.arms) == 1}
         self._made = {frozenset(agent.arms): agent for agent in self.agents}
         self._margins: dict[Agent, float] = {}
+        self._tries_as_one = 0
         self._evicted: Counter[Agent] = Counter()
         self._quarrels: Counter[frozenset[Agent]] = Counter()
         self._detours: Counter[Agent] = Counter()
@@ -162,14 +167,16 @@ class PrioritizedPlanner:
         if not self.schedules and 1 < len(self.agents) <= PLANNED_AS_ONE and self._plan_few():
             return True
         coupled_first = not self.schedules and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST
-        if coupled_first and (self._couple(0) or self._plan_all(0)):
-            return True
+        effort = 0
+        while coupled_first and effort < _ROUNDS_FIRST and self._watch.goes_on():
+            if self._couple(effort) or (effort == 0 and self._plan_all()):
+                return True
+            effort += 1
         self._prepare_diagrams()
         waiting = self._time_first_paths()
         if not waiting:
             self.stage = _later(self.stage, "timing")
             return True
-        effort = 0
         while self._watch.goes_on():
             most = self.statistics.evictions + _EVICTIONS * len(self.agents)
             if self._repair(waiting, most):
@@ -177,7 +184,7 @@ class PrioritizedPlanner:
                 return True
             if not self._watch.goes_on():
                 break
-            if self._couple(effort) or self._plan_all(effort):
+            if self._couple(effort) or self._plan_all():
                 return True
             effort += 1
             waiting = [agent for agent in self._slowest_first() if agent not in self.schedules]
@@ -237,21 +244,22 @@ class PrioritizedPlanner:
         self._return_to(alone)
         return self._adopt([pool], "composite")
 
-    def _plan_all(self, effort: int) -> bool:
+    def _plan_all(self) -> bool:
         """Plan all arms as one, with twice the effort each time; whether that was possible."""
         if len(self.arms) > _MOST_AS_ONE:
             return False
         pool = self._pool_of(self.arms)
-        self._add_path(pool, effort)
+        self._add_path(pool, self._tries_as_one)
+        self._tries_as_one += 1
         return self._adopt([pool], "composite")
 
     def _couple(self, effort: int) -> bool:
         """Couple arms on windows of time around their conflicts; whether all agents have a schedule then."""
         began = time.perf_counter()
         margin = self._pool_of(self.arms).margin
-        starts = {arm: pool.paths[0].path.waypoints for arm, pool in self._alone.items()}
+        starts = {arm: self._first_guess(arm, effort).path.waypoints for arm in self._alone}
         windows = CoupledWindows(starts, self._agent_of, margin, self._rng, self._watch)
-        solved = windows.solve(effort)
+        solved = windows.solve(effort // _ROUNDS_OF_SAME_EFFORT)
         self.statistics.windows += windows.windows
         self.statistics.add_time("windows", began)
         if not solved:
@@ -267,6 +275,21 @@ class PrioritizedPlanner:
         if as_one and self.makespan > arrival:
             self._return_to(apart)
         return found or as_one
+
+    def _first_guess(self, arm: str, effort: int) -> AgentPath:
+        """The path of an arm before windows: its own, or in later rounds one around others where they stand."""
+        pool = self._alone[arm]
+        if effort == 0:
+            return pool.paths[0]
+        standing: dict[str, Array | None] = {}
+        for other in sorted(self._near[arm] & self._alone.keys()):
+            theirs = self._alone[other]
+            q = theirs.paths[0].goal if effort % 2 else theirs.agent.start
+            # Each time among some others, so that each time the paths are different ones.
+            if self._rng.random() < _STANDING and self._leaves_ends_free(pool, theirs.agent, q):
+                standing[other] = q
+        path, _ = pool.add(standing) if standing else (None, "")
+        return path or pool.paths[0]
 
     def _adopt_windows(self, windows: CoupledWindows, sets: Sequence[tuple[str, ...]]) -> bool:
         pools = []
@@ -354,7 +377,12 @@ class PrioritizedPlanner:
             for agent in again:
                 del self.schedules[agent]
             target = (1.0 - _LEAST_GAIN) * limit
-            if not all(self._schedule(agent, target) and self.schedules[agent].arrival <= target for agent in again):
+            # The diagrams of another path of several arms would cost more than all the rest.
+            tries = {agent: _DETOURS if len(agent.arms) == 1 else 0 for agent in again}
+            if not all(
+                self._schedule(agent, target, detours=count) and self.schedules[agent].arrival <= target
+                for agent, count in tries.items()
+            ):
                 self.schedules = before
 
     @property
@@ -421,7 +449,7 @@ class PrioritizedPlanner:
         began = time.perf_counter()
         configurations: dict[str, Array | None] = {}
         for other, q in standing.items():
-            if self._leaves_ends_free(agent, other, q):
+            if self._leaves_ends_free(self.pools[agent], other, q):
                 configurations.update(self._split(other, q))
         by_chance = number >= 3 or not configurations
         # Each path in a joint space differs from the others as it is.
@@ -440,12 +468,12 @@ class PrioritizedPlanner:
                 found.append(other)
         return found
 
-    def _leaves_ends_free(self, agent: Agent, other: Agent, q: Array) -> bool:
-        """Whether an agent can be at its start and its goal while another one stands somewhere."""
-        placed = placed_configuration(other.bodies, q)
+    def _leaves_ends_free(self, pool: PathPool, other: Agent, q: Array) -> bool:
+        """Whether the agent of a pool can be at its start and its goal while another one stands somewhere."""
+        agent, placed = pool.agent, placed_configuration(other.bodies, q)
         return all(
-            are_apart(agent, placed_configuration(agent.bodies, end), other, placed, self.pools[agent].margin)
-            for end in (agent.start, self._goal_of(agent))
+            are_apart(agent, placed_configuration(agent.bodies, end), other, placed, pool.margin)
+            for end in (agent.start, pool.paths[0].goal)
         )
 
     def _goal_of(self, agent: Agent) -> Array:

