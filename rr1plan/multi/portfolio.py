@@ -10,7 +10,7 @@ group of up to four arms that still has no schedule are planned as one.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -218,7 +218,8 @@ def plan_many_arms(
         slowest_alone=quality.slowest_alone,
         path_length=quality.path_length,
         waiting=quality.waiting,
-        first=first,
+        # By the same bound, so that both ratios compare.
+        first=replace(first, slowest_alone=quality.slowest_alone),
         improvements=improver.iterations,
         history=(history, *improver.history),
     )
