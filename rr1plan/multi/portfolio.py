@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from types import MappingProxyType
 
@@ -223,7 +223,8 @@ def plan_many_arms(
         slowest_alone=quality.slowest_alone,
         path_length=quality.path_length,
         waiting=quality.waiting,
-        first=first,
+        # By the same bound, so that both ratios compare.
+        first=replace(first, slowest_alone=quality.slowest_alone),
         improvements=improver.iterations,
         history=(history, *improver.history),
     )
