@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from rr1plan.multi import Part as Part
     from rr1plan.multi import PlanExecution as PlanExecution
     from rr1plan.multi import PlanGraph as PlanGraph
+    from rr1plan.multi import PlanQuality as PlanQuality
     from rr1plan.multi import Route as Route
     from rr1plan.multi import RunningPlan as RunningPlan
     from rr1plan.multi import Schedule as Schedule
@@ -256,6 +257,7 @@ _EXPORTS = {
         "PlanGraph",
         "Route",
         "RunningPlan",
+        "PlanQuality",
         "Schedule",
         "dual_arm_shelf",
         "add_motion",

@@ -29,8 +29,9 @@ from rr1plan.validation import validate
 # Imports faster than this [s] only look up modules that are already loaded.
 _NO_IMPORTS = 0.01
 _MARGIN = 0.002  # [m]
-MANY_ARMS = "many_arms"
-"""The planner that plans a path for each arm and schedules them; it makes trajectories, not paths."""
+MANY_ARMS, MANY_ARMS_ANYTIME = "many_arms", "many_arms_anytime"
+"""Planners that plan a path for each arm and schedule them; they make trajectories, not paths."""
+_LEAVES_PATHS = "ruckig_direct"
 # Up to this many arms are planned in their joint space unless a planner is named.
 _PLANNED_AS_ONE = 2
 # Shortcut attempts before retiming: milliseconds of computation save seconds of motion.
@@ -57,8 +58,8 @@ def plan_motion(
     Args:
         problem: The question.
         planner: A name of `planner_names()`, an instance of `Planner`, or "many_arms", which plans a path for each arm
-            and schedules them (`rr1plan.multi.plan_many_arms`). Default: "rrt_connect" for one or two arms,
-            for another retiming than "blend" and with torque limits, else "many_arms".
+            and schedules them (`rr1plan.multi.plan_many_arms`); "many_arms_anytime" then improves the motion until the
+            budget ends. Default: "rrt_connect" for one or two arms and for retiming "ruckig_direct", else "many_arms".
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; that of a planner that `keeps_shape`, such as the Cartesian one, is left
@@ -88,11 +89,11 @@ def plan_motion(
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
     if planner is None:
-        as_one = len(problem.arms) <= _PLANNED_AS_ONE or retiming != "blend" or torque_limits
+        as_one = len(problem.arms) <= _PLANNED_AS_ONE or retiming == _LEAVES_PATHS
         planner = "rrt_connect" if as_one else MANY_ARMS
-    if isinstance(planner, str) and planner == MANY_ARMS:
-        check_many_arms_options(retiming, torque_limits=torque_limits)
-        return _plan_many_arms(problem, seconds, margin, budget, generator, progress)
+    if isinstance(planner, str) and planner in (MANY_ARMS, MANY_ARMS_ANYTIME):
+        check_many_arms_retiming(planner, retiming)
+        return _plan_many_arms(problem, planner, retiming, torque_limits, seconds, margin, budget, generator, progress)
     chosen = chosen_planner(planner)
     shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     try:
@@ -134,18 +135,24 @@ def plan_motion(
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
 
 
-def check_many_arms_options(retiming: str, *, torque_limits: bool) -> None:
-    """Refuse what the planner "many_arms" cannot do.
+def check_many_arms_retiming(planner: str, retiming: str) -> None:
+    """Refuse a retiming that is impossible for the planners of many arms.
 
     Raises:
-        InputError: another retiming than "blend", or torque limits.
+        InputError: it leaves the paths, where nothing is certified between the arms.
     """
-    if retiming != "blend" or torque_limits:
-        raise InputError(f"planner {MANY_ARMS!r} times motions itself, by 'blend' and without torque limits")
+    if retiming == _LEAVES_PATHS:
+        raise InputError(
+            f"planner {planner!r} cannot use retiming {retiming!r}, which leaves the paths that are certified between "
+            "the arms; use 'ruckig', which also limits jerk"
+        )
 
 
 def _plan_many_arms(
     problem: Problem,
+    planner: str,
+    retiming: str,
+    torque_limits: bool,
     seconds: dict[str, float],
     margin: float | None,
     budget: Budget | None,
@@ -159,16 +166,31 @@ def _plan_many_arms(
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
         with _timed(seconds, "plan", progress):
-            found = plan_many_arms(problem, margin=margin, budget=budget, rng=rng, progress=progress)
+            improvement = (budget or Budget()) if planner == MANY_ARMS_ANYTIME else None
+            found = plan_many_arms(
+                problem,
+                margin=margin,
+                budget=budget,
+                improvement=improvement,
+                retiming=retiming,
+                torque_limits=torque_limits,
+                rng=rng,
+                progress=progress,
+            )
         if found.trajectory is None:
-            result = PlanResult(found.status, None, found.reason, MANY_ARMS, seconds=found.seconds)
+            result = PlanResult(
+                found.status, None, found.reason, planner, seconds=found.seconds, iterations=found.improvements
+            )
             return MotionPlan(problem, result, seconds, many_arms=found)
         with _timed(seconds, "validate", progress):
-            report = validate(found.trajectory, problem.scene, problem)
+            jerk_limits = retiming == "ruckig"
+            report = validate(
+                *(found.trajectory, problem.scene, problem), torque_limits=torque_limits, jerk_limits=jerk_limits
+            )
     except CancelledError as error:
-        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), MANY_ARMS), seconds)
+        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
     reason = "each arm has its own path, see `many_arms.paths`"
-    result = PlanResult(found.status, None, reason, MANY_ARMS, seconds=found.seconds)
+    result = PlanResult(found.status, None, reason, planner, seconds=found.seconds, iterations=found.improvements)
     return MotionPlan(problem, result, seconds, _trajectory=found.trajectory, _report=report, many_arms=found)
 
 

@@ -256,7 +256,8 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "plan_many_arms": (
             rp.plan_many_arms,
-            {"problem": problem, "margin": 0.001, "budget": budget, "rng": 0, "progress": None},
+            {"problem": problem, "margin": 0.001, "budget": budget, "rng": 0, "progress": None}
+            | {"improvement": budget, "method": "portfolio", "retiming": "blend", "torque_limits": False},
         ),
         "plan_graph": (rp.plan_graph, {"result": many}),
         "PlanGraph.waits_for": (graph.waits_for, {"arm": "arm"}),
@@ -568,6 +569,7 @@ _NOT_CALLED = {
         "Nearest",
         "IkResult",
         "MotionPlan",
+        "PlanQuality",
         "PlanResult",
     ),
     *("Controller", "Controller.activate", "Controller.update", "Controller.check_positions", "Execution"),

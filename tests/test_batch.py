@@ -309,5 +309,5 @@ def test_problems_of_many_arms_are_planned_in_processes(rr1):
         assert {arm for s in two.many_arms.schedules for arm in s.path.agent.arms} == set(grid.arms)
     with pytest.raises(rp.InputError, match="leave full=True"):
         rp.plan_many([grid], planner="many_arms", full=False)
-    with pytest.raises(rp.InputError, match="times motions itself"):
-        rp.plan_many([grid], planner="many_arms", retiming="stop")
+    with pytest.raises(rp.InputError, match="leaves the paths"):
+        rp.plan_many([grid], planner="many_arms", retiming="ruckig_direct")

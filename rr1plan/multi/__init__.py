@@ -7,6 +7,12 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
     preflight.py  interaction.py             starts and goals that cannot be; arms that can meet
     prioritized.py                           schedules one after the other, detours, eviction, meta-agents
     coupled_windows.py                       arms that conflict are planned as one on windows of time
+    improvement.py  path_changes.py          anytime improvement: moves on schedules, random changes of paths
+    composite_waypoints.py  plan_quality.py  schedules as one composite path and back; makespan, waiting, bounds
+    small_teams.py  conflict_based_search.py conflict-based search on roadmaps
+    arm_roadmap.py  roadmap_search.py  relative_conflicts.py
+                                             roadmaps, the earliest motion on one, and when edges conflict
+    hop_timing.py                            torque limits and jerk-limited stops
     path_pool.py                             paths of one agent
     safe_intervals.py  schedule.py           timing on a fixed path; what a schedule occupies
     diagram_cache.py  coordination.py        coordination diagrams: which segments of two paths do not touch
@@ -21,6 +27,7 @@ of all of them (see `composite`). From three arms on `plan_motion` plans them ap
 
 from rr1plan.multi.added_motions import AddedMotion, add_motion
 from rr1plan.multi.plan_execution import ArmDelay, PlanExecution, execute_plan
+from rr1plan.multi.plan_quality import PlanQuality
 from rr1plan.multi.portfolio import GroupResult, ManyArmsResult, plan_many_arms
 from rr1plan.multi.problems import dual_arm_shelf, random_grid, reach_grid, ring_swap
 from rr1plan.multi.route import Route
@@ -42,6 +49,7 @@ __all__ = [
     "Part",
     "PlanExecution",
     "PlanGraph",
+    "PlanQuality",
     "Route",
     "RunningPlan",
     "Schedule",

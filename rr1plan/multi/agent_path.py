@@ -6,6 +6,7 @@ itself never changes: an agent may wait at a gridpoint, go on, or go back, and n
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -15,11 +16,14 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.hop_timing import jerk_limited_line, times_along
 from rr1plan.multi.placed_path import placed_path
 from rr1plan.path import Path
+from rr1plan.retiming.check_limits import check_limits
 from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, round_corners
 from rr1plan.retiming.path_speed import Grid, fastest_speeds, hop_times, timed
 from rr1plan.retiming.timed_pieces import Pieces, concatenate
+from rr1plan.retiming.torque_limits import check_gravity, torque_stretch
 
 # How far any point of the arms gets on a segment [m]: in the middle of a path, and at its ends, where other arms may be
 # near; between them it grows by this share of the way from the end.
@@ -31,6 +35,8 @@ _STOPS = 12
 _FEWEST = 2  # segments of a piece, so that a motion can begin and end on it
 _LARGEST_BLEND = 1.0  # [rad]
 _SAME = 1e-9  # relative difference of path accelerations that count as one
+# A motion is stretched by this more than its torques need [ratio].
+_TORQUE_ROUNDING = 1e-3
 # Far above the rounding of configurations [rad].
 _ROUNDING = 1e-12
 
@@ -48,10 +54,16 @@ class AgentPath:
         grid: Its segments.
         halts: Gridpoints where the motion has to stop: corners that cannot be rounded.
         segments: How many there are; 0 for an agent that does not move.
+
+    Raises:
+        RetimingError: a moving joint without a limit, or gravity torque above an effort limit that has to be kept.
     """
 
     def __init__(self, agent: Agent, path: Path, checker: CurveChecker) -> None:
         self.agent, self.path = agent, path
+        self._limits_jerk = agent.timing.method == "ruckig"
+        self._stretches: dict[tuple[int, int], float] = {}
+        self._lines: dict[tuple[int, int], Pieces] = {}
         points = clean(path.waypoints)
         self.start, self.goal = path.waypoints[0], path.waypoints[-1]
         nq = points.shape[1]
@@ -61,7 +73,11 @@ class AgentPath:
             self.halts: tuple[int, ...] = ()
             self.segments = 0
             return
-        sizes = blend_sizes(points, _LARGEST_BLEND, checker)
+        check_limits(path.joint_names, points, agent.limits, jerk=self._limits_jerk)
+        if agent.timing.torque_limits:
+            check_gravity(points, path.joint_names, agent.limits.effort, agent.inverse_dynamics)
+        rounded = agent.timing.method == "blend"
+        sizes = blend_sizes(points, _LARGEST_BLEND, checker) if rounded else np.zeros(len(points))
         lengths, coefficients, before = round_corners(points, sizes)
         self.curve = Curve(lengths.copy(), coefficients.copy(), (0, len(points) - 1))
         counts = self._segment_counts()
@@ -70,6 +86,33 @@ class AgentPath:
         first = np.concatenate([[0], np.cumsum(counts)])
         corners = np.flatnonzero(sizes[1:-1] == 0.0) + 1
         self.halts = tuple(int(first[before[i]]) for i in corners)
+
+    @classmethod
+    def chained(cls, paths: Sequence[AgentPath]) -> AgentPath:
+        """Paths of an agent one behind the other, with stops where they join; each as it is by itself, to the last bit.
+
+        Args:
+            paths: The paths, none of length zero; each begins where the one before ends.
+        """
+        chain = cls.__new__(cls)
+        chain.agent = paths[0].agent
+        waypoints = np.concatenate([paths[0].path.waypoints, *(part.path.waypoints[1:] for part in paths[1:])])
+        chain.path = Path(paths[0].path.joint_names, waypoints)
+        chain._limits_jerk, chain._stretches, chain._lines = paths[0]._limits_jerk, {}, {}
+        chain.start, chain.goal = paths[0].start, paths[-1].goal
+        lengths = np.concatenate([part.curve.lengths for part in paths])
+        coefficients = np.concatenate([part.curve.coefficients for part in paths])
+        chain.curve = Curve(lengths, coefficients, (0, len(waypoints) - 1))
+        pieces = np.cumsum([0, *(len(part.curve.lengths) for part in paths)])
+        piece = np.concatenate([part.grid.piece + first for part, first in zip(paths, pieces, strict=False)])
+        offset, delta = (np.concatenate([part.grid[k] for part in paths]) for k in (1, 2))
+        chain.grid = Grid(piece, offset, delta)
+        joints = np.cumsum([0, *(part.segments for part in paths)]).tolist()
+        inner = [first + halt for part, first in zip(paths, joints, strict=False) for halt in part.halts]
+        chain.segments = joints[-1]
+        chain.halts = tuple(sorted({*joints[1:-1], *inner}))
+        chain.__dict__["stops"] = tuple(joints)
+        return chain
 
     def __repr__(self) -> str:
         return f"AgentPath({', '.join(self.agent.arms)}: {self.segments} segments)"
@@ -111,6 +154,10 @@ class AgentPath:
         begin, end = np.triu_indices(count, 1)
         stops = np.array(self.stops)
         times = np.zeros((count, count, self.segments + 1))
+        if self._limits_jerk:
+            for i, j in zip(begin.tolist(), end.tolist(), strict=True):
+                times[i, j, self.stops[i] : self.stops[j] + 1] = self._jerk_limited_times(self.stops[i], self.stops[j])
+            return times
         times[begin, end] = self._hops(stops[begin], stops[end])
         return times
 
@@ -131,18 +178,19 @@ class AgentPath:
             return np.zeros(1)
         i, j = self.stops.index(begin), self.stops.index(end)
         if begin < end:
-            return np.asarray(self._times[i, j, begin : end + 1])
-        forward = self._times[j, i, end : begin + 1]
+            return np.asarray(self._times[i, j, begin : end + 1] * self._stretch(begin, end))
+        forward = self._times[j, i, end : begin + 1] * self._stretch(end, begin)
         return np.asarray((forward[-1] - forward)[::-1])
 
     def hop_duration(self, begin: int, end: int) -> float:
         """How long it takes [s]."""
         if begin == end:
             return 0.0
-        if abs(begin - end) == self.segments:
+        begin, end = min(begin, end), max(begin, end)
+        if end - begin == self.segments:
             return self.fastest
-        i, j = sorted((self.stops.index(begin), self.stops.index(end)))
-        return float(self._times[i, j, self.stops[j]])
+        duration = self._times[self.stops.index(begin), self.stops.index(end), end]
+        return float(duration * self._stretch(begin, end))
 
     def hop(self, begin: int, end: int) -> Pieces:
         """The fastest motion from rest at a gridpoint to rest at another, forward or back."""
@@ -150,10 +198,48 @@ class AgentPath:
             return _reversed(self.hop(end, begin))
         if begin == end:
             return Pieces(np.zeros(1), self.at(begin)[None, None])
-        halts = [begin, *(k for k in self.halts if begin < k < end), end]
-        return concatenate([self._between(a, b) for a, b in pairwise(halts)])
+        pieces, factor = self._within_rates(begin, end), self._stretch(begin, end)
+        return pieces if factor == 1.0 else pieces.stretched(factor)
+
+    def _stretch(self, begin: int, end: int) -> float:
+        """How much longer than without torque limits a hop takes, from a gridpoint to a later one; back the same."""
+        if not self.agent.timing.torque_limits:
+            return 1.0
+        if (begin, end) not in self._stretches:
+            agent, pieces = self.agent, self._within_rates(begin, end)
+            factor = torque_stretch(pieces, agent.joint_names, agent.limits.effort, agent.inverse_dynamics)
+            self._stretches[begin, end] = factor * (1.0 + _TORQUE_ROUNDING) if factor > 1.0 else 1.0
+        return self._stretches[begin, end]
+
+    def _within_rates(self, begin: int, end: int) -> Pieces:
+        """The fastest motion from a gridpoint to a later one within the limits of velocity, acceleration and jerk."""
+        return concatenate([self._between(a, b) for a, b in self._legs(begin, end)])
+
+    def _legs(self, begin: int, end: int) -> Iterable[tuple[int, int]]:
+        """From a gridpoint to a later one, by way of the halts between them."""
+        return pairwise([begin, *(k for k in self.halts if begin < k < end), end])
+
+    def _jerk_limited_times(self, begin: int, end: int) -> Array:
+        times, now = [np.zeros(1)], 0.0
+        for a, b in self._legs(begin, end):
+            distances = np.concatenate([[0.0], np.cumsum(self.grid.delta[a:b])])
+            direction = self.curve.coefficients[self.grid.piece[a], 1]
+            leg = now + times_along(self._line(a, b), direction, distances)
+            times.append(leg[1:])
+            now = float(leg[-1])
+        return np.concatenate(times)
+
+    def _line(self, begin: int, end: int) -> Pieces:
+        """The jerk-limited motion between two gridpoints of one straight line."""
+        if (begin, end) not in self._lines:
+            direction = self.curve.coefficients[self.grid.piece[begin], 1]
+            length = float(self.grid.delta[begin:end].sum())
+            self._lines[begin, end] = jerk_limited_line(self.at(begin), direction, length, self.agent.limits)
+        return self._lines[begin, end]
 
     def _between(self, begin: int, end: int) -> Pieces:
+        if self._limits_jerk:
+            return self._line(begin, end)
         piece, offset, delta = self.grid
         grid = Grid(piece[begin:end], offset[begin:end], delta[begin:end])
         if end - begin == 1:
@@ -177,7 +263,11 @@ class AgentPath:
         if self.segments == 0:
             return 0.0
         # By itself, because a path that no other one meets needs no other hop.
-        return float(self._hops(np.array([0]), np.array([self.segments]))[0, -1])
+        if self._limits_jerk:
+            duration = self._jerk_limited_times(0, self.segments)[-1]
+        else:
+            duration = self._hops(np.array([0]), np.array([self.segments]))[0, -1]
+        return float(duration * self._stretch(0, self.segments))
 
     # ---- rows of coordination diagrams -----------------------------------------------------
 

@@ -13,7 +13,10 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
 from rr1plan.kernels.planner_kernels import CStruct
+from rr1plan.model import Kinematics
+from rr1plan.multi.hop_timing import BLENDED, HopTiming
 from rr1plan.object_cache import kept_in
+from rr1plan.retiming.torque_limits import InverseDynamics
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
@@ -86,15 +89,16 @@ class Agent:
     Args:
         problem: Of which it is a part.
         arms: Its arms.
+        timing: How its motions are timed.
 
     Attributes:
         arms: Its arms, in the order of the scene.
         start: Where they start, shape (nq,).
     """
 
-    def __init__(self, problem: Problem, arms: Iterable[str]) -> None:
+    def __init__(self, problem: Problem, arms: Iterable[str], timing: HopTiming = BLENDED) -> None:
         chosen = frozenset(arms)
-        self.problem = problem
+        self.problem, self.timing = problem, timing
         self.arms = tuple(name for name in problem.arms if name in chosen)
         configurations = problem.scene.split(problem.start, problem.arms)
         self.start = np.concatenate([configurations[name] for name in self.arms])
@@ -118,6 +122,11 @@ class Agent:
             key,
             lambda: AgentBodies(subscene(scene, dict.fromkeys(self.arms), obstacles=False)),
         )
+
+    @cached_property
+    def inverse_dynamics(self) -> InverseDynamics:
+        """Torques of its joints [Nm]."""
+        return Kinematics(self.among({}), self.arms).inverse_dynamics
 
     def among(self, others: Mapping[str, Array | None]) -> Scene:
         """The scene of these arms, the arms that the problem does not move, and `others` in their configurations."""

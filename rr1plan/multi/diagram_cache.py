@@ -72,6 +72,15 @@ class DiagramCache:
             self._diagrams[two, one] = None if both is None else np.ascontiguousarray(both.T)
             return both
 
+    def keep_only(self, paths: Iterable[AgentPath]) -> None:
+        """Forget all diagrams but those between some paths; not while other threads use it.
+
+        Args:
+            paths: These paths.
+        """
+        kept = set(paths)
+        self._diagrams = {both: found for both, found in self._diagrams.items() if kept.issuperset(both)}
+
     def prepare(self, pairs: Iterable[tuple[AgentPath, AgentPath]], threads: int) -> None:
         """Compute diagrams that will be needed.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import RetimingError
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.stopwatch import Stopwatch
@@ -72,7 +73,10 @@ class PathPool:
             if result.path is None:
                 return None, result.reason
             parts.append(result.path)
-        return self.add_shortened(parts, question), ""
+        try:
+            return self.add_shortened(parts, question), ""
+        except RetimingError as error:
+            return None, str(error)
 
     def add_shortened(self, parts: Sequence[Path], question: Problem | None = None) -> AgentPath:
         """Shorten a path that is certified, round its corners, and add it.
@@ -80,6 +84,9 @@ class PathPool:
         Args:
             parts: The path in parts, each shortened by itself.
             question: What it avoids (default: all that stands still).
+
+        Raises:
+            RetimingError: it cannot be timed under the limits.
         """
         question = question or self.agent.question({}, self.margin)
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:

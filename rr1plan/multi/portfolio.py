@@ -11,24 +11,27 @@ side on threads; each has random numbers that depend on its arms only, so the th
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Seed, Value, as_generator, finite_number
+from rr1plan.checks import Seed, Value, as_generator, finite_number, known_name
 from rr1plan.errors import InputError
 from rr1plan.multi.diagram_cache import DiagramCache
-from rr1plan.multi.interaction import arms_in_reach, meeting_groups
+from rr1plan.multi.hop_timing import HopTiming
+from rr1plan.multi.improvement import PlanImprover
+from rr1plan.multi.interaction import arms_in_reach, interaction_groups, meeting_groups
 from rr1plan.multi.path_pool import PathPool
-from rr1plan.multi.preflight import MARGINS, preflight
+from rr1plan.multi.plan_quality import PlanQuality
+from rr1plan.multi.preflight import MARGINS, Preflight, preflight
 from rr1plan.multi.prioritized import COUPLED_FIRST, PrioritizedPlanner, Statistics
 from rr1plan.multi.schedule import Schedule
+from rr1plan.multi.small_teams import plan_small_team
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
 from rr1plan.planning import Budget, PlanStatus, ProgressCallback, check_question
@@ -36,6 +39,8 @@ from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
 _IMPROVEMENTS = 6  # rounds for each group
+_SEARCH = "conflict_based_search"
+_METHODS = ("portfolio", _SEARCH)
 _CANCELLED = "the progress callback returned False"
 _POLL = 0.05  # time between two looks at what threads do [s]
 
@@ -46,11 +51,13 @@ class GroupResult:
 
     Args:
         arms: Its arms.
-        stage: The last stage that was needed: "timing", "detours", "eviction", "windows" or "composite"; empty if none
-            did.
+        stage: The last stage that was needed: "timing", "detours", "eviction", "windows" or "composite", or the method
+            "conflict_based_search"; empty if none did.
         seconds: Wall time [s].
         reason: Why there is no answer, in words; empty if there is one.
         statistics: What was done.
+        suboptimality: The sum of its arrivals is at most this multiple of the least on the roadmaps that were searched,
+            on which each arm stops at each vertex; None: nothing is known.
     """
 
     arms: tuple[str, ...]
@@ -58,6 +65,7 @@ class GroupResult:
     seconds: float
     reason: str = ""
     statistics: Statistics = field(default_factory=Statistics)
+    suboptimality: float | None = None
 
     @property
     def found(self) -> bool:
@@ -81,6 +89,9 @@ class ManyArmsResult(Value):
         slowest_alone: Duration of the fastest motion found for the slowest arm alone [s].
         path_length: Sum of the lengths of all motions [rad].
         waiting: Sum of the times that arms rest before they arrive [s].
+        first: The figures of the first plan, before `improvement`; None if there is no plan.
+        improvements: Moves that were tried to improve it.
+        history: (seconds, makespan [s]) of the first plan, and whenever the makespan got shorter.
     """
 
     status: PlanStatus
@@ -94,6 +105,9 @@ class ManyArmsResult(Value):
     slowest_alone: float = 0.0
     path_length: float = 0.0
     waiting: float = 0.0
+    first: PlanQuality | None = None
+    improvements: int = 0
+    history: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "paths", MappingProxyType(dict(self.paths)))
@@ -110,7 +124,7 @@ class ManyArmsResult(Value):
     @property
     def ratio(self) -> float:
         """Makespan over `slowest_alone`; 1 where nothing moves."""
-        return self.makespan / self.slowest_alone if self.slowest_alone > 0.0 else 1.0
+        return PlanQuality(self.makespan, self.slowest_alone).ratio
 
     def __repr__(self) -> str:
         if not self.found:
@@ -125,6 +139,10 @@ def plan_many_arms(
     *,
     margin: float | None = None,
     budget: Budget | None = None,
+    improvement: Budget | None = None,
+    method: str = "portfolio",
+    retiming: str = "blend",
+    torque_limits: bool = False,
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> ManyArmsResult:
@@ -135,7 +153,13 @@ def plan_many_arms(
         margin: Distance to keep beyond the scene's padding [m], as far as starts and goals have it (default: that of
             the problem, or 2 mm where it has none).
         budget: When to stop (default: 10 s); of iterations only the seconds count.
-        rng: Seed; where time does not run out the same seed gives the same motion.
+        improvement: How long to improve the first plan, within `budget`: seconds, and moves as iterations (default: not
+            at all). Makespan first, then the sum of all arrivals; see `improvement.py`.
+        method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
+            arrivals (`GroupResult.suboptimality`) that holds before `improvement`.
+        retiming: "blend" rounds corners where certified, "stop" stops at each, "ruckig" too and limits jerk.
+        torque_limits: Whether the motion also has to keep the joints' effort limits.
+        rng: Seed; where time does not run out, the same seed and number of moves give the same motion.
         progress: Called about ten times a second; False cancels.
 
     Returns:
@@ -143,9 +167,15 @@ def plan_many_arms(
         TIMEOUT with the arms that have no schedule, and those among which they have none.
 
     Raises:
-        InputError: no problem, a margin below zero, or a scene that cannot be checked.
+        UnknownNameError: an unknown method or retiming.
+        InputError: no problem, a margin below zero, a retiming that leaves the paths, a scene that cannot be checked,
+            or too many arms for the method.
     """
     check_question(problem, budget, progress)
+    if improvement is not None:
+        check_question(problem, improvement, progress)
+    known_name("method", method, _METHODS)
+    timing = HopTiming(retiming, torque_limits)
     watch = Stopwatch((budget or Budget()).seconds, progress)
     generator = as_generator(rng)
     largest = finite_number("margin", (problem.margin or MARGINS[0]) if margin is None else margin)
@@ -154,24 +184,34 @@ def plan_many_arms(
     near = arms_in_reach(problem.scene, problem.arms, largest)
     if not watch.goes_on() and watch.cancelled:
         return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, seconds=watch.seconds)
-    found = preflight(problem, near, largest, generator)
+    found = preflight(problem, near, largest, generator, timing)
     if found.status is not None:
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
     # Each arm has random numbers of its own, so that it is planned the same whatever the others are.
     seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
-    pools = {
-        arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
-        for arm, agent in found.agents.items()
-    }
-    search = _GroupSearch(problem.arms, pools, near, DiagramCache(largest), seeds, watch)
-    groups = search.run()
-    if watch.cancelled:
-        return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, groups=tuple(groups), seconds=watch.seconds)
+    diagrams = DiagramCache(largest)
+    if method == _SEARCH:
+        groups, schedules, alone = _search_small_teams(found, near, seeds, watch)
+    else:
+        pools = {
+            arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
+            for arm, agent in found.agents.items()
+        }
+        search = _GroupSearch(problem.arms, pools, near, diagrams, seeds, watch)
+        groups = search.run()
+        schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
+        alone = {arm: bound for planner in search.planners for arm, bound in planner.fastest_alone().items()}
     unsolved = [group for group in groups if not group.found]
-    if unsolved:
+    if unsolved and not watch.cancelled:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
-    schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
+    improver = PlanImprover(schedules, near, found.margins, alone, generator, watch, diagrams)
+    first, history = improver.quality, (watch.seconds, improver.quality.makespan)
+    if improvement is not None:
+        improver.run(improvement.seconds, improvement.iterations)
+    if watch.cancelled:
+        return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, groups=tuple(groups), seconds=watch.seconds)
+    schedules, quality = list(improver.schedules.values()), improver.quality
     return ManyArmsResult(
         PlanStatus.FOUND,
         trajectory=merged_trajectory(problem, schedules),
@@ -179,11 +219,32 @@ def plan_many_arms(
         schedules=tuple(schedules),
         groups=tuple(groups),
         seconds=watch.seconds,
-        makespan=max((s.arrival for s in schedules), default=0.0),
-        slowest_alone=max((planner.slowest_alone() for planner in search.planners), default=0.0),
-        path_length=math.fsum(s.length for s in schedules),
-        waiting=math.fsum(s.waiting for s in schedules),
+        makespan=quality.makespan,
+        slowest_alone=quality.slowest_alone,
+        path_length=quality.path_length,
+        waiting=quality.waiting,
+        # By the same bound, so that both ratios compare.
+        first=replace(first, slowest_alone=quality.slowest_alone),
+        improvements=improver.iterations,
+        history=(history, *improver.history),
     )
+
+
+def _search_small_teams(
+    found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], watch: Stopwatch
+) -> tuple[list[GroupResult], list[Schedule], dict[str, float]]:
+    """What came of the conflict-based search of each group, all schedules, and how fast each arm is alone [s]."""
+    groups: list[GroupResult] = []
+    schedules: list[Schedule] = []
+    alone: dict[str, float] = {}
+    for arms in interaction_groups(near):
+        began, rng = watch.seconds, np.random.default_rng([seeds[arm] for arm in arms])
+        team = plan_small_team([found.agents[arm] for arm in arms], near, found.margins, rng, watch)
+        bound = team.suboptimality if team.schedules else None
+        groups.append(GroupResult(arms, _SEARCH, watch.seconds - began, team.reason, suboptimality=bound))
+        schedules += team.schedules
+        alone.update(team.alone)
+    return groups, schedules, alone
 
 
 class _GroupSearch:

@@ -12,6 +12,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.coordination import are_apart
+from rr1plan.multi.hop_timing import BLENDED, HopTiming
 from rr1plan.multi.placed_path import placed_configuration
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
@@ -44,7 +45,11 @@ class Preflight:
 
 
 def preflight(
-    problem: Problem, near: Mapping[str, frozenset[str]], largest_margin: float = MARGINS[0], rng: Seed = None
+    problem: Problem,
+    near: Mapping[str, frozenset[str]],
+    largest_margin: float = MARGINS[0],
+    rng: Seed = None,
+    timing: HopTiming = BLENDED,
 ) -> Preflight:
     """Check starts and goals: limits, contacts of each arm, contacts between arms; find configurations for poses.
 
@@ -53,8 +58,9 @@ def preflight(
         near: Of each moving arm those that it can meet.
         largest_margin: No arm needs to keep more [m].
         rng: Generator or seed of inverse kinematics.
+        timing: How the motions of agents are timed.
     """
-    agents = {arm: Agent(problem, [arm]) for arm in problem.arms}
+    agents = {arm: Agent(problem, [arm], timing) for arm in problem.arms}
     starts = problem.scene.split(problem.start, problem.arms)
     for arm, agent in agents.items():
         question = agent.question({}, 0.0)
@@ -72,7 +78,7 @@ def preflight(
     if all(len(goals) == 1 and isinstance(goals[0], JointGoal) for goals in problem.goal.values()):
         return Preflight(agents, margins)
     plain = Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, arms=problem.arms)
-    return Preflight({arm: Agent(plain, [arm]) for arm in agents}, margins)
+    return Preflight({arm: Agent(plain, [arm], timing) for arm in agents}, margins)
 
 
 def goal_configurations(

@@ -24,6 +24,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import RetimingError
 from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.coordination import Blocked, are_apart
@@ -298,7 +299,10 @@ class PrioritizedPlanner:
             with checker_from_pool(question.scene, question.arms, pool.margin) as checker:
                 if not checker.path_is_free(path):
                     return False
-            pool.add_shortened([path])
+            try:
+                pool.add_shortened([path])
+            except RetimingError:
+                return False
             pools.append(pool)
         # Without a window the first paths go together as they are.
         return self._adopt(pools, "windows" if windows.windows else "timing")
@@ -328,7 +332,7 @@ class PrioritizedPlanner:
         """The agent of some arms, whose scene keeps what is made from it."""
         chosen = frozenset(arms)
         if chosen not in self._made:
-            self._made[chosen] = Agent(self.agents[0].problem, chosen)
+            self._made[chosen] = Agent(self.agents[0].problem, chosen, self.agents[0].timing)
         return self._made[chosen]
 
     def _pool_of(self, arms: Iterable[str]) -> PathPool:
@@ -388,15 +392,16 @@ class PrioritizedPlanner:
 
     def slowest_alone(self) -> float:
         """Duration of the fastest known motion of the slowest agent alone [s]."""
+        return max(self.fastest_alone().values(), default=0.0)
+
+    def fastest_alone(self) -> dict[str, float]:
+        """Duration of the fastest known motion of each arm alone [s]."""
         # What an arm does together with others it can do alone, too.
         arrivals = {arm: schedule.arrival for agent, schedule in self.schedules.items() for arm in agent.arms}
-        return max(
-            (
-                min(arrivals.get(arm, math.inf), *(path.fastest for path in pool.paths))
-                for arm, pool in self._alone.items()
-            ),
-            default=0.0,
-        )
+        return {
+            arm: min(arrivals.get(arm, math.inf), *(path.fastest for path in pool.paths))
+            for arm, pool in self._alone.items()
+        }
 
     def _slow_from(self) -> float:
         """Arrivals after this are worth another method [s]."""

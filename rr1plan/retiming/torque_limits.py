@@ -36,7 +36,7 @@ def within_torque(
         RetimingError: the gravity torque of a joint exceeds its limit, or stretching does not converge.
     """
     for _ in range(_ROUNDS):
-        factor = _stretch(pieces, joint_names, effort, inverse_dynamics)
+        factor = torque_stretch(pieces, joint_names, effort, inverse_dynamics)
         if factor <= 1.0:
             return pieces
         pieces = pieces.stretched(factor * (1.0 + 1e-6))
@@ -71,8 +71,20 @@ def _too_heavy(static: Array, joint_names: tuple[str, ...], effort: Array) -> Re
     )
 
 
-def _stretch(pieces: Pieces, joint_names: tuple[str, ...], effort: Array, inverse_dynamics: InverseDynamics) -> float:
-    """Required time scaling factor; at most one if the torques are within the limits."""
+def torque_stretch(
+    pieces: Pieces, joint_names: tuple[str, ...], effort: Array, inverse_dynamics: InverseDynamics
+) -> float:
+    """Required time scaling factor; at most one if the torques are within the limits.
+
+    Args:
+        pieces: A motion.
+        joint_names: Name of each joint, for the message.
+        effort: Effort limits [Nm], shape (nq,).
+        inverse_dynamics: Torques of q, qd, qdd, each (n, nq).
+
+    Raises:
+        RetimingError: the gravity torque of a joint exceeds its limit.
+    """
     piece, q, qd, qdd = _samples(pieces)
     static = inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))
     moving = inverse_dynamics(q, qd, qdd) - static

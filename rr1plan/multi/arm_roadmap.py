@@ -1,0 +1,157 @@
+"""The roadmap of one arm with its start and its goal: certified edges, each a motion from rest to rest."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.agents import Agent
+from rr1plan.object_cache import kept_in
+from rr1plan.path import Path
+from rr1plan.planners.roadmap_graph import Graph
+from rr1plan.planning import SearchTree
+from rr1plan.retiming.path_speed import line_rates
+
+_NEIGHBORS = 8  # that the start, the goal and what is inserted besides are joined to
+_START, _GOAL = 0, 1
+
+
+class ArmRoadmap:
+    """A roadmap that an arm moves on, with a stop at each vertex.
+
+    Args:
+        agent: The arm.
+        vertices: Free configurations, the start first and the goal second, shape (n, nq).
+        edges: Pairs of vertices between which the straight line is certified.
+
+    Attributes:
+        to_goal: No motion from a vertex to the goal takes less than this [s], inf where there is none, shape (n,).
+    """
+
+    start, goal = _START, _GOAL
+
+    def __init__(self, agent: Agent, vertices: Array, edges: Iterable[tuple[int, int]]) -> None:
+        self.agent, self.vertices = agent, vertices
+        self.neighbors: list[list[int]] = [[] for _ in vertices]
+        for a, b in edges:
+            self.neighbors[a].append(b)
+            self.neighbors[b].append(a)
+        self._moves: dict[tuple[int, int], AgentPath] = {}
+        self._ends: dict[AgentPath, tuple[int, int]] = {}
+        self.to_goal = self._bounds()
+
+    def __len__(self) -> int:
+        """Number of vertices."""
+        return len(self.vertices)
+
+    def move(self, begin: int, end: int) -> AgentPath:
+        """The path of an edge, from rest to rest; of no length from a vertex to itself, where the arm rests."""
+        key = begin, end
+        if key not in self._moves:
+            points = self.vertices[[begin, end] if begin != end else [begin]]
+            self._moves[key] = AgentPath(self.agent, Path(self.agent.joint_names, points), _Straight())
+            self._ends[self._moves[key]] = key
+        return self._moves[key]
+
+    def ends(self, path: AgentPath) -> tuple[int, int]:
+        """The vertices of a path that `move` gave."""
+        return self._ends[path]
+
+    def _bounds(self) -> Array:
+        """Durations by Dijkstra's algorithm from the goal, of motions that only velocity and acceleration limit."""
+        bounds = np.full(len(self.vertices), math.inf)
+        queue = [(0.0, _GOAL)]
+        while queue:
+            bound, vertex = heapq.heappop(queue)
+            if bound >= bounds[vertex]:
+                continue
+            bounds[vertex] = bound
+            for other in self.neighbors[vertex]:
+                if math.isinf(bounds[other]):
+                    heapq.heappush(queue, (bound + self._least_duration(vertex, other), other))
+        return bounds
+
+    def _least_duration(self, one: int, two: int) -> float:
+        """Of a straight line from rest to rest [s]."""
+        delta = self.vertices[two] - self.vertices[one]
+        length = float(np.linalg.norm(delta))
+        if length == 0.0:
+            return 0.0
+        speed, acceleration, _ = (float(rate) for rate in line_rates(delta / length, self.agent.limits))
+        if speed * speed >= length * acceleration:
+            return 2.0 * math.sqrt(length / acceleration)
+        return length / speed + speed / acceleration
+
+
+class _Straight:
+    """The checker of a path without corners."""
+
+    def polynomial_is_free(self, coefficients: Array, duration: float) -> bool:
+        """Not called: there is nothing to round."""
+        return False
+
+
+def build_roadmap(
+    agent: Agent,
+    goal: Array,
+    margin: float,
+    samples: int,
+    known_paths: Sequence[Array] = (),
+    goes_on: Callable[[], bool] = lambda: True,
+) -> ArmRoadmap | None:
+    """A roadmap for an arm; samples and their candidate edges are kept with the scene.
+
+    Args:
+        agent: The arm.
+        goal: Its configuration at its goal, shape (nq,).
+        margin: Distance to keep from what stands still, beyond the padding [m].
+        samples: Samples of the roadmap.
+        known_paths: Free paths from the start to the goal whose waypoints are inserted, so that it joins them,
+            shape (m, nq) each.
+        goes_on: Called often; False stops.
+
+    Returns:
+        The roadmap, or None if stopped.
+    """
+    question = agent.question({}, margin)
+    with checker_from_pool(question.scene, question.arms, margin) as checker:
+
+        def sampled() -> SearchTree | None:
+            graph = Graph(question.scene, question.arms)
+            graph.sample(samples, checker, goes_on)
+            return graph.picture() if graph.samples == samples else None
+
+        key = ("roadmap of an arm", agent.arms, margin, samples)
+        tree = kept_in(question.scene.kept, key, sampled)
+        if tree is None:
+            del question.scene.kept[key]
+            return None
+        inner = [points[1:-1] for points in known_paths]
+        vertices = np.vstack([agent.start, goal, *inner, tree.vertices])
+        first = len(vertices) - len(tree.vertices)
+        candidates = {(int(a) + first, int(b) + first) for a, b in np.sort(tree.edges, axis=1)}
+        for row in range(first):
+            distance = np.linalg.norm(vertices - vertices[row], axis=1)
+            distance[row] = math.inf
+            for other in np.argsort(distance, kind="stable")[:_NEIGHBORS].tolist():
+                candidates.add((min(row, other), max(row, other)))
+        candidates.add((_START, _GOAL))
+        row = 2
+        for points in inner:
+            chain = [_START, *range(row, row + len(points)), _GOAL]
+            candidates |= {(min(a, b), max(a, b)) for a, b in pairwise(chain)}
+            row += len(points)
+        edges = []
+        for a, b in sorted(candidates):
+            if not goes_on():
+                return None
+            if (vertices[a] != vertices[b]).any() and checker.edge_is_free(vertices[a], vertices[b]):
+                edges.append((a, b))
+    return ArmRoadmap(agent, vertices, edges)

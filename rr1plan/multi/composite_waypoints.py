@@ -1,0 +1,53 @@
+"""Between schedules of several agents and one path in the joint space of all their arms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.schedule import Schedule
+
+# Instants closer than this are one [s].
+_SAME_TIME = 1e-6
+
+
+def composite_waypoints(schedules: Iterable[Schedule], agent: Agent) -> Array:
+    """Where the arms of several schedules are, at every instant at which one of them passes a gridpoint.
+
+    Straight lines between these waypoints approximate the motion, and are not certified.
+
+    Args:
+        schedules: Schedules of agents whose arms are those of `agent`.
+        agent: The agent of all of these arms.
+
+    Returns:
+        Configurations in the column order of `agent`, shape (n, nq), n >= 2.
+    """
+    schedules = list(schedules)
+    instants = np.concatenate([[0.0], *(schedule.occupancy.enter[1:] for schedule in schedules)])
+    instants = np.unique(instants)
+    instants = instants[np.concatenate([[True], np.diff(instants) > _SAME_TIME])]
+    columns: dict[str, Array] = {}
+    for schedule in schedules:
+        motion = schedule.trajectory()
+        values = motion(np.minimum(instants, motion.end_time))
+        values[0], values[-1] = schedule.path.start, schedule.path.goal
+        columns.update(zip(motion.joint_names, values.T, strict=True))
+    waypoints = np.column_stack([columns[name] for name in agent.joint_names])
+    return waypoints if len(waypoints) > 1 else np.repeat(waypoints, 2, axis=0)
+
+
+def waypoints_of_arm(path: AgentPath, arm: str) -> Array:
+    """The polyline of one arm in the path of an agent, shape (n, nq).
+
+    Args:
+        path: The path.
+        arm: One of the agent's arms.
+    """
+    robot_columns = {name: i for i, name in enumerate(path.agent.joint_names)}
+    names = path.agent.problem.scene.joint_names((arm,))
+    return np.asarray(path.path.waypoints[:, [robot_columns[name] for name in names]])

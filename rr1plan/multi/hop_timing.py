@@ -1,0 +1,89 @@
+"""How motions from stop to stop are timed, and jerk-limited ones on straight lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rr1plan.checks import Array, known_name, true_or_false
+from rr1plan.errors import InputError
+from rr1plan.retiming import retiming_names
+from rr1plan.retiming.path_blends import Curve
+from rr1plan.retiming.polynomial_extrema import evaluate
+from rr1plan.retiming.timed_pieces import Pieces
+from rr1plan.robot.joint_limits import Limits
+
+# Retiming methods that stay on a path whatever its timing is.
+_METHODS = ("blend", "stop", "ruckig")
+_BISECTIONS = 60  # of a time between two breaks: to the rounding of numbers
+
+
+@dataclass(frozen=True)
+class HopTiming:
+    """How the arms of a problem move from stop to stop.
+
+    Args:
+        method: "blend" rounds corners, "stop" stops at them, "ruckig" stops at them and limits jerk.
+        torque_limits: Whether motions also keep the joints' effort limits: each is stretched until it does.
+
+    Raises:
+        UnknownNameError: no such retiming.
+        InputError: a retiming that leaves the path, where nothing is certified between the arms.
+    """
+
+    method: str = "blend"
+    torque_limits: bool = False
+
+    def __post_init__(self) -> None:
+        known_name("retiming", self.method, retiming_names())
+        true_or_false("torque_limits", self.torque_limits)
+        if self.method not in _METHODS:
+            raise InputError(
+                f"retiming {self.method!r} leaves the paths that are certified between the arms; "
+                f"expected one of {', '.join(_METHODS)}, or a planner of all arms as one, e.g. 'rrt_connect'"
+            )
+
+
+BLENDED = HopTiming()
+"""Rounded corners, without torque limits: the default."""
+
+
+def jerk_limited_line(start: Array, direction: Array, length: float, limits: Limits) -> Pieces:
+    """The fastest jerk-limited motion on a straight line, from rest to rest.
+
+    Args:
+        start: Where it begins, shape (nq,).
+        direction: Unit vector, shape (nq,).
+        length: How far it goes [rad].
+        limits: Velocity, acceleration and jerk limits, finite for joints that move.
+
+    Raises:
+        RetimingError: Ruckig fails.
+    """
+    from rr1plan.retiming.ruckig_retiming import time_line_smoothly  # loads Ruckig
+
+    line = Curve(np.array([length]), np.stack([start, direction, np.zeros_like(start)])[None], (0, 1))
+    return time_line_smoothly(line, limits).within(limits, jerk=True)
+
+
+def times_along(line: Pieces, direction: Array, distances: Array) -> Array:
+    """When a motion along a straight line has gone some distances [s].
+
+    Args:
+        line: The motion; it never goes back.
+        direction: Unit vector, shape (nq,).
+        distances: Ascending, from 0 to the length of the line [rad], shape (n,).
+    """
+    along = line.coefficients @ direction
+    along[:, 0] -= along[0, 0]
+    breaks = np.concatenate([[0.0], np.cumsum(line.durations)])
+    piece = np.clip(np.searchsorted(along[:, 0], distances, side="right") - 1, 0, len(along) - 1)
+    low, high = np.zeros(len(distances)), line.durations[piece].copy()
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        before = evaluate(along[piece][:, :, None], middle[:, None])[:, 0] < distances
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    times = breaks[piece] + high
+    times[0], times[-1] = 0.0, breaks[-1]
+    return np.asarray(np.maximum.accumulate(times))

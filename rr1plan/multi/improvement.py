@@ -1,0 +1,350 @@
+"""Anytime improvement of schedules: neighborhoods, shortcuts of one arm, and shortcuts of a few arms as one.
+
+Moves are tried in turn (as by Huang et al., Benchmarking shortcutting techniques for multi-robot-arm motion planning,
+2025). A move changes a few schedules and is kept if the makespan gets shorter, or stays and the sum of arrivals gets
+smaller; otherwise it is undone. All schedules are certified by coordination diagrams at every time, so the search may
+stop after any move.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import RetimingError
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.composite_waypoints import composite_waypoints, waypoints_of_arm
+from rr1plan.multi.diagram_cache import DiagramCache
+from rr1plan.multi.path_changes import changed_waypoints
+from rr1plan.multi.path_pool import PathPool
+from rr1plan.multi.plan_quality import PlanQuality, plan_quality
+from rr1plan.multi.preflight import affordable_margin
+from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
+from rr1plan.multi.schedule import Schedule
+from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.path import Path
+from rr1plan.planners.shortcut import shorten
+from rr1plan.retiming.path_blends import clean
+
+# Agents that are scheduled again together, and arms that may become one agent, at most.
+_NEIGHBORHOOD, _MOST_TOGETHER = 5, 4
+# Paths of an agent that are kept: the fastest, and those found last.
+_PATHS = 6
+# Random shortcuts of a path that comes from schedules.
+_SHORTCUTS = 120
+# How often the agent that arrives last is the one to work on, and how often a neighborhood gets a new path.
+_LAST_FIRST, _NEW_PATH = 0.7, 0.5
+# Moves between two times at which diagrams are forgotten.
+_FORGET_EVERY = 32
+# Improvements of the sum of arrivals that are smaller than this are rounding [ratio].
+_LEAST_GAIN = 1e-6
+
+
+class PlanImprover:
+    """Improves the schedules of a plan.
+
+    Args:
+        schedules: A schedule of each agent, certified against each other.
+        near: Of each arm those that it can meet.
+        margins: Distance that each arm keeps from what stands still, beyond the padding [m].
+        alone: Duration of the fastest known motion of each arm alone [s].
+        rng: Where random numbers come from.
+        watch: Says when to stop.
+        diagrams: Coordination diagrams that are known.
+
+    Attributes:
+        schedules: Of each agent; better after each accepted move.
+        alone: Better too, as faster paths of single arms are found.
+        iterations: Moves tried.
+        history: Seconds of `watch` and makespan [s] whenever the makespan got shorter.
+    """
+
+    def __init__(
+        self,
+        schedules: Iterable[Schedule],
+        near: Mapping[str, frozenset[str]],
+        margins: Mapping[str, float],
+        alone: Mapping[str, float],
+        rng: np.random.Generator,
+        watch: Stopwatch,
+        diagrams: DiagramCache | None = None,
+    ) -> None:
+        self.schedules = {schedule.path.agent: schedule for schedule in schedules}
+        self.alone = dict(alone)
+        self.iterations = 0
+        self.history: list[tuple[float, float]] = []
+        self._near, self._arm_margins, self._rng, self._watch = near, margins, rng, watch
+        self._cache = diagrams or DiagramCache()
+        self._agents = {agent.arms: agent for agent in self.schedules}
+        self._margins: dict[tuple[str, ...], float] = {}
+        self._paths: dict[Agent, list[AgentPath]] = {}
+        self._until = math.inf
+        for schedule in self.schedules.values():
+            self._remember(schedule.path)
+            self._bound_arms(schedule)
+
+    @property
+    def quality(self) -> PlanQuality:
+        """The figures of the schedules as they are."""
+        return plan_quality(self.schedules.values(), self.alone)
+
+    def run(self, seconds: float = math.inf, iterations: int | None = None) -> None:
+        """Try moves until the time or the number of moves is used up, or nothing can be gained.
+
+        Args:
+            seconds: Wall time [s].
+            iterations: Moves, at most; None: no limit.
+        """
+        self._until = self._watch.seconds + seconds
+        cheap = (self._replan_neighborhood, self._change_path, self._change_path)
+        moves = (*cheap, *cheap, self._move_as_one, *cheap, *cheap, self._move_apart)
+        last = len(self.schedules) if iterations is None else self.iterations + iterations
+        while (iterations is None or self.iterations < last) and self._goes_on() and not self._is_best():
+            move = moves[self.iterations % len(moves)]
+            self.iterations += 1
+            if self.iterations % _FORGET_EVERY == 0:
+                self._forget_paths()
+            before, cost = dict(self.schedules), self._cost()
+            if not move() or not _is_better(self._cost(), cost):
+                self.schedules = before
+                continue
+            for agent, schedule in self.schedules.items():
+                if before.get(agent) is not schedule:
+                    self._bound_arms(schedule)
+                    if schedule.path not in self._paths.setdefault(agent, []):
+                        self._remember(schedule.path)
+            if self._cost()[0] < cost[0]:
+                self.history.append((self._watch.seconds, self._cost()[0]))
+
+    def _forget_paths(self) -> None:
+        """Forget the diagrams of paths that are no longer known, which are most."""
+        known = [path for paths in self._paths.values() for path in paths]
+        self._cache.keep_only([*known, *(schedule.path for schedule in self.schedules.values())])
+
+    def _goes_on(self) -> bool:
+        return self._watch.goes_on() and self._watch.seconds < self._until
+
+    def _cost(self) -> tuple[float, float]:
+        """Makespan [s], and the sum of all arrivals [s]."""
+        arrivals = [schedule.arrival for schedule in self.schedules.values()]
+        per_arm = math.fsum(s.arrival * len(agent.arms) for agent, s in self.schedules.items())
+        return max(arrivals, default=0.0), per_arm
+
+    def _is_best(self) -> bool:
+        """Whether each arm moves by itself on a straight line, without waiting."""
+        return all(
+            len(agent.arms) == 1 and s.arrival == s.path.fastest and len(clean(s.path.path.waypoints)) <= 2
+            for agent, s in self.schedules.items()
+        )
+
+    def _bound_arms(self, schedule: Schedule) -> None:
+        """What an arm does in the plan bounds what it can do alone."""
+        for arm in schedule.path.agent.arms:
+            self.alone[arm] = min(self.alone.get(arm, math.inf), schedule.arrival)
+
+    # ---- agents and paths --------------------------------------------------------------------
+
+    def _agent(self, arms: Iterable[str], problem_of: Agent) -> Agent:
+        """The agent of some arms; made once, so that what it keeps is made once."""
+        made = Agent(problem_of.problem, arms, problem_of.timing)
+        return self._agents.setdefault(made.arms, made)
+
+    def _margin(self, agent: Agent) -> float:
+        """The distance an agent keeps from what stands still, and its arms from each other, beyond the padding [m]."""
+        if agent.arms not in self._margins:
+            margin = min(self._arm_margins[arm] for arm in agent.arms)
+            if len(agent.arms) > 1:
+                margin = affordable_margin(agent, self._goal(agent), margin)
+            self._margins[agent.arms] = margin
+        return self._margins[agent.arms]
+
+    def _goal(self, agent: Agent) -> Array:
+        goals: dict[str, Array] = {}
+        for other, schedule in self.schedules.items():
+            if not set(other.arms).isdisjoint(agent.arms):
+                goals.update(zip(other.joint_names, schedule.path.goal, strict=True))
+        return np.array([goals[name] for name in agent.joint_names])
+
+    def _remember(self, path: AgentPath) -> None:
+        """Keep a path among the latest of its agent, and the fastest."""
+        paths = self._paths.setdefault(path.agent, [])
+        paths.append(path)
+        if len(paths) > _PATHS:
+            fastest = min(paths, key=lambda known: known.fastest)
+            oldest = next(known for known in paths if known is not fastest)
+            oldest.release()
+            paths.remove(oldest)
+        if len(path.agent.arms) == 1:
+            arm = path.agent.arms[0]
+            self.alone[arm] = min(self.alone.get(arm, math.inf), path.fastest)
+
+    def _certified(
+        self, agent: Agent, waypoints: Array, shortcuts: int, margin: float | None = None
+    ) -> AgentPath | None:
+        """A path of an agent, after random shortcuts; None if an edge of the waypoints is not free."""
+        margin = self._margin(agent) if margin is None else margin
+        question = agent.question({}, margin)
+        with checker_from_pool(question.scene, question.arms, margin) as checker:
+            if not all(checker.edge_is_free(a, b) for a, b in pairwise(waypoints)):
+                return None
+            path = Path(agent.joint_names, waypoints)
+            if shortcuts:
+                path = shorten(path, question.scene, checker=checker, iterations=shortcuts, rng=self._rng)
+            try:
+                return AgentPath(agent, path, checker)
+            except RetimingError:
+                return None
+
+    # ---- who is near -------------------------------------------------------------------------
+
+    def _neighbors(self, agent: Agent) -> list[Agent]:
+        near = frozenset().union(*(self._near[arm] for arm in agent.arms))
+        return [other for other in self.schedules if other is not agent and not near.isdisjoint(other.arms)]
+
+    def _in_the_way(self, agent: Agent) -> list[Agent]:
+        """Neighbors whose paths meet its path."""
+        path = self.schedules[agent].path
+        return [o for o in self._neighbors(agent) if self._cache.diagram(path, self.schedules[o].path) is not None]
+
+    def _chosen_agent(self) -> Agent:
+        """The agent that arrives last, or any other."""
+        agents = list(self.schedules)
+        if self._rng.random() < _LAST_FIRST:
+            return max(agents, key=lambda agent: self.schedules[agent].arrival)
+        return agents[int(self._rng.integers(len(agents)))]
+
+    def _neighborhood(self, first: Agent, count: int) -> list[Agent]:
+        """An agent and some of those in its way, and in the way of those."""
+        chosen = [first]
+        open_ = self._in_the_way(first)
+        while open_ and len(chosen) < count:
+            other = open_.pop(int(self._rng.integers(len(open_))))
+            if other not in chosen:
+                chosen.append(other)
+                open_ += [agent for agent in self._in_the_way(other) if agent not in chosen]
+        return chosen
+
+    # ---- timing ------------------------------------------------------------------------------
+
+    def _timed(self, path: AgentPath) -> Schedule | None:
+        """The earliest schedule of a path among all others that have a schedule."""
+        found = []
+        for other in self._neighbors(path.agent):
+            theirs = self.schedules[other]
+            blocked = self._cache.diagram(path, theirs.path)
+            if blocked is not None:
+                found.append((blocked, theirs.occupancy))
+        return earliest_schedule(path, blocked_times(path, found))
+
+    def _schedule(self, agent: Agent, paths: Iterable[AgentPath]) -> bool:
+        """Schedule an agent by the path on which it arrives first; whether there is one."""
+        best: Schedule | None = None
+        for path in sorted(paths, key=lambda path: path.fastest):
+            if best is not None and best.arrival <= path.fastest:
+                break
+            found = self._timed(path)
+            if found is not None and (best is None or found.arrival < best.arrival):
+                best = found
+        if best is None:
+            return False
+        self.schedules[agent] = best
+        return True
+
+    def _schedule_in_turn(self, agents: Iterable[Agent], makespan: float) -> bool:
+        """Schedule agents one after the other among all others; whether none arrives behind the makespan."""
+        for agent in agents:
+            if not self._schedule(agent, self._paths[agent]) or self.schedules[agent].arrival > makespan:
+                return False
+        return True
+
+    # ---- moves: each says whether there is a schedule for all ------------------------------------
+
+    def _replan_neighborhood(self) -> bool:
+        """Schedule an agent and some near it again, it first, the others in random order."""
+        first, makespan = self._chosen_agent(), self._cost()[0]
+        again = self._neighborhood(first, 1 + int(self._rng.integers(_NEIGHBORHOOD)))
+        others = [again[1:][i] for i in self._rng.permutation(len(again) - 1).tolist()]
+        if self._rng.random() < _NEW_PATH:
+            self._find_path(again[int(self._rng.integers(len(again)))])
+        for agent in again:
+            del self.schedules[agent]
+        return self._schedule_in_turn([first, *others], makespan)
+
+    def _find_path(self, agent: Agent) -> None:
+        """One more path of an agent: around goals or starts of those in its way, or by chance."""
+        standing: dict[str, Array | None] = {}
+        kind = int(self._rng.integers(4))
+        if kind < 2:
+            for other in self._in_the_way(agent):
+                path = self.schedules[other].path
+                configurations = agent.problem.scene.split((path.goal, path.start)[kind], other.arms)
+                standing.update({arm: configurations[arm] for arm in other.arms})
+        pool = PathPool(agent, self._margin(agent), self._rng, self._watch)
+        path_found, _ = pool.add(standing, detour=kind == 2)
+        if path_found is not None:
+            self._remember(path_found)
+
+    def _change_path(self) -> bool:
+        """Change the path of an agent by chance, and time it among the others; then those it frees may be sooner."""
+        agent, makespan = self._chosen_agent(), self._cost()[0]
+        current = self.schedules[agent].path
+        if current.segments == 0:
+            return False
+        waypoints = changed_waypoints(clean(current.path.waypoints), agent.limits, self._rng)
+        made = self._certified(agent, waypoints, 0)
+        if made is None or made.fastest > makespan:
+            return False
+        if not self._schedule(agent, [made]) or self.schedules[agent].arrival > makespan:
+            return False
+        return self._schedule_in_turn(self._in_the_way(agent), makespan)
+
+    def _move_as_one(self) -> bool:
+        """Replace the motions of a few agents in each other's way by one path of all their arms, and shorten it."""
+        first = self._chosen_agent()
+        chosen = self._neighborhood(first, 2 + int(self._rng.integers(2)))
+        while sum(len(agent.arms) for agent in chosen) > _MOST_TOGETHER:
+            chosen.pop()
+        if len(chosen) < 2:
+            return False
+        together = self._agent([arm for agent in chosen for arm in agent.arms], first)
+        waypoints = composite_waypoints([self.schedules[agent] for agent in chosen], together)
+        made = self._certified(together, waypoints, _SHORTCUTS)
+        if made is None:
+            return False
+        self._remember(made)
+        for agent in chosen:
+            del self.schedules[agent]
+        return self._schedule(together, self._paths[together])
+
+    def _move_apart(self) -> bool:
+        """Schedule the arms of an agent one by one on their parts of its path, which may be shorter then."""
+        together = [agent for agent in self.schedules if len(agent.arms) > 1]
+        if not together:
+            return self._change_path()
+        whole, makespan = together[int(self._rng.integers(len(together)))], self._cost()[0]
+        margin = self._margin(whole)
+        parts = []
+        for arm in whole.arms:
+            part = self._agent([arm], whole)
+            waypoints = waypoints_of_arm(self.schedules[whole].path, arm)
+            for shortcuts in (0, _SHORTCUTS):
+                made = self._certified(part, waypoints, shortcuts, min(margin, self._margin(part)))
+                if made is not None:
+                    self._remember(made)
+            parts.append(part)
+        del self.schedules[whole]
+        order = [parts[i] for i in self._rng.permutation(len(parts)).tolist()]
+        return self._schedule_in_turn(order, makespan)
+
+
+def _is_better(new: tuple[float, float], old: tuple[float, float]) -> bool:
+    """Whether the makespan is shorter, or no longer with earlier arrivals."""
+    if new[0] > old[0]:
+        return False
+    return new[0] < old[0] * (1.0 - _LEAST_GAIN) or new[1] < old[1] * (1.0 - _LEAST_GAIN)

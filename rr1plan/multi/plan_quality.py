@@ -1,0 +1,50 @@
+"""How good the schedules of a plan are: makespan, path length, waiting, and the slowest arm alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from rr1plan.multi.schedule import Schedule
+
+
+@dataclass(frozen=True)
+class PlanQuality:
+    """The figures of a plan of many arms.
+
+    Args:
+        makespan: When the last arm arrives [s].
+        slowest_alone: Duration of the fastest known motion of the slowest arm alone [s].
+        path_length: Sum of the lengths of all motions [rad].
+        waiting: Sum of the times that agents rest before they arrive [s].
+    """
+
+    makespan: float = 0.0
+    slowest_alone: float = 0.0
+    path_length: float = 0.0
+    waiting: float = 0.0
+
+    @property
+    def ratio(self) -> float:
+        """Makespan over `slowest_alone`; 1 where nothing moves."""
+        return self.makespan / self.slowest_alone if self.slowest_alone > 0.0 else 1.0
+
+
+def plan_quality(schedules: Iterable[Schedule], alone: Mapping[str, float]) -> PlanQuality:
+    """The figures of some schedules.
+
+    Args:
+        schedules: One for each agent.
+        alone: Duration of the fastest known motion of each arm alone [s]. Its motion in the plan counts, too.
+    """
+    schedules = list(schedules)
+    bounds = [
+        min(alone.get(arm, math.inf), schedule.arrival) for schedule in schedules for arm in schedule.path.agent.arms
+    ]
+    return PlanQuality(
+        max((schedule.arrival for schedule in schedules), default=0.0),
+        max(bounds, default=0.0),
+        math.fsum(schedule.length for schedule in schedules),
+        math.fsum(schedule.waiting for schedule in schedules),
+    )

@@ -1,0 +1,283 @@
+"""Conflict-based search: the least sum of arrivals, compared with brute force in the joint space of tiny roadmaps."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.multi import dual_arm_shelf, place_grid, plan_many_arms, random_grid, ring_swap
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.arm_roadmap import ArmRoadmap, build_roadmap
+from rr1plan.multi.conflict_based_search import ConflictBasedSearch, SearchResult, schedule_of
+from rr1plan.multi.portfolio import merged_trajectory
+from rr1plan.multi.relative_conflicts import RelativeConflicts
+from rr1plan.multi.roadmap_search import Departure, Presence, Settling, earliest_moves
+from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.planning import Budget, PlanStatus
+
+_BUDGET = Budget(seconds=120.0)
+_STEP = 0.04  # of the brute force [s]
+
+
+# ---- brute force: time in steps, both arms at once, contacts by Coal, durations in closed form --------------------
+
+
+def _duration(one: np.ndarray, two: np.ndarray, limits: rp.Limits) -> float:
+    """Of the fastest motion on a straight line from rest to rest [s]."""
+    delta = np.abs(two - one)
+    moving = delta > 0.0
+    speed = (limits.velocity[moving] / delta[moving]).min()
+    acceleration = (limits.acceleration[moving] / delta[moving]).min()
+    return 2.0 / math.sqrt(acceleration) if speed**2 >= acceleration else 1.0 / speed + speed / acceleration
+
+
+def _share(time: float, duration: float, one: np.ndarray, two: np.ndarray, limits: rp.Limits) -> float:
+    """How much of the line is done at a time."""
+    delta = np.abs(two - one)
+    moving = delta > 0.0
+    speed = (limits.velocity[moving] / delta[moving]).min()
+    acceleration = (limits.acceleration[moving] / delta[moving]).min()
+    ramp = min(speed / acceleration, duration / 2.0)
+    time = min(time, duration)
+    if time > duration / 2.0:
+        return 1.0 - _share(duration - time, duration, one, two, limits)
+    return 0.5 * acceleration * min(time, ramp) ** 2 + acceleration * ramp * max(0.0, time - ramp)
+
+
+class _Arm:
+    """States of an arm: at a vertex, or some steps along an edge; and those that may follow."""
+
+    def __init__(self, vertices: np.ndarray, edges: list[tuple[int, int]], limits: rp.Limits) -> None:
+        self.q = {(v, v, 0): q for v, q in enumerate(vertices)}
+        self.next = {(v, v, 0): [(v, v, 0)] for v in range(len(vertices))}
+        for a, b in [*edges, *((b, a) for a, b in edges)]:
+            duration = _duration(vertices[a], vertices[b], limits)
+            steps = math.ceil(duration / _STEP)
+            chain = [(a, a, 0), *((a, b, k) for k in range(1, steps)), (b, b, 0)]
+            for k, state in enumerate(chain[1:-1], start=1):
+                share = _share(k * _STEP, duration, vertices[a], vertices[b], limits)
+                self.q[state] = vertices[a] + share * (vertices[b] - vertices[a])
+            for state, after in itertools.pairwise(chain):
+                self.next.setdefault(state, []).append(after)
+
+
+def _brute_force(problem: rp.Problem, roadmaps: dict[str, tuple[np.ndarray, list[tuple[int, int]]]]) -> float:
+    """The least sum of arrivals of two arms in steps of time [s]; the goal of each is its vertex 1."""
+    one, two = (_Arm(*roadmaps[arm], problem.scene.arms[arm].robot.limits) for arm in problem.arms)
+    checker = CollisionChecker(problem.scene, problem.arms)
+    free: dict[tuple, bool] = {}
+
+    def is_free(a: tuple, b: tuple) -> bool:
+        if (a, b) not in free:
+            free[a, b] = checker.is_free_slowly(np.concatenate([one.q[a], two.q[b]]))
+        return free[a, b]
+
+    goal = (1, 1, 0)
+    start = ((0, 0, 0), (0, 0, 0), False, False)
+    least = {start: 0}
+    queue = [(0, start)]
+    while queue:
+        cost, state = heapq.heappop(queue)
+        if cost > least[state]:
+            continue
+        a, b, a_stays, b_stays = state
+        if a_stays and b_stays:
+            return cost * _STEP
+        for stays in itertools.product({a_stays, a == goal}, {b_stays, b == goal}):
+            if stays[0] < a_stays or stays[1] < b_stays:
+                continue
+            rows = [[a]] if stays[0] else [one.next[a]], [[b]] if stays[1] else [two.next[b]]
+            for c, d in itertools.product(rows[0][0], rows[1][0]):
+                new = (c, d, *stays)
+                price = cost + (not stays[0]) + (not stays[1])
+                if price < least.get(new, math.inf) and is_free(c, d):
+                    least[new] = price
+                    heapq.heappush(queue, (price, new))
+    return math.inf
+
+
+# ---- tiny roadmaps ------------------------------------------------------------------------------------------------
+
+
+def _facing(planar2r: rp.Robot) -> rp.Scene:
+    scene = rp.Scene().with_arm("left", planar2r, (-1.2, 0.0, 0.0))
+    return scene.with_arm("right", planar2r, (1.2, 0.0, 0.0))
+
+
+def _case(name: str, planar2r: rp.Robot) -> tuple[rp.Problem, dict[str, tuple[np.ndarray, list[tuple[int, int]]]]]:
+    pi = np.pi
+    if name == "goals":
+        # Each sweeps the other's goal, so one steps aside.
+        ends = {"left": ([-0.6, 0.0], [0.25, 0.0]), "right": ([pi - 0.9, 0.0], [pi, 0.0])}
+        inner = {"left": [[-1.2, 0.3], [0.9, 0.0]], "right": [[pi + 0.9, 0.2]]}
+    elif name == "pass":
+        # Both go through the middle, and one waits for that.
+        ends = {"left": ([-0.9, 0.0], [0.9, 0.0]), "right": ([pi + 0.9, 0.0], [pi - 0.9, 0.0])}
+        inner = {"left": [[-0.3, 2.4]], "right": [[pi + 1.3, 0.4]]}
+    else:
+        # One only has to let the other pass, and come back.
+        ends = {"left": ([-0.8, 0.0], [1.1, 0.0]), "right": ([pi, 0.3], [pi, 0.3])}
+        inner = {"left": [], "right": [[pi - 0.2, 1.9], [pi - 1.3, 0.1]]}
+    roadmaps = {}
+    for arm, (start, goal) in ends.items():
+        vertices = np.array([start, goal, *inner[arm]])
+        pairs = itertools.combinations(range(len(vertices)), 2)
+        roadmaps[arm] = vertices, [(a, b) for a, b in pairs if (vertices[a] != vertices[b]).any()]
+    start, goal = ({arm: both[k] for arm, both in ends.items()} for k in (0, 1))
+    return rp.Problem(_facing(planar2r), start, goal), roadmaps
+
+
+def _search(
+    problem: rp.Problem, tiny: dict[str, tuple[np.ndarray, list[tuple[int, int]]]], suboptimality: float = 1.0
+) -> tuple[SearchResult, dict[str, ArmRoadmap]]:
+    roadmaps = {arm: ArmRoadmap(Agent(problem, [arm]), *tiny[arm]) for arm in problem.arms}
+    near = {arm: frozenset(problem.arms) - {arm} for arm in problem.arms}
+    search = ConflictBasedSearch(roadmaps, near, RelativeConflicts(0.0), Stopwatch(math.inf), suboptimality)
+    return search.run(), roadmaps
+
+
+@pytest.mark.parametrize("name", ["goals", "pass", "yield"])
+def test_the_cost_is_that_of_brute_force(name: str, planar2r: rp.Robot) -> None:
+    problem, tiny = _case(name, planar2r)
+    found, roadmaps = _search(problem, tiny)
+    assert found.moves is not None
+    assert found.suboptimality == 1.0
+    assert found.nodes > 0
+    expected = _brute_force(problem, tiny)
+    # Brute force rounds each motion and wait up to a step; certified diagrams block slightly more than contacts.
+    assert found.cost == pytest.approx(expected, abs=8 * _STEP)
+    schedules = [schedule_of(roadmaps[arm], found.moves[arm]) for arm in problem.arms]
+    assert sum(schedule.arrival for schedule in schedules) == pytest.approx(found.cost, abs=1e-9)
+    motion = merged_trajectory(problem, schedules)
+    assert rp.validate(motion, problem.scene, problem).certified
+
+
+@pytest.mark.parametrize("name", ["goals", "pass", "yield"])
+def test_a_bound_is_kept_and_saves_nodes(name: str, planar2r: rp.Robot) -> None:
+    problem, tiny = _case(name, planar2r)
+    best, _ = _search(problem, tiny)
+    for bound in (1.1, 1.5, 3.0):
+        found, _ = _search(problem, tiny, bound)
+        assert found.moves is not None
+        assert best.cost <= found.cost + 1e-6
+        assert found.cost <= bound * best.cost + 1e-6
+        assert found.lower_bound <= best.cost + 1e-6
+        assert found.suboptimality <= bound + 1e-9
+
+
+def test_what_has_no_answer_on_the_roadmaps_is_found_out_or_given_up(planar2r: rp.Robot) -> None:
+    problem, tiny = _case("goals", planar2r)
+    only = {arm: (vertices[:2], [(0, 1)]) for arm, (vertices, _) in tiny.items()}
+    roadmaps = {arm: ArmRoadmap(Agent(problem, [arm]), *only[arm]) for arm in problem.arms}
+    near = {arm: frozenset(problem.arms) - {arm} for arm in problem.arms}
+    search = ConflictBasedSearch(roadmaps, near, RelativeConflicts(0.0), Stopwatch(math.inf), 1.0)
+    found = search.run(most_nodes=200)
+    assert found.moves is None
+    assert math.isinf(_brute_force(problem, only))
+
+
+# ---- one arm among constraints ------------------------------------------------------------------------------------
+
+
+def _line(rr1: rp.Robot) -> ArmRoadmap:
+    """Start - middle - goal, and no other way."""
+    vertices = np.array(
+        [[-1.0, 0.0, 0.6, 0.2, 1.0, 0.1], [1.0, 0.0, 0.6, 0.2, 1.0, 0.1], [0.0, 0.1, 0.7, 0.2, 1.0, 0.1]]
+    )
+    problem = rp.Problem(place_grid(rr1, 1, 1), vertices[0], vertices[1])
+    return ArmRoadmap(Agent(problem, problem.arms), vertices, [(0, 2), (2, 1)])
+
+
+def test_constraints_put_off_what_they_have_to(rr1: rp.Robot) -> None:
+    roadmap = _line(rr1)
+    free = earliest_moves(roadmap, ())
+    assert free is not None
+    assert [(move.begin, move.end) for move in free] == [(0, 2), (2, 1)]
+    half, whole = free[0].arrival, free[1].arrival
+    assert roadmap.to_goal[0] <= whole + 1e-12
+    later = earliest_moves(roadmap, (Departure((2, 1), 0.0, half + 0.3),))
+    assert later is not None
+    assert later[-1].departure == pytest.approx(half + 0.3)
+    # Nobody may wait in the middle then: it waits at the start.
+    waits = earliest_moves(roadmap, (Departure((2, 1), 0.0, half + 0.3), Presence(2, 0.0, half + 0.2)))
+    assert waits is not None
+    assert waits[0].departure == pytest.approx(0.2)
+    settles = earliest_moves(roadmap, (Settling(whole + 2.0),))
+    assert settles is not None
+    assert settles[-1].arrival == pytest.approx(whole + 2.0)
+    assert earliest_moves(roadmap, (Presence(0, 0.0, 1.0),)) is None
+    assert earliest_moves(roadmap, (Departure((2, 1), 0.0, math.inf),)) is None
+
+
+# ---- through plan_many_arms ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["ring", "shelf", "grid"])
+def test_plans_are_certified_and_state_their_bound(kind: str, rr1: rp.Robot) -> None:
+    problems = {
+        "ring": lambda: ring_swap(rr1, 3, 0.5, rng=1),
+        "shelf": lambda: dual_arm_shelf(rr1, 0.6, 3),
+        "grid": lambda: random_grid(rr1, 8, 0.6, 1),
+    }
+    problem = problems[kind]()
+    one, two = (plan_many_arms(problem, method="conflict_based_search", rng=0, budget=_BUDGET) for _ in range(2))
+    assert one.trajectory is not None
+    assert two.trajectory is not None
+    assert one.trajectory.coefficients.tobytes() == two.trajectory.coefficients.tobytes()
+    assert rp.validate(one.trajectory, problem.scene, problem).certified
+    checker = CollisionChecker(problem.scene, problem.arms)
+    assert all(checker.is_free_slowly(q) for q in one.trajectory(np.linspace(0.0, one.makespan, 40)))
+    for group in one.groups:
+        assert group.stage == "conflict_based_search"
+        assert group.suboptimality is not None
+        assert 1.0 <= group.suboptimality <= 1.1 + 1e-9
+
+
+def test_its_plans_can_be_improved(rr1: rp.Robot) -> None:
+    problem = ring_swap(rr1, 3, 0.5, rng=1)
+    moves = Budget(seconds=math.inf, iterations=60)
+    result = plan_many_arms(problem, method="conflict_based_search", rng=0, budget=_BUDGET, improvement=moves)
+    assert result.trajectory is not None
+    assert rp.validate(result.trajectory, problem.scene, problem).certified
+    assert result.first is not None
+    assert result.makespan < result.first.makespan
+
+
+def test_too_many_arms_and_unknown_methods_are_refused(rr1: rp.Robot) -> None:
+    with pytest.raises(InputError, match="up to 8 arms"):
+        plan_many_arms(random_grid(rr1, 12, 0.7, 0), method="conflict_based_search", rng=0)
+    with pytest.raises(UnknownNameError, match="method"):
+        plan_many_arms(random_grid(rr1, 2, 0.8, 0), method="conflicts")
+
+
+def test_progress_may_cancel_the_search(rr1: rp.Robot) -> None:
+    result = plan_many_arms(
+        random_grid(rr1, 4, 0.6, 0), method="conflict_based_search", rng=0, progress=lambda _: False
+    )
+    assert result.status is PlanStatus.CANCELLED
+
+
+def test_roadmaps_hold_certified_edges_and_join_the_known_path(rr1: rp.Robot) -> None:
+    problem = random_grid(rr1, 2, 0.8, 0)
+    agent = Agent(problem, problem.arms[:1])
+    goal = problem.goal[problem.arms[0]][0].q
+    middle = 0.5 * (agent.start + goal) + 0.01
+    roadmap = build_roadmap(agent, goal, 0.0, 60, [np.array([agent.start, middle, goal])])
+    assert roadmap is not None
+    np.testing.assert_array_equal(roadmap.vertices[[0, 1, 2]], [agent.start, goal, middle])
+    question = agent.question({}, 0.0)
+    checker = CollisionChecker(question.scene, question.arms)
+    for vertex, others in enumerate(roadmap.neighbors):
+        for other in others:
+            assert checker.edge_is_free(roadmap.vertices[vertex], roadmap.vertices[other])
+    again = build_roadmap(agent, goal, 0.0, 60)
+    assert again is not None
+    np.testing.assert_array_equal(again.vertices[2:], roadmap.vertices[3:])
+    assert build_roadmap(agent, goal, 0.0, 70, goes_on=lambda: False) is None

@@ -1,0 +1,221 @@
+"""Anytime improvement of plans of many arms: never worse, certified after every move, reproducible, in time."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import fcl
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError
+from rr1plan.multi import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
+from rr1plan.multi.improvement import PlanImprover
+from rr1plan.multi.interaction import arms_in_reach
+from rr1plan.multi.path_changes import changed_waypoints
+from rr1plan.multi.portfolio import merged_trajectory
+from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.planning import Budget, PlanStatus
+
+_BUDGET = Budget(seconds=120.0)
+
+
+def _moves(count: int) -> Budget:
+    return Budget(seconds=math.inf, iterations=count)
+
+
+def _goals_in_the_way(planar2r: rp.Robot) -> rp.Problem:
+    """Two arms in a plane, face to face; each sweeps the other's goal."""
+    scene = rp.Scene().with_arm("left", planar2r, (-1.2, 0.0, 0.0)).with_arm("right", planar2r, (1.2, 0.0, 0.0))
+    start = {"left": [-0.6, 0.0], "right": [np.pi - 0.9, 0.0]}
+    return rp.Problem(scene, start, {"left": [0.25, 0.0], "right": [np.pi, 0.0]})
+
+
+def _improver(problem: rp.Problem, watch: Stopwatch | None = None, rng: int = 0) -> PlanImprover:
+    result = plan_many_arms(problem, rng=rng, budget=_BUDGET)
+    assert result.found, result.reason
+    near = arms_in_reach(problem.scene, problem.arms, 2e-3)
+    margins = dict.fromkeys(problem.arms, 1e-4)
+    generator = np.random.default_rng(rng)
+    return PlanImprover(result.schedules, near, margins, {}, generator, watch or Stopwatch(math.inf))
+
+
+@lru_cache
+def _problem(name: str) -> rp.Problem:
+    rr1 = rp.load_robot("rr1")
+    problems = {
+        "ring-2": lambda: ring_swap(rr1, 2, 0.38, rng=0),
+        "ring-4": lambda: ring_swap(rr1, 4, 0.5, rng=2),
+        "shelf-2": lambda: dual_arm_shelf(rr1, 0.6, 3),
+        "grid-8": lambda: random_grid(rr1, 8, 0.6, 1),
+    }
+    return problems[name]()
+
+
+@pytest.mark.parametrize("name", ["ring-2", "ring-4", "shelf-2", "grid-8"])
+def test_improved_plans_are_certified_and_never_worse(name: str, rr1: rp.Robot) -> None:
+    problem = _problem(name)
+    result = plan_many_arms(problem, rng=0, budget=_BUDGET, improvement=_moves(60))
+    assert result.trajectory is not None
+    assert rp.validate(result.trajectory, problem.scene, problem).certified
+    checker = CollisionChecker(problem.scene, problem.arms)
+    assert all(checker.is_free_slowly(q) for q in result.trajectory(np.linspace(0.0, result.makespan, 40)))
+    assert result.first is not None
+    assert result.makespan <= result.first.makespan
+    assert result.slowest_alone <= result.first.slowest_alone
+    assert result.ratio >= 1.0
+    assert result.first.ratio >= 1.0
+    assert result.trajectory.duration == pytest.approx(result.makespan)
+    makespans = [makespan for _, makespan in result.history]
+    assert makespans[0] == result.first.makespan
+    assert makespans[-1] == pytest.approx(result.makespan)
+    assert makespans == sorted(makespans, reverse=True)
+
+
+def test_a_motion_that_waits_gets_shorter() -> None:
+    result = plan_many_arms(_problem("shelf-2"), rng=3, budget=_BUDGET, improvement=_moves(150))
+    assert result.first is not None
+    assert result.first.ratio > 1.2
+    assert result.ratio < 1.05
+
+
+def test_without_improvement_the_first_plan_is_the_answer() -> None:
+    result = plan_many_arms(_problem("ring-2"), rng=0, budget=_BUDGET)
+    assert result.first is not None
+    assert result.improvements == 0
+    assert (result.first.makespan, result.first.waiting) == (result.makespan, result.waiting)
+    assert len(result.history) == 1
+
+
+def test_the_same_seed_and_number_of_moves_give_the_same_motion() -> None:
+    problem = _problem("ring-4")
+    one, two = (plan_many_arms(problem, rng=5, budget=_BUDGET, improvement=_moves(40)) for _ in range(2))
+    assert one.trajectory is not None
+    assert two.trajectory is not None
+    assert one.improvements == two.improvements
+    assert one.trajectory.coefficients.tobytes() == two.trajectory.coefficients.tobytes()
+
+
+def test_every_state_is_certified_and_cheaper_than_the_one_before(planar2r: rp.Robot) -> None:
+    problem = _goals_in_the_way(planar2r)
+    improver = _improver(problem)
+    states = 0
+    for _ in range(80):
+        before, schedules = improver.quality, set(map(id, improver.schedules.values()))
+        improver.run(iterations=1)
+        if set(map(id, improver.schedules.values())) == schedules:
+            continue
+        states += 1
+        assert improver.quality.makespan <= before.makespan
+        motion = merged_trajectory(problem, list(improver.schedules.values()))
+        assert rp.validate(motion, problem.scene, problem).certified
+        assert _fcl_sees_no_contact(problem, motion)
+    assert states > 0
+
+
+def _fcl_sees_no_contact(problem: rp.Problem, motion: rp.Trajectory, samples: int = 60) -> bool:
+    """Whether links of different arms are apart at many instants, by python-fcl on their capsules and cylinders."""
+    for q in motion(np.linspace(motion.start_time, motion.end_time, samples)):
+        per_arm = []
+        for name, values in problem.scene.split(q, problem.arms).items():
+            arm = problem.scene.arms[name]
+            per_arm.append([_fcl_object(shape, pose) for shape, pose in _placed_shapes(arm, values)])
+        for one in per_arm[0]:
+            for two in per_arm[1]:
+                if fcl.collide(one, two, fcl.CollisionRequest(), fcl.CollisionResult()):
+                    return False
+    return True
+
+
+def _placed_shapes(arm, q):  # type: ignore[no-untyped-def]
+    poses = arm.robot.link_poses(q)
+    for link in arm.robot.links:
+        for part in link.collisions:
+            yield part.shape, arm.base @ poses[link.name] @ part.pose
+
+
+def _fcl_object(shape, pose):  # type: ignore[no-untyped-def]
+    kind = fcl.Capsule if isinstance(shape, rp.Capsule) else fcl.Cylinder
+    geometry = kind(shape.radius, shape.length)
+    return fcl.CollisionObject(geometry, fcl.Transform(pose[:3, :3], pose[:3, 3]))
+
+
+class _Clock(Stopwatch):
+    """A clock that goes on by a second at each reading of `goes_on`."""
+
+    def __init__(self) -> None:
+        super().__init__(math.inf)
+        self.now = 0.0
+
+    @property
+    def seconds(self) -> float:
+        return self.now
+
+    @property
+    def left(self) -> float:
+        return 1e3
+
+    def goes_on(self) -> bool:
+        self.now += 1.0
+        return True
+
+
+def test_it_stops_when_its_time_is_used_up(planar2r: rp.Robot) -> None:
+    clock = _Clock()
+    improver = _improver(_goals_in_the_way(planar2r), clock)
+    improver.run(seconds=7.0)
+    assert 1 <= improver.iterations <= 6
+    assert clock.now >= 7.0
+
+
+def test_progress_may_cancel_an_improvement() -> None:
+    calls = []
+
+    def progress(report: rp.Progress) -> bool:
+        calls.append(report.seconds)
+        return len(calls) < 8
+
+    result = plan_many_arms(_problem("ring-4"), rng=0, improvement=Budget(seconds=60.0), progress=progress)
+    assert result.status is PlanStatus.CANCELLED
+    assert result.trajectory is None
+
+
+def test_nothing_is_tried_where_each_arm_goes_straight(rr1: rp.Robot) -> None:
+    problem = random_grid(rr1, 2, 2.0, 0)
+    result = plan_many_arms(problem, rng=0, improvement=_moves(50))
+    straight = all(len(path.waypoints) == 2 for path in result.paths.values())
+    assert (result.improvements == 0) == straight
+
+
+def test_plan_motion_improves_by_name_until_the_budget_ends() -> None:
+    problem = _problem("ring-2")
+    budget = Budget(seconds=math.inf, iterations=30)
+    motion = rp.plan_motion(problem, planner="many_arms_anytime", rng=0, budget=budget)
+    assert motion
+    assert motion.result.planner == "many_arms_anytime"
+    assert motion.result.iterations == 30
+    assert motion.many_arms is not None
+    assert motion.many_arms.first is not None
+    assert motion.many_arms.makespan < motion.many_arms.first.makespan
+
+
+def test_what_is_no_budget_is_refused() -> None:
+    with pytest.raises(InputError, match="expected a Budget"):
+        plan_many_arms(_problem("shelf-2"), improvement=5.0)  # type: ignore[arg-type]
+
+
+def test_changed_polylines_keep_their_ends_and_the_limits(rr1: rp.Robot) -> None:
+    rng = np.random.default_rng(0)
+    limits = rr1.limits
+    waypoints = np.array([limits.lower, 0.5 * (limits.lower + limits.upper), limits.upper])
+    lengths = set()
+    for _ in range(200):
+        changed = changed_waypoints(waypoints, limits, rng)
+        np.testing.assert_array_equal(changed[[0, -1]], waypoints[[0, -1]])
+        assert (changed >= limits.lower - 1e-12).all()
+        assert (changed <= limits.upper + 1e-12).all()
+        lengths.add(len(changed))
+    assert {3, 4} <= lengths
