@@ -76,7 +76,7 @@ class Comparison:
         self.tally = Tally(robot, crowd.name)
         self.scene, self.margin = crowd.scene, crowd.margin
         self.checker = CollisionChecker(crowd.scene, crowd.arms, margin=crowd.margin)
-        tables = build_edge_tables(self.checker, self.checker.tables, TOLERANCE)
+        tables = build_edge_tables(self.checker.geometry, self.checker.fixed, self.checker.solid_padding, TOLERANCE)
         self.kernel = EdgeKernel(tables, self.checker.exact_kernel, self.checker.nq, TOLERANCE)
         self.exact = self.checker
         # Coal's pairs through Pinocchio need 20 kB each.

@@ -38,7 +38,7 @@ def main() -> int:
     for name, scene in _scenes(args):
         checker = CollisionChecker(scene)
         begins, ends = _edges(checker, args.edges)
-        tables = build_edge_tables(checker, checker.tables, _TOLERANCE)
+        tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, _TOLERANCE)
         kernel = EdgeKernel(tables, checker.exact_kernel, checker.nq, _TOLERANCE)
         free = kernel.certify_edges(begins, ends) == FREE
         # Counted in one round; the exact kernel's configurations are among them.

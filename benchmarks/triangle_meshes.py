@@ -108,7 +108,7 @@ def _time_edges(scene: rp.Scene, count: int, rng: np.random.Generator) -> dict[s
     steps = rng.normal(size=(count, checker.nq))
     steps *= rng.uniform(0.2, 1.5, (count, 1)) / np.linalg.norm(steps, axis=1)[:, None]
     ends = np.clip(np.array(begins) + steps, checker.limits.lower, checker.limits.upper)
-    tables = build_edge_tables(checker, checker.tables, checker.tolerance)
+    tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, checker.tolerance)
     kernel = EdgeKernel(tables, checker.exact_kernel, checker.nq, checker.tolerance)
     free = kernel.certify_edges(np.array(begins), ends) == FREE
     return {"edge": _best(kernel.certify_edges, np.array(begins), ends) / count, "free": float(free.mean())}

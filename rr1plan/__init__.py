@@ -58,16 +58,30 @@ if TYPE_CHECKING:
     from rr1plan.model import copies_within_limits as copies_within_limits
     from rr1plan.model import solve_ik as solve_ik
     from rr1plan.motion_plan import MotionPlan as MotionPlan
+    from rr1plan.multi import AddedMotion as AddedMotion
+    from rr1plan.multi import ArmDelay as ArmDelay
+    from rr1plan.multi import Dependency as Dependency
     from rr1plan.multi import GroupResult as GroupResult
     from rr1plan.multi import Leg as Leg
     from rr1plan.multi import ManyArmsResult as ManyArmsResult
+    from rr1plan.multi import Node as Node
+    from rr1plan.multi import Part as Part
+    from rr1plan.multi import PlanExecution as PlanExecution
+    from rr1plan.multi import PlanGraph as PlanGraph
+    from rr1plan.multi import Route as Route
+    from rr1plan.multi import RunningPlan as RunningPlan
     from rr1plan.multi import Schedule as Schedule
+    from rr1plan.multi import add_motion as add_motion
     from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
+    from rr1plan.multi import execute_plan as execute_plan
+    from rr1plan.multi import load_plan_graph as load_plan_graph
     from rr1plan.multi import place_grid as place_grid
     from rr1plan.multi import place_ring as place_ring
+    from rr1plan.multi import plan_graph as plan_graph
     from rr1plan.multi import plan_many_arms as plan_many_arms
     from rr1plan.multi import random_grid as random_grid
     from rr1plan.multi import ring_swap as ring_swap
+    from rr1plan.multi import save_plan_graph as save_plan_graph
     from rr1plan.path import Path as Path
     from rr1plan.pipeline import plan_motion as plan_motion
     from rr1plan.pipeline import warm_up as warm_up
@@ -217,16 +231,30 @@ _EXPORTS = {
     "rr1plan.load_motion": ("load_motion",),
     "rr1plan.motion_plan": ("MotionPlan",),
     "rr1plan.multi": (
+        "AddedMotion",
+        "ArmDelay",
+        "Dependency",
         "GroupResult",
         "Leg",
         "ManyArmsResult",
+        "Node",
+        "Part",
+        "PlanExecution",
+        "PlanGraph",
+        "Route",
+        "RunningPlan",
         "Schedule",
         "dual_arm_shelf",
+        "add_motion",
+        "execute_plan",
+        "load_plan_graph",
         "place_grid",
         "place_ring",
+        "plan_graph",
         "plan_many_arms",
         "random_grid",
         "ring_swap",
+        "save_plan_graph",
     ),
     "rr1plan.path": ("Path",),
     "rr1plan.pipeline": ("plan_motion", "warm_up"),

@@ -193,6 +193,23 @@ class Trajectory(Value):
         """The same motion, `seconds` later."""
         return Trajectory(self.joint_names, self.breaks + finite_number("seconds", seconds), self.coefficients)
 
+    def cut(self, begin: float, end: float) -> Trajectory:
+        """The motion between two times; where it has not begun or has ended, it rests.
+
+        Args:
+            begin: First instant [s].
+            end: Last instant [s], not before the first.
+
+        Raises:
+            InputError: not finite, or an end before the beginning.
+        """
+        begin, end = finite_number("begin", begin), finite_number("end", end)
+        if end < begin:
+            raise InputError(f"the motion is to end at {end}, before {begin}")
+        inner = self.breaks[(self.breaks > begin) & (self.breaks < end)]
+        breaks = np.array([begin, *inner, end] if end > begin else [begin])
+        return Trajectory(self.joint_names, breaks, self._on(breaks, self.coefficients.shape[1]))
+
     # ---- reading -----------------------------------------------------------------------
 
     @property

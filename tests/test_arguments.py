@@ -110,6 +110,9 @@ def calls(folder: Path) -> dict[str, Call]:
     np.save(folder / "p.npy", np.eye(3))
     trimesh.creation.box((1, 1, 1)).export(folder / "a.stl")
     mesh = rp.load_mesh(folder / "a.stl")
+    many = rp.plan_many_arms(problem, rng=0)
+    graph, running = rp.plan_graph(many), rp.RunningPlan.of(many)
+    rp.save_plan_graph(folder / "g.json", graph, many.trajectory, scene)
     shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
     live = {"port": None, "open_browser": False, "quiet": True}
     picture = rp.cspace(scene, problem, resolution=8)
@@ -208,7 +211,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "save_motion": (
             rp.save_motion,
             {"file": folder / "o.json", "scene": scene, "embed": False}
-            | dict.fromkeys(("path", "trajectory", "report", "problem")),
+            | dict.fromkeys(("path", "trajectory", "report", "problem", "plan_graph")),
         ),
         "propose_disabled_collisions": (rp.propose_disabled_collisions, {"robot": robot, "samples": 3, "rng": 0}),
         "Kinematics": (rp.Kinematics, {"scene_or_robot": scene, "arms": None}),
@@ -252,6 +255,27 @@ def calls(folder: Path) -> dict[str, Call]:
         "plan_many_arms": (
             rp.plan_many_arms,
             {"problem": problem, "margin": 0.001, "budget": budget, "rng": 0, "progress": None},
+        ),
+        "plan_graph": (rp.plan_graph, {"result": many}),
+        "PlanGraph.waits_for": (graph.waits_for, {"arm": "arm"}),
+        "ArmDelay": (rp.ArmDelay, {"start": 0.1, "slowdown": 0.1, "pauses": [(0.1, 0.2)]}),
+        "execute_plan": (
+            rp.execute_plan,
+            {"graph": graph, "scene": scene, "delays": {"arm": rp.ArmDelay(0.1)}, "gap": 0.1},
+        ),
+        "save_plan_graph": (
+            rp.save_plan_graph,
+            {"file": folder / "o.json", "graph": graph, "trajectory": many.trajectory, "scene": scene}
+            | {"problem": problem, "embed": False},
+        ),
+        "load_plan_graph": (rp.load_plan_graph, {"file": folder / "g.json", "scene": None}),
+        "RunningPlan.of": (rp.RunningPlan.of, {"result": many}),
+        "RunningPlan.configuration": (running.configuration, {"arm": "arm", "time": 0.1}),
+        "RunningPlan.velocity": (running.velocity, {"arm": "arm", "time": 0.1}),
+        "RunningPlan.goal": (running.goal, {"arm": "arm"}),
+        "add_motion": (
+            rp.add_motion,
+            {"plan": running, "arm": "arm", "goal": q, "at": 0.1, "freeze": 0.1, "budget": budget, "rng": 0},
         ),
         "random_grid": (rp.random_grid, {"robot": rp.load_robot("rr1"), "count": 2, "spacing": 3.0, "rng": 0}),
         "ring_swap": (
@@ -435,6 +459,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Trajectory.sample": (trajectory.sample, {"dt": 0.1}),
         "Trajectory.sample_times": (trajectory.sample_times, {"dt": 0.1}),
         "Trajectory.select": (trajectory.select, {"arm": "arm"}),
+        "Trajectory.cut": (trajectory.cut, {"begin": 0.1, "end": 0.2}),
         "Trajectory.shifted": (trajectory.shifted, {"seconds": 1.0}),
         "Trajectory.stretched": (trajectory.stretched, {"factor": 2.0}),
         "certify_path": (
@@ -523,6 +548,8 @@ _NOT_CALLED = {
     *("CSpace", "CSpaceGrid", "Decomposition", "DrawnTree", "Replay", "ReplayContact", "ContactBand", "PairProposal"),
     *("CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
     *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
+    *("AddedMotion", "Dependency", "Node", "PlanExecution", "Part", "Part.until", "PlanGraph", "PlanGraph.from_dict"),
+    *("PlanGraph.with_times", "Route", "Route.at", "RunningPlan", "RunningPlan.part_at", "RunningPlan.with_parts"),
     *("PairProposal.get", "Geometry", "Inertial", "Joint", "Joint.motion", "Link", "Mimic", "Attachment", "Obstacle"),
 }
 

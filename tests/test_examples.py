@@ -207,6 +207,20 @@ def eight_arms_swap_places_on_one_clock(said: str, folder: Path) -> None:
     assert (folder / "17_swap_places.html").exists()
 
 
+def arms_wait_for_each_other_whatever_is_late(said: str, folder: Path) -> None:
+    assert "PlanGraph(4 arms" in said
+    assert said.count("does not go beyond where the plan has it") == 3
+    planned, delayed = (float(t) for t in re.search(r"planned (\S+) s, with delays (\S+) s", said).groups())
+    assert planned < delayed
+    assert FREE in said
+    assert "contacts: none" in said
+    assert "with a skew tolerance of 0.20 s" in said
+    assert "AddedMotion(by " in said
+    assert number(r"at 0.7 s it has (\S+) rad/s", said) > 0.0
+    assert rp.load_plan_graph(folder / "18_delays.json").dependencies
+    assert (folder / "18_delays.html").exists()
+
+
 def a_simulation_is_commanded_while_it_runs(said: str, folder: Path) -> None:
     assert "Execution(succeeded), code 0" in said
     assert "contacts: 0" in said
@@ -234,6 +248,7 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "15_many_problems": many_problems_are_answered_in_order,
     "16_spheres": spheres_contain_the_corners,
     "17_swap_places": eight_arms_swap_places_on_one_clock,
+    "18_delays": arms_wait_for_each_other_whatever_is_late,
     "24_simulation": a_simulation_is_commanded_while_it_runs,
 }
 

@@ -72,6 +72,7 @@ CALLABLES = dict(public_callables())
 _UNTYPED = {
     *("Panel", "Replay", "Replay.to_dict", "Report.to_dict", "Report.from_dict", "pack_array", "PairProposal.get"),
     *("PairProposal.keys", "PairProposal.items", "PairProposal.values"),
+    *("PlanGraph.to_dict", "PlanGraph.from_dict"),
 }
 # For other modules of the package: they lead to its tables, and no page of the documentation names them.
 _INTERNAL = {
@@ -80,7 +81,7 @@ _INTERNAL = {
         for name in ("context", "exact_kernel", "fixed", "geometry", "model", "solids", "tables")
     ),
     *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding", "GroupResult"),
-    *("Schedule", "Schedule.occupancy"),
+    *("Schedule", "Schedule.occupancy", "Part", "Part.occupancy", "Route.curve", "Route.grid"),
 }
 # Those of data classes are their fields.
 _MOST_PARAMETERS = 10

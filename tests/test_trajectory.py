@@ -254,3 +254,15 @@ def test_one_sample_is_a_motion_of_no_duration() -> None:
 def test_samples_that_make_no_motion_are_refused(samples: tuple[Any, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
         Trajectory.from_samples(["a/x"], *samples)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0.3, 1.7), (0.0, 2.0), (-1.0, 0.5), (1.2, 5.0), (0.7, 0.7), (3.0, 4.0)])
+def test_a_cut_is_the_same_motion_between_two_times(begin: float, end: float) -> None:
+    whole = Trajectory.from_samples(["a/x"], [0.0, 1.0, 2.0], [[0.0], [1.0], [0.5]], [[0.0], [0.4], [0.0]])
+    part = whole.cut(begin, end)
+    assert (part.start_time, part.end_time) == (begin, end)
+    at = np.linspace(begin, end, 50)
+    np.testing.assert_allclose(part(at), whole(at), atol=1e-14)
+    np.testing.assert_allclose(part(at[1:-1], 1), whole(at[1:-1], 1), atol=1e-13)
+    with pytest.raises(InputError, match="before"):
+        whole.cut(begin, begin - 0.1)

@@ -60,6 +60,8 @@ class CStruct:
         pointers = self.sources.pointers(self.name)
         for key, given in fields.items():
             if key in pointers:
+                if given is self._targets.get(key):
+                    continue  # what a copy shares with the struct it was made of
                 setattr(self.value, key, address_of(self.sources, given, pointers[key]))
                 self._targets[key] = given
             else:

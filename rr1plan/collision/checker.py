@@ -31,7 +31,7 @@ from rr1plan.collision.coal_checker import CoalChecker, checked_margin
 from rr1plan.collision.collision_geometry import geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
-from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs, shared_structs
+from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene
@@ -193,9 +193,8 @@ class CollisionChecker(CoalChecker):
         return self._make_kernel(self.exact_kernel)
 
     def _make_kernel(self, exact: ExactKernel) -> EdgeKernel:
-        tables = build_edge_tables(self, self.tables, self.tolerance)
-        known = {"fixed": self.fixed.struct, **shared_structs(self.geometry, tables, self.tolerance)}
-        return EdgeKernel(tables, exact, self.nq, self.tolerance, known=known)
+        tables = build_edge_tables(self.geometry, self.fixed, self.tables.padding, self.tolerance)
+        return EdgeKernel(tables, exact, self.nq, self.tolerance, fixed=self.fixed.struct)
 
     def is_free(self, q: ArrayLike) -> bool:
         """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.
@@ -234,7 +233,7 @@ class CollisionChecker(CoalChecker):
             chosen = counts[self.solid_owner]
             tables = self.tables
             tables = tables._replace(pairs=tables.pairs[chosen], padding=tables.padding[chosen])
-            self._without[arms] = ExactKernel(tables, self.nq, self.exact_kernel)
+            self._without[arms] = ExactKernel(tables, self.nq, self.exact_kernel.struct)
         return self._without[arms]
 
     def edge_is_free(self, q0: ArrayLike, q1: ArrayLike) -> bool:

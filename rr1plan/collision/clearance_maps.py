@@ -16,9 +16,8 @@ from rr1plan.checks import Array
 from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.convex.mesh_trees import NO_MESHES
-from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
 from rr1plan.collision.tables.arm_tables import ArmTables, arm_tables, chain_reach, joint_motion
-from rr1plan.collision.tables.kernel_tables import ExactTables
+from rr1plan.collision.tables.exact_tables import ExactTables, exact_scratch, exact_struct
 from rr1plan.files.disk_cache import cache_key, load_cached, store_cached
 from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.object_cache import kept_in
@@ -35,7 +34,7 @@ CELLS = constants()["MAP_CELLS"]
 
 @dataclass(frozen=True, eq=False)
 class ClearanceMaps:
-    """Maps of some pairs; see `EdgeTables`.
+    """Maps of some pairs; see `PaddedPairs`.
 
     Args:
         places: The last four columns of its `body_pairs`, shape (m, 4).
@@ -76,7 +75,7 @@ def instance_maps(instances: ArmInstances, pairs: _INTS, least: Array, groups: _
         instances: The arms that move.
         pairs: Pairs of their solids that move against each other [index], sorted by the pair of groups, shape (m, 2).
         least: The gap that a map has to prove of each [m], shape (m,).
-        groups: The first columns of `group_pairs` of `EdgeTables`, shape (f, 5).
+        groups: The first columns of its `group_pairs`, shape (f, 5).
     """
     places, ranges = np.zeros((len(pairs), 4), np.int64), np.zeros((len(pairs), 4))
     places[:, 0] = -1

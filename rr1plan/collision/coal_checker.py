@@ -16,14 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, finite_array, finite_number, items_of, of_kind, read_only, whole_number
 from rr1plan.collision.arm_geometry import Solid
-from rr1plan.collision.coal_pairs import CoalPairs
+from rr1plan.collision.coal_pairs import CoalPairs, StaticPairs, measure_static
 from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry, geometry_distance
 from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.results import Contact, Nearest
-from rr1plan.collision.static_pairs import StaticPairs, measure_static
 from rr1plan.collision.stationary_contacts import ROUNDING, stationary_contacts
-from rr1plan.collision.tables.exact_tables import build_static_tables, build_tables
-from rr1plan.collision.tables.kernel_tables import ExactTables
+from rr1plan.collision.tables.exact_tables import ExactTables, arm_exact_struct, build_static_tables, build_tables
 from rr1plan.collision.tables.obstacle_tables import FixedSolids, fixed_links
 from rr1plan.errors import InputError
 from rr1plan.model.scene_model import SceneModel
@@ -271,12 +269,12 @@ class CoalChecker:
     @cached_property
     def tables(self) -> ExactTables:
         """What the exact kernel knows of the pairs that move."""
-        return build_tables(self.geometry, self.fixed, self.solid_padding)
+        return build_tables(self.geometry, self.fixed, self._kept_padding)
 
     @cached_property
     def exact_kernel(self) -> ExactKernel:
         """The exact kernel of those pairs."""
-        return ExactKernel(self.tables, self.nq)
+        return ExactKernel(self.tables, self.nq, arm_exact_struct(self.geometry.instances))
 
     def solid_distances(self, q: ArrayLike, pairs: NDArray[np.intp] | None = None) -> Array:
         """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,).
@@ -348,7 +346,7 @@ class CoalChecker:
         if tables is None:
             beyond = self._static.distances - self.padding
             return min(most, float(beyond.min()))
-        return ExactKernel(tables, self.nq, self.exact_kernel).least_clearance(np.zeros(self.nq), most)
+        return ExactKernel(tables, self.nq, self.exact_kernel.struct).least_clearance(np.zeros(self.nq), most)
 
     @cached_property
     def _static(self) -> StaticPairs:

@@ -1,19 +1,20 @@
-"""Coal's view of some pairs of solids, through Pinocchio's geometry model."""
+"""Coal's view of some pairs of solids, through Pinocchio's geometry model; what is true of pairs whatever q is."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import Solid
-from rr1plan.collision.coal_meshes import holds_point
-from rr1plan.collision.convex.convex_bodies import coal_geometry, is_concave, occupied_cells
+from rr1plan.collision.convex.convex_bodies import coal_geometry, holds_point, is_concave, occupied_cells
+from rr1plan.collision.results import Nearest
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.shapes import HalfSpace, Mesh, PointCloud, Shape
 
@@ -175,3 +176,46 @@ def _forget_guesses(requests: Any) -> None:
         warnings.simplefilter("ignore", DeprecationWarning)  # the successor of this switch does not turn it off
         for request in requests:
             request.enable_cached_gjk_guess = False
+
+
+# ---- pairs that do not move against each other --------------------------------------------------------
+
+_NONE = Nearest(np.inf, (), read_only(np.zeros(3)), read_only(np.zeros(3)))
+
+
+@dataclass(frozen=True, eq=False)
+class StaticPairs:
+    """Distances and contacts of pairs that do not move against each other, whatever q is.
+
+    Args:
+        distances: Distance of every checked pair [m], inf where its elements move, shape (n_pairs,).
+        touching: (index of the pair, padding - distance [m], point between them) of those that collide.
+        nearest: The nearest of them.
+    """
+
+    distances: Array
+    touching: tuple[tuple[int, float, Array], ...] = ()
+    nearest: Nearest = _NONE
+
+
+def measure_static(
+    things: CoalPairs, pairs: tuple[tuple[str, str], ...], owner: NDArray[np.int64], padding: Array
+) -> StaticPairs:
+    """Measure pairs that do not move against each other.
+
+    Args:
+        things: Pairs of solids that do not move against each other, in place; at least one.
+        pairs: Names of all checked pairs of elements.
+        owner: For each pair of solids the index in `pairs`, shape (m,).
+        padding: Padding of each pair of solids [m], shape (m,).
+    """
+    distances, found = np.full(len(pairs), np.inf), things.distances()
+    np.minimum.at(distances, owner, found)
+    touching = []
+    for i in np.flatnonzero(found <= padding).tolist():
+        distance, a, b = things.distance(i)
+        touching.append((int(owner[i]), float(padding[i]) - distance, 0.5 * (a + b)))
+    nearest = int(np.argmin(found))
+    _, a, b = things.distance(nearest)
+    closest = Nearest(float(found[nearest]), pairs[owner[nearest]], read_only(a), read_only(b))
+    return StaticPairs(read_only(distances), tuple(touching), closest)

@@ -4,8 +4,8 @@ An arm that stands still is an obstacle. Arms and obstacles that a moving arm ca
 `reach_broad_phase.py`), so that the size of everything built here grows with what is near, not with the scene.
 
 A geometry knows no padding, so scenes that differ in that alone share it as a whole; its parts are shared by content:
-an arm's geometry by all arms with equal robots and held objects, an obstacle's by all scenes that have it at the same
-place, and the pairs by all scenes that differ only in where things are.
+an arm's geometry by all arms with equal robots and held objects, an obstacle's by all scenes that it is in, and the
+pairs by all scenes that differ only in where things are.
 """
 
 from __future__ import annotations
@@ -71,16 +71,9 @@ class CollisionGeometry:
         self.obstacles = (*standing, *obstacles)
         self.rules = _rules(scene, near, arms)
         moving = chain.from_iterable(g.elements(a) for a, g in zip(arms, self.instances.geometries, strict=True))
-        still = chain.from_iterable(geometries[name].elements(name) for name in near.arms)
-        owners = [
-            *moving,
-            *still,
-            *(name for name, o in zip(near.obstacles, obstacles, strict=True) for _ in o.rows.shapes),
-        ]
-        number = {name: i for i, name in enumerate(self.rules.names)}
-        elements = np.array([number[name] for name in owners], np.int64)
-        kinds = tuple(kind for thing in self.obstacles for kind in thing.rows.surfaceless)
-        self.pairs = _solid_pairs(_PairContent(self.instances, self.rules, elements.tobytes(), kinds))
+        fixed = chain.from_iterable([thing.elements for thing in self.obstacles])
+        surfaceless = tuple(chain.from_iterable([thing.surfaceless for thing in self.obstacles]))
+        self.pairs = _solid_pairs(_PairContent(self.instances, self.rules, (*moving, *fixed), surfaceless))
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
@@ -93,8 +86,8 @@ class CollisionGeometry:
         Raises:
             InputError: a half-space or a point cloud that would be checked against another one.
         """
-        both = self.pairs.surfaceless[self.pairs.moving].all(axis=1)
-        if both.any():
+        if self.pairs.has_unmeasurable:
+            both = self.pairs.surfaceless[self.pairs.moving].all(axis=1)
             one, two = (self.solids[i].element for i in self.pairs.moving[int(both.argmax())])
             raise InputError(f"{one!r} and {two!r} are half-spaces or point clouds; they cannot be checked")
 
@@ -116,11 +109,13 @@ def _rules(scene: Scene, near: Near, moving: Sequence[str]) -> ContactRules:
     links = [(f"{a}/{link.name}", a) for a in arms for link in scene.arms[a].robot.links if link.collisions]
     owners = [*links, *((name, None) for name in near.obstacles), *((name, thing.arm) for name, thing in held)]
     names = {name for name, _ in owners} | set(arms)
+    # Links of one arm are no near pair unless it moves.
+    robots = [(name, scene.arms[name].robot) for name in arms]
     return rules_of(
         RuleContent(
             tuple(name for name, _ in owners),
             tuple(owner for _, owner in owners),
-            tuple((a, scene.arms[a].robot.base, frozenset(scene.arms[a].robot.disabled_collisions)) for a in arms),
+            tuple((a, robot.base, robot.disabled_collisions if a in moving else frozenset()) for a, robot in robots),
             tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
             frozenset(both for both in scene.allowed if both <= names),
             near.near_pairs,
@@ -142,6 +137,7 @@ class SolidPairs:
             shape (m, 3).
         static, static_owner, static_rows: The same of pairs that do not move against each other.
         surfaceless: Which solids are half-spaces or point clouds, shape (n,).
+        has_unmeasurable: Whether both solids of some moving pair are.
         kept: Tables that were made of them.
     """
 
@@ -152,6 +148,7 @@ class SolidPairs:
     static_owner: _INTS
     static_rows: _INTS
     surfaceless: NDArray[np.bool_]
+    has_unmeasurable: bool
     kept: dict[str, Any] = field(default_factory=dict)
 
 
@@ -161,17 +158,18 @@ class _PairContent:
 
     instances: ArmInstances
     rules: ContactRules
-    elements: bytes
-    obstacle_kinds: tuple[bool, ...]
+    elements: tuple[str, ...]
+    obstacles_surfaceless: tuple[bool, ...]
 
 
 @lru_cache(maxsize=128)
 def _solid_pairs(content: _PairContent) -> SolidPairs:
     instances, checked = content.instances, content.rules.checked
-    elements, element_count = np.frombuffer(content.elements, np.int64), len(content.rules.names)
+    number = {name: i for i, name in enumerate(content.rules.names)}
+    elements, element_count = np.array([number[name] for name in content.elements], np.int64), len(number)
     chains = np.zeros(len(elements), np.int64)
     chains[: len(instances.groups)] = instances.groups
-    surfaceless = np.array([*instances.surfaceless, *content.obstacle_kinds], np.bool_)
+    surfaceless = np.array([*instances.surfaceless, *content.obstacles_surfaceless], np.bool_)
     sizes = np.bincount(elements, minlength=element_count)
     count = int(sizes[checked[:, 0]] @ sizes[checked[:, 1]])
     order, first = np.empty(len(elements), np.int64), np.empty(element_count + 1, np.int64)
@@ -183,9 +181,10 @@ def _solid_pairs(content: _PairContent) -> SolidPairs:
     )  # fmt: skip
     for array in (index, owner, rows, surfaceless):
         read_only(array)
-    return SolidPairs(
-        index[:moving], owner[:moving], rows[:moving], index[moving:], owner[moving:], rows[moving:], surfaceless
-    )
+    unmeasurable = bool(surfaceless[index[:moving]].all(axis=1).any())
+    halves = ((array[:moving], array[moving:]) for array in (index, owner, rows))
+    (pairs, static), (owners, static_owners), (moving_rows, static_rows) = halves
+    return SolidPairs(pairs, owners, moving_rows, static, static_owners, static_rows, surfaceless, unmeasurable)
 
 
 # What lies nearer than this beyond the greatest padding is part of a geometry [m], in steps, so that scenes that differ

@@ -11,52 +11,71 @@ import pinocchio as pin
 
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, pieces_of
-from rr1plan.collision.convex.convex_bodies import obstacle_pieces
+from rr1plan.collision.convex.convex_bodies import is_surfaceless, obstacle_pieces
 from rr1plan.collision.tables.arm_tables import arm_tables
-from rr1plan.collision.tables.solid_rows import SolidRows, solid_rows
+from rr1plan.collision.tables.body_tables import shape_size
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Obstacle
 from rr1plan.shapes import Mesh, PointCloud, Shape
+from rr1plan.transforms import identity
 
 
-@dataclass(eq=False)
 class ObstacleGeometry:
     """An object that does not move, as solids.
 
     Args:
         elements: The element that each solid is a part of.
-        rows: What tables say of the solids, wherever they are.
+        shapes: The shape of each.
         frames: T_object_solid of each, (4, 4) after (4, 4).
         pose: T_world_object, shape (4, 4).
+
+    Attributes:
+        sizes: A `ShapeSize` of each.
+        surfaceless: Which of them are half-spaces, point clouds or concave meshes.
     """
 
-    elements: Sequence[str]
-    rows: SolidRows
-    frames: bytes
-    pose: Array
+    def __init__(self, elements: Sequence[str], shapes: Sequence[Shape], frames: bytes, pose: Array) -> None:
+        self.elements, self.shapes, self.frames, self.pose = elements, shapes, frames, pose
+        self.sizes = b"".join([shape_size(shape) for shape in shapes])
+        self.surfaceless = [is_surfaceless(shape) for shape in shapes]
+
+    def at(self, pose: Array, elements: Sequence[str] | None = None) -> ObstacleGeometry:
+        """The same object elsewhere, with the same elements by default: T_world_object, shape (4, 4)."""
+        other = object.__new__(ObstacleGeometry)
+        other.__dict__ |= self.__dict__ | {"pose": pose}
+        if elements is not None:
+            other.elements = elements
+        return other
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
         """The solids; their joint is the world."""
         frames = np.frombuffer(self.frames).reshape(-1, 4, 4)
-        parts = zip(self.elements, self.rows.shapes, frames, strict=True)
+        parts = zip(self.elements, self.shapes, frames, strict=True)
         return tuple(Solid(element, shape, 0, read_only(self.pose @ T)) for element, shape, T in parts)
 
 
+_IN_PIECES = (Mesh, PointCloud)
+
+
 def obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
-    """An obstacle as solids.
+    """An obstacle as solids, made once: scenes that differ elsewhere share it.
 
     Raises:
         InputError: a shape that cannot be made solid.
     """
+    return kept_in(obstacle.kept, ("solids", name), lambda: _new_obstacle_geometry(name, obstacle))
+
+
+def _new_obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
     shapes: list[Shape] = []
     frames: list[bytes] = []
     for geometry in obstacle.geometries:
-        shape, frame = geometry.shape, geometry.pose.tobytes()
-        pieces = pieces_of(name, shape, obstacle_pieces) if isinstance(shape, Mesh | PointCloud) else (shape,)
+        shape = geometry.shape
+        pieces = pieces_of(name, shape, obstacle_pieces) if isinstance(shape, _IN_PIECES) else (shape,)
         shapes += pieces
-        frames += [frame] * len(pieces)
-    return ObstacleGeometry([name] * len(shapes), solid_rows(tuple(shapes)), b"".join(frames), obstacle.pose)
+        frames += [geometry.pose.tobytes()] * len(pieces)
+    return ObstacleGeometry([name] * len(shapes), shapes, b"".join(frames), obstacle.pose)
 
 
 def stationary_arm_geometry(name: str, geometry: ArmGeometry, base: Array, q: Array) -> ObstacleGeometry:
@@ -68,8 +87,7 @@ def stationary_arm_geometry(name: str, geometry: ArmGeometry, base: Array, q: Ar
         base: T_world_base, shape (4, 4).
         q: Its configuration [rad or m].
     """
-    rows = kept_in(geometry.kept, "rows", lambda: solid_rows(tuple(solid.shape for solid in geometry.solids)))
-    return ObstacleGeometry(geometry.elements(name), rows, placed_arm(geometry, q.tobytes()).frames, base)
+    return placed_arm(geometry, q.tobytes()).solids.at(base, geometry.elements(name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +95,13 @@ class PlacedArm:
     """Where an arm's solids are at a configuration, in the frame of its base.
 
     Args:
-        frames: T_base_solid of each, (4, 4) after (4, 4).
+        solids: Its solids; their elements are names of links and of held objects.
         bodies: Center and radius of a ball around each of them [m], shape (n, 4).
         elements: The same of each link and held object with a shape, shape (m, 4).
         ball: The same of all of them, shape (4,).
     """
 
-    frames: bytes
+    solids: ObstacleGeometry
     bodies: Array
     elements: Array
     ball: Array
@@ -106,8 +124,9 @@ def _new_placed_arm(geometry: ArmGeometry, q: Array) -> PlacedArm:
     # An arm may have no planning joint at all.
     driven = q[np.maximum(arm_model.columns, 0)] if len(q) else 0.0
     pin.forwardKinematics(arm_model.model, data, np.array(arm_model.offsets + arm_model.gains * driven))
-    poses = np.array([data.oMi[solid.joint].homogeneous @ solid.placement for solid in geometry.solids])
-    poses = poses.reshape(-1, 4, 4)
+    joints = np.array([pose.homogeneous for pose in data.oMi])
+    placements = np.array([solid.placement for solid in geometry.solids]).reshape(-1, 4, 4)
+    poses = joints[[solid.joint for solid in geometry.solids]] @ placements
     # Centers of the balls around bodies, in their own frames and where they are.
     R, t = tables.values[:, :9].reshape(-1, 3, 3), tables.values[:, 9:12]
     local = np.einsum("nji,nj->ni", R, tables.values[:, 12:15] - t)
@@ -117,7 +136,8 @@ def _new_placed_arm(geometry: ArmGeometry, q: Array) -> PlacedArm:
     begins = [i for i, name in enumerate(names) if i == 0 or name != names[i - 1]]
     elements = _balls_around(bodies, begins)
     ball = _balls_around(bodies, [0])[0] if names else np.zeros(4)
-    return PlacedArm(poses.tobytes(), read_only(bodies), read_only(elements), read_only(ball))
+    solids = ObstacleGeometry(names, [solid.shape for solid in geometry.solids], poses.tobytes(), identity())
+    return PlacedArm(solids, read_only(bodies), read_only(elements), read_only(ball))
 
 
 def _balls_around(balls: Array, begins: Sequence[int]) -> Array:

@@ -123,8 +123,8 @@ def _above_base(geometry: ArmGeometry, arm: Arm) -> list[int]:
 def _own_contacts(scene: Scene, name: str, geometry: ArmGeometry) -> Iterator[Contact]:
     """Contacts of one arm with itself: those in the frame of its base serve all arms with equal rules."""
     arm = scene.arms[name]
-    elements = {name, *geometry.elements(name)}
-    if any(both & elements for both in (*scene.allowed, *scene.pair_padding)):
+    rules = (*scene.allowed, *scene.pair_padding)
+    if rules and any(both & {name, *geometry.elements(name)} for both in rules):
         yield from _contacts_between(scene, (name,), {name: geometry})
         return
     held = {n: thing for n, thing in scene.attachments.items() if thing.arm == name}

@@ -228,6 +228,45 @@ class Problem(Entry):
     arms: Annotated[list[Name], Meta(min_length=1)]
 
 
+# ---- plan graphs ---------------------------------------------------------------------------
+
+
+class Route(Entry):
+    """The way of an agent; `times` are those of all steps but the first."""
+
+    arms: Annotated[list[Name], Meta(min_length=1)]
+    joint_names: Annotated[list[Name], Meta(min_length=1)]
+    start: list[float]
+    lengths: list[Positive]
+    coefficients: list[Annotated[list[list[float]], Meta(min_length=3, max_length=3)]]
+    pieces: list[Index]
+    offsets: list[float]
+    spans: list[Positive]
+    stops: list[Index]
+    begins: Annotated[list[Index], Meta(min_length=1)]
+    ends: Annotated[list[Index], Meta(min_length=1)]
+    times: list[float]
+
+
+class Dependency(Entry):
+    agent: Index
+    step: Index
+    after_agent: Index
+    after_step: Index
+
+
+class OwnDependency(Entry):
+    agent: Index
+    step: Index
+    after_step: Index
+
+
+class PlanGraph(Entry):
+    routes: list[Route]
+    dependencies: list[Dependency]
+    together: list[OwnDependency]
+
+
 # ---- documents -----------------------------------------------------------------------------
 
 
@@ -283,6 +322,7 @@ class MotionDocument(Document, kw_only=True):
     trajectory: Trajectory | None = None
     report: dict[str, Any] | None = None
     problem: Problem | None = None
+    plan_graph: PlanGraph | None = None
 
 
 DOCUMENTS: dict[str, type[Document]] = {

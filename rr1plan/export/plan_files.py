@@ -14,13 +14,14 @@ from __future__ import annotations
 import hashlib
 import json
 import pathlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from rr1plan.checks import Value, file_path, known_name, of_kind
+from rr1plan.checks import Value, file_path, known_name, of_kind, shown
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export import motion_schema as schema
 from rr1plan.export import motion_values as values
@@ -50,6 +51,7 @@ class SavedMotion(Value):
         trajectory: The trajectory.
         report: The referee's report at the time of saving.
         problem: The planning problem.
+        plan_graph: The temporal plan graph as numbers, texts and lists; `rr1plan.load_plan_graph` makes a value of it.
         units: The unit of each column of the trajectory or path.
         made_for: Names and hashes of the scene and its robots.
     """
@@ -59,6 +61,7 @@ class SavedMotion(Value):
     trajectory: Trajectory | None = None
     report: Report | None = None
     problem: Problem | None = None
+    plan_graph: Mapping[str, Any] | None = None
     units: tuple[str, ...] | None = None
     made_for: schema.SceneReference | None = None
 
@@ -106,6 +109,7 @@ def save_motion(
     trajectory: Trajectory | None = None,
     report: Report | None = None,
     problem: Problem | None = None,
+    plan_graph: Mapping[str, object] | None = None,
     embed: bool = False,
 ) -> pathlib.Path:
     """Write a scene and a motion in it to a JSON file and return the file's path.
@@ -117,6 +121,8 @@ def save_motion(
         trajectory: The trajectory.
         report: The referee's report.
         problem: The planning problem.
+        plan_graph: The temporal plan graph of the trajectory as `PlanGraph.to_dict` gives it; see also
+            `rr1plan.save_plan_graph`.
         embed: Embed large meshes and point clouds, which makes the file self-contained. Otherwise they are written to
             the folder "geometry" next to it, named by their hashes and shared by all motions there; copy both.
 
@@ -125,7 +131,14 @@ def save_motion(
         InputError: a value that cannot be saved, a trajectory whose start or end differs from that of the path, or the
             file cannot be written.
     """
-    return _save(file, "motion", scene, _motion_entries(scene, path, trajectory, report, problem), embed)
+    entries = _motion_entries(scene, path, trajectory, report, problem)
+    if plan_graph is not None:
+        if not isinstance(plan_graph, Mapping):
+            raise InputError(f"plan_graph is {shown(plan_graph)}, expected a mapping, which PlanGraph.to_dict gives")
+        if trajectory is None:
+            raise InputError("a plan graph is saved with the trajectory of its plan")
+        entries["plan_graph"] = dict(plan_graph)
+    return _save(file, "motion", scene, entries, embed)
 
 
 def motion_text(
@@ -333,6 +346,7 @@ def _saved(document: schema.Document, geometry: _Geometry) -> SavedMotion:
         trajectory=built_trajectory,
         report=None if motion is None or motion.report is None else Report.from_dict(motion.report),
         problem=_problem(motion, scene),
+        plan_graph=None if motion is None or motion.plan_graph is None else msgspec.to_builtins(motion.plan_graph),
         units=None if motion is not None else tuple(columns[0].units),
         made_for=document.made_for,
     )

@@ -129,7 +129,7 @@ static int time_within(const PathCurve *curve, const RateLimits *limits, double 
     Grid grid, fine;
     Speeds speeds;
     if (!make_grid(curve, limits, step, curve->lengths, arena, &grid)) return 0;
-    if (!solve_grid(curve, &grid, limits, arena, &speeds)) return 0;
+    if (!solve_grid(curve, &grid, limits, 0.0, arena, &speeds)) return 0;
     double factor = INFINITY;
     for (int left = REFINEMENTS; left > 0; left--) {
         int64_t count = grid.count;
@@ -137,7 +137,7 @@ static int time_within(const PathCurve *curve, const RateLimits *limits, double 
         if (!halve_grid(curve, &grid, arena, &fine)) return 0;
         grid = fine;
         int straight = grid.count == count;
-        if (!straight && !solve_grid(curve, &grid, limits, arena, &speeds)) return 0;
+        if (!straight && !solve_grid(curve, &grid, limits, 0.0, arena, &speeds)) return 0;
         int is_fine = before <= speeds.duration * (1.0 + MIN_REFINEMENT_GAIN) && speeds.looseness <= MAX_LOOSENESS &&
                       grid.count >= MIN_GRID;
         if (!straight && left > 1 && !is_fine) continue;

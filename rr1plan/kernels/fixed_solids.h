@@ -20,6 +20,12 @@ typedef struct {
     int64_t is_exact;
 } FixedSolid;
 
+// A shape by its measures.
+typedef struct {
+    int64_t kind;    // as in `ExactBody`
+    double size[4];  // edges of a box; radius of a ball; radius and length; normal and offset of a half-space [m]
+} ShapeSize;
+
 // What a solid is, in its own frame.
 typedef struct {
     double ball_center[3];  // of the ball around it
@@ -32,7 +38,7 @@ typedef struct {
 
 typedef struct {
     int64_t count;
-    const FixedSolid *solids;
+    FixedSolid *solids;
     const SolidShape *shapes;
     const Transform *frames;  // of solids in those of their objects
     Transform *objects;       // in the world

@@ -12,7 +12,7 @@ static int time_span(const PathCurve *curve, const Grid *grid, int64_t first, in
     Grid span = {grid->piece + first, grid->offset + first, grid->delta + first, count};
     if (count == 1) span = (Grid){pieces, offsets, halves, 2};
     Speeds speeds;
-    if (!solve_grid(curve, &span, limits, arena, &speeds)) return 0;
+    if (!solve_grid(curve, &span, limits, 0.0, arena, &speeds)) return 0;
     double *durations = arena_take(arena, span.count), *coefficients = arena_take(arena, span.count * 5 * nq);
     if (!durations || !coefficients) return 0;
     rr1_time_intervals(curve, span.piece, span.offset, span.delta, speeds.x, span.count, durations, coefficients);

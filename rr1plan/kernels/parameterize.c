@@ -167,11 +167,13 @@ typedef struct {
     double looseness;  // mean over time of the unused share of the limit of the joint closest to its limit
 } Speeds;
 
-// Time-optimal squared speeds on a grid; 0 if the arena is used up.
+// Time-optimal squared speeds on a grid, from the squared speed `first`, or less if the motion cannot stop at the end of
+// the grid from there; 0 if the arena is used up.
 //
 // In the time-optimal motion some joint is at a limit everywhere. On a grid one is at a limit at one end of each
 // interval; the unused share of the limit at the other end is the looseness.
-static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits *limits, Arena *arena, Speeds *speeds) {
+static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits *limits, double first, Arena *arena,
+                      Speeds *speeds) {
     int64_t n = grid->count, nq = curve->column_count, rows = ROWS(nq);
     double *x = arena_take(arena, n + 1), *alpha = arena_take(arena, 2 * n * rows);
     if (!x || !alpha) return 0;
@@ -193,7 +195,7 @@ static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits
             x[i] = min_number(1.0 / slow, x[i + 1] + gain);
         }
     }
-    x[0] = 0.0;
+    x[0] = min_number(first, x[0]);
     for (int64_t i = 0; i < n; i++) x[i + 1] = next_speed(alpha + i * rows, beta + i * rows, rows, x[i], x[i + 1]);
     double total = 0.0, loose = 0.0;
     for (int64_t i = 0; i < n; i++) {
@@ -217,13 +219,13 @@ static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits
     return 1;
 }
 
-// Time-optimal squared speeds at the gridpoints of a curve, shape (count + 1,); 0, or ARENA_FULL.
+// Time-optimal squared speeds at the gridpoints of a curve, shape (count + 1,), from `first` to rest; 0, or ARENA_FULL.
 EXPORT int64_t rr1_fastest_speeds(const PathCurve *curve, const RateLimits *limits, int64_t *piece, double *offset,
-                                  double *delta, int64_t count, Arena *arena, double *x) {
+                                  double *delta, int64_t count, double first, Arena *arena, double *x) {
     Grid grid = {piece, offset, delta, count};
     Speeds speeds;
     arena->used = 0;
-    if (!solve_grid(curve, &grid, limits, arena, &speeds)) return ARENA_FULL;
+    if (!solve_grid(curve, &grid, limits, first, arena, &speeds)) return ARENA_FULL;
     for (int64_t i = 0; i <= count; i++) x[i] = speeds.x[i];
     return 0;
 }

@@ -1,7 +1,83 @@
-// Solids that do not move are put where their objects are: once for a scene, and again when an object has been moved.
+// Solids that do not move are described by their shapes and put where their objects are: once for a scene, and again when
+// an object has been moved.
 #include "fixed_solids.h"
 #include "scene_tables.h"
 #include "support_table.h"
+
+// A half-space reaches this far [m]; infinity times zero would be NaN.
+#define ENDLESS 1e12
+
+// What a shape of measures is; of corners, cells and triangles, which have tables, only that they are no closed form.
+static void describe(const ShapeSize *given, FixedSolid *solid, SolidShape *shape) {
+    const double *size = given->size;
+    // Ends of the box around it, half sizes of its core in the exact kernel, and the ball and the radius around that.
+    double half[3] = {0}, core[3] = {0}, ball = 0.0, radius = 0.0, offset = 0.0;
+    *shape = (SolidShape){0};
+    solid->kind = OBSTACLE_ROUNDED_BOX;
+    solid->is_exact = 1;
+    solid->core = CORE_CLOSED_FORM;
+    switch (given->kind) {
+    case BODY_POINT:
+        ball = radius = half[0] = half[1] = half[2] = size[0];
+        break;
+    case BODY_SEGMENT:
+        radius = half[0] = half[1] = size[0];
+        core[2] = 0.5 * size[1];
+        ball = half[2] = core[2] + radius;
+        break;
+    case BODY_BOX:
+        for (int k = 0; k < 3; k++) half[k] = core[k] = 0.5 * size[k];
+        ball = __builtin_sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
+        break;
+    case BODY_CYLINDER:
+        half[0] = half[1] = size[0];
+        half[2] = 0.5 * size[1];
+        for (int k = 0; k < 3; k++) core[k] = half[k];
+        ball = __builtin_sqrt(half[0] * half[0] + half[2] * half[2]);
+        solid->kind = OBSTACLE_CYLINDER;
+        break;
+    case BODY_HALF_SPACE:
+        ball = half[0] = half[1] = half[2] = ENDLESS;
+        for (int k = 0; k < 3; k++) core[k] = size[k];
+        offset = size[3];
+        solid->kind = OBSTACLE_HALF_SPACE;
+        break;
+    default:
+        solid->is_exact = 0;
+        solid->core = CORE_LEFT_OUT;
+        return;
+    }
+    shape->bounds[0] = ball;
+    shape->bounds[1] = shape->radius = radius;
+    for (int k = 0; k < 3; k++) {
+        shape->bounds[5 + k] = half[k];
+        shape->bounds[8 + k] = core[k];
+        if (given->kind != BODY_HALF_SPACE) shape->half[k] = core[k];
+    }
+    shape->bounds[11] = offset;
+}
+
+// Describes solids object after object, of which the first `link_count` are links: those have no bodies and no places for
+// cores. Returns how many are left to be described by the caller.
+//
+// counts: solids of each object; first_body: of the first solid that has one.
+EXPORT int64_t rr1_describe_solids(
+    const ShapeSize *sizes, const int64_t *counts, int64_t object_count, int64_t link_count, int64_t first_body,
+    FixedSolid *solids, SolidShape *shapes
+) {
+    int64_t left = 0, i = 0;
+    for (int64_t object = 0; object < object_count; object++) {
+        int is_link = object < link_count;
+        for (int64_t end = i + counts[object]; i < end; i++) {
+            solids[i] = (FixedSolid){.object = object, .place = i};
+            solids[i].body = is_link ? -1 : first_body++;
+            solids[i].first_point = is_link ? -1 : 0;
+            describe(&sizes[i], &solids[i], &shapes[i]);
+            left += solids[i].core == CORE_LEFT_OUT;
+        }
+    }
+    return left;
+}
 
 static void placed_point(const Pose *at, const double p[3], double out[3]) {
     for (int r = 0; r < 3; r++) {
@@ -100,16 +176,6 @@ EXPORT void rr1_place_bodies(const FixedSolids *fixed, ExactShape *shapes, Pose 
     }
 }
 
-// The rows of all solids that have a place in tables of `count` obstacles, and their boxes.
-EXPORT void rr1_place_shapes(const FixedSolids *fixed, ObstacleShape *shapes, double *boxes, int64_t count) {
-    for (int64_t i = 0; i < fixed->count; i++) {
-        const FixedSolid *solid = &fixed->solids[i];
-        Pose at = pose_of(fixed, i);
-        if (solid->place < 0) continue;
-        set_shape(solid, &fixed->shapes[i], &at, &shapes[solid->place], &boxes[solid->place], count);
-    }
-}
-
 // The cores of all solids that have one.
 EXPORT void rr1_place_cores(
     const FixedSolids *fixed, const CoreRange *cores, CoreShape *shapes, Point *points, PointBlock *blocks
@@ -122,7 +188,7 @@ EXPORT void rr1_place_cores(
 }
 
 // What rounding may take from a gap to obstacles as far out as these [m].
-EXPORT double rr1_obstacle_rounding(const ObstacleShape *shapes, int64_t count) {
+static double obstacle_rounding(const ObstacleShape *shapes, int64_t count) {
     double largest = 0.0;
     for (int64_t o = 0; o < count; o++) {
         const ObstacleShape *row = &shapes[o];
@@ -132,6 +198,33 @@ EXPORT double rr1_obstacle_rounding(const ObstacleShape *shapes, int64_t count) 
         largest = max_number(largest, row->radius);
     }
     return 1e-12 * largest;
+}
+
+// Tables of `count` obstacles: those of all solids that have a place there; others are nowhere. Returns what rounding may
+// take from a gap to them [m].
+EXPORT double rr1_place_obstacles(
+    FixedSolids *fixed, const int64_t *places, int64_t count, ObstacleKind *kinds, ObstacleShape *shapes, double *boxes,
+    int64_t *core
+) {
+    for (int64_t o = 0; o < count; o++) {
+        kinds[o] = (ObstacleKind){0};
+        shapes[o] = (ObstacleShape){0};
+        core[o] = CORE_CLOSED_FORM;
+        for (int k = 0; k < 3; k++) {
+            boxes[k * count + o] = INFINITY;
+            boxes[(3 + k) * count + o] = -INFINITY;
+        }
+    }
+    for (int64_t i = 0; i < fixed->count; i++) {
+        FixedSolid *solid = &fixed->solids[i];
+        int64_t o = solid->place = places[i];
+        if (o < 0) continue;
+        Pose at = pose_of(fixed, i);
+        kinds[o] = (ObstacleKind){solid->kind, solid->is_exact};
+        core[o] = solid->core;
+        set_shape(solid, &fixed->shapes[i], &at, &shapes[o], &boxes[o], count);
+    }
+    return obstacle_rounding(shapes, count);
 }
 
 // Move an object: the tables and the scratch memory are as if they had been made with it at the pose, shape (4, 4).
@@ -163,5 +256,5 @@ EXPORT void rr1_move_object(SceneTables *scene, Scratch *scratch, int64_t object
             );
         }
     }
-    scene->margin = scene->bare_margin + rr1_obstacle_rounding(obstacles->shapes, obstacles->count);
+    scene->margin = scene->bare_margin + obstacle_rounding(obstacles->shapes, obstacles->count);
 }

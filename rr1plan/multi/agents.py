@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
-from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
+from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.object_cache import kept_in
 from rr1plan.robot.joint_limits import Limits

@@ -125,7 +125,7 @@ def time_polyline(points: Array, sizes: Array, limits: Limits) -> Pieces:
         raise RetimingError(f"no speed between waypoints {failed - 1} and {failed}; try wider limits")
     made = pieces.value.count
     terms = 5 if code == constants()["TIMED_BENT"] else 3
-    return Pieces(durations[:made].copy(), coefficients[:made, :terms].copy())
+    return Pieces(durations[:made], coefficients[:made, :terms])
 
 
 def timed(curve: Curve, grid: Grid, x: Array) -> Pieces:
@@ -173,22 +173,23 @@ def hop_times(
     return times
 
 
-def fastest_speeds(curve: Curve, grid: Grid, limits: Limits) -> Array:
-    """The fastest squared path speeds from rest to rest at the gridpoints of a curve, shape (n + 1,).
+def fastest_speeds(curve: Curve, grid: Grid, limits: Limits, first: float = 0.0) -> Array:
+    """The fastest squared path speeds at the gridpoints of a curve with rest at its end, shape (n + 1,).
 
-    They are linear in s between gridpoints, so a grid has to have at least two intervals.
+    They are linear in s between gridpoints, so from rest to rest a grid has to have at least two intervals.
 
     Args:
         curve: The curve.
         grid: Its gridpoints.
         limits: Velocity and acceleration limits, finite for joints that move.
+        first: Squared path speed at the beginning; the result begins with less if the motion cannot stop from there.
     """
     path, rates = _curve_struct(curve), _limits_struct(limits)
     piece, offset, delta = (np.ascontiguousarray(part) for part in grid)
     x, size = np.empty(len(delta) + 1), _ARENA
     while True:
         arena = CStruct("Arena", memory=np.empty(size), size=size)
-        code = load_library().rr1_fastest_speeds(path, rates, piece, offset, delta, len(delta), arena, x)
+        code = load_library().rr1_fastest_speeds(path, rates, piece, offset, delta, len(delta), first, arena, x)
         if code != constants()["ARENA_FULL"]:
             return x
         size *= 4

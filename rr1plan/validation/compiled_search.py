@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.validation.certificate import TOUCH
 from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import MovingScene
-from rr1plan.validation.referee_kernels import LEFT, SOURCES, RefereeStruct, load_library
+from rr1plan.validation.referee_kernels import SOURCES, TOUCHES, RefereeStruct, load_library
 
+# A clearance below this cannot be told from contact [m].
+TOUCH = 1e-6
 # Intervals between two calls of the callback.
 _INTERVALS = 512
 # Called with the fraction that is decided; False from it cancels.
@@ -25,11 +26,19 @@ ElementPair = tuple[int, int]
 
 
 class FoundPair(NamedTuple):
-    """A clearance [m], its pair of elements and its time [s]."""
+    """What is found of a pair of elements.
 
-    clearance: float
+    Args:
+        elements: The pair.
+        clearance: The smallest one seen [m]; of a pair in contact minus the largest depth.
+        time: When that was [s].
+        first: The first moment seen in contact [s]; inf for none.
+    """
+
     elements: ElementPair
+    clearance: float
     time: float
+    first: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -38,15 +47,15 @@ class ProofOptions:
 
     Args:
         tolerance: The smallest clearance reported is within this of the true one [m].
-        max_distances: Searches for each chunk of pairs, and Coal's distances of two owners, before giving up.
+        share: Or within this share of it, if that is more.
+        max_searches: Searches for each chunk of pairs before giving up.
         clearance: Whether smallest clearances are looked for, besides contacts.
-        suspects: Whether they are looked for even if pairs are left to Coal, which otherwise count as contacts.
     """
 
     tolerance: float
-    max_distances: int
+    max_searches: int
     clearance: bool = True
-    suspects: bool = False
+    share: float = 0.0
 
 
 class Search:
@@ -60,15 +69,13 @@ class Search:
     Attributes:
         scene: The scene.
         struct: What the kernels read and write.
-        left: Pairs in which contact was found or suspected, with the first one [s]; inf where that is not known.
-        undecided: Pairs that could not be decided, with the smallest clearance that was seen.
+        marked: Pairs in contact, and those that could not be decided.
         cancelled: It was cut off.
     """
 
     def __init__(self, scene: MovingScene, motion: TimedColumns, options: ProofOptions) -> None:
         self.scene = scene
-        self.left: dict[ElementPair, float] = {}
-        self.undecided: dict[ElementPair, FoundPair] = {}
+        self.marked: list[FoundPair] = []
         self.cancelled = False
         self._fraction = 0.0
         pieces, terms, columns = motion.coefficients.shape
@@ -81,10 +88,10 @@ class Search:
             terms=terms,
             column_count=columns,
             with_clearance=options.clearance,
-            with_suspects=options.suspects,
             tolerance=options.tolerance,
+            share=options.share,
             touch=TOUCH,
-            max_searches=options.max_distances,
+            max_searches=options.max_searches,
             **scene.fields,
         )
         self._search, native = self.struct.value, load_library()
@@ -103,22 +110,19 @@ class Search:
         search, done = self._search, SOURCES.constants["SEARCH_DONE"]
         while search.stage != done and not self.cancelled:
             load_library().rr1_prove_motion(self.struct, _INTERVALS)
-            self._take_left()
+            self._take_marked()
             if progress is not None:
                 self.cancelled = progress(self._fraction_decided()) is False
 
-    def _take_left(self) -> None:
+    def _take_marked(self) -> None:
         """Take over the pairs of elements of the last chunk that have a mark."""
-        count, self._search.left_count = self._search.left_count, 0
+        count, self._search.marked_count = self._search.marked_count, 0
         if not count:
             return
-        rows = self.table("left", count)
-        numbers, seen = rows.view(np.int64)[:, :3].tolist(), rows[:, 3:].tolist()
+        rows = self.table("marked", count)
+        numbers, seen = rows.view(np.int64)[:, :3].tolist(), rows[:, 4:].tolist()
         for (a, b, mark), (clearance, time, first) in zip(numbers, seen, strict=True):
-            if mark == LEFT:
-                self.left[a, b] = first
-            else:
-                self.undecided[a, b] = FoundPair(clearance, (a, b), time)
+            self.marked.append(FoundPair((a, b), clearance, time, first if mark == TOUCHES else np.inf))
 
     def _fraction_decided(self) -> float:
         search, moving = self._search, self.scene.moving
@@ -129,11 +133,6 @@ class Search:
         if search.stage == SOURCES.constants["SEARCH_MOVING"]:
             self._fraction = max(self._fraction, min(1.0, (search.arm + chunk) / moving))
         return self._fraction
-
-    @property
-    def smallest(self) -> Array:
-        """Smallest clearances with the surroundings and of one arm's own, 0 with a contact [m], shape (2,)."""
-        return np.array(self._search.smallest[:])
 
     @property
     def proven(self) -> list[float]:
@@ -147,30 +146,25 @@ class Search:
         kind = SOURCES.classes["ElementPair"]
         start = self._search.elements + (self._search.pair_room + group) * ctypes.sizeof(kind)
         found = kind.from_address(start)
-        return FoundPair(found.seen, (found.a, found.b), found.when)
+        return FoundPair((found.a, found.b), found.seen, found.when)
 
     @property
     def ends(self) -> list[FoundPair | None]:
         """The smallest clearance with the surroundings at both ends of the motion."""
         ends = self._search.ends
-        return [FoundPair(end.seen, (end.a, end.b), end.when) if end.a >= 0 else None for end in ends]
-
-    def boxes(self) -> Array:
-        """Boxes around the elements on each slice of the motion [m], shape (slices, elements, 2, 3)."""
-        count, scene = self._search.slice_count, self.scene
-        shape = count, scene.element_count, 2, 3
-        boxes = self.table("element_slices", count * scene.element_count).reshape(shape).copy()
-        still = scene.first_element[scene.moving]
-        boxes[1:, still:] = boxes[0, still:]
-        return boxes
+        return [FoundPair((end.a, end.b), end.seen, end.when) if end.a >= 0 else None for end in ends]
 
     @property
     def statistics(self) -> dict[str, float]:
         """Counts of the work done."""
         search = self._search
-        names = ("intervals", "pair_checks", "searches", "distances")
-        counts = (search.interval_count, search.check_count, search.search_count, 0)
-        return {name: float(count) for name, count in zip(names, counts, strict=True)}
+        counts = {
+            "intervals": search.interval_count,
+            "pair_checks": search.check_count,
+            "searches": search.search_count,
+            "depths": search.depth_count,
+        }
+        return {name: float(count) for name, count in counts.items()}
 
 
 @cache

@@ -15,24 +15,44 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, frame_link
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 from rr1plan.validation.limit_checks import Findings
-from rr1plan.validation.link_motion import SceneMotion, TimedColumns
+from rr1plan.validation.link_motion import LinkMotion, TimedColumns
 
 # Joint values count as equal within this [rad or m], tolerances are kept to within it.
 _EQUAL = 1e-9
 
 
-def check_endpoints(findings: Findings, motion: TimedColumns, scene: Scene, problem: Problem | None) -> None:
-    """A motion starts where it should and ends at a goal, if there is a problem that says so."""
+def check_endpoints(
+    findings: Findings, motion: TimedColumns, columns: Mapping[str, list[int]], scene: Scene, problem: Problem | None
+) -> None:
+    """A motion starts where it should and ends at a goal, if there is a problem that says so.
+
+    Args:
+        findings: Where violations go.
+        motion: The motion.
+        columns: Columns of each arm that moves.
+        scene: Where the other arms are.
+        problem: The problem.
+    """
     if problem is None:
         findings.not_checked["start"] = findings.not_checked["goal"] = "no problem was given"
         return
     _check_arms(problem, scene)
-    first, last = (dict(zip(motion.joint_names, q, strict=True)) for q in motion.endpoints().tolist())
+    first, last = motion.endpoints()
     begin, finish = float(motion.breaks[0]), float(motion.breaks[-1])
-    still = [arm for arm in problem.arms if arm not in motion.arms]
-    resting = _by_joint(scene, {arm: scene.arms[arm].q for arm in still})
-    _check_start(findings, _starts(motion.arms, scene, problem), first | resting, begin)
-    _check_goal(findings, problem, scene, last | resting, finish)
+    findings.checked += ["start", "goal"]
+    offset = 0
+    for arm in problem.arms:
+        at = columns.get(arm)
+        q = scene.arms[arm].q
+        offset += len(q)
+        wanted = problem.start[offset - len(q) : offset]
+        _check_start(findings, scene, arm, q if at is None else first[at], wanted, begin)
+    for arm, at in columns.items():
+        if arm not in problem.arms:
+            _check_start(findings, scene, arm, first[at], scene.arms[arm].q, begin)
+    for arm in problem.arms:
+        q = scene.arms[arm].q if arm not in columns else last[columns[arm]]
+        _check_goal(findings, problem, scene, arm, q.tolist(), finish)
 
 
 def _check_arms(problem: Problem, scene: Scene) -> None:
@@ -44,29 +64,13 @@ def _check_arms(problem: Problem, scene: Scene) -> None:
             raise InputError(f"the problem has {names}")
 
 
-def _starts(moving: tuple[str, ...], scene: Scene, problem: Problem) -> dict[str, float]:
-    """Where joints have to start: the problem's where it says, those of other arms where the scene has them."""
-    others = {arm: scene.arms[arm].q for arm in moving if arm not in problem.arms}
-    starts = dict(zip(problem.joint_names, problem.start.tolist(), strict=True))
-    return starts | _by_joint(scene, others)
-
-
-def _by_joint(scene: Scene, configurations: Mapping[str, Array]) -> dict[str, float]:
-    """Numbers by "arm/joint" of configurations by arm."""
-    return {
-        f"{arm}/{joint}": value
-        for arm, q in configurations.items()
-        for joint, value in zip(scene.arms[arm].robot.joint_names, q.tolist(), strict=True)
-    }
-
-
 def _pose_of(scene: Scene, arm: str, q: list[float]) -> Callable[[str], Array]:
     """T_world_link by the names of an arm's links, at its configuration (nq,)."""
 
     def pose(link: str) -> Array:
         names = scene.joint_names((arm,))
         configuration = np.array([q])
-        motion = SceneMotion({arm: scene.arms[arm]}, names, np.zeros(1), configuration[None])
+        motion = LinkMotion({arm: scene.arms[arm]}, names)
         frames, i = motion.frames(configuration), motion.links[f"{arm}/{link}"]
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = frames.rotation[0, i], frames.origin[0, i]
@@ -75,43 +79,27 @@ def _pose_of(scene: Scene, arm: str, q: list[float]) -> Callable[[str], Array]:
     return pose
 
 
-def _check_start(findings: Findings, wanted: Mapping[str, float], first: Mapping[str, float], time: float) -> None:
-    """The first configuration is the start.
-
-    Args:
-        findings: Where violations go.
-        wanted: Where joints have to start, by "arm/joint".
-        first: Where they do, by the same names and maybe more.
-        time: When that is [s].
-    """
-    findings.checked.append("start")
-    for name, want in wanted.items():
-        got = first[name]
+def _check_start(findings: Findings, scene: Scene, arm: str, first: Array, wanted: Array, time: float) -> None:
+    """An arm starts where it should."""
+    off = np.abs(first - wanted)
+    if (off <= _EQUAL).all():
+        return
+    for joint, got, want in zip(scene.arms[arm].robot.joint_names, first.tolist(), wanted.tolist(), strict=True):
         if not abs(got - want) <= _EQUAL:
+            name = f"{arm}/{joint}"
             message = f"{name} starts at {got:.9g}, expected {want:.9g} (off by {abs(got - want):.3g})"
             findings.violations.append(Violation("start", (name,), time, got, want, message))
 
 
-def _check_goal(findings: Findings, problem: Problem, scene: Scene, last: Mapping[str, float], time: float) -> None:
-    """Every moving arm ends at one of its goals.
-
-    Args:
-        findings: Where violations go.
-        problem: The problem.
-        scene: Where the arms are.
-        last: Where the joints of every arm of the problem end, by "arm/joint".
-        time: When the motion ends [s].
-    """
-    findings.checked.append("goal")
-    for arm in problem.arms:
-        robot = problem.scene.arms[arm].robot
-        q = [last[f"{arm}/{joint}"] for joint in robot.joint_names]
-        misses = [_miss(goal, robot, q, _pose_of(scene, arm, q)) for goal in problem.goal[arm]]
-        off, allowed, words = min(misses, key=lambda miss: miss[0] / miss[1])
-        if not off <= allowed + _EQUAL:
-            several = f" (the nearest of {len(misses)} goals)" if len(misses) > 1 else ""
-            message = f"{arm} misses its goal{several}: {words}"
-            findings.violations.append(Violation("goal", (arm,), time, off, allowed, message))
+def _check_goal(findings: Findings, problem: Problem, scene: Scene, arm: str, q: list[float], time: float) -> None:
+    """An arm ends at one of its goals, at its last configuration q (nq,)."""
+    robot = problem.scene.arms[arm].robot
+    misses = [_miss(goal, robot, q, _pose_of(scene, arm, q)) for goal in problem.goal[arm]]
+    off, allowed, words = min(misses, key=lambda miss: miss[0] / miss[1])
+    if not off <= allowed + _EQUAL:
+        several = f" (the nearest of {len(misses)} goals)" if len(misses) > 1 else ""
+        message = f"{arm} misses its goal{several}: {words}"
+        findings.violations.append(Violation("goal", (arm,), time, off, allowed, message))
 
 
 Miss = tuple[float, float, str]

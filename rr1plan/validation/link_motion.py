@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,6 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
 from rr1plan.scene import Arm
-from rr1plan.validation.polynomial_bounds import Index, RangeTable, bernstein, evaluate
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,47 +115,27 @@ def drives(robot: Robot, columns: dict[str, int], configuration: dict[str, float
     return found
 
 
-class SceneMotion:
-    """All links of a scene along the columns of one piecewise polynomial.
+class LinkMotion:
+    """All links of some arms along columns.
 
     Args:
-        arms: The arms of the scene; those without a column rest in their configuration.
+        arms: The arms; those without a column rest in their configuration.
         joint_names: Name of each column, "arm/joint".
-        breaks: Times [s], shape (m + 1,), or (1,) for a duration of zero.
-        coefficients: Local coefficients, lowest power first, shape (m, d + 1, nq).
+
+    Attributes:
+        links: Number of each link by its name "arm/link"; 0 is the world.
+        bases: Number and T_world_link of the base of each arm.
+        steps: All links after their parents.
     """
 
-    def __init__(
-        self, arms: Mapping[str, Arm], joint_names: tuple[str, ...], breaks: Array, coefficients: Array
-    ) -> None:
-        self.breaks, self.coefficients = breaks, coefficients
+    def __init__(self, arms: Mapping[str, Arm], joint_names: tuple[str, ...]) -> None:
         self.links: dict[str, int] = {"": 0}
         self.bases: list[tuple[int, Array]] = []
         self.steps: list[MovingLink] = []
-        self._moving: list[MovingLink] = []
+        self.moving: list[MovingLink] = []
         columns = {name: i for i, name in enumerate(joint_names)}
         for name, arm in arms.items():
             self._add_arm(name, arm, columns)
-        self.movers = self._movers()
-        moving = self._moving
-        self.column = np.array([step.drive.column for step in moving], dtype=np.intp)
-        self.gain = np.array([abs(step.drive.scale) for step in moving], dtype=np.float64)
-        self.slides = np.array([step.joint.kind == "prismatic" for step in moving], dtype=bool)
-
-    @property
-    def pieces(self) -> int:
-        """Number of pieces."""
-        return len(self.coefficients)
-
-    @property
-    def widths(self) -> Array:
-        """How long each piece takes [s], shape (m,)."""
-        return np.diff(self.breaks) if len(self.breaks) > 1 else np.zeros(1)
-
-    @cached_property
-    def _table(self) -> RangeTable:
-        control = bernstein(self.coefficients, np.zeros(self.pieces), self.widths)
-        return RangeTable(control.min(axis=1), control.max(axis=1))
 
     def _add_arm(self, arm: str, placed: Arm, columns: dict[str, int]) -> None:
         robot = placed.robot
@@ -169,55 +147,18 @@ class SceneMotion:
         for joint in robot.joints:
             drive = driven.get(joint.name, Drive(-1, 0.0, 0.0))
             index = self.links.setdefault(f"{arm}/{joint.child}", len(self.links))
-            number = len(self._moving) if drive.column >= 0 and drive.scale != 0.0 else -1
+            number = len(self.moving) if drive.column >= 0 and drive.scale != 0.0 else -1
             step = MovingLink(index, self.links[f"{arm}/{joint.parent}"], joint, drive, number)
             self.steps.append(step)
             if number >= 0:
-                self._moving.append(step)
-
-    def _movers(self) -> Array:
-        """Which moving joints carry each link, shape (links, joints) of 0 and 1."""
-        carried = np.zeros((len(self.links), len(self._moving)))
-        for step in self.steps:
-            carried[step.index] = carried[step.parent]
-            if step.number >= 0:
-                carried[step.index, step.number] = 1.0
-        return carried
-
-    # ---- times -------------------------------------------------------------------------
-
-    def locate(self, times: Array) -> tuple[Index, Array]:
-        """The piece (n,) and the local time (n,) [s] of each time (n,); the later piece at a break."""
-        piece = np.clip(np.searchsorted(self.breaks, times, side="right") - 1, 0, self.pieces - 1)
-        return piece, np.clip(times - self.breaks[piece], 0.0, self.widths[piece])
-
-    def positions(self, piece: Index, local: Array) -> Array:
-        """Columns (n, nq) at n local times of pieces."""
-        return evaluate(self.coefficients[piece], local)
-
-    def ranges(self, first: Index, stop: Index, start: Array, end: Array) -> tuple[Array, Array]:
-        """Bounds (n, nq) of the columns over runs of pieces, or over a part of a piece.
-
-        Args:
-            first: First piece of each run, shape (n,).
-            stop: The piece after the last of each run, shape (n,).
-            start: Local time [s] where the part begins if the run is a single piece, shape (n,).
-            end: Local time [s] where it ends, shape (n,).
-        """
-        lower, upper = self._table.over(first, stop)
-        single = np.flatnonzero(stop - first == 1)
-        control = bernstein(self.coefficients[first[single]], start[single], end[single])
-        lower[single], upper[single] = control.min(axis=1), control.max(axis=1)
-        return lower, upper
-
-    # ---- poses -------------------------------------------------------------------------
+                self.moving.append(step)
 
     def frames(self, q: Array) -> Frames:
         """Poses of everything at n values of the columns (n, nq)."""
         n = len(q)
         rotation = np.zeros((n, len(self.links), 3, 3))
         origin = np.zeros((n, len(self.links), 3))
-        axis, pivot = np.empty((n, len(self._moving), 3)), np.empty((n, len(self._moving), 3))
+        axis, pivot = np.empty((n, len(self.moving), 3)), np.empty((n, len(self.moving), 3))
         rotation[:, 0] = np.eye(3)
         for base, T in self.bases:
             rotation[:, base], origin[:, base] = T[:3, :3], T[:3, 3]

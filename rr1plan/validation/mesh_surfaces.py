@@ -1,4 +1,4 @@
-"""Meshes that are not convex, as the referee takes them: triangles under a tree of boxes, and what they enclose.
+"""Bodies of many convex parts for the kernels: triangles of meshes that are not convex, and cells of point clouds.
 
 A part of a mesh, triangles that hang together by edges which no third one shares, is closed when each of its edges
 belongs to an even number of its triangles. Only closed parts have an inside.
@@ -6,167 +6,107 @@ belongs to an even number of its triangles. Only closed parts have an inside.
 
 from __future__ import annotations
 
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.shapes import Mesh
-from rr1plan.validation.polynomial_bounds import Mask
-from rr1plan.validation.referee_kernels import STARTS
+from rr1plan.shapes import Mesh, PointCloud
+from rr1plan.validation.referee_kernels import CLOSED, FIRST, MIXED, STARTS, load_library
 
-# Triangles of a leaf.
-_LEAF = 4
-# Rays that decide where faces disagree about the outside.
-_RAYS = ((0.5257, 0.3141, 0.7905), (-0.7071, 0.6612, 0.2503), (0.1732, -0.8660, -0.4691))
+Mask = NDArray[np.bool_]
+# Triangles and cells of a leaf: a cell is passed over faster than a triangle.
+_TRIANGLES, _CELLS = 4, 8
 
 
-class Surface:
-    """A surface of triangles.
+class PartTree(NamedTuple):
+    """A tree of boxes around the parts of a body.
 
     Args:
-        mesh: The mesh.
+        order: The parts in the order of the leaves, shape (n,).
+        boxes: Centers and half sizes of the boxes of all nodes, a node before those below it [m], shape (m, 6).
+        nodes: The next node that is not below each, and its first and last part where it is a leaf, shape (m, 3).
     """
 
-    def __init__(self, mesh: Mesh) -> None:
-        self._corners = mesh.vertices[mesh.faces]
-        _, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
-        self._faces = welded.ravel()[mesh.faces].astype(np.int64)
+    order: NDArray[np.int64]
+    boxes: Array
+    nodes: NDArray[np.int64]
 
-    # ---- the tree ------------------------------------------------------------------------
-
-    @cached_property
-    def columns(self) -> Array:
-        """The corners of its triangles in the order of the leaves, as columns of `corners`, shape (4, 3 n)."""
-        columns = np.zeros((STARTS + 1, 3 * len(self._corners)))
-        order = self._tree[2]
-        columns[:STARTS] = self._corners[order].reshape(-1, 3).T
-        columns[STARTS] = np.repeat(self._closed[order], 3)
-        return columns
-
-    @property
-    def boxes(self) -> Array:
-        """Centers and half sizes of the boxes of all nodes, a node before those below it [m], shape (n, 6)."""
-        return self._tree[0]
-
-    @property
-    def nodes(self) -> NDArray[np.int64]:
-        """The next node that is not below each, and its first and last triangle where it is a leaf, shape (n, 3)."""
-        return self._tree[1]
-
-    @cached_property
-    def _tree(self) -> tuple[Array, NDArray[np.int64], NDArray[np.intp]]:
-        low, high = self._corners.min(axis=1), self._corners.max(axis=1)
-        boxes: list[Array] = []
-        nodes: list[list[int]] = []
-        leaves: list[NDArray[np.intp]] = []
-        above: list[list[int]] = []
-        count, waiting = 0, [np.arange(len(low))]
-        depths = [0]
-        while waiting:
-            part, depth = waiting.pop(), depths.pop()
-            # All nodes that this one is not below end here.
-            while len(above) > depth:
-                above.pop()[0] = len(nodes)
-            lower, upper = low[part].min(axis=0), high[part].max(axis=0)
-            boxes.append(np.concatenate([0.5 * (lower + upper), 0.5 * (upper - lower)]))
-            node = [-1, count, count]
-            nodes.append(node)
-            above.append(node)
-            if len(part) <= _LEAF:
-                leaves.append(part)
-                count += len(part)
-                node[2] = count
-                continue
-            middles = low[part] + high[part]
-            axis = int(np.argmax(np.ptp(middles, axis=0)))
-            order = part[np.argpartition(middles[:, axis], len(part) // 2)]
-            waiting += [order[len(part) // 2 :], order[: len(part) // 2]]
-            depths += [depth + 1] * 2
-        for node in above:
-            node[0] = len(nodes)
-        # Rounding of the middle and the half sizes.
-        rows = np.array(boxes)
-        rows[:, 3:] += 4e-16 * (np.abs(rows[:, :3]) + rows[:, 3:])
-        return rows, np.array(nodes, dtype=np.int64), np.concatenate(leaves)
-
-    # ---- inside --------------------------------------------------------------------------
-
-    @property
-    def is_closed(self) -> bool:
-        """Some part of it encloses something."""
-        return bool(self._closed.any())
-
-    @cached_property
-    def _closed(self) -> Mask:
-        """The triangles of closed parts, shape (n,)."""
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
-
-        count = len(self._faces)
-        ends = np.sort(np.stack([self._faces, np.roll(self._faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-        triangle = np.repeat(np.arange(count), 3)
-        _, edge, sharing = np.unique(
-            ends[:, 0] * (1 + self._faces.max()) + ends[:, 1], return_inverse=True, return_counts=True
-        )
-        pairs = triangle[np.argsort(edge, kind="stable")][np.repeat(sharing == 2, sharing)].reshape(-1, 2)
-        graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-        number, part = connected_components(graph, directed=False)
-        # How often each edge occurs in each part, but for edges without a length.
-        long = ends[:, 0] != ends[:, 1]
-        own, times = np.unique((part[triangle] * len(sharing) + edge)[long], return_counts=True)
-        is_open = np.bincount(own[times % 2 == 1] // len(sharing), minlength=number) > 0
-        return np.asarray(~is_open[part])
-
-    @property
-    def can_be_searched(self) -> bool:
-        """The compiled search can tell what is inside: faces of closed parts agree about the outside."""
-        return self._winds
-
-    @cached_property
-    def _winds(self) -> bool:
-        """Faces of closed parts agree about the outside: each edge is run along as often to and fro."""
-        faces = self._faces[self._closed]
-        begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-        _, edge = np.unique(
-            np.minimum(begin, end) * (1 + self._faces.max()) + np.maximum(begin, end), return_inverse=True
-        )
-        return bool((np.bincount(edge, weights=np.sign(end - begin)) == 0).all())
-
-    def holds(self, point: Array) -> bool:
-        """Whether a point (3,) that is not on the surface is inside."""
-        corners, low, high = self._closed_corners
-        if (point < low).any() or (point > high).any():
-            return False
-        a, b, c = corners - point
-        return _winds_around(a, b, c) if self._winds else _crosses_oddly(a, b, c)
-
-    @cached_property
-    def _closed_corners(self) -> tuple[Array, Array, Array]:
-        """First, second and third corners of closed parts, shape (3, m, 3), and the ends of the box around them [m]."""
-        corners = np.ascontiguousarray(self._corners[self._closed].swapaxes(0, 1))
-        return corners, corners.min(axis=(0, 1), initial=np.inf), corners.max(axis=(0, 1), initial=-np.inf)
+    @staticmethod
+    def of(low: Array, high: Array, most: int) -> PartTree:
+        """The tree of parts with boxes from `low` (n, 3) to `high` (n, 3) [m], at most `most` in a leaf."""
+        low, high = np.ascontiguousarray(low), np.ascontiguousarray(high)
+        count = len(low)
+        order, boxes, nodes = np.empty(count, np.int64), np.empty((2 * count, 6)), np.empty((2 * count, 3), np.int64)
+        made = load_library().rr1_build_tree(low, high, count, most, order, boxes, nodes)
+        return PartTree(order, boxes[:made].copy(), nodes[:made].copy())
 
 
-def _winds_around(a: Array, b: Array, c: Array) -> bool:
-    """Whether oriented triangles (m, 3) each wind around the origin.
+class Parts(NamedTuple):
+    """A body of many convex parts.
 
-    Van Oosterom, Strackee (1983), The solid angle of a plane triangle.
+    Args:
+        columns: Its columns of `corners` in the order of the leaves, shape (4, n).
+        tree: The tree of its parts.
     """
-    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    base = la * lb * lc + np.einsum("ij,ij->i", a, b) * lc
-    base += np.einsum("ij,ij->i", b, c) * la + np.einsum("ij,ij->i", c, a) * lb
-    return bool(abs(np.arctan2(volume, base).sum()) > np.pi)
+
+    columns: Array
+    tree: PartTree
 
 
-def _crosses_oddly(a: Array, b: Array, c: Array) -> bool:
-    """Whether any of three rays from the origin crosses triangles (m, 3) each an odd number of times."""
-    for ray in _RAYS:
-        sides = np.stack([np.cross(u, v) @ np.array(ray) for u, v in ((a, b), (b, c), (c, a))])
-        pierced = (sides > 0.0).all(axis=0) | (sides < 0.0).all(axis=0)
-        ahead = np.einsum("ij,ij->i", a, np.cross(b, c)) * sides.sum(axis=0) > 0.0
-        if np.count_nonzero(pierced & ahead) % 2:
-            return True
-    return False
+def surface_parts(mesh: Mesh) -> Parts:
+    """The triangles of a mesh, with the bits that say what they enclose."""
+    corners = mesh.vertices[mesh.faces]
+    tree = PartTree.of(corners.min(axis=1), corners.max(axis=1), _TRIANGLES)
+    columns = np.zeros((STARTS + 1, 3 * len(corners)))
+    columns[:STARTS] = corners[tree.order].reshape(-1, 3).T
+    columns[STARTS] = np.repeat(_face_bits(mesh)[tree.order], 3)
+    return Parts(columns, tree)
+
+
+def cell_parts(cloud: PointCloud) -> Parts:
+    """The cells of a cloud's grid that hold a point."""
+    centers = (np.unique(np.floor(cloud.points / cloud.resolution), axis=0) + 0.5) * cloud.resolution
+    half = 0.5 * cloud.resolution
+    tree = PartTree.of(centers - half, centers + half, _CELLS)
+    columns = np.zeros((STARTS + 1, len(centers)))
+    columns[:STARTS] = centers[tree.order].T
+    return Parts(columns, tree)
+
+
+def _face_bits(mesh: Mesh) -> NDArray[np.int64]:
+    """What the kernels read of each triangle, shape (n,); see `referee_tables.h`."""
+    _, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    faces = welded.ravel()[mesh.faces].astype(np.int64)
+    part, closed = _parts_of(faces)
+    bits = np.where(closed, CLOSED | (0 if _winds(faces[closed]) else MIXED), 0)
+    bits[np.unique(part, return_index=True)[1]] |= FIRST
+    return bits
+
+
+def _parts_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], Mask]:
+    """The part of each triangle, and whether that is closed, shape (n,) each."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(faces)
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    triangle = np.repeat(np.arange(count), 3)
+    _, edge, sharing = np.unique(ends[:, 0] * (1 + faces.max()) + ends[:, 1], return_inverse=True, return_counts=True)
+    pairs = triangle[np.argsort(edge, kind="stable")][np.repeat(sharing == 2, sharing)].reshape(-1, 2)
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    number, part = connected_components(graph, directed=False)
+    # How often each edge occurs in each part, but for edges without a length.
+    long = ends[:, 0] != ends[:, 1]
+    own, times = np.unique((part[triangle] * len(sharing) + edge)[long], return_counts=True)
+    is_open = np.bincount(own[times % 2 == 1] // len(sharing), minlength=number) > 0
+    return part.astype(np.int64), np.asarray(~is_open[part])
+
+
+def _winds(faces: NDArray[np.int64]) -> bool:
+    """Whether faces of closed parts agree about the outside: each edge is run along as often to and fro."""
+    begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    size = 1 + int(faces.max(initial=0))
+    _, edge = np.unique(np.minimum(begin, end) * size + np.maximum(begin, end), return_inverse=True)
+    return bool((np.bincount(edge, weights=np.sign(end - begin)) == 0).all())

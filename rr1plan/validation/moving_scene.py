@@ -12,7 +12,6 @@ import numpy as np
 
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
-from rr1plan.validation.contact_paddings import ALLOWED
 from rr1plan.validation.limit_checks import columns_of
 from rr1plan.validation.referee_scene import RefereeScene, referee_scene
 
@@ -47,6 +46,7 @@ class MovingScene:
         still = [name for name in tables.names if name not in self.columns_of_arm]
         self.arms = [tables.numbers[name] for name in (*moving, *still)]
         self.moving = len(moving)
+        self._elements: dict[int, tuple[int, str, str]] = {}
         if any(model.moving_planes for model in tables.models):
             self._check_moving_planes()
         self.fields = self._instances(still) | self._rule_rows()
@@ -133,44 +133,19 @@ class MovingScene:
         counts = [*(tables.model(i).element_count for i in self.arms), len(tables.obstacles)]
         return [0, *accumulate(counts)]
 
-    @property
-    def element_count(self) -> int:
-        """How many elements there are."""
-        return self.first_element[-1]
-
     def _locate(self, element: int) -> tuple[int, int]:
         """Place of the arm of an element, or of the obstacles, and the number of the element there."""
         place = min(bisect_right(self.first_element, element) - 1, len(self.arms))
         return place, element - self.first_element[place]
 
-    def owner(self, element: int) -> tuple[int, int]:
-        """Number in `tables` of the owner of an element, and which of the owner's elements it is."""
-        (place, local), arms = self._locate(element), len(self.arms)
-        return (self.arms[place], local) if place < arms else (arms + local, 0)
-
     def element(self, element: int) -> tuple[int, str, str]:
         """Place among all elements of the scene, name and owner's name of an element."""
-        return self.tables.element(*self.owner(element))
-
-    def padding_between(self, a: int, b: int) -> float:
-        """Distance to keep between two elements [m]; `ALLOWED` where they may touch."""
-        (one, i), (two, j) = sorted((self.owner(a), self.owner(b)))
-        if one >= len(self.arms):
-            return ALLOWED  # Two obstacles.
-        return float(self.tables.paddings_between(one, two)[i, j])
-
-    def concave_elements(self) -> list[int]:
-        """Elements of which a shape is not convex."""
-        models = self.tables.models
-        if not any(model.concave for model in models):
-            return []
-        places = [*(self.tables.model(i) for i in self.arms), models[-1]]
-        return [first + i for model, first in zip(places, self.first_element, strict=False) for i in model.concave]
-
-    def decides_own_pairs(self, element: int) -> bool:
-        """Whether an arm moves, or is the first of those that stand still in the same configuration."""
-        place, _ = self._locate(element)
-        return place < self.moving or place in self._equal_arms
+        known = self._elements.get(element)
+        if known is None:
+            (place, local), arms = self._locate(element), len(self.arms)
+            owner = (self.arms[place], local) if place < arms else (arms + local, 0)
+            known = self._elements[element] = self.tables.element(*owner)
+        return known
 
     def equal_pairs(self, pair: tuple[int, int]) -> Iterator[tuple[int, int]]:
         """A pair of elements, and if it is an arm's own, the same pair of all stationary arms equal to it."""

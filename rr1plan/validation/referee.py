@@ -21,9 +21,8 @@ from rr1plan.scene.held_contacts import contact_advice
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation.bernstein_extremes import extremes
-from rr1plan.validation.certificate import TOUCH
 from rr1plan.validation.collision_proof import CollisionProof, Contact, prove
-from rr1plan.validation.compiled_search import ProofOptions
+from rr1plan.validation.compiled_search import TOUCH, ProofOptions
 from rr1plan.validation.goal_checks import check_endpoints
 from rr1plan.validation.limit_checks import Findings, Judgment
 from rr1plan.validation.link_motion import TimedColumns
@@ -31,7 +30,9 @@ from rr1plan.validation.moving_scene import MovingScene, moving_scene
 from rr1plan.validation.referee_kernels import load_library
 from rr1plan.validation.torque_checks import check_torques
 
-_MOST_DISTANCES = 400_000
+_MOST_SEARCHES = 400_000
+# The smallest clearance is found to this [m], or this share of it.
+_TOLERANCE, _SHARE = 2e-4, 0.05
 # Positions beyond this [rad or m] are no motion of an arm, and cost digits.
 _FARTHEST = 1e6
 # A speed beyond 100 times its limit, or times 10 rad/s (or m/s) where it has none, is no motion of an arm.
@@ -46,7 +47,7 @@ def validate(
     torque_limits: bool = False,
     jerk_limits: bool = False,
     clearance: bool = True,
-    clearance_tolerance: float = 2e-4,
+    clearance_tolerance: float | None = None,
     progress: ProgressCallback | None = None,
 ) -> Report:
     """Check a trajectory against a scene: collisions in continuous time, limits between samples.
@@ -62,7 +63,8 @@ def validate(
         torque_limits: Check torques (sampled every millisecond) too.
         jerk_limits: Check jerk limits too; a jump of acceleration is then an infinite jerk.
         clearance: Find the smallest clearances too; without them the verdict is the same and takes about half the time.
-        clearance_tolerance: The smallest clearance is found to this [m]; a worst depth to this or 5 % of it.
+        clearance_tolerance: The smallest clearance is found to this [m], by default to 0.2 mm or 5 % of it; a worst
+            depth to this or 5 % of it.
         progress: Called while the collision certificate is worked out; if it returns False, collisions
             are reported as not checked.
 
@@ -77,7 +79,7 @@ def validate(
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
     of_kind("problem", problem, Problem, optional=True)
-    clearance_tolerance = positive_number("clearance_tolerance", clearance_tolerance)
+    tolerance, share = _clearance_options(clearance_tolerance)
     check_callback("progress", progress)
     torque_limits, jerk_limits = (
         true_or_false("torque_limits", torque_limits),
@@ -91,7 +93,7 @@ def validate(
     moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
     columns, found = moving.columns, extremes(motion.breaks, motion.coefficients)
     judgment = Judgment(columns, found, motion.breaks, motion.coefficients)
-    options = ProofOptions(clearance_tolerance, _most_distances(judgment), clearance)
+    options = ProofOptions(tolerance, _most_searches(judgment), clearance, share)
     _check_collisions(findings, moving, motion, options, progress)
     _name_unchecked_links(findings, scene)
     judgment.check_positions(findings)
@@ -102,7 +104,7 @@ def validate(
         check_torques(findings, trajectory, scene)
     else:
         findings.not_checked["torque"] = "not asked for (option torque_limits)"
-    check_endpoints(findings, motion, scene, problem)
+    check_endpoints(findings, motion, moving.columns_of_arm, scene, problem)
     return _report(findings, trajectory.duration)
 
 
@@ -111,7 +113,7 @@ def certify_path(
     scene: Scene,
     *,
     clearance: bool = True,
-    clearance_tolerance: float = 2e-4,
+    clearance_tolerance: float | None = None,
     progress: ProgressCallback | None = None,
 ) -> Report:
     """Check the straight lines of a path: collisions in between, position limits.
@@ -122,7 +124,7 @@ def certify_path(
         path: The path, with all joints of each of its arms.
         scene: Where it happens.
         clearance: Find the smallest clearances too.
-        clearance_tolerance: The smallest clearance is found to this [m].
+        clearance_tolerance: The smallest clearance is found to this [m], by default to 0.2 mm or 5 % of it.
         progress: Called while the collision certificate is worked out; if it returns False, collisions
             are reported as not checked.
 
@@ -133,7 +135,7 @@ def certify_path(
     of_kind("path", path, Path)
     of_kind("scene", scene, Scene)
     clearance = true_or_false("clearance", clearance)
-    clearance_tolerance = positive_number("clearance_tolerance", clearance_tolerance)
+    tolerance, share = _clearance_options(clearance_tolerance)
     check_callback("progress", progress)
     trajectory = _unit_speed(path)
     _check_columns(trajectory, scene)
@@ -141,7 +143,7 @@ def certify_path(
     if not _check_values(findings, trajectory):
         return _no_motion(findings)
     moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
-    options = ProofOptions(clearance_tolerance, _MOST_DISTANCES, clearance)
+    options = ProofOptions(tolerance, _MOST_SEARCHES, clearance, share)
     _check_collisions(findings, moving, motion, options, progress)
     _name_unchecked_links(findings, scene)
     found = extremes(motion.breaks, motion.coefficients)
@@ -149,6 +151,13 @@ def certify_path(
     for rule in ("velocity", "acceleration", "jerk", "torque", "rest", "start", "goal"):
         findings.not_checked[rule] = "a path has no times"
     return _report(findings, trajectory.duration)
+
+
+def _clearance_options(tolerance: float | None) -> tuple[float, float]:
+    """To which distance [m], or share of it, the smallest clearance is found."""
+    if tolerance is None:
+        return _TOLERANCE, _SHARE
+    return positive_number("clearance_tolerance", tolerance), 0.0
 
 
 def _unit_speed(path: Path) -> Trajectory:
@@ -249,9 +258,9 @@ def _check_reach(findings: Findings, trajectory: Trajectory) -> bool:
     return bool((reach <= _FARTHEST).all())
 
 
-def _most_distances(judgment: Judgment) -> int:
-    """Distances that a proof may take: few for a motion that is far too fast, which is refused whatever it hits."""
-    return _MOST_DISTANCES // 50 if judgment.is_absurd(_ABSURD, _FAST) else _MOST_DISTANCES
+def _most_searches(judgment: Judgment) -> int:
+    """Searches that a proof may take: few for a motion that is far too fast, which is refused whatever it hits."""
+    return _MOST_SEARCHES // 50 if judgment.is_absurd(_ABSURD, _FAST) else _MOST_SEARCHES
 
 
 def _check_collisions(

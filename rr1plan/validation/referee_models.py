@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -18,30 +18,25 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Robot
 from rr1plan.scene import Attachment, Obstacle
-from rr1plan.shapes import Shape
+from rr1plan.shapes import HalfSpace, Mesh, PointCloud, Shape
 from rr1plan.validation.link_motion import Drive, drives
 from rr1plan.validation.referee_kernels import (
     AXIS,
-    CENTER,
-    COUNT,
     DEPTH,
-    FIRST_CORNER,
     FIRST_JOINT,
     FIRST_NODE,
     GAIN,
     LINK,
-    LOCAL,
     OFFSET,
-    PLANE,
     SHAPE,
-    SHAPE_CONCAVE,
-    SHAPE_SURFACE,
     SHIFT,
     SLIDES,
+    SURFACE,
     TURNS,
     RefereeStruct,
+    load_library,
 )
-from rr1plan.validation.referee_shapes import Solid, core_row, solid
+from rr1plan.validation.referee_shapes import core_row, point_body
 
 Table = NDArray[np.int64]
 
@@ -68,74 +63,30 @@ class HeldThing(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class BodyRows:
-    """Bodies on links as the compiled search reads them, row by row.
-
-    Args:
-        shapes: Their shapes.
-        cores: Kind, number of corners to look at one by one and of columns of their cores, shape (b, 3).
-        sizes: Sizes and places as `BodySizes` has them, shape (b, 23).
-    """
-
-    shapes: tuple[Shape, ...]
-    cores: Table
-    sizes: Array
-
-    @staticmethod
-    def of(shapes: Iterable[Shape], poses: Array) -> BodyRows:
-        """The bodies of shapes at poses (b, 4, 4) in the frames of their links."""
-        shapes = tuple(shapes)
-        numbers: list[float] = []
-        centered = True
-        for kind, single, columns, half, rounding, radius, box, center in map(core_row, shapes):
-            numbers += (kind, single, columns, *half, rounding, radius, *box, *center)
-            centered &= center == (0.0, 0.0, 0.0)
-        # At once: one array is made from all numbers faster than one from each row.
-        rows = np.array(numbers, dtype=np.float64).reshape(-1, 3 + LOCAL)
-        rotation, origin = poses[:, :3, :3], poses[:, :3, 3]
-        sizes = np.empty((len(rows), LOCAL + 12))
-        sizes[:, :LOCAL] = rows[:, 3:]
-        sizes[:, LOCAL : LOCAL + 9] = rotation.reshape(-1, 9)
-        sizes[:, LOCAL + 9 :] = origin
-        centers = sizes[:, CENTER:LOCAL]
-        if not centered:
-            centers[:] = (rotation @ centers[:, :, None])[:, :, 0]
-        centers += origin
-        return BodyRows(shapes, rows[:, :3].astype(np.int64), sizes)
-
-    @cached_property
-    def solids(self) -> tuple[Solid, ...]:
-        """The same as solids."""
-        return tuple(map(solid, self.shapes))
-
-
-@dataclass(frozen=True, eq=False)
 class ArmTables:
     """A model as the kernels read it.
 
     Args:
         links: Names of the links with shapes, which are the first elements; things that are held come after them.
-        rows: Its bodies, on the links that carry them.
-        bodies: The same as the kernels read them.
+        shapes: Those of its bodies.
+        bodies: The bodies as the kernels read them.
         struct: The model.
         element_count: Number of its elements.
         depth: Joints of its longest chain.
         planes: Elements with a half-space for a shape.
         moving_planes: Those that a joint carries.
-        concave: Elements with a shape that the compiled search passes over.
         own_checked: Which pairs of its elements must not touch, shape (elements, elements) of 0 and 1; symmetric. None
             where no pair of them is checked.
     """
 
     links: tuple[str, ...]
-    rows: BodyRows
+    shapes: tuple[Shape, ...]
     bodies: RefereeStruct
     struct: RefereeStruct
     element_count: int
     depth: int
     planes: tuple[int, ...]
     moving_planes: tuple[int, ...]
-    concave: tuple[int, ...]
     own_checked: NDArray[np.uint8] | None
 
 
@@ -180,15 +131,14 @@ def _build(content: _Content) -> ArmTables:
     elements = [(link.name, link.collisions, np.eye(4)) for link in robot.links if link.collisions]
     elements += [(held.link, held.geometries, np.frombuffer(held.pose).reshape(4, 4)) for held in content.held]
     poses = [carriers[link][1] @ T @ geometry.pose for link, geometries, T in elements for geometry in geometries]
-    rows = BodyRows.of((g.shape for _, geometries, _ in elements for g in geometries), _stacked(poses))
+    shapes = tuple(geometry.shape for _, geometries, _ in elements for geometry in geometries)
     counts = [len(geometries) for _, geometries, _ in elements]
     on = np.repeat(np.array([carriers[link][0] for link, _, _ in elements], dtype=np.int64), counts)
     depth = np.array([len(chain) for chain in chains], dtype=np.int64)[on]
     own_checked = _own_checked(links, content)
-    # Only surfaces that do not move are searched triangle by triangle.
-    rows.cores[rows.cores[:, 0] == SHAPE_SURFACE, 0] = SHAPE_CONCAVE
-    bodies = _bodies(rows, on, depth)
-    first = _starts(counts)
+    bodies = _bodies(shapes, _stacked(poses))
+    table, first = bodies.part("bodies"), _starts(counts)
+    table[:, LINK], table[:, DEPTH], table[:, FIRST_JOINT] = on, depth, np.cumsum(depth) - depth
     struct = RefereeStruct(
         "RefereeModel",
         joints=np.array(joints, dtype=np.int64).reshape(-1, 3),
@@ -202,12 +152,9 @@ def _build(content: _Content) -> ArmTables:
         base_element=links.index(robot.base) if robot.base in links else -1,
         own_checked=own_checked,
     )
-    planes = _elements_with(rows, PLANE, first)
+    planes = _half_spaces(shapes, first)
     moving = tuple(i for i in planes if depth[first[i]] > 0)
-    concave = _elements_with(rows, SHAPE_CONCAVE, first)
-    return ArmTables(
-        links, rows, bodies, struct, len(counts), int(depth.max(initial=0)), planes, moving, concave, own_checked
-    )
+    return ArmTables(links, shapes, bodies, struct, len(counts), int(depth.max(initial=0)), planes, moving, own_checked)
 
 
 def _stacked(poses: list[Array]) -> Array:
@@ -220,12 +167,11 @@ def _starts(counts: list[int]) -> Table:
     return np.array([0, *accumulate(counts)], dtype=np.int64)
 
 
-def _elements_with(rows: BodyRows, kind: int, first: Table) -> tuple[int, ...]:
-    """The elements with a body of a kind, of each of which the first body is given."""
-    kinds = rows.cores[:, 0]
-    if kind not in kinds.tolist():
+def _half_spaces(shapes: tuple[Shape, ...], first: Table) -> tuple[int, ...]:
+    """The elements with a half-space for a shape, of each of which the first body is given."""
+    bodies = [i for i, shape in enumerate(shapes) if isinstance(shape, HalfSpace)]
+    if not bodies:
         return ()
-    bodies = np.flatnonzero(kinds == kind)
     return tuple(np.unique(np.searchsorted(first, bodies, side="right") - 1).tolist())
 
 
@@ -275,38 +221,27 @@ def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
     counts = [len(obstacle.geometries) for obstacle in obstacles]
     poses = [obstacle.pose for obstacle in obstacles for _ in obstacle.geometries]
     of_obstacle, of_shape = _stacked(poses + [g.pose for g in geometries]).reshape(2, -1, 4, 4)
-    rows = BodyRows.of((g.shape for g in geometries), of_obstacle @ of_shape)
-    bodies, first = _bodies(rows, None, None), _starts(counts)
+    shapes = tuple(geometry.shape for geometry in geometries)
+    bodies, first = _bodies(shapes, of_obstacle @ of_shape), _starts(counts)
     struct = RefereeStruct(
         "RefereeModel", bodies=bodies, element_bodies=first, element_count=len(counts), base_element=-1
     )
-    planes, concave = _elements_with(rows, PLANE, first), _elements_with(rows, SHAPE_CONCAVE, first)
-    return ArmTables((), rows, bodies, struct, len(counts), 0, planes, (), concave, None)
+    return ArmTables((), shapes, bodies, struct, len(counts), 0, _half_spaces(shapes, first), (), None)
 
 
-def _bodies(rows: BodyRows, links: Table | None, depth: Table | None) -> RefereeStruct:
-    """Bodies as the kernels read them, with their corners and triangles.
-
-    Args:
-        rows: The bodies.
-        links: Number of the link of each body, shape (b,); None if all are on link 0, which no joint carries.
-        depth: Number of joints that carry each body, shape (b,); None with `links`.
-    """
-    table = np.zeros((len(rows.shapes), 7), dtype=np.int64)
-    kind, table[:, COUNT], columns = rows.cores.T
-    table[:, SHAPE] = kind
-    if links is not None and depth is not None:
-        table[:, LINK], table[:, DEPTH], table[:, FIRST_JOINT] = links, depth, np.cumsum(depth) - depth
-    arrays = {"bodies": table, "sizes": rows.sizes}
-    corner_count = int(columns.sum())
-    if corner_count:
-        table[:, FIRST_CORNER] = np.cumsum(columns) - columns
-        solids = [solid(rows.shapes[i]) for i in np.flatnonzero(columns).tolist()]
-        arrays["corners"] = np.concatenate([body.core.corners for body in solids], axis=1)
-    searched = [i for i, form in enumerate(kind.tolist()) if form == SHAPE_SURFACE]
-    if searched:
-        surfaces = [surface for i in searched if (surface := solid(rows.shapes[i]).surface) is not None]
-        table[searched, FIRST_NODE] = _starts([len(surface.nodes) for surface in surfaces])[:-1]
-        arrays["boxes"] = np.concatenate([surface.boxes for surface in surfaces])
-        arrays["nodes"] = np.concatenate([surface.nodes for surface in surfaces])
-    return RefereeStruct("RefereeBodies", body_count=len(table), corner_count=corner_count, **arrays)
+def _bodies(shapes: tuple[Shape, ...], poses: Array) -> RefereeStruct:
+    """Bodies as the kernels read them, with their corners and trees, at poses (b, 4, 4) on link 0."""
+    # At once: one array is made from all numbers faster than one from each row.
+    rows = np.array([number for shape in shapes for number in core_row(shape)], dtype=np.float64)
+    table, sizes = np.empty((len(shapes), 7), dtype=np.int64), np.empty((len(shapes), 23))
+    columns = load_library().rr1_fill_bodies(rows.reshape(-1, 14), poses, len(shapes), table, sizes)
+    arrays = {"bodies": table, "sizes": sizes}
+    if columns:
+        made = [point_body(shape) for shape in shapes if isinstance(shape, (Mesh, PointCloud))]
+        arrays["corners"] = np.concatenate([body.core.corners for body in made], axis=1)
+        trees = [body.tree for body in made if body.tree is not None]
+        if trees:
+            table[table[:, SHAPE] >= SURFACE, FIRST_NODE] = _starts([len(tree.nodes) for tree in trees])[:-1]
+            arrays["boxes"] = np.concatenate([tree.boxes for tree in trees])
+            arrays["nodes"] = np.concatenate([tree.nodes for tree in trees])
+    return RefereeStruct("RefereeBodies", body_count=len(shapes), corner_count=columns, **arrays)

@@ -11,7 +11,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.coal_meshes import holds_point
+from rr1plan.collision.convex.convex_bodies import holds_point
 from rr1plan.transforms import pose
 
 

@@ -227,6 +227,18 @@ def test_changes_of_scenes_are_timed(script, problem_file, tmp_path):
     assert "| set up" in (tmp_path / "scene_changes.md").read_text()
 
 
+def test_delays_and_conveyors_are_measured_without_contacts(script, tmp_path):
+    arguments = ["--sets", "ring", "--executions", "6", "--seeds", "1", "--conveyors", "4", "--goals", "6"]
+    assert script("delays").main([*arguments, "--limit", "5", "--out", str(tmp_path)]) == 0
+    results = json.loads((tmp_path / "delays.json").read_text())
+    assert [(r["set"], r["arms"]) for r in results["executions"]] == [("ring", 3), ("ring", 4), ("ring", 8)]
+    assert all(r["rejected"] == r["contacts"] == 0 for r in results["executions"])
+    (belt,) = results["conveyors"]
+    assert belt["certified"]
+    assert belt["contacts"] == 0
+    assert sum(belt["stages"].values()) == belt["goals"] == 6
+
+
 def test_motions_of_many_arms_are_counted_by_what_the_referee_certifies(script, tmp_path):
     arguments = ["--sets", "grid", "shelf", "--arms", "2", "3", "--spacings", "0.7", "--seeds", "1", "--step", "0.1"]
     assert script("many_arms").main([*arguments, "--out", str(tmp_path)]) == 0

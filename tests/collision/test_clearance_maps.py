@@ -110,15 +110,15 @@ def test_a_greater_gap_is_proven_in_fewer_cells_of_the_same_map(odd, own_cache):
 
 def test_the_map_of_a_family_is_free_where_all_of_its_pairs_are(rr1, own_cache):
     checker = CollisionChecker(Scene().with_arm("a", rr1))
-    tables = build_edge_tables(checker, checker.tables, 1e-6)
+    tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
 
     def near(begin, width):
-        sums = tables.maps[begin : begin + (clearance_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
+        sums = tables.pairs.maps[begin : begin + (clearance_maps.CELLS + 1) * (width + 1)].reshape(-1, width + 1)
         return np.diff(np.diff(sums.astype(np.int64), axis=0), axis=1) > 0
 
     seen = 0
-    for _, _, _, first, last, begin in tables.group_pairs.tolist():
-        rows = tables.body_pairs[first:last]
+    for _, _, _, first, last, begin in tables.pairs.group_pairs.tolist():
+        rows = tables.pairs.body_pairs[first:last]
         if begin < 0:
             assert last - first == 1 or (rows[:, 4] < 0).any() or (rows[:, 5:] != rows[0, 5:]).any()
             continue

@@ -13,9 +13,9 @@ from rr1plan.collision import (
     arm_instances,
     collision_geometry,
 )
-from rr1plan.collision.edge_kernel import exact_scratch
-from rr1plan.collision.tables import arm_tables, exact_tables, link_spheres, solid_rows
+from rr1plan.collision.tables import arm_tables, body_tables, exact_tables, link_spheres
 from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.collision.tables.exact_tables import exact_scratch
 from rr1plan.errors import InputError
 from rr1plan.model.arm_model import _arm_model
 from rr1plan.model.scene_model import SceneModel
@@ -32,7 +32,7 @@ HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0
 def forget() -> None:
     # All else is kept by these.
     arms = _arm_model, arm_geometry._arm_geometry, arm_instances._arm_instances
-    for kept in (*arms, solid_rows.solid_rows, collision_geometry._solid_pairs, rules_of):
+    for kept in (*arms, body_tables.body_core, collision_geometry._solid_pairs, rules_of):
         kept.cache_clear()
 
 
@@ -46,9 +46,11 @@ def arrays_of(scene: Scene, arms: list[str] | None) -> list[np.ndarray]:
     checker = CollisionChecker(scene, arms)
     exact, pairs = checker.tables, checker.pair_tables
     static = exact_tables.build_static_tables(exact, pairs, checker.padding[pairs.static_owner]) or ()
-    edges = build_edge_tables(checker, checker.tables, 1e-6)
+    edges = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
     own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding, checker.pairs, checker.static_contacts)
-    return [np.asarray(a) for a in (*own, *edges, *exact, *static)]
+    arm, pairs_of_kernel = vars(edges.arm).values(), vars(edges.pairs).values()
+    tables = (*arm, *edges.cores, *edges.obstacles, *pairs_of_kernel, edges.rest, *exact, *static)
+    return [*map(np.asarray, own), *(np.asarray(a) for a in tables if isinstance(a, np.ndarray | float))]
 
 
 def same_as_anew(scene: Scene, arms: list[str] | None = None) -> None:
@@ -157,20 +159,15 @@ def test_an_obstacle_that_moved_leaves_all_else_as_it_was(odd, monkeypatch):
     monkeypatch.setattr(arm_tables, "_joint_tables", made_again)
     moved = scene.with_obstacle("two", Sphere(0.1), [-0.7, 0.35, 0.4])
     after = CollisionChecker(moved)
-    same = [a.rows is b.rows for a, b in zip(first.geometry.obstacles, after.geometry.obstacles, strict=True)]
-    assert all(same)
     assert after.geometry.instances is first.geometry.instances
     assert after.geometry.pairs is first.geometry.pairs
     changed = [x.shape == y.shape and (x != y).any() for x, y in zip(before, arrays_of(moved, None), strict=True)]
     assert 0 < sum(changed) < 10
 
 
-def test_equal_obstacles_made_apart_share_their_tables(odd):
+def test_equal_scenes_made_apart_share_their_pairs(odd):
     one, two = (furnished(Scene().with_arm("a", odd)) for _ in range(2))
-    geometries = [CollisionChecker(scene).geometry for scene in (one, two)]
-    rows = [[thing.rows for thing in geometry.obstacles] for geometry in geometries]
-    assert rows[0] == rows[1]
-    assert geometries[0].pairs is geometries[1].pairs
+    assert CollisionChecker(one).geometry.pairs is CollisionChecker(two).geometry.pairs
 
 
 def test_scenes_whose_obstacles_have_other_rules_have_other_pairs(odd):

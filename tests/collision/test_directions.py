@@ -22,19 +22,19 @@ class Separation:
     """Pairs of bodies by directions, around the middle of an edge, at any padding."""
 
     def __init__(self, checker):
-        tables = build_edge_tables(checker, checker.tables, 1e-6)
+        tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
         # A copy, so that it can be written.
         self.tables = tables._replace(padding=tables.padding.copy())
         self.kernel = EdgeKernel(self.tables, checker.exact_kernel, checker.nq, 1e-6)
-        self.spheres = zeroed("SphereProbe", len(tables.spheres))
+        self.spheres = zeroed("SphereProbe", len(tables.arm.spheres))
 
     def candidates(self):
         """Each pair as the kernel has it: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres."""
-        bodies, pair_of = self.tables.bodies, self.tables.pair_of
+        bodies, pair_of = self.tables.arm.bodies, self.tables.pairs.pair_of
         for b, o in np.argwhere(pair_of >= 0).tolist():
-            if self.tables.core_of[o] != LEFT_OUT:
+            if self.tables.obstacles.core[o] != LEFT_OUT:
                 yield [b, o, -1, int(pair_of[b, o]), ALL, int(bodies[b, 1]), int(bodies[b, 1])]
-        for m, (a, b, _, pair, *_) in enumerate(self.tables.body_pairs.tolist()):
+        for m, (a, b, _, pair, *_) in enumerate(self.tables.pairs.body_pairs.tolist()):
             yield [a, b, m, pair, ALL, int(bodies[a, 1]), int(bodies[b, 1])]
 
     def place(self, q0, q1, half):

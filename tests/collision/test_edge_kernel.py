@@ -81,7 +81,7 @@ def kernel_of(checker, library=None, queue_size=None):
     """A kernel with scratch memory that nothing else uses."""
     exact = ExactKernel(checker.tables, checker.nq)
     exact.scratch.value.queue_size = queue_size or exact.scratch.value.queue_size
-    tables = build_edge_tables(checker, checker.tables, TOLERANCE)
+    tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, TOLERANCE)
     return EdgeKernel(tables, exact, checker.nq, TOLERANCE, library)
 
 

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.edge_kernel import CONTACT, EdgeKernel, edge_scratch, exact_scratch
-from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.collision.edge_kernel import CONTACT, EdgeKernel
+from rr1plan.collision.tables.edge_tables import build_edge_tables, edge_scratch
+from rr1plan.collision.tables.exact_tables import exact_scratch
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_robot, load_scene
@@ -136,7 +137,12 @@ def test_an_edge_of_length_zero_is_coals_answer(worlds, name):
 def test_where_it_finds_a_contact_coal_does_too(worlds, name):
     scene, wide = worlds[name]
     checker = CollisionChecker(scene)
-    kernel = EdgeKernel(build_edge_tables(checker, checker.tables, 1e-6), checker.exact_kernel, checker.nq, 1e-6)
+    kernel = EdgeKernel(
+        build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6),
+        checker.exact_kernel,
+        checker.nq,
+        1e-6,
+    )
     found = 0
     for q0, q1 in edges(checker.nq, wide, 300, 13):
         status, where, pair = kernel.certify_edge(q0, q1)
@@ -201,7 +207,9 @@ def test_the_sweep_refuses_what_is_no_configuration(planar):
 def test_lanes_in_memory_do_not_cross_lines_of_the_cache():
     checker = CollisionChecker(load_scene("rr1_cluttered"))
     scratch = edge_scratch(
-        build_edge_tables(checker, checker.tables, 1e-6), exact_scratch(checker.tables, checker.nq), checker.nq
+        build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6),
+        exact_scratch(checker.tables, checker.nq),
+        checker.nq,
     )
     for field in ("frames", "spheres", "group_boxes"):
         assert getattr(scratch.value, field) % 64 == 0

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import pickle
 
 import fcl
@@ -335,3 +336,18 @@ def test_what_rests_is_told_as_exactly_as_what_moves(rr1):
         assert found.keys() == depths.keys()
         for pair, values in found.items():
             assert values == pytest.approx(depths[pair], abs=1e-6)
+
+
+def test_the_kernel_keeps_the_hulls_of_moving_links_beside_those_of_the_base():
+    large = Mesh(3.0 * hull_mesh().vertices, hull_mesh().faces, convex=True)
+    links = (
+        Link("base", collisions=(Geometry("foot", large),)),
+        Link("tip", collisions=(Geometry("tip", hull_mesh()),)),
+    )
+    arm = dataclasses.replace(
+        probe(hull_mesh()), links=links, disabled_collisions=frozenset({frozenset({"base", "tip"})})
+    )
+    scene = Scene().with_arm("p", arm).with_obstacle("thing", Box((0.2, 0.3, 0.4)), [0.0, 0.0, 2.0])
+    checker = CollisionChecker(scene)
+    for z in np.linspace(-1.0, 1.0, 9):
+        assert checker.clearance([z]) == pytest.approx(checker.distances([z]).min(), abs=1e-6)

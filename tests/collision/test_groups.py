@@ -7,8 +7,8 @@ import pytest
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import EdgeKernel
-from rr1plan.collision.tables.body_groups import group_rows
 from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.collision.tables.link_spheres import group_rows
 from rr1plan.kernels.planner_kernels import constants, load_library, zeroed
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_scene
@@ -39,12 +39,12 @@ def built(request, odd, six):
     else:
         scene = holding(six) if request.param == "holding" else load_scene(request.param)
     checker = CollisionChecker(scene)
-    return checker, build_edge_tables(checker, checker.tables, 1e-6)
+    return checker, build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
 
 
 def test_no_sphere_moves_farther_than_its_travel(built):
     checker, tables = built
-    kernel, count = EdgeKernel(tables, checker.exact_kernel, checker.nq, 1e-6), len(tables.spheres)
+    kernel, count = EdgeKernel(tables, checker.exact_kernel, checker.nq, 1e-6), len(tables.arm.spheres)
     rng = np.random.default_rng(4)
     spans = np.linspace(0.0, 1.0, LANES)
     for size in np.geomspace(0.001, 1.0, 30):
@@ -61,17 +61,17 @@ def test_no_sphere_moves_farther_than_its_travel(built):
 
 def test_a_groups_box_contains_the_cores_of_its_bodies(built):
     _, tables = built
-    for (_, ball, first, last, _, _), box in zip(tables.groups.tolist(), tables.group_boxes, strict=True):
+    for (_, ball, first, last, _, _), box in zip(tables.arm.groups.tolist(), tables.arm.group_boxes, strict=True):
         ends = []
         for body in range(first, last):
-            begin, end, kind = tables.cores[body, 1:4].tolist()
-            points, radius = tables.points[begin:end], tables.core_values[body, 3]
+            begin, end, kind = tables.cores.rows[body, 1:4].tolist()
+            points, radius = tables.cores.points[begin:end], tables.cores.values[body, 3]
             if kind == constants()["CORE_CYLINDER"]:
                 center, axis, (half, radius, _) = points
                 size = half * np.abs(axis) + radius * np.sqrt(np.maximum(0.0, 1.0 - axis**2))
                 points, radius = np.array([center - size, center + size]), 0.0
             ends += [points.min(axis=0) - radius, points.max(axis=0) + radius]
-        low, high = np.split(box + np.tile(tables.spheres[ball, :3], 2), 2)
+        low, high = np.split(box + np.tile(tables.arm.spheres[ball, :3], 2), 2)
         assert (low <= np.min(ends, axis=0)).all()
         assert (high >= np.max(ends, axis=0)).all()
         # A box that contains everything would pass as well.
@@ -81,27 +81,29 @@ def test_a_groups_box_contains_the_cores_of_its_bodies(built):
 def test_a_groups_ball_contains_all_spheres_or_all_balls_of_its_bodies(built):
     _, tables = built
     covered = []
-    for joint, ball, first, last, _, _ in tables.groups.tolist():
-        assert (tables.bodies[first:last, 0] == joint).all()
+    for joint, ball, first, last, _, _ in tables.arm.groups.tolist():
+        assert (tables.arm.bodies[first:last, 0] == joint).all()
         covered += range(first, last)
-        rows = tables.spheres[tables.bodies[first, 1] : tables.bodies[last - 1, 2]]
-        whole = np.isin(np.arange(tables.bodies[first, 1], tables.bodies[last - 1, 2]), tables.bodies[first:last, 1])
-        reach = np.linalg.norm(rows[:, :3] - tables.spheres[ball, :3], axis=1) + rows[:, 3]
-        assert min(reach[whole].max(), reach[~whole].max()) <= tables.spheres[ball, 3] + 1e-12
-    assert covered == list(range(len(tables.bodies)))
+        rows = tables.arm.spheres[tables.arm.bodies[first, 1] : tables.arm.bodies[last - 1, 2]]
+        whole = np.isin(
+            np.arange(tables.arm.bodies[first, 1], tables.arm.bodies[last - 1, 2]), tables.arm.bodies[first:last, 1]
+        )
+        reach = np.linalg.norm(rows[:, :3] - tables.arm.spheres[ball, :3], axis=1) + rows[:, 3]
+        assert min(reach[whole].max(), reach[~whole].max()) <= tables.arm.spheres[ball, 3] + 1e-12
+    assert covered == list(range(len(tables.arm.bodies)))
 
 
 def test_families_hold_each_meeting_once(built):
     _, tables = built
     begin = 0
-    for one, other, shared, first, last, _ in tables.group_pairs.tolist():
+    for one, other, shared, first, last, _ in tables.pairs.group_pairs.tolist():
         assert first == begin < last
         begin = last
-        rows = tables.body_pairs[first:last]
-        assert (tables.bodies[rows[:, 0], 3] == one).all()
-        assert (tables.bodies[rows[:, 1], 3] == other).all()
+        rows = tables.pairs.body_pairs[first:last]
+        assert (tables.arm.bodies[rows[:, 0], 3] == one).all()
+        assert (tables.arm.bodies[rows[:, 1], 3] == other).all()
         assert (rows[:, 2] == shared).all()
-    assert begin == len(tables.body_pairs)
+    assert begin == len(tables.pairs.body_pairs)
 
 
 def test_without_bodies_there_are_no_groups():

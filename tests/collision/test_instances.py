@@ -21,7 +21,7 @@ def geometries(scene, arms=None):
 
 
 def edge_tables(checker):
-    return build_edge_tables(checker, checker.tables, 1e-6)
+    return build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
 
 
 # ---- sharing -----------------------------------------------------------------------------------------
@@ -68,13 +68,15 @@ def test_a_robot_that_differs_has_a_geometry_of_its_own(odd):
 def test_equal_robots_share_their_clearance_maps(odd):
     alone = edge_tables(CollisionChecker(Scene().with_arm("a", odd, pose([2.0, 1.0, 0.0], rpy=[0.2, 0.1, 0.5]))))
     tables = edge_tables(CollisionChecker(place_grid(odd, 2, 3, spacing=1.2)))
-    np.testing.assert_array_equal(tables.maps, alone.maps)
+    np.testing.assert_array_equal(tables.pairs.maps, alone.pairs.maps)
     # A pair of two arms has no map, one of an arm with itself the same as in every other arm.
-    own = len(alone.body_pairs)
-    places = tables.body_pairs[tables.body_pairs[:, 4] >= 0]
-    assert len(places) == 6 * int((alone.body_pairs[:, 4] >= 0).sum()) > 0
-    assert sorted(set(places[:, 4].tolist())) == sorted(set(alone.body_pairs[alone.body_pairs[:, 4] >= 0, 4].tolist()))
-    assert len(tables.body_pairs) > 6 * own
+    own = len(alone.pairs.body_pairs)
+    places = tables.pairs.body_pairs[tables.pairs.body_pairs[:, 4] >= 0]
+    assert len(places) == 6 * int((alone.pairs.body_pairs[:, 4] >= 0).sum()) > 0
+    assert sorted(set(places[:, 4].tolist())) == sorted(
+        set(alone.pairs.body_pairs[alone.pairs.body_pairs[:, 4] >= 0, 4].tolist())
+    )
+    assert len(tables.pairs.body_pairs) > 6 * own
 
 
 # ---- tables ------------------------------------------------------------------------------------------
@@ -120,10 +122,10 @@ def test_bodies_of_all_arms_are_those_of_each_alone(crowd):
 
 
 def test_spheres_of_all_arms_are_those_of_each_alone(crowd):
-    whole = edge_tables(CollisionChecker(crowd))
+    whole = edge_tables(CollisionChecker(crowd)).arm
     joints, bodies, spheres, groups, links = 1, 0, 0, 0, 0
     for name in crowd.arms:
-        own = edge_tables(CollisionChecker(alone(crowd, name)))
+        own = edge_tables(CollisionChecker(alone(crowd, name))).arm
         mine = slice(joints, joints + len(own.joints) - 1)
         np.testing.assert_allclose(whole.joint_values[mine], own.joint_values[1:], rtol=0, atol=1e-12)
         np.testing.assert_array_equal(whole.spheres[spheres : spheres + len(own.spheres)], own.spheres)

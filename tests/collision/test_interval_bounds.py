@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.convex.bounding_spheres import cover
 from rr1plan.collision.convex.convex_bodies import coal_geometry
-from rr1plan.collision.edge_kernel import FREE, EdgeKernel, exact_scratch, exact_struct
+from rr1plan.collision.edge_kernel import FREE, EdgeKernel
 from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
 from rr1plan.kernels.planner_kernels import constants, load_library, zeroed
 from rr1plan.robot import Geometry, Joint, Link, Mimic, Robot
 from rr1plan.robot.joint_limits import Limits
@@ -84,7 +85,7 @@ class World:
         for i, thing in enumerate(things):
             scene = scene.with_obstacle(f"thing{i}", thing, turned(rng, 0.6))
         self.checker = CollisionChecker(scene)
-        tables = build_edge_tables(self.checker, self.checker.tables, 1e-6)
+        tables = build_edge_tables(self.checker.geometry, self.checker.fixed, self.checker.solid_padding, 1e-6)
         # A copy, so that any padding can be set.
         self.tables = tables._replace(padding=tables.padding.copy())
         self.kernel = EdgeKernel(self.tables, self.checker.exact_kernel, self.checker.nq, 1e-6)
@@ -131,7 +132,7 @@ class World:
 
     def take_interval(self):
         """Place everything in the kernel's memory at the middle of the interval; place, travel and speed of spheres."""
-        spheres, lanes = zeroed("SphereProbe", len(self.tables.spheres)), np.ones(LANES)
+        spheres, lanes = zeroed("SphereProbe", len(self.tables.arm.spheres)), np.ones(LANES)
         load_library().rr1_place_spheres(
             *self.kernel.context, self.curve, self.middle * lanes, self.half * lanes, spheres
         )
@@ -140,15 +141,15 @@ class World:
 
     def bounds(self):
         """Bounds of joints' motions, (j, 5), and of groups' speeds and accelerations, on the last interval."""
-        chains = self.tables.groups[:, 5] - self.tables.groups[:, 4]
-        motions, shape = np.zeros((len(self.tables.joints), 5)), (len(chains), int(chains.max()) + 1)
+        chains = self.tables.arm.groups[:, 5] - self.tables.arm.groups[:, 4]
+        motions, shape = np.zeros((len(self.tables.arm.joints), 5)), (len(chains), int(chains.max()) + 1)
         speeds, accelerations = np.zeros(shape), np.zeros(shape)
         load_library().rr1_copy_bounds(*self.kernel.context, motions, speeds, accelerations)
         return motions, speeds, accelerations
 
     def group(self, body):
         """The group of a body."""
-        return int(self.tables.bodies[body, 3])
+        return int(self.tables.arm.bodies[body, 3])
 
 
 WORLDS = settings(deadline=None, max_examples=15)
@@ -167,7 +168,7 @@ def centers_of(world, body, places):
 def moving(world):
     """Index in the kernel, index of the solid, first and last sphere of all that moves."""
     carried = [i for i, one in enumerate(world.checker.solids) if one.element not in world.checker.scene.obstacles]
-    return [(k, i, *world.tables.bodies[k, 1:3].tolist()) for k, i in enumerate(carried)]
+    return [(k, i, *world.tables.arm.bodies[k, 1:3].tolist()) for k, i in enumerate(carried)]
 
 
 @WORLDS
@@ -175,7 +176,11 @@ def moving(world):
 def test_no_joint_is_farther_or_faster_than_its_bound(seed):
     world = World(seed, ball)
     world.take_interval()
-    columns, gains, motions = world.tables.joints[1:, 2], world.tables.joint_values[1:, 12], world.bounds()[0][1:]
+    columns, gains, motions = (
+        world.tables.arm.joints[1:, 2],
+        world.tables.arm.joint_values[1:, 12],
+        world.bounds()[0][1:],
+    )
     for t in np.linspace(0.0, 1.0, 33):
         rate = world.curve[1] + 2.0 * t * world.curve[2]
         assert (np.abs(gains * world.at(t)[columns]) <= motions[:, 4] + ROUNDING).all()
@@ -211,7 +216,7 @@ def test_no_two_spheres_come_nearer_than_their_bound(seed):
     _, speeds, accelerations = world.bounds()
     h = world.half
     known = {k: (i, first) for k, i, first, _ in moving(world)}
-    for a, b, shared, *_ in world.tables.body_pairs.tolist():
+    for a, b, shared, *_ in world.tables.pairs.body_pairs.tolist():
         (one, at), (other, to) = known[a], known[b]
         apart, g, other_g = centers[at] - centers[to], world.group(a), world.group(b)
         gap = np.linalg.norm(apart)
@@ -229,10 +234,10 @@ def test_no_two_spheres_come_nearer_than_their_bound(seed):
 def claims(world):
     """Each pair as the kernel has it: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres."""
     tables = world.tables
-    for b, o in np.argwhere(tables.pair_of >= 0).tolist():
-        yield [b, o, -1, int(tables.pair_of[b, o]), ALL, *[int(tables.bodies[b, 1])] * 2]
-    for m, (a, b, _, pair, *_) in enumerate(tables.body_pairs.tolist()):
-        yield [a, b, m, pair, ALL, int(tables.bodies[a, 1]), int(tables.bodies[b, 1])]
+    for b, o in np.argwhere(tables.pairs.pair_of >= 0).tolist():
+        yield [b, o, -1, int(tables.pairs.pair_of[b, o]), ALL, *[int(tables.arm.bodies[b, 1])] * 2]
+    for m, (a, b, _, pair, *_) in enumerate(tables.pairs.body_pairs.tolist()):
+        yield [a, b, m, pair, ALL, int(tables.arm.bodies[a, 1]), int(tables.arm.bodies[b, 1])]
 
 
 def by_directions(world, claim, padding):

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.convex.support_cells import DIRECTION_CELLS, WORD, corners_per_bit, support_cells
-from rr1plan.collision.edge_kernel import scene_struct
-from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.collision.tables.edge_tables import build_edge_tables, scene_struct
 from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.scene import Scene
 from rr1plan.shapes.convex_hulls import convex_hull
@@ -40,14 +39,14 @@ def test_the_lowest_corner_is_that_of_all_corners(six, turned):
     for i, rock in enumerate(rocks):
         scene = scene.with_obstacle(f"rock {i}", rock, T)
     checker = CollisionChecker(scene)
-    tables = build_edge_tables(checker, checker.tables, 1e-6)
+    tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
     struct = scene_struct(tables, checker.exact_kernel.struct, checker.nq, 1e-6)
     rng = np.random.default_rng(3)
-    assert (tables.cores[:, 2] - tables.cores[:, 1]).max() == 200
-    for core, (_, first, last, kind, *_) in enumerate(tables.cores.tolist()):
+    assert (tables.cores.rows[:, 2] - tables.cores.rows[:, 1]).max() == 200
+    for core, (_, first, last, kind, *_) in enumerate(tables.cores.rows.tolist()):
         if kind != 0:
             continue
-        points = tables.points[first:last]
+        points = tables.cores.points[first:last]
         for asked in rng.integers(1, 2**LANES, 50).tolist():
             # Among them those along axes and within planes, on the borders of cells.
             n = rng.normal(size=(3, LANES)) * rng.integers(0, 2, (3, LANES))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.edge_kernel import exact_scratch, exact_struct
+from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.path import Path

@@ -74,7 +74,7 @@ def test_pairs_of_solids_are_those_of_the_elements_that_must_not_touch(checker) 
 
 
 def tables_of(checker: CollisionChecker) -> EdgeTables:
-    return build_edge_tables(checker, checker.tables, 1e-6)
+    return build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
 
 
 def bodies_of(checker: CollisionChecker) -> list[int]:
@@ -85,17 +85,17 @@ def bodies_of(checker: CollisionChecker) -> list[int]:
 
 def test_pairs_of_bodies_are_sorted_by_their_groups(checker) -> None:
     tables, body = tables_of(checker), bodies_of(checker)
-    group = tables.bodies[:, 3].tolist()
+    group = tables.arm.bodies[:, 3].tolist()
     expected: Rows = []
     for number, (one, two, *_, both) in enumerate(collected(checker, moving=True)):
         if body[one] >= 0 and body[two] >= 0:
             expected.append((body[one], body[two], both, number))
     expected.sort(key=lambda row: (group[row[0]], group[row[1]], *row[2:]))
-    assert as_rows(tables.body_pairs[:, :4]) == expected
+    assert as_rows(tables.pairs.body_pairs[:, :4]) == expected
     families = [(group[one], group[two], both) for one, two, both, _ in expected]
     begins = {family: families.index(family) for family in families}
     ends = [*list(begins.values())[1:], len(families)]
-    assert as_rows(tables.group_pairs[:, :5]) == [
+    assert as_rows(tables.pairs.group_pairs[:, :5]) == [
         (*family, begin, end) for (family, begin), end in zip(begins.items(), ends if begins else [], strict=True)
     ]
 
@@ -107,10 +107,10 @@ def test_pairs_with_obstacles_have_a_column_for_each_that_is_near(checker) -> No
         if body[one] < 0 or body[two] < 0:
             found[(body[one], two) if body[two] < 0 else (body[two], one)] = number
     columns = {solid: i for i, solid in enumerate(sorted({solid for _, solid in found}))}
-    expected = np.full((len(tables.bodies), -(-len(columns) // LANES) * LANES), -1)
+    expected = np.full((len(tables.arm.bodies), -(-len(columns) // LANES) * LANES), -1)
     for (moved, solid), number in found.items():
         expected[moved, columns[solid]] = number
-    np.testing.assert_array_equal(tables.pair_of, expected)
+    np.testing.assert_array_equal(tables.pairs.pair_of, expected)
 
 
 def blocks(pairs: list[tuple[int, int]], groups: int) -> tuple[Rows, list[int]]:
@@ -124,16 +124,16 @@ def blocks(pairs: list[tuple[int, int]], groups: int) -> tuple[Rows, list[int]]:
 
 def test_blocks_have_a_bit_for_each_pair_of_a_group(checker) -> None:
     tables = tables_of(checker)
-    count = len(tables.groups)
-    with_groups = [(group, other) for group, other, *_ in as_rows(tables.group_pairs)]
+    count = len(tables.arm.groups)
+    with_groups = [(group, other) for group, other, *_ in as_rows(tables.pairs.group_pairs)]
     with_obstacles = [
         (group, column)
-        for group, (_, _, first, last, *_) in enumerate(as_rows(tables.groups))
-        for column in range(tables.pair_of.shape[1])
-        if (tables.pair_of[first:last, column] >= 0).any()
+        for group, (_, _, first, last, *_) in enumerate(as_rows(tables.arm.groups))
+        for column in range(tables.pairs.pair_of.shape[1])
+        if (tables.pairs.pair_of[first:last, column] >= 0).any()
     ]
     for pairs, found, begins in (
-        (with_groups, tables.group_blocks, tables.first_group_block),
-        (with_obstacles, tables.obstacle_blocks, tables.first_obstacle_block),
+        (with_groups, tables.pairs.group_blocks, tables.pairs.first_group_block),
+        (with_obstacles, tables.pairs.obstacle_blocks, tables.pairs.first_obstacle_block),
     ):
         assert (as_rows(found), begins.tolist()) == blocks(pairs, count)

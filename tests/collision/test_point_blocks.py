@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rr1plan.collision.convex.vertex_blocks import BLOCK, in_vertex_blocks
+from rr1plan.collision.convex.convex_cores import BLOCK, in_vertex_blocks
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 16, 17, 41, 260])

@@ -40,7 +40,7 @@ def fastest_speeds(curve, grid, limits):
     )
     arena = CStruct("Arena", memory=np.empty(1 << 20), size=1 << 20)
     columns = (np.ascontiguousarray(column) for column in grid)
-    assert load_library().rr1_fastest_speeds(path, both, *columns, n, arena, x) == 0
+    assert load_library().rr1_fastest_speeds(path, both, *columns, n, 0.0, arena, x) == 0
     return x
 
 

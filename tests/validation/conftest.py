@@ -8,16 +8,17 @@ from typing import Any
 import fcl
 import numpy as np
 import pytest
+from slow_certificate.certificate import Certificate
+from slow_certificate.certificate_bodies import Bodies
+from slow_certificate.scene_motion import SceneMotion
 
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Link, Mimic
 from rr1plan.transforms import pose
-from rr1plan.validation.certificate import Certificate
-from rr1plan.validation.certificate_bodies import Bodies
 from rr1plan.validation.collision_proof import CollisionProof, prove
 from rr1plan.validation.compiled_search import ProofOptions
-from rr1plan.validation.link_motion import SceneMotion, TimedColumns
+from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import moving_scene
 
 Shape = Any

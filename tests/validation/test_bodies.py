@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow_certificate.certificate_bodies import Bodies
+from slow_certificate.scene_motion import SceneMotion
 
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.transforms import pose
-from rr1plan.validation.certificate_bodies import Bodies
-from rr1plan.validation.link_motion import SceneMotion
 
 Make = Callable[..., Any]
 

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slow_certificate.scene_motion import SceneMotion
 
 import rr1plan as rp
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Link, Mimic
-from rr1plan.validation.link_motion import SceneMotion, drives
+from rr1plan.validation.link_motion import drives
 
 
 def assert_agree(scene: rp.Scene, trajectory: rp.Trajectory, times: np.ndarray) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow_certificate.solids import solid, support
 
 import rr1plan as rp
 from rr1plan.checks import Array
@@ -17,7 +18,6 @@ from rr1plan.validation.compiled_search import ProofOptions, Search
 from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import moving_scene
 from rr1plan.validation.referee_kernels import ORIGIN, load_library
-from rr1plan.validation.referee_shapes import support
 
 Make = Callable[..., Any]
 ROUNDING = 1e-9
@@ -39,12 +39,12 @@ class Stretch:
         self.model = moving.tables.model(0)
         search = Search(moving, TimedColumns(names, breaks, coefficients), ProofOptions(1e-3, 1))
         self.kept, self.search, self.native = search, search.struct, load_library()
-        self.placed = search.table("placed", len(self.model.rows.shapes))
+        self.placed = search.table("placed", len(self.model.shapes))
 
     @property
     def movers(self) -> list[int]:
         """The bodies that a joint carries."""
-        return [b for b in range(len(self.model.rows.solids)) if self.chain(b)]
+        return [b for b in range(len(self.model.shapes)) if self.chain(b)]
 
     def chain(self, b: int) -> list[str]:
         """The joints that carry a body and move, from the base on."""
@@ -74,7 +74,7 @@ class Stretch:
         if shared:
             frame = self._frame(b, shared)
             T = self._link(frame, 0.0) @ inverse(self._link(frame, time)) @ T
-        body = self.model.rows.solids[b]
+        body = solid(self.model.shapes[b])
         return float(d @ T[:3, 3]) + float(support(body, (T[:3, :3].T @ d)[None])[0])
 
     def _frame(self, b: int, shared: int) -> str:

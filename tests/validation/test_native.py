@@ -13,19 +13,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from concave_meshes import torus
 from scipy.spatial import ConvexHull
 
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.transforms import pose
 from rr1plan.validation.bernstein_extremes import extremes
-from rr1plan.validation.cloud_blocks import CellBlocks
 from rr1plan.validation.collision_proof import prove
 from rr1plan.validation.compiled_search import ProofOptions
 from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import moving_scene
 from rr1plan.validation.referee_kernels import LIBRARY
-from rr1plan.validation.referee_shapes import Solid, solid
 
 Make = Callable[..., Any]
 
@@ -109,32 +108,18 @@ def test_all_variants_find_the_same_extremes(by_each_variant: Make) -> None:
         assert all((getattr(first, name) == getattr(other, name)).all() for name in ("peaks", "jumps", "end"))
 
 
-def cloud_and_bodies(rng: np.random.Generator) -> tuple[CellBlocks, list[tuple[Solid, Array]]]:
-    """The cells of a cloud of a few thousand points, and bodies near it with their poses."""
+def test_all_variants_find_the_same_beside_a_cloud_and_a_mesh(shape: Make, slider: Make, by_each_variant: Make) -> None:
+    rng = np.random.default_rng(1)
     points = rng.uniform(-1.0, 1.0, (4000, 3)) * [1.0, 1.0, 0.05]
-    shapes = [rp.Box((0.1, 0.2, 0.3)), rp.Cylinder(0.1, 0.3), rp.Capsule(0.05, 0.4), hull(rng, 200)]
-    places = [pose([*rng.uniform(-1.0, 1.0, 2), rng.uniform(0.3, 0.8)], rpy=rng.normal(size=3)) for _ in range(24)]
-    return CellBlocks(rp.PointCloud(points, 0.02)), [(solid(shapes[i % 4]), T) for i, T in enumerate(places)]
-
-
-def nearest(cells: CellBlocks, body: Solid, T: Array) -> tuple[float, float, int]:
-    R, t = T[:3, :3], T[:3, 3]
-    return cells.parted(body.core, body.sizes, R, t, R @ body.center + t)
-
-
-def test_all_variants_find_the_same_nearest_cells(by_each_variant: Make) -> None:
-    cells, bodies = cloud_and_bodies(np.random.default_rng(1))
-    first, *others = by_each_variant(lambda: [nearest(cells, *body) for body in bodies])
-    assert min(distance for distance, _, _ in first) > 0.0
-    assert all(other == first for other in others)
-
-
-def test_threads_may_ask_for_the_nearest_cells_of_one_cloud() -> None:
-    cells, bodies = cloud_and_bodies(np.random.default_rng(2))
-    alone = [nearest(cells, *body) for body in bodies]
-    with ThreadPoolExecutor(8) as threads:
-        together = list(threads.map(lambda body: nearest(cells, *body), bodies * 40))
-    assert together == alone * 40
+    for body in (hull(rng, 200), shape(rng), torus(0.1, 0.03)):
+        scene = (
+            rp.Scene().with_arm("arm", slider(body)).with_obstacle("cloud", rp.PointCloud(points, 0.02), [0, 0, 0.3])
+        )
+        scene = scene.with_obstacle("ring", torus(0.3, 0.05), [0.9, 0.0, -0.2])
+        move = wander(scene, rng, 0.3)
+        first, *others = by_each_variant(lambda scene=scene, move=move: findings(scene, move))
+        for other in others:
+            assert other[0].tobytes() == first[0].tobytes()
 
 
 def test_threads_may_validate_motions_of_different_arms_in_one_scene(chain: Make) -> None:

@@ -31,7 +31,8 @@ def cluttered(rng: np.random.Generator, chain: Make, shape: Make) -> tuple[rp.Sc
 def test_fcl_agrees_at_every_sample_of_random_motions(seed: int, chain: Make, shape: Make, fcl_world: Make) -> None:
     rng = np.random.default_rng(seed)
     scene, move = cluttered(rng, chain, shape)
-    report = validate(move, scene)
+    tolerance = (None, 2e-4)[seed % 2]
+    report = validate(move, scene, clearance_tolerance=tolerance)
     world = fcl_world(scene)
     hits = {v.subject: v for v in report.violations if v.kind in ("collision", "undecided")}
     nearest = {True: np.inf, False: np.inf}
@@ -49,10 +50,11 @@ def test_fcl_agrees_at_every_sample_of_random_motions(seed: int, chain: Make, sh
         if hits or np.isinf(nearest[own]):
             continue
         found = report.margins[name]
-        assert 0.0 < found.value <= nearest[own] + 2e-4 + 1e-6
+        slack = max(2e-4, 0.0 if tolerance else 0.05 * found.value)
+        assert 0.0 < found.value <= nearest[own] + slack + 1e-6
         world.place(move.joint_names, move(found.time))
         assert found.value == pytest.approx(world.distance(own), abs=1e-4)
-        assert report.margins[f"{name}_proven"].value >= found.value - 2e-4 - 1e-4
+        assert report.margins[f"{name}_proven"].value >= found.value - slack - 1e-4
 
 
 def test_the_random_motions_hold_both_free_ones_and_collisions(chain: Make, shape: Make) -> None:

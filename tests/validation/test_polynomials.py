@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from rr1plan.validation.polynomial_bounds import RangeTable, bernstein, evaluate
+from slow_certificate.polynomial_bounds import RangeTable, bernstein, evaluate
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -10,6 +10,8 @@ import coal
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
+from slow_certificate.coal_distance import CoalDistance
+from slow_certificate.solids import Solid, solid, support
 
 import rr1plan as rp
 from rr1plan.checks import Array
@@ -17,12 +19,9 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.robot import Geometry, Mimic
 from rr1plan.scene import Obstacle
 from rr1plan.transforms import pose
-from rr1plan.validation import compiled_search
-from rr1plan.validation.coal_distance import CoalDistance
 from rr1plan.validation.collision_proof import CollisionProof
 from rr1plan.validation.referee_kernels import RefereeStruct, load_library
 from rr1plan.validation.referee_models import ArmTables, obstacle_tables
-from rr1plan.validation.referee_shapes import Solid, support
 
 Make = Callable[..., Any]
 # How much Coal's distance of two convex shapes may be too large [m].
@@ -46,7 +45,7 @@ class Pairs:
 
     def __init__(self, model: ArmTables) -> None:
         self.model = model
-        self.solids = model.rows.solids
+        self.solids = [solid(shape) for shape in model.shapes]
         self.meter = CoalDistance()
         self.state = RefereeStruct("GjkState")
 
@@ -56,7 +55,7 @@ class Pairs:
         for body, T in ((a, Ta), (b, Tb)):
             middle = T[:3, :3] @ self.solids[body].center + T[:3, 3]
             placed[body] = np.concatenate([T[:3, :3].ravel(), T[:3, 3], middle])
-        off = self.model.rows.sizes[a, 3] + self.model.rows.sizes[b, 3]
+        off = float(self.model.bodies.part("sizes")[[a, b], 3].sum())
         bounds = np.zeros(2)
         load_library().rr1_probe_separation(
             self.model.bodies, placed, a, b, self.state, min(base + off, 1e300), 1e300, bounds
@@ -337,32 +336,6 @@ def no_sample_objects(scene: rp.Scene, move: rp.Trajectory, found: CollisionProo
         elif end.clearance > 0.0:
             assert end.time == time
             assert end.clearance == pytest.approx(seen.min(), abs=COAL)
-
-
-def test_a_contact_that_coal_clears_leaves_no_clearance_behind(
-    chain: Make, shape: Make, proof_of: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """All that comes within 5 cm is taken for a contact at first."""
-    cleared = 0
-    for seed in range(40):
-        rng = np.random.default_rng(1000 + seed)
-        scene = scene_of("sliding", rng, chain, shape)
-        move = wander(scene, rng, 0.1)
-        usual = proof_of(scene, move, 1e-5)
-        if usual.contacts:
-            continue
-        with monkeypatch.context() as patch:
-            patch.setattr(compiled_search, "TOUCH", 0.05)
-            wary = proof_of(scene, move, 1e-5)
-        assert not wary.contacts
-        assert wary.statistics["distances"] > 0 or min(usual.proven) > 0.05
-        cleared += wary.statistics["distances"] > 0
-        for one, two in zip(wary.nearest, usual.nearest, strict=True):
-            assert (one is None) == (two is None)
-            assert one is None or one.clearance == pytest.approx(two.clearance, abs=1e-5 + COAL)
-        for one, two in zip(wary.ends, usual.ends, strict=True):
-            assert one is None or one.clearance == pytest.approx(two.clearance, abs=COAL)
-    assert cleared >= 3
 
 
 @pytest.mark.parametrize("kind", ["planar2r", "sliding", "two arms", "half-space"])

@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 import rr1plan as rp
 from rr1plan.validation.hull_support import hull_core
 from rr1plan.validation.referee_kernels import TABLE, RefereeStruct, load_library
-from rr1plan.validation.referee_shapes import solid
+from rr1plan.validation.referee_shapes import point_body
 
 KINDS = {
     "ball": lambda rng: rng.normal(size=(400, 3)),
@@ -64,12 +64,12 @@ def test_a_table_lists_few_of_many_corners() -> None:
 
 
 def test_motions_of_a_hull_of_many_corners_are_judged_as_those_of_few() -> None:
-    """A ball of 600 corners: the compiled search with a table, against the same corners as Coal sees them."""
+    """A ball of 600 corners: the compiled search with a table, against the same corners as all of them say."""
     rng = np.random.default_rng(1)
     points = rng.normal(size=(600, 3))
     points *= 0.1 / np.linalg.norm(points, axis=1)[:, None]
     hull = rp.Mesh(points, ConvexHull(points).simplices, convex=True)
-    assert solid(hull).core.kind == TABLE
+    assert point_body(hull).core.kind == TABLE
     wall = rp.Box((0.1, 0.1, 0.1))
     kinematics = rp.load_robot("planar2r")
     scene = rp.Scene().with_arm("arm", kinematics).with_obstacle("wall", wall, [0.0, 0.0, 1.0])

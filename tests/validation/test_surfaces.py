@@ -13,7 +13,8 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.robot import Geometry
 from rr1plan.transforms import pose
-from rr1plan.validation.mesh_surfaces import Surface
+from rr1plan.validation.mesh_surfaces import PartTree, cell_parts, surface_parts
+from rr1plan.validation.referee_kernels import CLOSED, FIRST
 
 Make = Callable[..., Any]
 # Coal may overstate a distance by as much [m].
@@ -55,13 +56,41 @@ def test_the_search_finds_what_coals_distances_do(name: str, chain: Make, proof_
             assert fast.nearest[0].clearance == pytest.approx(sure.smallest[0], abs=2e-4 + COAL)
             assert fast.proven[0] <= sure.smallest[0] + COAL
             assert fast.proven[0] >= fast.nearest[0].clearance - 2e-4 - COAL
-            assert fast.statistics["distances"] == 0.0
     assert 0 < sum(verdicts) < 10
+
+
+CLOUD = rp.PointCloud(np.random.default_rng(0).uniform(-0.2, 0.2, (60, 3)), 0.03)
+
+
+@pytest.mark.parametrize("other", [rp.Box((0.1, 0.2, 0.3)), angle_block(), CLOUD], ids=["box", "mesh", "cloud"])
+@pytest.mark.parametrize("held", ["torus", "half shell", "soup", "angle"])
+def test_meshes_that_move_are_decided_as_by_coals_distances(
+    held: str, other: Any, chain: Make, proof_of: Make, all_pairs: Make
+) -> None:
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        scene = rp.Scene().with_arm("arm", chain(rng, 3))
+        tool = scene.link_poses()["arm/link3"]
+        scene = scene.with_obstacle("held", MESHES[held], tool @ pose([0.2, 0.0, 0.0])).attach("held", "arm")
+        at = tool[:3, 3] + rng.uniform(0.4, 0.8) * np.array([0.6, 0.0, 0.8])
+        scene = scene.with_obstacle("other", other, pose(at, rpy=rng.normal(size=3)))
+        move = wander(scene, rng, (0.02, 0.1)[seed])
+        fast, sure = proof_of(scene, move), all_pairs(scene, move)
+        assert [contact.pair for contact in fast.contacts] == sure.hits, seed
+        for contact in fast.contacts:
+            first = sure.found.first_contact[scene.checked_pairs.index(contact.pair)]
+            assert contact.first == pytest.approx(first, abs=2e-5)
+            assert contact.clearance <= 1e-6
+        if not fast.contacts:
+            for group in range(2):
+                nearest = fast.nearest[group]
+                assert (nearest is None) == np.isinf(sure.smallest[group])
+                assert nearest is None or nearest.clearance == pytest.approx(sure.smallest[group], abs=2e-4 + COAL)
+                assert nearest is None or fast.proven[group] <= sure.smallest[group] + COAL
 
 
 @pytest.mark.parametrize("pin", [rp.Capsule(0.01, 0.5), torus(0.02, 0.01)], ids=["convex", "mesh"])
 def test_a_held_ring_may_move_around_a_pin_but_not_through_it(pin: Any, slider: Make, quintic: Make) -> None:
-    """Beside a convex body it is searched; with two meshes, Coal's distances decide."""
     scene = rp.Scene().with_arm("arm", slider(rp.Sphere(0.01)))
     scene = scene.with_obstacle("ring", torus(0.1, 0.02)).attach("ring", "arm", "carriage", touch=["carriage"])
     scene = scene.with_obstacle("pin", pin, [1.0, 0.0, 0.0])
@@ -120,7 +149,6 @@ def test_the_smallest_clearance_from_many_triangles_is_found_and_proven(slider: 
     want = min(float(to_plane(np.array([at, 0.0, 0.0]), a[near], b[near], c[near])) for at in x) - 0.02
     assert report.margins["clearance"].value == pytest.approx(want, abs=2e-5)
     assert report.margins["clearance_proven"].value <= want + 1e-9
-    assert report.statistics["distances"] == 0.0
 
 
 def to_plane(p: Array, a: Array, b: Array, c: Array) -> float:
@@ -144,31 +172,50 @@ def to_plane(p: Array, a: Array, b: Array, c: Array) -> float:
 # ---- surfaces by themselves ----------------------------------------------------------------
 
 
+def check_tree(tree: PartTree, low: Array, high: Array) -> None:
+    """Every part is in one leaf, and in all boxes above it."""
+    assert sorted(tree.order.tolist()) == list(range(len(low)))
+    leaves = []
+    for i, ((following, first, last), box) in enumerate(zip(tree.nodes, tree.boxes, strict=True)):
+        assert i < following <= len(tree.nodes)
+        below = tree.nodes[i:following]
+        parts = tree.order[below[below[:, 1] < below[:, 2], 1].min() : below[:, 2].max()]
+        assert (low[parts] >= box[:3] - box[3:]).all()
+        assert (high[parts] <= box[:3] + box[3:]).all()
+        leaves += range(first, last)
+    assert leaves == list(range(len(low)))
+
+
 @pytest.mark.parametrize("name", MESHES)
 def test_every_triangle_is_in_one_leaf_and_in_all_boxes_above(name: str) -> None:
     mesh = MESHES[name]
-    surface = Surface(mesh)
-    corners = surface.columns[:3].T.reshape(-1, 3, 3)
-    assert sorted(map(bytes, corners)) == sorted(map(bytes, mesh.vertices[mesh.faces]))
-    leaves = []
-    for i, ((following, first, last), box) in enumerate(zip(surface.nodes, surface.boxes, strict=True)):
-        assert i < following <= len(surface.nodes)
-        below = surface.nodes[i:following]
-        low, high = below[below[:, 1] < below[:, 2], 1].min(), below[:, 2].max()
-        inside = corners[low:high].reshape(-1, 3)
-        assert (np.abs(inside - box[:3]) <= box[3:]).all()
-        leaves += range(first, last)
-    assert leaves == list(range(len(corners)))
+    columns, tree = surface_parts(mesh)
+    corners = mesh.vertices[mesh.faces]
+    assert (columns[:3].T.reshape(-1, 3, 3) == corners[tree.order]).all()
+    check_tree(tree, corners.min(axis=1), corners.max(axis=1))
 
 
-def test_parts_that_are_closed_enclose_and_others_do_not() -> None:
-    assert Surface(torus()).is_closed
-    assert not Surface(terrain(4)).is_closed
-    assert not Surface(open_bowl()).is_closed
-    beside = Surface(joined(torus(), terrain(4)))
-    assert beside.is_closed
-    assert beside.holds(np.array([0.2, 0.01, 0.0]))
-    assert not beside.holds(np.array([0.0, 0.0, 0.0]))
+@pytest.mark.parametrize("count", [1, 2, 9, 3000])
+def test_every_cell_is_in_one_leaf_and_in_all_boxes_above(count: int) -> None:
+    points = np.random.default_rng(count).normal(size=(count, 3))
+    columns, tree = cell_parts(rp.PointCloud(points, 0.1))
+    centers = np.empty(columns[:3].T.shape)
+    centers[tree.order] = columns[:3].T
+    assert (np.unique(np.floor(points / 0.1), axis=0) == np.floor(centers / 0.1)).all()
+    check_tree(tree, centers - 0.05, centers + 0.05)
+
+
+def test_parts_that_are_closed_are_known_and_one_triangle_of_each_part() -> None:
+    for mesh, closed, parts in (
+        (torus(), 1.0, 1),
+        (terrain(4), 0.0, 1),
+        (open_bowl(), 0.0, 1),
+        (joined(torus(), terrain(4)), None, 2),
+    ):
+        bits = surface_parts(mesh).columns[3, ::3].astype(int)
+        assert closed is None or ((bits & CLOSED) > 0).mean() == closed
+        assert closed is not None or 0.0 < ((bits & CLOSED) > 0).mean() < 1.0
+        assert np.count_nonzero(bits & FIRST) == parts
 
 
 def test_a_mesh_of_several_shapes_is_judged_part_by_part(slider: Make, quintic: Make) -> None:

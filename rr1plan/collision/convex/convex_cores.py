@@ -5,14 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.convex.support_cells import corners_per_bit, support_cells
-from rr1plan.collision.convex.vertex_blocks import in_vertex_blocks
 from rr1plan.kernels.planner_kernels import constants
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
@@ -21,13 +20,33 @@ _KIND = constants()
 
 
 class CoreTables(NamedTuple):
-    """The `cores`, `core_values`, `points`, `blocks` and `lowest` of `EdgeTables`, or some of their rows."""
+    """Convex cores as `arm_geometry.h` has them.
+
+    Args:
+        rows: Frame, first and last row of `points`, kind of core, first row of `blocks`, first of `lowest` and how
+            many corners share a bit there (0: no table); shape (c, 7).
+        values: A point in the core, the radius around the core, how far the core reaches from the point [m], and
+            the rotation, row by row, from the axes of `lowest`; shape (c, 14).
+        points: Corners of a core in its frame; of a cylinder center, axis, half length and radius; shape (p, 3).
+        blocks: Ball around each block of corners of a core: center and radius; shape (n, 4).
+        lowest: Support tables: which corners can be the lowest along the directions of each cell.
+    """
 
     rows: _INTS
     values: Array
     points: Array
     blocks: Array
     lowest: _INTS
+
+    def fields(self) -> dict[str, NDArray[Any]]:
+        """The fields of `ArmGeometry`."""
+        return {
+            "cores": self.rows,
+            "core_shapes": self.values,
+            "points": self.points,
+            "blocks": self.blocks,
+            "lowest": self.lowest.view(np.uint64),
+        }
 
 
 _NONE = np.zeros(0, np.int64)
@@ -147,3 +166,43 @@ def _around(half: Array) -> Array:
 def core_radius(shape: Shape) -> float:
     """How far a shape reaches beyond its core [m]."""
     return shape.radius if isinstance(shape, Sphere | Capsule) else 0.0
+
+
+# ---- corners in blocks ---------------------------------------------------------------------------------
+
+BLOCK = constants()["BLOCK_POINTS"]
+"""Neighboring corners of a core in a block."""
+
+# Beyond all rounding in a support value.
+_SAFETY = 1.0 + 1e-9
+_ROUNDING = 1e-12
+
+
+def in_vertex_blocks(points: Array) -> tuple[Array, Array]:
+    """Points in blocks of neighbors, and a ball around each block.
+
+    Args:
+        points: Points [m], shape (n, 3).
+
+    Returns:
+        The same points in another order, neighbors side by side, shape (n, 3); centers and radii of the balls around
+        each `BLOCK` of them [m], shape (ceil(n / BLOCK), 4).
+    """
+    ordered = np.array(_split(points))
+    balls = []
+    for first in range(0, len(points), BLOCK):
+        block = ordered[first : first + BLOCK]
+        center = 0.5 * (block.min(axis=0) + block.max(axis=0))
+        radius = float(np.linalg.norm(block - center, axis=1).max())
+        balls.append([*center, radius * _SAFETY + _ROUNDING * (1.0 + float(np.abs(block).max()))])
+    return ordered, np.array(balls)
+
+
+def _split(points: Array) -> list[Array]:
+    """Points cut in halves across their longest side again and again, of whole blocks where there is more than one."""
+    if len(points) == 1:
+        return [points[0]]
+    order = np.argsort(points[:, np.ptp(points, axis=0).argmax()], kind="stable")
+    blocks = (len(points) + BLOCK - 1) // BLOCK
+    half = max(blocks // 2 * BLOCK, BLOCK) if blocks > 1 else len(points) // 2
+    return _split(points[order[:half]]) + _split(points[order[half:]])

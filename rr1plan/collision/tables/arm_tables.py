@@ -60,7 +60,7 @@ def _instance_tables(instances: ArmInstances) -> ArmTables:
         made,
         joint_values=read_only(joint_values),
         joint_poses=read_only(joint_poses),
-        bodies=replace(made.bodies, values=values, poses=poses, centers=centers),
+        bodies=made.bodies._replace(values=values, poses=poses, centers=centers),
     )
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
+import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -16,7 +15,7 @@ from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.convex.convex_bodies import occupied_cells
 from rr1plan.collision.convex.enclosing_ball import around_points
 from rr1plan.collision.convex.mesh_trees import box_of_mesh
-from rr1plan.kernels.planner_kernels import constants
+from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 # Stands for infinity where infinity times zero would be NaN.
@@ -25,8 +24,7 @@ _INTS = NDArray[np.int64]
 _KIND = constants()
 
 
-@dataclass(frozen=True, eq=False)
-class BodyTables:
+class BodyTables(NamedTuple):
     """The tables of some bodies by themselves; columns as in `ExactTables`.
 
     Args:
@@ -108,33 +106,60 @@ class BodyCore(NamedTuple):
     points: Array
 
 
-_ZERO, _NONE = (0.0, 0.0, 0.0), read_only(np.zeros((0, 3)))
+_NONE = read_only(np.zeros((0, 3)))
+_SIZE = struct.Struct("=q4d")
+
+
+def shape_size(shape: Shape) -> bytes:
+    """A shape as a `ShapeSize` of the kernels."""
+    match shape:
+        case Box((x, y, z)):
+            return _SIZE.pack(_KIND["BODY_BOX"], x, y, z, 0.0)
+        case Sphere(radius):
+            return _SIZE.pack(_KIND["BODY_POINT"], radius, 0.0, 0.0, 0.0)
+        case Cylinder(radius, length):
+            return _SIZE.pack(_KIND["BODY_CYLINDER"], radius, length, 0.0, 0.0)
+        case Capsule(radius, length):
+            return _SIZE.pack(_KIND["BODY_SEGMENT"], radius, length, 0.0, 0.0)
+        case HalfSpace(normal, offset):
+            return _SIZE.pack(_KIND["BODY_HALF_SPACE"], *normal, offset)
+        case PointCloud():
+            return _SIZE.pack(_KIND["BODY_CELLS"], 0.0, 0.0, 0.0, 0.0)
+        case _:
+            return _SIZE.pack(_KIND["BODY_CORNERS" if shape.convex else "BODY_MESH"], 0.0, 0.0, 0.0, 0.0)
+
+
+def describe_solids(sizes: bytearray, counts: Sequence[int], links: int, first_body: int) -> tuple[_INTS, Array, int]:
+    """Solids of objects as the kernels describe them.
+
+    Args:
+        sizes: A `ShapeSize` of each, object after object.
+        counts: How many there are of each object.
+        links: How many objects, the first ones, are links of arms that move.
+        first_body: Row of the exact kernel's tables of the first solid of the others.
+
+    Returns:
+        A `FixedSolid` and a `SolidShape` of each, shapes (n, 8) and (n, 23); and how many are meshes or point clouds,
+        whose `SolidShape` is zero.
+    """
+    solids, shapes = np.empty((sum(counts), 8), np.int64), np.empty((sum(counts), 23))
+    rows = np.frombuffer(sizes).reshape(-1, 5)
+    found = load_library().rr1_describe_solids(
+        rows, np.array(counts, np.int64), len(counts), links, first_body, solids, shapes
+    )
+    return solids, shapes, found
 
 
 @lru_cache(maxsize=1024)
 def body_core(shape: Shape) -> BodyCore:
     """What the exact kernel knows of a shape."""
-    match shape:
-        case Sphere(r):
-            return BodyCore(_KIND["BODY_POINT"], _ZERO, (r, r, *_ZERO, r, r, r, *_ZERO, 0.0), _NONE)
-        case Box((x, y, z)):
-            half = 0.5 * x, 0.5 * y, 0.5 * z
-            return BodyCore(_KIND["BODY_BOX"], _ZERO, (math.hypot(*half), 0.0, *_ZERO, *half, *half, 0.0), _NONE)
-        case Cylinder(r, length):
-            half = r, r, 0.5 * length
-            ball = math.hypot(r, half[2])
-            return BodyCore(_KIND["BODY_CYLINDER"], _ZERO, (ball, 0.0, *_ZERO, *half, *half, 0.0), _NONE)
-        case Capsule(r, length):
-            end = 0.5 * length
-            values = (end + r, r, *_ZERO, r, r, end + r, 0.0, 0.0, end, 0.0)
-            return BodyCore(_KIND["BODY_SEGMENT"], _ZERO, values, _NONE)
-        case HalfSpace(normal, offset):
-            values = (FAR, 0.0, *_ZERO, FAR, FAR, FAR, *normal, offset)
-            return BodyCore(_KIND["BODY_HALF_SPACE"], _ZERO, values, _NONE)
-        case PointCloud():
-            return _cells(shape)
-        case _:
-            return _corners(shape) if shape.convex else _surface(shape)
+    if isinstance(shape, PointCloud):
+        return _cells(shape)
+    if isinstance(shape, Mesh):
+        return _corners(shape) if shape.convex else _surface(shape)
+    size = bytearray(shape_size(shape))
+    values = describe_solids(size, [1], 0, 0)[1][0].tolist()
+    return BodyCore(_SIZE.unpack(size)[0], (0.0, 0.0, 0.0), tuple(values[3:15]), _NONE)
 
 
 def _cells(cloud: PointCloud) -> BodyCore:
@@ -148,7 +173,7 @@ def _surface(mesh: Mesh) -> BodyCore:
     """The bounds of a mesh that is not convex; its triangles are in its `MeshTree`."""
     center, half = box_of_mesh(mesh)
     ball = float(np.linalg.norm(mesh.vertices[mesh.faces.ravel()] - center, axis=1).max()) * (1.0 + 1e-12)
-    values = (ball, 0.0, *center.tolist(), *half.tolist(), *_ZERO, 0.0)
+    values = (ball, 0.0, *center.tolist(), *half.tolist(), 0.0, 0.0, 0.0, 0.0)
     return BodyCore(_KIND["BODY_MESH"], tuple(center.tolist()), values, _NONE)
 
 
@@ -156,7 +181,7 @@ def _corners(mesh: Mesh) -> BodyCore:
     points = np.array(mesh.vertices)
     ball = around_points(points)
     low, high = points.min(axis=0), points.max(axis=0)
-    return _bounded(_KIND["BODY_CORNERS"], ball[:3], float(ball[3]), low, high, _ZERO, points)
+    return _bounded(_KIND["BODY_CORNERS"], ball[:3], float(ball[3]), low, high, (0.0, 0.0, 0.0), points)
 
 
 def _bounded(

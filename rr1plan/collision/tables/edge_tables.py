@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,67 +11,217 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.clearance_maps import instance_maps
-from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.collision_geometry import CollisionGeometry
-from rr1plan.collision.edge_kernel import arm_struct, padded_struct
-from rr1plan.collision.tables.kernel_tables import EdgeTables, ExactTables, PaddedPairs
-from rr1plan.collision.tables.link_spheres import instance_spheres
-from rr1plan.collision.tables.obstacle_tables import LANES, link_cores
+from rr1plan.collision.convex.convex_cores import CoreTables
+from rr1plan.collision.tables.link_spheres import LinkSpheres, instance_spheres
+from rr1plan.collision.tables.obstacle_tables import LANES, FixedSolids, ObstacleTables, fixed_links
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.object_cache import kept_in
 
 _INTS = NDArray[np.int64]
+# Intervals of one edge, and those left open, that are kept before the whole edge goes to the exact kernel.
+_INTERVALS = 512
+# A joint's frame in eight lanes, that of the world: the diagonal of a rotation, row by row.
+_WORLD_FRAME = np.repeat(np.concatenate([np.eye(3).ravel(), np.zeros(9)]), 8).view(np.uint8)
 
 
-def build_edge_tables(checker: CoalChecker, tables: ExactTables, tolerance: float) -> EdgeTables:
-    """What the certified edge reads, for the pairs of a checker and its tables for the exact kernel.
+class EdgeTables(NamedTuple):
+    """What the certified edge reads (`scene_tables.h`).
 
     Args:
-        checker: The checker.
-        tables: Its tables for the exact kernel.
+        instances: The arms that move.
+        cores: The cores of their bodies and fixed links, then of each obstacle that has one.
+        obstacles: What does not move: fixed links and obstacles.
+        pairs: Which of them must not touch.
+        padding: Distance to keep of each pair [m], shape (p,).
+        rest: What must be left of a gap beyond everything else for a proof [m].
+        bare_rest: The same with all obstacles at the origin [m].
+    """
+
+    instances: ArmInstances
+    cores: CoreTables
+    obstacles: ObstacleTables
+    pairs: PaddedPairs
+    padding: Array
+    rest: float
+    bare_rest: float
+
+    @property
+    def arm(self) -> LinkSpheres:
+        """The bodies that move."""
+        return instance_spheres(self.instances)
+
+
+@dataclass(frozen=True, eq=False)
+class PaddedPairs:
+    """The pairs that move against each other, as the certified edge reads them (`pair_tables.h`).
+
+    Args:
+        pair_of: Index of the pair of a body and an obstacle, -1 for none, shape (b, o).
+        obstacle_blocks, first_obstacle_block: Blocks of obstacles that have pairs with some body of each group: the
+            first of a block, and which of them as bits; shapes (k, 3) and (g + 1,).
+        group_blocks, first_group_block: The same of groups; the third column is the first of `group_pairs`.
+        body_pairs: Body, body, joints that move both, index of the pair, and if it has a map where that begins in
+            `maps` (else -1), the number of its columns of cells, and its two columns of q; shape (m, 8).
+        group_pairs: Groups with pairs of bodies: group, group, joints that move both, first and last of `body_pairs`,
+            and where a map of all of them together begins in `maps` (-1: none); shape (f, 6).
+        maps: For each clearance map how many cells before a corner are not free (`clearance_map.c`).
+        map_ranges: Low end and cells per rad or m, of both columns of q; shape (m, 4).
+        greatest: The greatest padding [m].
+        kept: What was made of them.
+    """
+
+    pair_of: _INTS
+    obstacle_blocks: _INTS
+    first_obstacle_block: _INTS
+    group_blocks: _INTS
+    first_group_block: _INTS
+    body_pairs: _INTS
+    group_pairs: _INTS
+    maps: NDArray[np.int16]
+    map_ranges: Array
+    greatest: float
+    kept: dict[str, Any] = field(default_factory=dict)
+
+
+def build_edge_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: Array, tolerance: float) -> EdgeTables:
+    """What the certified edge reads.
+
+    Args:
+        geometry: The moving arms and their pairs.
+        fixed: The solids that do not move.
+        padding: Distance to keep of each pair that moves [m], shape (m,).
         tolerance: Gaps beyond the padding smaller than this are no proof [m].
     """
-    geometry = checker.geometry
-    spheres, pairs = instance_spheres(geometry.instances), _kernel_pairs(geometry)
-    kinds, values, boxes = checker.fixed.placed_shapes(pairs.places, pairs.pair_of.shape[1])
-    carried, links = link_cores(geometry.instances, spheres.cores)
-    checker.fixed.solids[: len(links), 3] = links
-    cores, core_of = checker.fixed.placed_cores(carried, pairs.places, pairs.pair_of.shape[1])
-    bare = 2.0 * tolerance + 1e-9 + 1e-12 * float(np.abs(spheres.joint_values[:, 9:12]).sum())
-    rest = bare + float(load_library().rr1_obstacle_rounding(values, len(values)))
-    padded = padded_pairs(geometry, tables.padding, tolerance, rest)
-    return EdgeTables(
-        spheres.joints, spheres.joint_values, spheres.bodies, spheres.groups, spheres.group_boxes,
-        spheres.spheres, spheres.chain, spheres.chain_reach,
-        kinds, values, boxes,
-        padded.pair_of, padded.obstacle_blocks, padded.first_obstacle_block,
-        padded.group_blocks, padded.first_group_block,
-        padded.body_pairs, padded.group_pairs, padded.maps, padded.map_ranges,
-        tables.padding, *cores, core_of, np.array([rest, padded.greatest, bare]),
-    )  # fmt: skip
+    instances, pairs = geometry.instances, _kernel_pairs(geometry)
+    link_cores, numbers = _link_cores(instances)
+    cores = fixed.place_cores(link_cores, numbers)
+    obstacles, rounding = fixed.place_obstacles(pairs.places, pairs.pair_of.shape[1])
+    bare = 2.0 * tolerance + instance_spheres(instances).rounding
+    padded = padded_pairs(geometry, padding, tolerance, bare + rounding)
+    return EdgeTables(instances, cores, obstacles, padded, padding, bare + rounding, bare)
 
 
-def shared_structs(geometry: CollisionGeometry, tables: EdgeTables, tolerance: float) -> dict[str, CStruct]:
-    """What other scenes share of the structs made of tables, see `scene_struct`: each is made once.
+def _link_cores(instances: ArmInstances) -> tuple[CoreTables, _INTS]:
+    """Cores of the arms' bodies and of links that no joint moves, and the `core` of each solid of these; cached."""
+
+    def make() -> tuple[CoreTables, _INTS]:
+        links = FixedSolids(fixed_links(instances))
+        cores = links.place_cores(instance_spheres(instances).cores)
+        return cores, links.solids[:, 3].copy()
+
+    return kept_in(instances.kept, "link cores", make)
+
+
+# ---- structs and memory ----------------------------------------------------------------------------
+
+
+def scene_struct(
+    tables: EdgeTables, exact: CStruct, columns: int, tolerance: float, fixed: CStruct | None = None
+) -> CStruct:
+    """A scene's tables as C reads them.
 
     Args:
-        geometry: What the tables are of.
-        tables: The tables.
-        tolerance: As they were made with [m].
+        tables: What the kernel knows of spheres, cores and pairs.
+        exact: What the exact kernel knows of the same pairs.
+        columns: Number of columns of q.
+        tolerance: Motions that pass at less than this beyond the padding are refused [m].
+        fixed: What does not move, which is needed to move it.
     """
-    shared = {"pairs": padded_struct(padded_pairs(geometry, tables.padding, tolerance, float(tables.margins[0])))}
-    instances = geometry.instances
-    if tables.cores is link_cores(instances, instance_spheres(instances).cores)[0].rows:  # no obstacle has a core
-        shared["arm"] = kept_in(instances.kept, "struct", lambda: _arm_struct(instances, tables))
-    return shared
+    return CStruct(
+        "SceneTables",
+        arm=_arm_struct(tables),
+        obstacles=tables.obstacles.struct(),
+        pairs=pair_struct(tables.pairs, tables.padding),
+        exact=exact,
+        column_count=columns,
+        margin=tables.rest,
+        max_padding=tables.pairs.greatest,
+        bare_margin=tables.bare_rest,
+        tolerance=tolerance,
+        **({} if fixed is None else {"fixed": fixed}),
+    )
 
 
-def _arm_struct(instances: ArmInstances, tables: EdgeTables) -> CStruct:
-    """What moves as C reads it: where the arms stand, only the placements of joints and cores of fixed links tell."""
-    if tables.cores is not instance_spheres(instances).cores.rows:
-        return arm_struct(tables)
-    made = kept_in(instances.unplaced, "struct", lambda: arm_struct(tables))
-    return made.copied(placements=tables.joint_values)
+def _arm_struct(tables: EdgeTables) -> CStruct:
+    """What moves, and cores, as C reads them; scenes without cores of obstacles share it."""
+    arm, instances = tables.arm, tables.instances
+
+    def with_cores(cores: CoreTables) -> CStruct:
+        made = kept_in(instances.unplaced, "struct", arm.struct)
+        return made.copied(placements=arm.joint_values, **cores.fields())
+
+    links = _link_cores(instances)[0]
+    shared = kept_in(instances.kept, "struct", lambda: with_cores(links))
+    return shared if tables.cores is links else with_cores(tables.cores)
+
+
+def pair_struct(pairs: PaddedPairs, padding: Array) -> CStruct:
+    """Pairs as C reads them.
+
+    Args:
+        pairs: The pairs.
+        padding: Distance to keep of each [m], shape (p,).
+    """
+
+    def make() -> CStruct:
+        return CStruct(
+            "PairTables",
+            body_pair_count=len(pairs.body_pairs),
+            obstacle_pair=pairs.pair_of,
+            obstacle_blocks=pairs.obstacle_blocks,
+            first_obstacle_block=pairs.first_obstacle_block,
+            group_blocks=pairs.group_blocks,
+            first_group_block=pairs.first_group_block,
+            body_pairs=pairs.body_pairs,
+            group_pairs=pairs.group_pairs,
+            map_ranges=pairs.map_ranges,
+            maps=pairs.maps,
+        )
+
+    return kept_in(pairs.kept, "struct", make).copied(padding=padding, pair_count=len(padding))
+
+
+def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
+    """Memory that the kernel writes: one thread's.
+
+    Args:
+        tables: What the kernel knows of spheres, cores and pairs.
+        exact: Memory of the exact kernel.
+        columns: Number of columns of q.
+    """
+    arm, pairs = tables.arm, tables.pairs
+    rows, largest = arm.longest_chain + 1, arm.largest_group
+    stride, joints, spheres = len(arm.groups) + -len(arm.groups) % LANES, len(arm.joints), len(arm.spheres)
+    bodies, obstacles = pairs.pair_of.shape
+    scratch = CStruct("Scratch", bound_rows=rows, interval_size=_INTERVALS, exact=exact)
+    scratch.give_room(
+        joint_motions=joints,
+        curve=3 * columns,
+        speeds=rows * stride,
+        accelerations=rows * stride,
+        group_boxes=6 * stride,
+        placed_batch=bodies,
+        group_lanes=bodies,
+        frames=joints,
+        spheres=spheres,
+        seeds=len(tables.padding),
+    )
+    scratch.give_room(
+        unset=True,
+        # One more than there are: what is not kept is written behind the last.
+        near_obstacles=obstacles + 1,
+        near_spheres=spheres + 1,
+        mesh_spheres=spheres,
+        near_groups=len(pairs.group_pairs) + 1,
+        near_bodies=largest * max(largest, obstacles) + 1,
+        candidates=len(tables.padding) + 1,
+        intervals=_INTERVALS,
+        open=_INTERVALS,
+    )
+    # All others are placed for every batch.
+    scratch.part("frames")[0] = _WORLD_FRAME
+    return scratch
 
 
 # ---- pairs -----------------------------------------------------------------------------------------
@@ -108,13 +259,12 @@ def _new_padded_pairs(geometry: CollisionGeometry, padding: Array, rest: float) 
         maps.counts,
         maps.ranges,
         float(np.max(padding, initial=0.0)),
-        {},
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _KernelPairs:
-    """Which bodies and obstacles must not touch; columns as in `EdgeTables`.
+    """Which bodies and obstacles must not touch; columns as in `PaddedPairs`.
 
     Args:
         body_pairs, group_pairs: Their first columns there.

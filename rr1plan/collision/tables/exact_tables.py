@@ -6,6 +6,8 @@ Rows of an arm are shared by all arms with its geometry, and a scene's tables by
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +15,60 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
 from rr1plan.collision.collision_geometry import CollisionGeometry, SolidPairs
+from rr1plan.collision.convex.mesh_trees import NO_MESHES, MeshTree
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry
 from rr1plan.collision.tables.arm_tables import instance_tables
 from rr1plan.collision.tables.body_tables import BodyTables
-from rr1plan.collision.tables.kernel_tables import ExactTables
 from rr1plan.collision.tables.obstacle_tables import FixedSolids
+from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.object_cache import kept_in
 
 _INTS = NDArray[np.int64]
+# Pairs and intervals that the exact kernel keeps open at once, at least; a power of two.
+_QUEUE = 1 << 15
+# Coefficients of a curve there is room for until a longer one comes.
+_TERMS = 8
+
+
+class ExactTables(NamedTuple):
+    """Bodies and pairs as the exact kernel reads them (`exact_tables.h`).
+
+    Args:
+        joints: Parent, 1 for prismatic, column (or -1), 1 if anything drives it or a joint above it; row 0 is the
+            world, shape (n, 4).
+        joint_values: T_parent_joint (12), axis (3), gain, offset; shape (n, 17).
+        bodies: Kind, joint, first and last corner (of a mesh its number), first and last entry of its chain;
+            shape (b, 6).
+        body_values: T_joint_body (12), center of its ball in the joint's frame (3), radius of the ball,
+            radius around the core, center (3) and half sizes (3) of its box in its own frame, size (3;
+            a half-space's normal), a half-space's offset; shape (b, 27).
+        corners: Corner points of all bodies of kind BODY_CORNERS, centers of the cells of BODY_CELLS, shape (c, 3).
+        links: Neighbors of corner i are links[links[i] : links[i + 1]].
+        chain: Driven joints above each body, root first.
+        chain_reach: For each, how far the center of the body's ball can ever be from the joint's axis [m].
+        pairs: Body, body (the half-space or cloud, if there is one), how many joints their chains share;
+            shape (p, 3).
+        padding: Distance to keep [m], shape (p,).
+        joint_poses: World poses of joints at q = 0: rotation row by row, then origin; shape (n, 12).
+        poses: The same of bodies, shape (b, 12).
+        centers: Centers of their balls, shape (b, 3).
+        meshes: Triangles of all bodies of kind BODY_MESH.
+    """
+
+    joints: _INTS
+    joint_values: Array
+    bodies: _INTS
+    body_values: Array
+    corners: Array
+    links: _INTS
+    chain: _INTS
+    chain_reach: Array
+    pairs: _INTS
+    padding: Array
+    joint_poses: Array
+    poses: Array
+    centers: Array
+    meshes: MeshTree
 
 
 def build_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: Array) -> ExactTables:
@@ -59,7 +107,7 @@ def build_fixed_tables(things: Sequence[ObstacleGeometry], pairs: _INTS, padding
         pairs: Pairs of their solids, numbered object after object [index], shape (m, 2).
         padding: Distance to keep of each [m], shape (m,).
     """
-    surfaceless = np.array([kind for thing in things for kind in thing.rows.surfaceless], np.bool_)[pairs]
+    surfaceless = np.array([kind for thing in things for kind in thing.surfaceless], np.bool_)[pairs]
     if surfaceless.all(axis=1).any():
         return None
     turned = np.where(surfaceless[:, :1], pairs[:, ::-1], pairs)
@@ -70,9 +118,8 @@ def build_fixed_tables(things: Sequence[ObstacleGeometry], pairs: _INTS, padding
 def _tables(instances: ArmInstances, fixed: FixedSolids, pairs: _INTS, padding: Array) -> ExactTables:
     arms = instance_tables(instances)
     bodies, meshes = fixed.add_bodies(arms.bodies, len(arms.chain))
-    if bodies.corners is arms.bodies.corners:  # no obstacle has any
-        links = kept_in(instances.kept, "links", lambda: _links(bodies))
-    else:
+    links = kept_in(instances.kept, "links", lambda: _links(arms.bodies))
+    if bodies.corners is not arms.bodies.corners:
         links = _links(bodies)
     return ExactTables(
         arms.joints,
@@ -96,3 +143,78 @@ def _links(bodies: BodyTables) -> _INTS:
     """The `links` of `ExactTables`."""
     begins = np.concatenate([[0], np.cumsum(bodies.degrees)]) + len(bodies.corners) + 1
     return read_only(np.concatenate([begins, bodies.neighbors]))
+
+
+def exact_struct(tables: ExactTables, columns: int, like: CStruct | None = None) -> CStruct:
+    """The exact kernel's tables as C reads them.
+
+    Args:
+        tables: The tables.
+        columns: Number of columns of q.
+        like: A struct of tables that share arrays with these, of which a changed copy is faster made.
+    """
+    fields = {
+        "joint_count": len(tables.joints),
+        "body_count": len(tables.bodies),
+        "pair_count": len(tables.pairs),
+        "column_count": columns,
+        "joints": tables.joints,
+        "placements": tables.joint_values,
+        "bodies": tables.bodies,
+        "shapes": tables.body_values,
+        "corners": tables.corners,
+        "links": tables.links,
+        "chain": tables.chain,
+        "chain_reach": tables.chain_reach,
+        "pairs": tables.pairs,
+        "padding": tables.padding,
+        "meshes": _no_meshes() if tables.meshes is NO_MESHES else CStruct("MeshTables", **vars(tables.meshes)),
+    }
+    return CStruct("ExactTables", **fields) if like is None else like.copied(**fields)
+
+
+@cache
+def _no_meshes() -> CStruct:
+    return CStruct("MeshTables", **vars(NO_MESHES))
+
+
+def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue: int | None = None) -> CStruct:
+    """Memory that the exact kernel writes.
+
+    Args:
+        tables: Its tables; the poses of fixed bodies are copied from them.
+        columns: Number of columns of q.
+        terms: Coefficients of the longest curve.
+        queue: Pairs and intervals that can be open at once, a power of two (default: enough for curves).
+    """
+    queue = queue or max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length())
+    stride = len(tables.joints) + 1
+    scratch = CStruct(
+        "ExactScratch",
+        travel_stride=stride,
+        coefficient_rows=terms,
+        queue_size=queue,
+        joint_poses=tables.joint_poses.copy(),
+        poses=tables.poses.copy(),
+        centers=tables.centers.copy(),
+    )
+    scratch.give_room(
+        directions=len(tables.pairs),
+        travel=len(tables.bodies) * stride,
+        coefficients=terms * columns,
+        q=columns,
+        reach=columns,
+        placed_at=len(tables.bodies),
+    )
+    scratch.give_room(unset=True, queue=queue)
+    return scratch
+
+
+def arm_exact_struct(instances: ArmInstances) -> CStruct:
+    """The struct of moving arms that nothing stands around, which those of their scenes are like."""
+
+    def make() -> CStruct:
+        columns = sum(len(geometry.arm_model.joint_names) for geometry in instances.geometries)
+        return exact_struct(_tables(instances, FixedSolids(()), np.zeros((0, 3), np.int64), np.zeros(0)), columns)
+
+    return kept_in(instances.kept, "exact struct", make)

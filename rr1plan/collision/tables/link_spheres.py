@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +16,12 @@ from rr1plan.collision.convex.bounding_spheres import SphereCover, cover
 from rr1plan.collision.convex.convex_cores import NO_CORES, Cores, CoreTables, core_radius, extremes
 from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.tables.arm_tables import ArmTables, arm_tables, joint_motion, moved
-from rr1plan.collision.tables.body_groups import group_rows
+from rr1plan.kernels.planner_kernels import CStruct, constants
 from rr1plan.object_cache import kept_in
 from rr1plan.transforms import rotation_about
 
 _INTS = NDArray[np.int64]
+_LANES = constants()["LANES"]
 # No ball inside: a ball around the whole body is no part of it.
 _NOTHING = -1e12
 # More than what placing corners in a joint's frame rounds [m].
@@ -27,10 +30,20 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class LinkSpheres:
-    """Tables of the bodies that move; columns as in `EdgeTables`.
+    """Tables of the bodies that move, as `arm_geometry.h` has them.
 
     Args:
-        joints, joint_values, bodies, groups, group_boxes, spheres, chain, chain_reach: As there.
+        joints: Parent (0: the world), 1 for prismatic, column; row 0 is the world, shape (j, 3).
+        joint_values: T_parent_joint with z along the axis (12) and gain, shape (j, 13).
+        bodies: Joint, first and last sphere (the first is the ball around all), group; shape (b, 4).
+        groups: Of bodies that one joint carries: joint, ball around all (of one, its own), first and last body, first
+            and last entry of the chain; shape (g, 6).
+        group_boxes: The box around each group in its joint's axes, low and high from the center of its ball [m],
+            shape (g, 6).
+        spheres: Center in the joint's frame, radius, radius of the ball inside, distance of the center from that of
+            the body's ball [m]; those of bodies, then the balls around groups; shape (s, 6).
+        chain: Joints above each group, root first.
+        chain_reach: For each, how far any of its points can be from the joint's axis, prismatic joints at zero [m].
         cores: The cores of the bodies, in their order.
         body: Index in `bodies` of each solid of the arms, -1 where it does not move, shape (n,).
     """
@@ -45,6 +58,60 @@ class LinkSpheres:
     chain_reach: Array
     cores: CoreTables
     body: _INTS
+
+    @cached_property
+    def rounding(self) -> float:
+        """What rounding may take from a gap between two bodies [m]."""
+        return 1e-9 + 1e-12 * float(np.abs(self.joint_values[:, 9:12]).sum())
+
+    @cached_property
+    def longest_chain(self) -> int:
+        """The most joints above a group."""
+        return int((self.groups[:, 5] - self.groups[:, 4]).max(initial=0))
+
+    @cached_property
+    def largest_group(self) -> int:
+        """The most bodies of a group."""
+        return int((self.groups[:, 3] - self.groups[:, 2]).max(initial=0))
+
+    def struct(self) -> CStruct:
+        """The tables as C reads them, with the cores of the bodies."""
+        depths, blocks, reach = _chain_tables(self)
+        return CStruct(
+            "ArmGeometry",
+            joint_count=len(self.joints),
+            body_count=len(self.bodies),
+            group_count=len(self.groups),
+            sphere_count=len(self.spheres),
+            joints=self.joints,
+            placements=self.joint_values,
+            bodies=self.bodies,
+            groups=self.groups,
+            group_boxes=self.group_boxes,
+            spheres=self.spheres,
+            chain=self.chain,
+            depths=depths,
+            group_blocks=blocks,
+            reach=reach,
+            group_stride=len(blocks) * _LANES,
+            **self.cores.fields(),
+        )
+
+
+def _chain_tables(tables: LinkSpheres) -> tuple[_INTS, _INTS, Array]:
+    """How many driven joints are above each joint, and the kernel's `group_blocks` and `reach`."""
+    depths = np.zeros(len(tables.joints), np.int64)
+    for j, parent in enumerate(tables.joints[1:, 0].tolist(), 1):
+        depths[j] = depths[parent] + (parent > 0)
+    group = np.repeat(np.arange(len(tables.groups)), tables.groups[:, 5] - tables.groups[:, 4])
+    first = np.full(-(-len(tables.groups) // _LANES), len(tables.joints), np.int64)
+    last = np.zeros_like(first)
+    np.minimum.at(first, group // _LANES, tables.chain)
+    np.maximum.at(last, group // _LANES, tables.chain + 1)
+    rows = np.cumsum(last - first) - (last - first)
+    reach = np.full((int((last - first).sum()), _LANES), -1.0)
+    reach[rows[group // _LANES] + tables.chain - first[group // _LANES], group % _LANES] = tables.chain_reach
+    return depths, np.column_stack([first, last, rows]), reach
 
 
 # ---- all arms of a scene ---------------------------------------------------------------------------
@@ -204,6 +271,28 @@ def _arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
     )
 
 
+def group_rows(frames: list[int], chains: list[list[int]], reaches: list[list[float]]) -> tuple[_INTS, _INTS, Array]:
+    """Neighboring bodies of one joint put into groups.
+
+    Args:
+        frames: The joint that carries each body.
+        chains: Joints above each, root first.
+        reaches: For each of those, how far points of the body can be from its axis [m].
+
+    Returns:
+        The kernel's `groups` without balls, its `chain` and its `chain_reach`.
+    """
+    begins = [b for b in range(len(frames)) if b == 0 or frames[b] != frames[b - 1]]
+    rows = []
+    chain: list[int] = []
+    reach: list[float] = []
+    for first, last in pairwise([*begins, len(frames)]):
+        rows.append((frames[first], -1, first, last, len(chain), len(chain) + len(chains[first])))
+        chain += chains[first]
+        reach += np.max(reaches[first:last], axis=0).tolist()
+    return np.array(rows, np.int64).reshape(-1, 6), np.array(chain, np.int64), np.array(reach, np.float64)
+
+
 def _group(
     bodies: _INTS, spheres: Array, chains: list[list[int]], reaches: list[list[float]]
 ) -> tuple[_INTS, _INTS, Array, _INTS, Array]:
@@ -223,13 +312,6 @@ def _group(
         ball[3] = min(ball[3], ball_reach(spheres[balls, :4], ball[:3]).max() * (1.0 + 1e-9))
         rows.append(np.array([[*ball, _NOTHING, 0.0]]))
     return bodies, groups, np.concatenate(rows), chain, reach
-
-
-def matrix(flat: Array) -> Array:
-    """The transform (4, 4) of a rotation row by row and a translation."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = flat[:9].reshape(3, 3), flat[9:12]
-    return T
 
 
 def _turn_from_z(axis: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +13,42 @@ from rr1plan.collision.arm_geometry import ArmGeometry
 from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.convex.convex_bodies import is_concave
 from rr1plan.collision.convex.convex_cores import CoreTables, joined_cores, shape_core
-from rr1plan.collision.convex.mesh_trees import MeshTree, joined_trees, mesh_tree
+from rr1plan.collision.convex.mesh_trees import NO_MESHES, MeshTree, joined_trees, mesh_tree
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry
 from rr1plan.collision.tables.arm_tables import arm_tables
-from rr1plan.collision.tables.body_tables import BodyTables, body_core, neighbors
-from rr1plan.collision.tables.link_spheres import matrix
-from rr1plan.collision.tables.solid_rows import solid_rows
+from rr1plan.collision.tables.body_tables import BodyTables, body_core, describe_solids, neighbors
 from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
 from rr1plan.object_cache import kept_in
-from rr1plan.shapes import Shape
+from rr1plan.shapes import Mesh, PointCloud, Shape
 
 _INTS = NDArray[np.int64]
 LANES = constants()["LANES"]
-_CLOSED_FORM = constants()["CORE_CLOSED_FORM"]
+_CORE_MESH = constants()["CORE_MESH"]
+# Meshes of more corners are left to the exact kernel, which walks along edges instead of looking at all.
+_MOST_POINTS = 2000
+
+
+class ObstacleTables(NamedTuple):
+    """Solids that do not move and that some moving body must not touch, as `obstacle_tables.h` has them.
+
+    Args:
+        kinds: Kind, and 1 if its gap is exact, not only a lower bound; shape (o, 2), o a multiple of the lanes.
+        shapes: Rotation row by row, center, half sizes (of a cylinder its radius twice and half its length), radius
+            around it, low end along the third axis; shape (o, 17). A half-space is all below its center along its
+            third axis; there are no others.
+        boxes: Box around each, low and high, shape (6, o).
+        core: Row of the cores of each, CORE_CLOSED_FORM, CORE_LEFT_OUT or CORE_MESH, shape (o,).
+    """
+
+    kinds: _INTS
+    shapes: Array
+    boxes: Array
+    core: _INTS
+
+    def struct(self) -> CStruct:
+        """The tables as C reads them."""
+        kinds, shapes, boxes, core = self
+        return CStruct("ObstacleTables", count=len(kinds), kinds=kinds, shapes=shapes, boxes=boxes, core=core)
 
 
 class FixedSolids:
@@ -42,43 +65,50 @@ class FixedSolids:
     """
 
     def __init__(self, things: Sequence[ObstacleGeometry], first_body: int = 0, links: int = 0) -> None:
-        counts = [len(thing.rows.shapes) for thing in things]
-        total, before = sum(counts), sum(counts[:links])
-        kinds = np.frombuffer(b"".join([thing.rows.kinds for thing in things]), np.int64).reshape(-1, 4)
-        self.exact_kinds = kinds[before:, 0]
-        self.solids = np.zeros((total, 8), np.int64)
-        self.solids[:, 0] = np.repeat(np.arange(len(things)), counts)
-        self.solids[:before, 1] = -1
-        self.solids[before:, 1] = np.arange(first_body, first_body + total - before)
-        self.solids[:, 2] = np.arange(total)
-        self.solids[:, 3], self.solids[:, 6:] = kinds[:, 3], kinds[:, 1:3]
-        # Those with tables of their own, numbered among all solids, and their shapes.
-        self.special: list[tuple[int, Shape]] = []
-        first = 0
-        for thing, count in zip(things, counts, strict=True):
-            self.special += [(first + i, thing.rows.shapes[i]) for i in thing.rows.special]
-            first += count
-        self._before = before
-        self.solids[:before, 4] = -1
-        self._cores = [(i, shape_core(shape)) for i, shape in self.special if i >= before and kinds[i, 3] == 0]
-        points, blocks = np.zeros((0, 3)), np.zeros((0, 4))
-        if self._cores:
-            parts = [core for _, core in self._cores]
-            points = np.concatenate([part.points for part in parts])
-            blocks = np.concatenate([part.blocks for part in parts])
-            rows = [i for i, _ in self._cores]
-            for column, sizes in ((4, [len(p.points) for p in parts]), (5, [len(p.blocks) for p in parts])):
-                self.solids[rows, column] = np.cumsum([0, *sizes[:-1]])
+        counts = [len(thing.shapes) for thing in things]
+        sizes = bytearray().join([thing.sizes for thing in things])
+        self.solids, shapes, special = describe_solids(sizes, counts, links, first_body)
+        self._links = sum(counts[:links])
+        self._exact_kinds = np.frombuffer(sizes, np.int64)[5 * self._links :: 5]
+        # Meshes and point clouds by their number among all solids, except those of links.
+        self._special = self._describe_special(things, shapes) if special else []
+        self._cores = [(i, shape_core(shape)) for i, shape in self._special if self.solids[i, 3] == 0]
         self.struct = CStruct(
             "FixedSolids",
-            count=total,
+            count=len(self.solids),
             solids=self.solids,
-            shapes=np.frombuffer(b"".join([thing.rows.values for thing in things])).reshape(-1, 23),
-            frames=np.frombuffer(b"".join([thing.frames for thing in things])).reshape(-1, 16),
-            objects=np.array([thing.pose for thing in things]).reshape(-1, 16),
-            points=points,
-            blocks=blocks,
+            shapes=shapes,
+            frames=np.frombuffer(bytearray().join([thing.frames for thing in things])).reshape(-1, 16),
+            objects=np.frombuffer(bytearray().join([thing.pose.tobytes() for thing in things])).reshape(-1, 16),
         )
+        if self._cores:
+            self._set_cores()
+
+    def _set_cores(self) -> None:
+        """Add the corners of cores, and where those of each solid begin."""
+        parts, rows = [core for _, core in self._cores], [i for i, _ in self._cores]
+        self.solids[rows, 4] = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
+        self.solids[rows, 5] = np.cumsum([0, *(len(part.blocks) for part in parts[:-1])])
+        self.struct.set(
+            points=np.concatenate([part.points for part in parts]),
+            blocks=np.concatenate([part.blocks for part in parts]),
+        )
+
+    def _describe_special(self, things: Sequence[ObstacleGeometry], rows: Array) -> list[tuple[int, Shape]]:
+        """Describe meshes and point clouds: write their rows of `SolidShape`, and their kinds of cores."""
+        special: list[tuple[int, Shape]] = []
+        for i, shape in enumerate(shape for thing in things for shape in thing.shapes):
+            if not isinstance(shape, Mesh | PointCloud):
+                continue
+            exact = body_core(shape)
+            rows[i, :15] = *exact.ball, *exact.values
+            if is_concave(shape):
+                self.solids[i, 3] = _CORE_MESH
+            elif isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
+                self.solids[i, 3], rows[i, 19:] = 0, shape_core(shape).values[0, [0, 1, 2, 4]]
+            if i >= self._links:
+                special.append((i, shape))
+        return special
 
     def add_bodies(self, bodies: BodyTables, links: int) -> tuple[BodyTables, MeshTree]:
         """Rows for the exact kernel after those of the arms, and the triangles of concave meshes.
@@ -87,22 +117,20 @@ class FixedSolids:
             bodies: Those of the arms.
             links: How many entries their chains have; what does not move has none.
         """
-        first, total = len(bodies.bodies), len(bodies.bodies) + len(self.exact_kinds)
+        first, total = len(bodies.bodies), len(bodies.bodies) + len(self._exact_kinds)
         rows, values = np.zeros((total, 6), np.int64), np.empty((total, 27))
         poses, centers = np.empty((total, 12)), np.empty((total, 3))
-        rows[:first], values[:first], poses[:first], centers[:first] = (
-            bodies.bodies,
-            bodies.values,
-            bodies.poses,
-            bodies.centers,
-        )
-        rows[first:, 0], rows[first:, 4:] = self.exact_kinds, links
+        rows[:first], values[:first] = bodies.bodies, bodies.values
+        poses[:first], centers[:first] = bodies.poses, bodies.centers
+        rows[first:, 0], rows[first:, 4:] = self._exact_kinds, links
         self.place_bodies(values, poses, centers)
+        if not self._special:
+            return bodies._replace(bodies=rows, values=values, poses=poses, centers=centers), NO_MESHES
         corners, degrees, to = [bodies.corners], [bodies.degrees], [bodies.neighbors]
         meshes: list[MeshTree] = []
         count = len(bodies.corners)
-        for i, shape in self.special:
-            row = rows[first + i - self._before]
+        for i, shape in self._special:
+            row = rows[first + i - self._links]
             if is_concave(shape):
                 row[2] = len(meshes)
                 meshes.append(mesh_tree(shape))
@@ -113,74 +141,48 @@ class FixedSolids:
             degrees.append(each)
             to.append(others + count)
             count += len(own)
-        if len(corners) == 1:
-            joined = bodies.corners, bodies.degrees, bodies.neighbors
-        else:
-            joined = np.concatenate(corners), np.concatenate(degrees), np.concatenate(to)
+        joined = np.concatenate(corners), np.concatenate(degrees), np.concatenate(to)
         return BodyTables(rows, values, *joined, poses, centers), joined_trees(meshes)
 
     def place_bodies(self, values: Array, poses: Array, centers: Array) -> None:
         """Write the rows of `body_values`, `poses` and `centers` of `ExactTables` of all that have some."""
         load_library().rr1_place_bodies(self.struct, values, poses, centers)
 
-    def placed_shapes(self, places: _INTS, count: int) -> tuple[_INTS, Array, Array]:
-        """The `obstacles`, `obstacle_values` and `boxes` of `EdgeTables`; places that nothing has are nowhere.
+    def place_cores(self, bodies: CoreTables, links: _INTS | None = None) -> CoreTables:
+        """The cores of the arms' bodies followed by those of these solids.
 
         Args:
-            places: Where each solid is there, -1: it is not, shape (n,).
-            count: How many places there are.
+            bodies: The cores of the arms' bodies.
+            links: The `core` of each solid that is a link (default: there are none).
         """
-        self.solids[:, 2] = places
-        there = places >= 0
-        kinds, values, boxes = np.zeros((count, 2), np.int64), np.zeros((count, 17)), np.empty((6, count))
-        kinds[places[there]] = self.solids[there, 6:]
-        boxes[:3], boxes[3:] = np.inf, -np.inf
-        load_library().rr1_place_shapes(self.struct, values, boxes, count)
-        return kinds, values, boxes
+        if links is not None:
+            self.solids[: self._links, 3] = links
+        if not self._cores:
+            return bodies
+        tables, (_, *before) = joined_cores([bodies, *(core for _, core in self._cores)])
+        tables = tables._replace(values=tables.values.copy(), points=tables.points.copy(), blocks=tables.blocks.copy())
+        self.solids[[i for i, _ in self._cores], 3] = before
+        load_library().rr1_place_cores(self.struct, tables.rows, tables.values, tables.points, tables.blocks)
+        return tables
 
-    def placed_cores(self, bodies: CoreTables, places: _INTS, count: int) -> tuple[CoreTables, _INTS]:
-        """The cores of moving bodies followed by those of the obstacles, and `core_of` of `EdgeTables`.
+    def place_obstacles(self, places: _INTS, count: int) -> tuple[ObstacleTables, float]:
+        """The solids as obstacles, after their cores, and what rounding may take from a gap to them [m].
 
         Args:
-            bodies: The cores of moving bodies.
-            places: See `placed_shapes`.
-            count: See `placed_shapes`.
+            places: Where each solid is in the tables, -1: it is not, shape (n,). Other rows are nowhere.
+            count: How many rows there are.
         """
-        tables = bodies
-        if self._cores:
-            tables, (_, *before) = joined_cores([bodies, *(core for _, core in self._cores)])
-            tables = tables._replace(
-                values=tables.values.copy(), points=tables.points.copy(), blocks=tables.blocks.copy()
-            )
-            self.solids[[i for i, _ in self._cores], 3] = before
-            load_library().rr1_place_cores(self.struct, tables.rows, tables.values, tables.points, tables.blocks)
-        core_of = np.full(count, _CLOSED_FORM, np.int64)
-        there = places >= 0
-        core_of[places[there]] = self.solids[there, 3]
-        return tables, core_of
-
-
-def link_cores(instances: ArmInstances, bodies: CoreTables) -> tuple[CoreTables, _INTS]:
-    """Cores of the arms' bodies and of links that no joint moves, and the `core` of each solid of these; cached."""
-    return kept_in(instances.kept, "link cores", lambda: _link_cores(instances, bodies))
-
-
-def _link_cores(instances: ArmInstances, bodies: CoreTables) -> tuple[CoreTables, _INTS]:
-    if not any(fixed_links_of(geometry).rows.special for geometry in instances.geometries):
-        # No core of such a link has corners that would have to be put in place.
-        kinds = b"".join([fixed_links_of(geometry).rows.kinds for geometry in instances.geometries])
-        return bodies, np.frombuffer(kinds, np.int64).reshape(-1, 4)[:, 3]
-    links = FixedSolids(fixed_links(instances))
-    count = len(links.solids)
-    tables, _ = links.placed_cores(bodies, np.arange(count), count)
-    return tables, links.solids[:, 3].copy()
+        kinds, shapes = np.empty((count, 2), np.int64), np.empty((count, 17))
+        boxes, core = np.empty((6, count)), np.empty(count, np.int64)
+        rounding = load_library().rr1_place_obstacles(self.struct, places, count, kinds, shapes, boxes, core)
+        return ObstacleTables(kinds, shapes, boxes, core), rounding
 
 
 def boxes_of(things: Sequence[ObstacleGeometry]) -> Array:
     """Low and high corner of the box around each solid of some objects [m], infinite for a half-space, shape (n, 6)."""
     fixed = FixedSolids(things)
     count = len(fixed.solids)
-    return np.ascontiguousarray(fixed.placed_shapes(np.arange(count), count)[2].T)
+    return np.ascontiguousarray(fixed.place_obstacles(np.arange(count), count)[0].boxes.T)
 
 
 def balls_of(things: Sequence[ObstacleGeometry]) -> Array:
@@ -199,7 +201,7 @@ def fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
 
 def _fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
     arms = zip(instances.geometries, instances.bases, strict=True)
-    return tuple(replace(fixed_links_of(geometry), pose=base) for geometry, base in arms)
+    return tuple(fixed_links_of(geometry).at(base) for geometry, base in arms)
 
 
 def fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:
@@ -210,7 +212,7 @@ def fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:
 def _fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:
     fixed = np.flatnonzero(geometry.groups == 0).tolist()
     # A joint that nothing drives may carry them.
-    frames = b"".join([matrix(pose).tobytes() for pose in arm_tables(geometry).bodies.poses[fixed]])
+    poses, frames = arm_tables(geometry).bodies.poses[fixed], np.tile(np.eye(4), (len(fixed), 1, 1))
+    frames[:, :3, :3], frames[:, :3, 3] = poses[:, :9].reshape(-1, 3, 3), poses[:, 9:]
     solids = [geometry.solids[i] for i in fixed]
-    rows = solid_rows(tuple(solid.shape for solid in solids))
-    return ObstacleGeometry([solid.element for solid in solids], rows, frames, np.eye(4))
+    return ObstacleGeometry([s.element for s in solids], tuple(s.shape for s in solids), frames.tobytes(), np.eye(4))

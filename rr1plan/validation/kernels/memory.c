@@ -88,7 +88,7 @@ static int64_t lay_out(RefereeSearch *s, char *block) {
     TAKE(elements, spare);
     TAKE(gjk, spare);
     TAKE(directions, spare);
-    TAKE(left, s->pair_room);
+    TAKE(marked, s->pair_room);
     TAKE(items, s->pair_room * SEARCH_DEPTH);
 #undef TAKE
     for (int64_t b = 0; block && b < bodies; b++) s->placed_on[b] = 0;
@@ -126,5 +126,31 @@ EXPORT void rr1_begin_search(RefereeSearch *s, double *block) {
         }
     }
     s->states[s->joint_count] = (JointState){.change = 0.0};
-    for (int group = 0; group < PAIR_GROUPS; group++) s->smallest[group] = s->proven[group] = INFINITY;
+    for (int group = 0; group < PAIR_GROUPS; group++) s->smallest[group] = s->proven[group] = s->refined[group] = INFINITY;
+}
+
+// Fill the tables of bodies on link 0 from their shapes and poses on it, shape (count, 4, 4); the number of columns that
+// their corners take.
+EXPORT int64_t rr1_fill_bodies(const ShapeRow *shapes, const double *poses, int64_t count, RefereeBody *bodies,
+                               BodySizes *sizes) {
+    int64_t columns = 0;
+    for (int64_t b = 0; b < count; b++) {
+        const ShapeRow *shape = &shapes[b];
+        const double *T = poses + 16 * b;
+        BodySizes *size = &sizes[b];
+        bodies[b] = (RefereeBody){
+            .shape = (int64_t)shape->shape, .first_corner = columns, .corner_count = (int64_t)shape->corner_count};
+        columns += (int64_t)shape->columns;
+        size->rounding = shape->rounding;
+        size->radius = shape->radius;
+        for (int i = 0; i < 3; i++) {
+            const double *c = shape->center;
+            size->half[i] = shape->half[i];
+            size->box[i] = shape->box[i];
+            for (int j = 0; j < 3; j++) size->rotation[3 * i + j] = T[4 * i + j];
+            size->origin[i] = T[4 * i + 3];
+            size->center[i] = T[4 * i] * c[0] + T[4 * i + 1] * c[1] + T[4 * i + 2] * c[2] + T[4 * i + 3];
+        }
+    }
+    return columns;
 }

@@ -12,12 +12,13 @@
 #endif
 
 #include "referee_gjk.c"
+#include "penetration.c"
 #include "motion_bounds.c"
 #include "referee_clearance.c"
 #include "referee_broad_phase.c"
 #include "memory.c"
-#include "cells.c"
 #include "surfaces.c"
+#include "part_tree.c"
 #include "search.c"
 #include "referee_extremes.c"
 #include "limits.c"

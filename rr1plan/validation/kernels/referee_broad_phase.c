@@ -111,14 +111,15 @@ static inline double axis_separation(const BoundingBox *a, const BoundingBox *b)
     return gap;
 }
 
-// A lower bound of the distance of what is in two boxes [m].
+// A lower bound of the distance of two boxes [m]; where they overlap minus the depth of that.
 static inline double box_separation(const BoundingBox *a, const BoundingBox *b) {
-    double square = 0.0;
+    double square = 0.0, most = -INFINITY;
     for (int i = 0; i < 3; i++) {
-        double gap = greater(greater(a->low[i] - b->high[i], b->low[i] - a->high[i]), 0.0);
-        square += gap * gap;
+        double gap = greater(a->low[i] - b->high[i], b->low[i] - a->high[i]);
+        most = greater(most, gap);
+        if (gap > 0.0) square += gap * gap;
     }
-    return sqrt(square);
+    return square > 0.0 ? sqrt(square) : most;
 }
 
 // ---- owners that stand still -------------------------------------------------------------------
@@ -230,7 +231,8 @@ static inline double padding_between(const RefereeSearch *s, Owner one, int64_t 
 // Make a pair of two bodies in a place for one.
 static void set_pair(RefereeSearch *s, int64_t k, int64_t arm_a, int64_t a, int64_t arm_b, int64_t b, int64_t elements,
                      int64_t slices, double padding) {
-    if (is_plane(view_of(s, arm_a, a))) {
+    BodyView view_a = view_of(s, arm_a, a), view_b = view_of(s, arm_b, b);
+    if (is_plane(view_a) || (is_compound(view_a) && !is_compound(view_b) && !is_plane(view_b))) {
         set_pair(s, k, arm_b, b, arm_a, a, elements, slices, padding);
         return;
     }
@@ -260,35 +262,49 @@ static void set_pair(RefereeSearch *s, int64_t k, int64_t arm_a, int64_t a, int6
     s->directions[k].known = 0.0;
 }
 
-static inline int is_concave(const RefereeModel *model, int64_t b) {
-    return model->bodies->bodies[b].shape == SHAPE_CONCAVE;
-}
-
 // Note that pairs of a group are no nearer than `bound` [m].
 static inline void note_proven(RefereeSearch *s, int64_t group, double bound) {
     s->proven[group] = lesser(s->proven[group], bound);
 }
 
-static int encloses(const RefereeSearch *s, int64_t arm_a, int64_t a, int64_t arm_b, int64_t b);
+static int encloses(BodyView body, BodyView surface);
+
+static void pose_arm_at(RefereeSearch *s, int64_t arm, PieceTime at);
+
+// Whether one of two bodies encloses the other where the motion begins.
+static int begins_enclosed(RefereeSearch *s, int64_t arm_a, int64_t a, int64_t arm_b, int64_t b) {
+    BodyView one = view_of(s, arm_a, a), two = view_of(s, arm_b, b);
+    if (!is_compound(one) && !is_compound(two)) return 0;
+    int64_t arms[2] = {arm_a, arm_b}, bodies[2] = {a, b};
+    for (int i = 0; i < 2; i++) {
+        if (arms[i] >= s->moving_count) continue;
+        pose_arm_at(s, arms[i], (PieceTime){0, 0.0});
+        place_body(s, arms[i], bodies[i]);
+    }
+    return encloses(one, two) || encloses(two, one);
+}
 
 // Add all pairs of bodies of two elements to the chunk, for the slices of a mask.
 static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64_t eb, int64_t slices, double padding) {
     const RefereeModel *model_a = model_of(s, one.arm), *model_b = model_of(s, two.arm);
-    int64_t elements = s->element_pair_count, before = s->pair_count, mark = PAIR_FREE;
+    int64_t elements = s->element_pair_count, before = s->pair_count;
+    ElementPair pair = {one.index + ea, two.index + eb, PAIR_FREE, before, INFINITY, s->breaks[0], INFINITY};
     const int64_t *in_a = model_a->element_bodies + one.first + ea, *in_b = model_b->element_bodies + two.first + eb;
     for (int64_t a = in_a[0]; a < in_a[1]; a++) {
-        if (is_concave(model_a, a)) continue;
         for (int64_t b = in_b[0]; b < in_b[1]; b++) {
-            if (is_concave(model_b, b)) continue;
             set_pair(s, s->pair_count++, one.arm, a, two.arm, b, elements, slices, padding);
-            if (encloses(s, one.arm, a, two.arm, b)) mark = PAIR_LEFT;
+            if (!begins_enclosed(s, one.arm, a, two.arm, b)) continue;
+            pair.mark = PAIR_TOUCHES;
+            pair.first = s->breaks[0];
         }
     }
     if (s->pair_count == before) return;
+    for (int group = 0; group < PAIR_GROUPS && pair.mark == PAIR_TOUCHES; group++)
+        s->smallest[group] = lesser(s->smallest[group], 0.0);
     double duration = s->breaks[s->break_count - 1] - s->breaks[0];
     s->chunk_slices |= slices;
     s->chunk_work += (double)((s->pair_count - before) * __builtin_popcountll((uint64_t)slices)) * duration / s->slice_count;
-    s->elements[s->element_pair_count++] = (ElementPair){one.index + ea, two.index + eb, mark, INFINITY, 0.0, INFINITY};
+    s->elements[s->element_pair_count++] = pair;
 }
 
 // The slices on which an owner comes near one that is no earlier.
@@ -346,9 +362,7 @@ static void find_nearest_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner t
     const int64_t *in_a = model_a->element_bodies + one.first + ea, *in_b = model_b->element_bodies + two.first + eb;
     int64_t k = spare_pair(s);
     for (int64_t a = in_a[0]; a < in_a[1]; a++) {
-        if (is_concave(model_a, a)) continue;
         for (int64_t b = in_b[0]; b < in_b[1]; b++) {
-            if (is_concave(model_b, b)) continue;
             BodyView body_a = view_of(s, one.arm, a), body_b = view_of(s, two.arm, b);
             if (is_plane(body_a)) {
                 BodyView plane = body_a;
@@ -358,9 +372,10 @@ static void find_nearest_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner t
             if (ball_gap(body_a, body_b, padding).gap >= best->clearance) continue;
             if (box_gap(body_a, body_b, padding) >= best->clearance) continue;
             set_pair(s, k, one.arm, a, two.arm, b, k, 0, padding);
-            s->elements[k] = (ElementPair){one.index + ea, two.index + eb, PAIR_FREE, INFINITY, 0.0, INFINITY};
+            s->elements[k] = (ElementPair){one.index + ea, two.index + eb, PAIR_FREE, k, INFINITY, 0.0, INFINITY};
             double value = bound_clearance(s, k, best->clearance - tolerance, best->clearance).upper;
-            if (note_clearance(s, k, value, time) || !(value < best->clearance)) continue;
+            note_clearance(s, k, value, time);
+            if (!(value < best->clearance)) continue;
             *best = (NearestElements){value, one.index + ea, two.index + eb};
         }
     }
@@ -395,8 +410,8 @@ static NearestElements find_nearest_others(RefereeSearch *s, int64_t first, int6
     int64_t earlier = lesser_index(nearest->arm_a, nearest->arm_b);
     if (s->has_nearest[GROUP_OTHERS] && earlier >= first && earlier < stop) {
         double value = bound_clearance(s, k, best.clearance - tolerance, best.clearance).upper;
-        if (!note_clearance(s, k, value, time) && value < best.clearance)
-            best = (NearestElements){value, s->elements[k].a, s->elements[k].b};
+        note_clearance(s, k, value, time);
+        if (value < best.clearance) best = (NearestElements){value, s->elements[k].a, s->elements[k].b};
     }
     for (int64_t i = first; i < stop; i++) {
         if (i < s->moving_count) {
@@ -414,7 +429,8 @@ static void find_nearest_own(RefereeSearch *s, double time, double tolerance) {
     int64_t k = nearest_pair(s, GROUP_OWN);
     if (s->has_nearest[GROUP_OWN] && s->pairs[k].arm_a < s->moving_count) {
         double value = bound_clearance(s, k, best.clearance - tolerance, best.clearance).upper;
-        if (!note_clearance(s, k, value, time)) best.clearance = lesser(best.clearance, value);
+        note_clearance(s, k, value, time);
+        best.clearance = lesser(best.clearance, value);
     }
     for (int64_t i = 0; i < s->moving_count; i++) find_nearest_elements(s, i, i, time, tolerance, &best);
 }

@@ -49,7 +49,8 @@ static inline PairView view_pair(const RefereeSearch *s, int64_t k) {
 
 static inline int is_plane(BodyView b) { return b.all->bodies[b.index].shape == SHAPE_PLANE; }
 
-static inline int is_surface(BodyView b) { return b.all->bodies[b.index].shape == SHAPE_SURFACE; }
+// A body of many convex parts.
+static inline int is_compound(BodyView b) { return b.all->bodies[b.index].shape >= SHAPE_SURFACE; }
 
 static inline double radius_of(BodyView b) { return b.all->sizes[b.index].radius; }
 
@@ -133,9 +134,18 @@ typedef struct {
     double upper, lower;
 } ClearanceBounds;
 
-static ClearanceBounds surface_clearance(RefereeSearch *s, int64_t k, double base, double enough);
+static ClearanceBounds compound_clearance(RefereeSearch *s, int64_t k, double base, double enough);
 
-// Bounds of the clearance of a pair [m]; the direction found is remembered.
+// What a separation of two bodies says of their clearance, `off` less than the distance [m]; of bodies in contact minus
+// the depth.
+static Separation sign_clearance(BodyView a, BodyView b, Separation found, double off, double touch) {
+    if (!(found.upper - off > touch) && found.lower < -1e299) found.upper = found.lower = -penetration(a, b);
+    found.upper -= off;
+    found.lower -= off;
+    return found;
+}
+
+// Bounds of the clearance of a pair [m], of one in contact minus the depth; the direction found is remembered.
 //
 // They may differ by a quarter of the upper one's distance from `base`; the search ends above `enough`.
 static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base, double enough) {
@@ -149,16 +159,19 @@ static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base,
     }
     s->search_count++;
     s->chunk_searches++;
-    if (is_surface(v.b)) return surface_clearance(s, k, base, enough);
+    if (is_compound(v.b)) return compound_clearance(s, k, base, enough);
     double off = rounding_of(v.a) + rounding_of(v.b) + padding;
     Separation found = separate(v.a, v.b, &s->gjk[k], base + off, enough + off);
     s->directions[k] = (KnownDirection){found.direction.x, found.direction.y, found.direction.z, 1.0};
-    return (ClearanceBounds){found.upper - off, found.lower - off};
+    found = sign_clearance(v.a, v.b, found, off, s->touch);
+    return (ClearanceBounds){found.upper, found.lower};
 }
 
-// The least clearance of a group that has to be proven on an interval [m].
+// The least clearance of a group that has to be proven on an interval [m]: more than what cannot be told from contact.
 static inline double needed_clearance(const RefereeSearch *s, int64_t group) {
-    return s->with_clearance ? greater(0.0, s->smallest[group] - s->tolerance) : 0.0;
+    double smallest = s->smallest[group];
+    if (!s->with_clearance) return s->touch;
+    return smallest < INFINITY ? greater(s->touch, smallest - greater(s->tolerance, s->share * smallest)) : smallest;
 }
 
 // Where the nearest pair of a group is kept, behind the pairs of the chunk; and a place for a pair of the moment.
@@ -170,18 +183,16 @@ static inline int64_t spare_pair(const RefereeSearch *s) { return s->pair_room +
 static int note_clearance(RefereeSearch *s, int64_t k, double value, double time) {
     RefereePair *pair = &s->pairs[k];
     ElementPair *elements = &s->elements[pair->elements];
-    int touches = !(value > s->touch), is_nearest = k == nearest_pair(s, pair->group);
-    // What is a contact is Coal's to say: the nearest pair keeps a clearance that is sure.
-    if (value < elements->seen && !(touches && is_nearest)) {
+    if (value < elements->seen) {
+        elements->pair = k;
         elements->seen = value;
         elements->when = time;
     }
-    if (touches) {
-        elements->mark = PAIR_LEFT;
+    if (!(value > s->touch)) {
+        elements->mark = PAIR_TOUCHES;
         elements->first = lesser(elements->first, time);
         // With a contact to report, only contacts are looked for.
-        for (int group = 0; group < PAIR_GROUPS && !s->with_suspects; group++)
-            s->smallest[group] = lesser(s->smallest[group], 0.0);
+        for (int group = 0; group < PAIR_GROUPS; group++) s->smallest[group] = lesser(s->smallest[group], 0.0);
         return 1;
     }
     if (value < s->smallest[pair->group]) {
@@ -193,6 +204,7 @@ static int note_clearance(RefereeSearch *s, int64_t k, double value, double time
             s->pairs[best].elements = best;
             s->elements[best] = *elements;
             s->elements[best].mark = PAIR_FREE;
+            s->elements[best].pair = best;
             s->gjk[best].count = 0;
             s->directions[best].known = 0.0;
         }
@@ -217,8 +229,8 @@ typedef struct {
     int settled;
 } IntervalClearance;
 
-static IntervalClearance surface_interval(RefereeSearch *s, int64_t k, double time, double half, double approach,
-                                          double error);
+static IntervalClearance compound_interval(RefereeSearch *s, int64_t k, double time, double half, double approach,
+                                           double error);
 
 // A lower bound of the clearance of a pair within `half` of the posed time, and whether that settles it.
 static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double time, double half) {
@@ -237,7 +249,7 @@ static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double 
     if (!is_plane(v.b)) most += radius_of(v.b);
     double error = unsteadiness(s, pair->arm_a, pair->body_a, pair->shared) + ball.rounding +
                    unsteadiness(s, pair->arm_b, pair->body_b, pair->shared);
-    if (is_surface(v.b)) return surface_interval(s, k, time, half, approach, error);
+    if (is_compound(v.b)) return compound_interval(s, k, time, half, approach, error);
     if (lesser(approach, error) > greater(COARSE, most - need)) return (IntervalClearance){least, 0};
     approach += ball.rounding;
     if (s->directions[k].known > 0.0) {
@@ -253,4 +265,30 @@ static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double 
         least = greater(least, steady_gap(s, pair, v, half, (Direction){known->x, known->y, known->z}) - error);
     }
     return (IntervalClearance){least, least > need};
+}
+
+// The clearance that no depth exceeds by more than the tolerance and a twentieth, of a pair in contact [m].
+static inline double enough_depth(const RefereeSearch *s, const ElementPair *elements) {
+    if (!(elements->seen < INFINITY)) return 1e300;
+    return elements->seen - greater(s->tolerance, 0.05 * fabs(elements->seen));
+}
+
+// A lower bound of the clearance of a pair in contact within `half` of the posed time, and whether no depth is found there
+// that exceeds the largest one seen by the tolerance and a twentieth.
+static IntervalClearance depth_interval(RefereeSearch *s, int64_t k, double time, double half) {
+    const RefereePair *pair = &s->pairs[k];
+    const ElementPair *elements = &s->elements[pair->elements];
+    PairView v = view_pair(s, k);
+    double approach = carried_by(s, pair->arm_a, pair->body_a, pair->shared) +
+                      carried_by(s, pair->arm_b, pair->body_b, pair->shared);
+    double enough = enough_depth(s, elements);
+    double least = greater(ball_gap(v.a, v.b, pair->padding).gap, box_gap(v.a, v.b, pair->padding)) - approach;
+    if (least >= enough) return (IntervalClearance){least, 1};
+    int64_t searches = s->search_count, chunk_searches = s->chunk_searches;
+    double value = bound_clearance(s, k, 1e300, enough + approach).upper;
+    s->depth_count += s->search_count - searches;
+    s->chunk_depths += s->chunk_searches - chunk_searches;
+    s->chunk_searches = chunk_searches;
+    note_clearance(s, k, value, time);
+    return (IntervalClearance){value - approach, value - approach >= enough_depth(s, elements)};
 }

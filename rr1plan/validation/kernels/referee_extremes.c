@@ -104,14 +104,10 @@ static void climb(double begin, double width, int64_t degree, double rounding, d
     }
 }
 
-// Raise `high` and lower `low` to what the Bernstein coefficients of a lane reach on a piece, and note the times.
-static void climb_both(double begin, double width, int64_t degree, const eight_anywhere *control, int64_t lane,
-                       Peaks *peak, double *stack) {
-    double most = control[0][lane], least = most;
-    for (int64_t k = 1; k <= degree; k++) {
-        most = greater(most, control[k][lane]);
-        least = lesser(least, control[k][lane]);
-    }
+// Raise `high` and lower `low` of a column to what its Bernstein coefficients, between `least` and `most`, reach on a piece,
+// and note the times.
+static void climb_both(double begin, double width, int64_t degree, const eight_anywhere *control, int64_t lane, double least,
+                       double most, Peaks *peak, double *stack) {
     double rounding = COEFFICIENT_ROUNDING * greater(fabs(most), fabs(least));
     if (most > peak->high) {
         for (int64_t k = 0; k <= degree; k++) stack[k] = control[k][lane];
@@ -123,6 +119,10 @@ static void climb_both(double begin, double width, int64_t degree, const eight_a
         climb(begin, width, degree, rounding, &depth, &peak->low_time, stack);
         peak->low = -depth;
     }
+}
+
+static inline eight choose_eight(eight_integers which, eight yes, eight no) {
+    return (eight)((which & (eight_integers)yes) | (~which & (eight_integers)no));
 }
 
 // Highest and lowest values of every column and its rates, jumps between pieces, and values at the end.
@@ -147,6 +147,12 @@ EXPORT void rr1_find_extremes(const double *breaks, int64_t break_count, const d
             for (int64_t order = 0; order < RATE_ORDERS; order++) {
                 int64_t degree =
                     to_bernstein(rows, terms, order, width, shares + order * terms * terms, scaled, control);
+                eight most = control[0], least = most;
+                for (int64_t k = 1; k <= degree; k++) {
+                    eight row = control[k];
+                    most = choose_eight(row > most, row, most);
+                    least = choose_eight(row < least, row, least);
+                }
                 for (int64_t lane = 0; lane < count; lane++) {
                     int64_t at = order * columns + first + lane;
                     if (i > 0 && order < RATE_ORDERS - 1) {
@@ -154,7 +160,7 @@ EXPORT void rr1_find_extremes(const double *breaks, int64_t break_count, const d
                         if (size > jumps[at].size) jumps[at] = (Jump){size, breaks[i]};
                     }
                     end[at] = control[degree][lane];
-                    climb_both(breaks[i], width, degree, control, lane, &peaks[at], stack);
+                    climb_both(breaks[i], width, degree, control, lane, least[lane], most[lane], &peaks[at], stack);
                 }
             }
         }

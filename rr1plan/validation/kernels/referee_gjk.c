@@ -109,6 +109,7 @@ static double body_reach(BodyView view, Direction d) {
         best = size->half[0] * sqrt(own.x * own.x + own.y * own.y) + size->half[2] * fabs(own.z);
     } else {
         best = corner_reach(all, corners_along(all, view.index, own), own);
+        if (shape == SHAPE_CELLS) best += size->half[0] * (fabs(own.x) + fabs(own.y) + fabs(own.z));
     }
     if (size->rounding > 0.0) best += size->rounding * sqrt(own.x * own.x + own.y * own.y + own.z * own.z);
     return best;

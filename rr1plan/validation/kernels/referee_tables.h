@@ -38,9 +38,12 @@ typedef struct {
 
 // A ball is a box without edges, a capsule one with a single edge, each with a rounding. The corners of a hull are
 // looked at one by one, those of a table by direction.
-// The search passes over concave bodies but for surfaces, of which each three corners are a triangle; only obstacles
-// are surfaces.
-enum { SHAPE_HULL, SHAPE_BOX, SHAPE_CYLINDER, SHAPE_PLANE, SHAPE_TABLE, SHAPE_CONCAVE, SHAPE_SURFACE };
+// Of a surface each three corners are a triangle, of cells each corner is the center of a cube of half edge `half`; these
+// two have a tree of boxes around their parts.
+enum { SHAPE_HULL, SHAPE_BOX, SHAPE_CYLINDER, SHAPE_PLANE, SHAPE_TABLE, SHAPE_SURFACE, SHAPE_CELLS };
+// Bits of a triangle of a surface: it is of a part that encloses something, the first one of its part, and the faces of
+// the surface do not agree about the outside.
+enum { FACE_CLOSED = 1, FACE_FIRST = 2, FACE_MIXED = 4 };
 
 typedef struct {
     int64_t shape;
@@ -49,7 +52,7 @@ typedef struct {
     int64_t link;
     int64_t first_joint;  // of `chains` of its model
     int64_t depth;        // joints that carry it
-    int64_t first_node;   // of a surface
+    int64_t first_node;   // of a surface, or of cells
 } RefereeBody;
 
 // Sizes of a body; of a half-space `half` is its normal and `rounding` its offset along it.
@@ -63,6 +66,18 @@ typedef struct {
     double origin[3];
 } BodySizes;
 
+// A shape in its own frame; see `core_row` in `referee_shapes.py`.
+typedef struct {
+    double shape;
+    double corner_count;
+    double columns;  // of `corners`
+    double half[3];
+    double rounding;
+    double radius;
+    double box[3];
+    double center[3];
+} ShapeRow;
+
 // World pose of a body, and the center of its bounding ball.
 typedef struct {
     double rotation[9];
@@ -73,26 +88,26 @@ typedef struct {
 // Cells of directions: on each face of a cube SIDE by SIDE; see `hull_support.py`.
 enum { SUPPORT_SIDE = 4, SUPPORT_CELLS = 96 };
 
-// The box around the triangles of a node of a surface.
+// The box around the parts of a node: triangles of a surface, or cells.
 typedef struct {
-    double center[3];  // in the frame of the surface [m]
+    double center[3];  // in the frame of the body [m]
     double half[3];
 } SurfaceBox;
 
-// A node of a surface, before those below it; nodes and triangles are counted from the first of the surface.
+// A node, before the two below it and those below them; nodes and parts are counted from the first of the body.
 typedef struct {
     int64_t next;   // the next node that is not below it
-    int64_t first;  // triangle of a leaf, elsewhere equal to `last`
+    int64_t first;  // part of a leaf, elsewhere equal to `last`
     int64_t last;
 } SurfaceNode;
 
 typedef struct {
     const RefereeBody *bodies;
     const BodySizes *sizes;
-    // Rows x, y, z; and of a table where the corners of each cell begin, of a surface 1 for those of closed parts; shape
+    // Rows x, y, z; and of a table where the corners of each cell begin, of a surface the bits of its triangle; shape
     // (4, corner_count).
     const double *corners;
-    const SurfaceBox *boxes;  // of the nodes of all surfaces
+    const SurfaceBox *boxes;  // of all nodes
     const SurfaceNode *nodes;
     int64_t body_count;
     int64_t corner_count;
@@ -164,16 +179,17 @@ typedef struct {
     double padding;  // distance to keep [m]
 } RefereePair;
 
-enum { PAIR_FREE, PAIR_LEFT, PAIR_UNDECIDED };
+enum { PAIR_FREE, PAIR_TOUCHES, PAIR_UNDECIDED };
 
 // A pair of elements and what is found of it.
 typedef struct {
     int64_t a;
     int64_t b;
     int64_t mark;
-    double seen;  // smallest clearance seen [m]
+    int64_t pair;  // of bodies, with the smallest clearance seen
+    double seen;   // that clearance [m]; below zero a depth
     double when;   // its time [s]
-    double first;  // of a pair left to Coal the first contact, within a time step [s]; INFINITY: not known
+    double first;  // first contact seen [s]; INFINITY: none
 } ElementPair;
 
 // A direction from a to b along which they are apart.
@@ -315,8 +331,8 @@ typedef struct {
     const double *paddings;
     // What is looked for.
     int64_t with_clearance;  // whether the smallest clearances are, besides contacts
-    int64_t with_suspects;   // whether they are even if pairs are left to Coal: without, those are taken for contacts
-    double tolerance;        // smallest clearances are found within this [m]
+    double tolerance;        // smallest clearances and largest depths are found within this [m],
+    double share;            // or this share of a clearance, and a twentieth of a depth, if that is more
     double touch;            // a clearance up to this is a contact [m]
     int64_t max_searches;    // of a chunk of pairs, before what is open is left undecided
     // Counts that follow from these, and memory that the caller gives; see `memory.c`.
@@ -360,6 +376,7 @@ typedef struct {
     int64_t element_pair_count;
     int64_t chunk_arms[2];  // arms of it that move, -1: none
     int64_t chunk_searches;
+    int64_t chunk_depths;  // searches for depths of contacts
     int64_t chunk_slices;  // mask of the slices that are to be searched
     double chunk_work;     // what is to be decided of it: pairs of bodies times seconds
     int64_t open;          // intervals that are open
@@ -369,14 +386,17 @@ typedef struct {
     int64_t partner;  // owner that it is compared with next
     int64_t pass;
     // What is found.
-    ElementPair *left;   // pairs of elements of the last chunks with a mark, shape (pair_room,)
-    int64_t left_count;
+    ElementPair *marked;  // pairs of elements of the last chunks with a mark, shape (pair_room,)
+    int64_t marked_count;
+    int64_t sharpened_count;  // contacts of which the worst depth is refined
     int64_t interval_count;  // looked at so far
     int64_t check_count;     // pairs on intervals
     int64_t search_count;    // for directions
+    int64_t depth_count;     // those of them for depths of contacts
     int64_t has_nearest[2];  // whether a smallest clearance of each group is known
     double smallest[2];      // that clearance, or 0 with a contact to report [m]
     double proven[2];        // lower bound of it [m]
+    double refined[2];       // the one around whose time a smaller one was looked for last [m]
     double decided;          // what is decided of the chunk: pairs of bodies times seconds
     ElementPair ends[2];     // pair with the smallest clearance to the surroundings at the begin and at the end
 } RefereeSearch;

@@ -1,13 +1,20 @@
-// The search for the times at which two bodies come near: the certificate of `certificate.py` without Coal.
+// The search for the times at which two bodies come near.
 //
 // Pairs are decided in chunks: those of an arm with itself and all that stands still, those of two arms that move, and
 // those of all that stands still. Of each chunk intervals of time are halved, depth first, with the pairs of bodies that
-// are still open on each. What touches, or cannot be told from it, is left to Coal.
+// are still open on each. Of pairs in contact it goes on for the first moment of it and for the largest depth.
+//
+// Schwarzer, Saha, Latombe (2005), Adaptive dynamic collision checking, IEEE T-RO 21.
 
 // A first contact is found to this [s].
 #define CONTACT_STEP 1e-5
-// A smallest clearance is sharp when another look changes it by less [m].
-#define SHARP 1e-10
+// A smallest clearance or a largest depth is sharp when another look changes it by less than this share of the tolerance.
+#define SHARP 1e-3
+// The smallest clearance of the arms' own pairs is searched for in the middle of every fourth slice.
+enum { OWN_SLICES = 4 };
+// Contacts of which the largest depth is made sharp. Searches for depths: of a chunk, before those of all chunks count, and
+// the share of `max_searches` that they may take.
+enum { MOST_SHARPENED = 64, CHUNK_DEPTHS = 500, DEPTHS_SHARE = 4 };
 
 // ---- single times ------------------------------------------------------------------------------
 
@@ -45,38 +52,35 @@ static double lowest_of_parabola(TimedClearance low, TimedClearance at, TimedCle
     return 0.5 * (below * right * right - above * left * left) / bend;
 }
 
-// Find the smallest clearance of the nearest pair of a group around the time it was seen.
+// The clearance of a pair at the time nearest to this one within the motion.
+static TimedClearance clearance_near(RefereeSearch *s, int64_t k, double time) {
+    time = lesser(greater(time, s->breaks[0]), s->breaks[s->break_count - 1]);
+    return (TimedClearance){time, clearance_at(s, k, time)};
+}
+
+// Find the smallest clearance of a pair of bodies around the time it was seen.
 //
-// Of three times the middle one has the smallest clearance; they close in on it until the outer ones differ by less than
-// `precision` [m], by the lowest points of parabolas where those are good, else by golden sections.
-static void refine_nearest(RefereeSearch *s, int64_t group, double precision) {
-    enum { EACH_WAY = 4, ROUNDS = 60 };
-    int64_t k = nearest_pair(s, group);
+// Of three times the middle one has the smallest clearance, after steps downhill; they close in on it until the outer ones
+// differ by less than `precision` [m], by the lowest points of parabolas where those are good, else by golden sections.
+static void refine_pair(RefereeSearch *s, int64_t k, double precision) {
+    enum { STEPS = 8, ROUNDS = 60 };
     const RefereePair *pair = &s->pairs[k];
-    if (!s->has_nearest[group] || (pair->arm_a >= s->moving_count && pair->arm_b >= s->moving_count)) return;
-    double begin = s->breaks[0], finish = s->breaks[s->break_count - 1], center = s->elements[k].when;
-    double step = (finish - begin) / 256.0;
-    TimedClearance at = {center, 1e300}, seen[2 * EACH_WAY + 3];
-    if (!(step > 0.0)) {
-        clearance_at(s, k, center);
-        return;
+    if (pair->arm_a >= s->moving_count && pair->arm_b >= s->moving_count) return;
+    double duration = s->breaks[s->break_count - 1] - s->breaks[0], step = duration / 256.0;
+    TimedClearance at = clearance_near(s, k, s->elements[pair->elements].when);
+    if (!(step > 0.0)) return;
+    TimedClearance low = clearance_near(s, k, at.time - step), high = clearance_near(s, k, at.time + step);
+    for (int i = 0; i < STEPS && (low.value < at.value || high.value < at.value); i++) {
+        int down = low.value < high.value;
+        TimedClearance next = clearance_near(s, k, down ? low.time - step : high.time + step);
+        *(down ? &high : &low) = at;
+        at = down ? low : high;
+        *(down ? &low : &high) = next;
+        step *= 1.5;
     }
-    int best = 1;
-    for (int i = 1; i <= 2 * EACH_WAY + 1; i++) {
-        double time = lesser(greater(center + (i - 1 - EACH_WAY) * step, begin), finish);
-        seen[i] = (TimedClearance){time, clearance_at(s, k, time)};
-        if (seen[i].value < seen[best].value) best = i;
-    }
-    at = seen[best];
-    for (int side = -1; side < 2; side += 2) {
-        if (best + side > 0 && best + side <= 2 * EACH_WAY + 1) continue;
-        double time = lesser(greater(at.time + side * step, begin), finish);
-        seen[best + side] = (TimedClearance){time, clearance_at(s, k, time)};
-    }
-    TimedClearance low = seen[best - 1], high = seen[best + 1];
     for (int round = 0; round < ROUNDS; round++) {
         double left = at.time - low.time, right = high.time - at.time, width = greater(left, right);
-        if (greater(low.value, high.value) - at.value <= precision || left + right <= 1e-7 * (finish - begin)) return;
+        if (greater(low.value, high.value) - at.value <= precision || left + right <= 1e-7 * duration) return;
         double wider = right > left ? 1.0 : -1.0, move = lowest_of_parabola(low, at, high);
         if (round % 3 == 2 || move == 0.0) {
             move = 0.382 * wider * width;
@@ -94,6 +98,16 @@ static void refine_nearest(RefereeSearch *s, int64_t group, double precision) {
         } else {
             *ahead = next;
         }
+    }
+}
+
+// Refine the smallest clearances that were seen since the last time.
+static void refine_nearest(RefereeSearch *s) {
+    for (int64_t group = 0; group < PAIR_GROUPS; group++) {
+        int64_t k = nearest_pair(s, group);
+        if (!s->has_nearest[group] || s->elements[k].seen == s->refined[group]) continue;
+        refine_pair(s, k, SHARP * s->tolerance);
+        s->refined[group] = s->elements[k].seen;
     }
 }
 
@@ -144,10 +158,9 @@ static inline void place_swept(RefereeSearch *s, int64_t arm, int64_t body) {
     sweep_body(s, arm, body);
 }
 
-// Whether an interval is left in which a pair in contact may have been in contact before. What is earlier is searched
-// first, so all before `begin` is decided.
-static inline int may_touch_before(const RefereeSearch *s, const ElementPair *elements, double begin, double width) {
-    return elements->first < INFINITY && begin < elements->first && width > CONTACT_STEP && !s->with_suspects;
+// Whether searches for depths are left for the pairs of the chunk.
+static inline int has_depths_left(const RefereeSearch *s) {
+    return s->chunk_depths < CHUNK_DEPTHS || s->depth_count * DEPTHS_SHARE < s->max_searches;
 }
 
 // Take the last open interval, settle the pairs that can be settled, and open its halves for the others.
@@ -168,23 +181,25 @@ static void visit_interval(RefereeSearch *s) {
         int64_t k = s->items[i];
         const RefereePair *pair = &s->pairs[k];
         ElementPair *elements = &s->elements[pair->elements];
-        if (elements->mark == PAIR_LEFT && !may_touch_before(s, elements, begin, at.width)) continue;
+        // What is earlier is searched first, so all before `begin` is decided.
+        int in_depth = elements->mark == PAIR_TOUCHES && begin + 1e-4 * CONTACT_STEP >= elements->first;
         s->check_count++;
         place_swept(s, pair->arm_a, pair->body_a);
         place_swept(s, pair->arm_b, pair->body_b);
-        IntervalClearance clearance = interval_clearance(s, k, at.time, at.half);
-        int touches = elements->mark == PAIR_LEFT && !(clearance.least > 0.0);
-        if (touches && !may_touch_before(s, elements, begin, at.width)) {
-            settled++;
-        } else if (clearance.settled && !touches) {
+        IntervalClearance clearance;
+        if (in_depth) {
+            clearance = depth_interval(s, k, at.time, at.half);
+            clearance.settled |= !has_depths_left(s);
+        } else {
+            clearance = interval_clearance(s, k, at.time, at.half);
+            clearance.settled &= clearance.least > 0.0;
+        }
+        int known = elements->mark == PAIR_TOUCHES && (point || top + 2 >= SEARCH_DEPTH || at.width <= CONTACT_STEP);
+        if (clearance.settled || known) {
             note_proven(s, pair->group, clearance.least);
             settled++;
-        } else if (point || top + 2 >= SEARCH_DEPTH) {
-            elements->mark = PAIR_LEFT;
-            elements->first = INFINITY;
-        } else if (s->chunk_searches > s->max_searches) {
-            if (elements->mark != PAIR_LEFT) elements->mark = PAIR_UNDECIDED;
-            elements->first = INFINITY;
+        } else if (point || top + 2 >= SEARCH_DEPTH || s->chunk_searches > s->max_searches) {
+            if (elements->mark != PAIR_TOUCHES) elements->mark = PAIR_UNDECIDED;
         } else {
             s->items[left++] = k;
         }
@@ -198,7 +213,7 @@ static void visit_interval(RefereeSearch *s) {
 static void begin_chunk(RefereeSearch *s, int64_t one, int64_t two) {
     s->chunk_arms[0] = one;
     s->chunk_arms[1] = two;
-    s->pair_count = s->element_pair_count = s->chunk_searches = s->chunk_slices = 0;
+    s->pair_count = s->element_pair_count = s->chunk_searches = s->chunk_depths = s->chunk_slices = 0;
     s->chunk_work = s->decided = 0.0;
 }
 
@@ -221,8 +236,15 @@ static int open_slice(RefereeSearch *s) {
 
 // Hand over the pairs of elements of the chunk that have a mark.
 static void report_marks(RefereeSearch *s) {
-    for (int64_t e = 0; e < s->element_pair_count; e++)
-        if (s->elements[e].mark != PAIR_FREE) s->left[s->left_count++] = s->elements[e];
+    for (int64_t e = 0; e < s->element_pair_count; e++) {
+        const ElementPair *elements = &s->elements[e];
+        if (elements->mark == PAIR_FREE) continue;
+        if (elements->mark == PAIR_TOUCHES && s->sharpened_count < MOST_SHARPENED) {
+            refine_pair(s, elements->pair, SHARP * s->tolerance);
+            s->sharpened_count++;
+        }
+        s->marked[s->marked_count++] = *elements;
+    }
     s->pair_count = s->element_pair_count = 0;
 }
 
@@ -340,8 +362,7 @@ static void search_ends(RefereeSearch *s) {
         double time = s->breaks[end ? s->break_count - 1 : 0];
         pose_movers_at(s, time);
         NearestElements best = find_nearest_others(s, 0, s->moving_count, time, 0.0, standing);
-        s->ends[end] = (ElementPair){best.a, best.b, PAIR_FREE, best.clearance, time, INFINITY};
-        find_nearest_own(s, time, s->tolerance);
+        s->ends[end] = (ElementPair){best.a, best.b, PAIR_FREE, -1, best.clearance, time, INFINITY};
     }
 }
 
@@ -365,7 +386,7 @@ static void search_slices(RefereeSearch *s) {
         if (!s->with_clearance) continue;
         NearestElements best = {s->smallest[GROUP_OTHERS], -1, -1};
         find_nearest_others(s, 0, s->moving_count, middle.time, s->tolerance, best);
-        find_nearest_own(s, middle.time, s->tolerance);
+        if (slice % OWN_SLICES == OWN_SLICES / 2 || s->slice_count == 1) find_nearest_own(s, middle.time, s->tolerance);
     }
 }
 
@@ -384,14 +405,14 @@ static void start_search(RefereeSearch *s) {
     sort_owners(s);
     if (s->with_clearance) search_ends(s);
     search_slices(s);
-    if (s->with_clearance)
-        for (int64_t group = 0; group < PAIR_GROUPS; group++) refine_nearest(s, group, 0.1 * s->tolerance);
+    if (s->with_clearance) refine_nearest(s);
     s->stage = SEARCH_STATIONARY;
     s->arm = s->moving_count;
     s->partner = s->arm + 1;
 }
 
-// Decide all pairs on all of a motion, or on about `budget` more intervals; it ends earlier where pairs are left to Coal.
+// Decide all pairs on all of a motion, or on about `budget` more intervals; it ends earlier with pairs that
+// are marked.
 EXPORT void rr1_prove_motion(RefereeSearch *s, int64_t budget) {
     if (s->stage == SEARCH_START) start_search(s);
     for (; budget > 0 && s->stage != SEARCH_DONE; budget--) {
@@ -399,7 +420,7 @@ EXPORT void rr1_prove_motion(RefereeSearch *s, int64_t budget) {
             visit_interval(s);
         } else if (!open_slice(s)) {
             report_marks(s);
-            if (s->left_count > 0) return;
+            if (s->marked_count > 0) return;
             if (s->stage == SEARCH_STATIONARY) {
                 next_stationary_chunk(s);
             } else {
@@ -407,6 +428,5 @@ EXPORT void rr1_prove_motion(RefereeSearch *s, int64_t budget) {
             }
         }
     }
-    if (s->stage == SEARCH_DONE && s->with_clearance)
-        for (int64_t group = 0; group < PAIR_GROUPS; group++) refine_nearest(s, group, SHARP);
+    if (s->stage == SEARCH_DONE && s->with_clearance) refine_nearest(s);
 }

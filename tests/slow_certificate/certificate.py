@@ -7,8 +7,7 @@ the interval is cut in two. There is no sampling step: a contact of any duration
 what remains closer than a micrometer is called undecided, never free. All times of one round are
 handled side by side in numpy; Coal measures only the pairs that bounding volumes leave open.
 
-The referee decides with it what the compiled search leaves: contacts, whose depth Coal measures, and shapes that are
-not convex. The tests hold the search to it on all pairs.
+The tests hold the referee's compiled search to it on all pairs.
 
 Schwarzer, Saha, Latombe (2005), Adaptive dynamic collision checking, IEEE T-RO 21.
 """
@@ -23,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.validation.certificate_bodies import Bodies
-from rr1plan.validation.link_motion import SceneMotion
-from rr1plan.validation.polynomial_bounds import Index, Mask
+from slow_certificate.certificate_bodies import Bodies
+from slow_certificate.polynomial_bounds import Index, Mask
+from slow_certificate.scene_motion import SceneMotion
 
 # A clearance below this cannot be told from contact [m].
 TOUCH = 1e-6

@@ -14,20 +14,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.shapes import PointCloud
-from rr1plan.validation.hull_support import Core
-from rr1plan.validation.polynomial_bounds import Index
-from rr1plan.validation.referee_kernels import (
-    BOX,
-    CENTER,
-    COUNT,
-    HALF,
-    MIDDLE,
-    ORIGIN,
-    ROUND,
-    SHAPE,
-    RefereeStruct,
-    load_library,
-)
+from slow_certificate.polynomial_bounds import Index
 
 # Cells of a block: fewer make more blocks to look through, more make more cells.
 _BLOCK = 64
@@ -74,40 +61,6 @@ class CellBlocks:
         order = np.argsort(bound)
         best = self._nearest(self._cells(order[:1]), body, ask, np.inf)
         return self._nearest(self._cells(order[1:][bound[order[1:]] < best - _ROUNDING]), body, ask, best)
-
-    def parted(
-        self, core: Core, sizes: Array, rotation: Array, origin: Array, middle: Array
-    ) -> tuple[float, float, int]:
-        """Distance of a convex body to the nearest cell and a proven lower bound [m]; both 0 where it touches one.
-
-        The third is the number of cells asked.
-
-        Args:
-            core: Kind and corners of the body.
-            sizes: Its sizes, shape (8,), as `BodySizes` has them.
-            rotation: R_cloud_body, shape (3, 3).
-            origin: Where its frame is in the cloud's [m], shape (3,).
-            middle: Center of its bounding box there [m], shape (3,).
-        """
-        bodies, table, placed = np.zeros((2, 7), np.int64), np.zeros((2, 23)), np.zeros((2, 15))
-        bodies[0, SHAPE], bodies[0, COUNT], bodies[1, SHAPE] = core.kind, core.single, BOX
-        table[0, :CENTER], table[1, HALF:ROUND] = sizes, self.half
-        placed[0, :ORIGIN], placed[0, ORIGIN:MIDDLE], placed[0, MIDDLE:] = rotation.ravel(), origin, middle
-        placed[1, :ORIGIN] = np.eye(3).ravel()
-        both = RefereeStruct(
-            "RefereeBodies",
-            bodies=bodies,
-            sizes=table,
-            corners=core.corners,
-            body_count=2,
-            corner_count=core.corners.shape[1],
-        )
-        blocks = (self._middle, self._half, self._first, self._count, len(self._first))
-        # Solids are shared by threads, so nothing that is written is kept with them.
-        answer, scratch = np.zeros(3), np.empty(len(self._first) + int(self._count.max()))
-        load_library().rr1_nearest_cell(both, placed, self.centers, self.half, *blocks, scratch, answer)
-        distance, proven, asked = answer.tolist()
-        return distance, proven, int(asked)
 
     def _cells(self, blocks: Index) -> Array:
         """Centers of the cells of some blocks [m], shape (k, 3)."""

@@ -18,8 +18,8 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.shapes import Box, Mesh, PointCloud
-from rr1plan.validation.cloud_blocks import BodyBox
-from rr1plan.validation.referee_shapes import Solid, solid, support
+from slow_certificate.cell_blocks import BodyBox
+from slow_certificate.solids import Solid, solid, support
 
 _GJK_TOLERANCE = 1e-8
 _GJK_ITERATIONS = 1000
@@ -68,14 +68,6 @@ class CoalDistance:
 
     def _to_cells(self, a: Solid, Ta: Any, cloud: Solid, Tc: Any) -> tuple[float, float]:
         """Distance to the nearest cell, and a lower bound of it [m]."""
-        assert cloud.cells is not None
-        Rc, tc = Tc.getRotation(), Tc.getTranslation()
-        R, t = Rc.T @ Ta.getRotation(), Rc.T @ (Ta.getTranslation() - tc)
-        if a.convex:
-            distance, proven, asked = cloud.cells.parted(a.core, a.sizes, R, t, R @ a.center + t)
-            self.calls += asked
-            if proven > 0.0:
-                return distance, proven
         distance = self._touched_cells(a, Ta, cloud, Tc)
         return distance, distance - SLACK
 
@@ -105,8 +97,8 @@ class CoalDistance:
 
 def _holds(body: Solid, T: Any, other: Solid, To: Any) -> bool:
     """Whether a concave mesh holds a point of another solid."""
-    if body.surface is None:
+    if body.inside is None:
         return False
     inside = other.points[0] if isinstance(other.shape, Mesh) else other.center
     point = T.getRotation().T @ (To.getRotation() @ inside + To.getTranslation() - T.getTranslation())
-    return body.surface.holds(point)
+    return body.inside.holds(point)

@@ -14,11 +14,11 @@ from rr1plan.errors import InputError
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
-from rr1plan.validation.coal_distance import CoalDistance
-from rr1plan.validation.link_motion import Frames, SceneMotion
-from rr1plan.validation.polynomial_bounds import Index, Mask
-from rr1plan.validation.referee_kernels import SHAPE_SURFACE
-from rr1plan.validation.referee_shapes import CONCAVE, CONVEX, HALF_SPACE, Solid, solid, support
+from rr1plan.validation.link_motion import Frames
+from slow_certificate.coal_distance import CoalDistance
+from slow_certificate.polynomial_bounds import Index
+from slow_certificate.scene_motion import SceneMotion
+from slow_certificate.solids import HALF_SPACE, Solid, solid, support
 
 _IDENTITY = np.eye(4)
 # Rounding of the distances between axes and bodies computed here [m].
@@ -36,7 +36,6 @@ class ElementBodies:
         half: Half the edges of their bounding boxes [m], shape (b, 3).
         rotation, origin: Poses of their frames in the link's, shapes (b, 3, 3) and (b, 3).
         center: Centers of their bounding balls in the link's frame [m], shape (b, 3).
-        surface: Those that the compiled search takes as surfaces where they do not move, shape (b,) of booleans.
     """
 
     solids: tuple[Solid, ...]
@@ -46,7 +45,6 @@ class ElementBodies:
     rotation: Array
     origin: Array
     center: Array
-    surface: Mask
 
     @staticmethod
     def of(shapes: Sequence[Shape], poses: Array) -> ElementBodies:
@@ -62,7 +60,6 @@ class ElementBodies:
             rotation,
             origin,
             np.einsum("bij,bj->bi", rotation, centers) + origin,
-            np.array([s.core.kind == SHAPE_SURFACE for s in solids], dtype=np.bool_),
         )
 
     @staticmethod
@@ -134,20 +131,6 @@ class Bodies:
         self._pair_up(counts)
         self._classify()
 
-    @property
-    def searched(self) -> Mask:
-        """Pairs that the compiled search decides, shape (k,): of two convex shapes, or one and a half-space or surface.
-
-        Of surfaces those of obstacles.
-        """
-        one = (self._kind_a == CONVEX) | self._surface[self.a]
-        return np.asarray(one & ((self._kind_b != CONCAVE) | self._surface[self.b]))
-
-    @property
-    def convex(self) -> Mask:
-        """Pairs of two convex shapes, or of one and a half-space, shape (k,)."""
-        return np.asarray((self._kind_a == CONVEX) & (self._kind_b != CONCAVE))
-
     @cached_property
     def coal_distance(self) -> CoalDistance:
         """Coal's distances."""
@@ -174,7 +157,6 @@ class Bodies:
         rows = ElementBodies.joined([found for _, found in elements])
         self.solids, self.forms = rows.solids, rows.forms
         self.link = np.repeat(np.array([number for number, _ in elements], dtype=np.intp), counts)
-        self._surface = rows.surface & (self.link == self.motion.links[""])
         self.radius, self.half = rows.radius, rows.half
         self.local_rotation, self.local_origin, self.local_center = rows.rotation, rows.origin, rows.center
         self.moved = self.motion.movers[self.link].reshape(len(self.link), len(self.motion.column))

@@ -1,0 +1,512 @@
+"""New goals for single arms while the others move: wait for them, go around them, or have them yield.
+
+    added = add_motion(plan, "arm02", rp.PoseGoal("tool", point), at=now)
+    if added:
+        plan = added.plan
+
+Everything before `at + freeze` stays as it is, because it is on its way to the drives. An arm that moves then brakes on
+its path to the first gridpoint from which its new motion is possible; new paths are timed among what all others do from
+then on (`safe_intervals.py`). Where that fails, those in the way are timed again after it, to the goals that they have.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rr1plan.checks import Array, Seed, Value, as_generator, finite_number, known_name, of_kind
+from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import InputError
+from rr1plan.kernels.planner_kernels import CStruct
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.coordination import Blocked, are_apart
+from rr1plan.multi.interaction import arms_in_reach
+from rr1plan.multi.path_pool import PathPool
+from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.multi.portfolio import ManyArmsResult
+from rr1plan.multi.preflight import MARGINS, affordable_margin
+from rr1plan.multi.running_plan import Part, RunningPlan, Stop, part_of, stops_of
+from rr1plan.multi.safe_intervals import BlockedTimes, blocked_times, earliest_schedule
+from rr1plan.multi.schedule import Leg, Schedule
+from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.temporal_plan_graph import closed_diagram
+from rr1plan.path import Path
+from rr1plan.planners.goal_configurations import GoalSearch, check_start
+from rr1plan.planning import Budget
+from rr1plan.report import Report
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Goal, Problem
+from rr1plan.trajectory import Trajectory
+from rr1plan.validation import validate
+
+# Paths around others that are tried for each place to begin, ways to step aside, and goal configurations.
+_DETOURS, _STEPS_ASIDE, _GOALS = 4, 12, 3
+_SAMPLES = 20  # random configurations that are tried for one that is free
+# A motion that takes no more than this times as long as the fastest one alone is good enough.
+_GOOD_ENOUGH = 1.5
+_FREEZE, _SHORTEST = 0.3, 0.1  # defaults [s]
+# Share of the budget for a motion that changes no other arm.
+_SHARE = 0.5
+_GoalLike = Goal | Array | str | Sequence[Goal | Array]
+# The referee begins so much before the change, so that it sees the two motions meet [s].
+_LEAD = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class AddedMotion(Value):
+    """What came of a new goal.
+
+    Args:
+        plan: The new plan; the old one where there is none.
+        stage: "wait", "detour" or "yield"; empty where nothing was found.
+        reason: Why nothing was found, in words; empty if something was.
+        blocked_by: Arms that are in the way; those that yield, if something was found.
+        arrival: When the arm is at its new goal [s]; nan where nothing was found.
+        report: What the referee says of the motion from the change on; None where nothing was found.
+        seconds: Wall time [s].
+    """
+
+    plan: RunningPlan
+    stage: str = ""
+    reason: str = ""
+    blocked_by: tuple[str, ...] = ()
+    arrival: float = math.nan
+    report: Report | None = None
+    seconds: float = 0.0
+
+    @property
+    def found(self) -> bool:
+        """There is a new plan, and the referee has certified it."""
+        return not self.reason
+
+    def __bool__(self) -> bool:
+        """The same as `found`."""
+        return self.found
+
+    def __repr__(self) -> str:
+        if not self.found:
+            return f"AddedMotion({self.reason})"
+        yielding = f", {', '.join(self.blocked_by)} yield" if self.blocked_by else ""
+        return f"AddedMotion(by {self.stage}{yielding}, there after {self.arrival:.3f} s)"
+
+
+def add_motion(
+    plan: RunningPlan | ManyArmsResult,
+    arm: str,
+    goal: Goal | Array | str | Sequence[Goal | Array],
+    *,
+    at: float,
+    freeze: float = _FREEZE,
+    budget: Budget | None = None,
+    rng: Seed = None,
+) -> AddedMotion:
+    """Give an arm a new goal while the others move.
+
+    Args:
+        plan: What runs: a plan of `plan_many_arms`, or what `add_motion` made of one.
+        arm: The arm; it may still be moving.
+        goal: Its new goal, in place of the one that it had: a goal, a configuration (nq,) or its name, or a list of
+            alternatives.
+        at: The time of the plan at which the goal is given [s].
+        freeze: How long after that nothing changes any more [s].
+        budget: When to stop (default: after `freeze`, so that the answer is there in time, but at least 0.1 s); of
+            iterations only the seconds count.
+        rng: Seed; where time does not run out the same seed gives the same motion.
+
+    Returns:
+        The new plan, certified by the referee from `at + freeze` on and the same before, or why there is none.
+
+    Raises:
+        InputError: no plan, a time before its beginning, a goal that does not fit the arm.
+        UnknownNameError: the plan does not move this arm.
+    """
+    if isinstance(plan, ManyArmsResult):
+        plan = RunningPlan.of(plan)
+    of_kind("plan", plan, RunningPlan)
+    of_kind("budget", budget, Budget, optional=True)
+    known_name("arm", arm, plan.arms)
+    at, freeze = finite_number("at", at), finite_number("freeze", freeze)
+    if at < plan.trajectory.start_time or freeze < 0.0:
+        raise InputError(f"at is {at} and freeze is {freeze}, expected a time of the plan and a time >= 0")
+    watch = Stopwatch(max(freeze, _SHORTEST) if budget is None else budget.seconds)
+    return _Change(plan, at + freeze, as_generator(rng), watch).run(arm, goal)
+
+
+@dataclass(frozen=True)
+class _NewMotion:
+    """A way to a goal: an arm's parts from before the change on, and its trajectory from the change on."""
+
+    parts: tuple[Part, ...]
+    trajectory: Trajectory
+    arrival: float
+    stage: str = ""
+
+
+@dataclass
+class _Attempt:
+    """All that was tried for one arm.
+
+    Args:
+        paths: Paths that were found, with the stop at which each begins.
+        alone: How long the fastest takes from there [s].
+        best: The motion that arrives first.
+    """
+
+    paths: list[tuple[Stop, AgentPath]] = field(default_factory=list)
+    alone: float = math.inf
+    best: _NewMotion | None = None
+
+
+class _Change:
+    """One change of a running plan.
+
+    Args:
+        plan: The plan.
+        now: When the change begins [s].
+        rng: Where random numbers come from.
+        watch: Says when to give up.
+    """
+
+    def __init__(self, plan: RunningPlan, now: float, rng: np.random.Generator, watch: Stopwatch) -> None:
+        self.plan, self.now, self._rng, self._watch = plan, now, rng, watch
+        self._near = arms_in_reach(plan.scene, plan.arms, MARGINS[0])
+        # What others do from now on; those that yield are changed.
+        self._parts: dict[str, tuple[Part, ...]] = {
+            name: tuple(part for part in parts if part.end > now) for name, parts in plan.parts.items()
+        }
+        self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
+        self._reason = ""
+        self._blockers: set[str] = set()
+
+    def run(self, arm: str, goal: _GoalLike) -> AddedMotion:
+        """Wait, go around, or have others yield; in this order."""
+        found = self._by_itself(arm, goal, _SHARE)
+        if isinstance(found, _NewMotion):
+            return self._result(arm, {arm: found}, found.stage)
+        if found is not None:
+            yielded = self._by_yielding(arm, goal, found)
+            if yielded is not None:
+                return self._result(arm, yielded, "yield")
+        late = "" if self._has_time() else f" in {self._watch.seconds:.2g} s"
+        reason = self._reason or f"no motion of {arm} among the others was found{late}"
+        if self._blockers:
+            reason += f"; in its way: {', '.join(sorted(self._blockers))}"
+        return AddedMotion(
+            self.plan, reason=reason, blocked_by=tuple(sorted(self._blockers)), seconds=self._watch.seconds
+        )
+
+    # ---- one arm ---------------------------------------------------------------------------
+
+    def _by_itself(self, arm: str, goal: _GoalLike, share: float = 1.0) -> _NewMotion | _Attempt | None:
+        """A motion among what the others do, or what was tried; None where that goal cannot be.
+
+        Args:
+            arm: The arm.
+            goal: Its goal.
+            share: Of the time that is left, how much may be taken.
+        """
+        stops = stops_of(self.plan, arm, self.now)
+        goals = self._goals(self._agent(arm, stops[0].q, goal))
+        if not goals:
+            return None
+        attempt, until = _Attempt(), self._watch.seconds + share * self._watch.left
+        for stop in stops:
+            if self._is_safe_until(stop, arm):
+                self._time_paths(arm, stop, goals, attempt, until)
+            if attempt.best is not None or not self._has_time(until):
+                break
+        return attempt if attempt.best is None else attempt.best
+
+    def _has_time(self, until: float = math.inf) -> bool:
+        return self._watch.goes_on() and self._watch.seconds < until
+
+    def _time_paths(self, arm: str, stop: Stop, goals: list[Array], attempt: _Attempt, until: float) -> None:
+        """Time the straight way from a stop to a goal, and ways around others."""
+        agent = self._agent(arm, stop.q, goals)
+        pool = PathPool(agent, affordable_margin(agent, goals[0], MARGINS[0]), self._rng)
+        for number in range(1 + _DETOURS):
+            if not self._has_time(until):
+                return
+            others = self._standing(agent, goals, number, stop.time)
+            detour = number > 0 and not others
+            path, reason = pool.add(others, self._watch.left, detour=detour, patient=number == 0)
+            if path is None:
+                self._reason = self._reason if number else f"{arm}: {reason}"
+                if number == 0:
+                    return
+                continue
+            attempt.paths.append((stop, path))
+            if path.segments:
+                attempt.alone = min(attempt.alone, path.fastest)
+            new = self._timed(arm, stop, path, self._others(arm))
+            if new is not None and (attempt.best is None or new.arrival < attempt.best.arrival):
+                attempt.best = replace(new, stage="detour" if number else "wait")
+            if attempt.best is not None and attempt.best.arrival - stop.time <= _GOOD_ENOUGH * attempt.alone:
+                return
+
+    def _timed(self, arm: str, stop: Stop, path: AgentPath, others: Iterable[str]) -> _NewMotion | None:
+        """The earliest motion from a stop along a path among what some others do."""
+        blocked = self._blocked_times(path, stop.time, others)
+        since = BlockedTimes(blocked.rows, blocked.begin - stop.time, blocked.end - stop.time)
+        schedule = earliest_schedule(path, since)
+        if schedule is None:
+            return None
+        later = Schedule(path, tuple(Leg(leg.departure + stop.time, leg.begin, leg.end) for leg in schedule.legs))
+        parts = [stop.before.until(stop.time), part_of(later, stop.time)]
+        motion = schedule.trajectory().shifted(stop.time)
+        if stop.braking is not None:
+            motion = _joined(stop.braking, motion)
+        return _NewMotion(tuple(parts), motion, stop.time + schedule.arrival)
+
+    def _is_safe_until(self, stop: Stop, arm: str) -> bool:
+        """Whether an arm that brakes keeps clear of those that expected it to go on."""
+        if stop.braking is None:
+            return True
+        occupied = stop.before.occupancy
+        for other in self._others(arm):
+            blocked = self._blocked_times(stop.before.path, self.now, [other])
+            for row, enter, leave in zip(*occupied, strict=True):
+                begins, ends = blocked.of(int(row))
+                if leave > self.now and ((begins < leave) & (ends > max(enter, self.now))).any():
+                    self._blockers.add(other)
+                    return False
+        return True
+
+    def _agent(self, arm: str, q: Array, goal: _GoalLike) -> Agent:
+        """An arm that goes from a configuration to a goal; the others of the plan do not count."""
+        starts = {name: self.plan.configuration(name, self.now) for name in self.plan.arms}
+        return Agent(Problem(self.plan.scene, {**starts, arm: q}, {arm: goal}, arms=self.plan.arms), [arm])
+
+    def _goals(self, agent: Agent) -> list[Array]:
+        """Configurations of an arm's goal that are apart from where the others end, nearer ones first."""
+        question = agent.question({}, 0.0)
+        (arm,) = agent.arms
+        with checker_from_pool(question.scene, question.arms) as checker:
+            blocked = check_start(question, checker)
+            if blocked:
+                self._reason = f"{arm}: {blocked}"
+                return []
+            found = GoalSearch(question, checker, self._rng).find()
+        if found.status is not None:
+            self._reason = f"{arm}: {found.reason}"
+            return []
+        free, in_the_way = [], set()
+        for q in sorted(found.configurations, key=lambda q: float(np.abs(q - agent.start).max())):
+            placed = placed_configuration(agent.bodies, q)
+            touching = {other for other in self._others(arm) if not self._is_apart(agent, placed, other)}
+            in_the_way |= touching
+            if not touching:
+                free.append(np.asarray(q))
+        if not free:
+            self._reason = f"the goal of {arm} is where others end"
+            self._blockers |= in_the_way
+        return free[:_GOALS]
+
+    def _is_apart(self, agent: Agent, placed: CStruct, other: str) -> bool:
+        theirs = self._parts[other][-1].path
+        return are_apart(agent, placed, theirs.agent, placed_configuration(theirs.agent.bodies, theirs.goal))
+
+    def _standing(self, agent: Agent, goals: list[Array], number: int, time: float) -> dict[str, Array | None]:
+        """Where others stand that a path should go around: nobody, where they end, where they are, nobody."""
+        standing: dict[str, Array | None] = {}
+        if number not in (1, 2):
+            return standing
+        for other in self._others(agent.arms[0]):
+            theirs = self._parts[other][-1].path
+            where = theirs.goal if number == 1 else self.plan.configuration(other, time)
+            there = placed_configuration(theirs.agent.bodies, where)
+            ends = (placed_configuration(agent.bodies, end) for end in (agent.start, *goals))
+            if all(are_apart(agent, end, theirs.agent, there, MARGINS[0]) for end in ends):
+                standing[other] = where
+        return standing
+
+    # ---- among the others --------------------------------------------------------------------
+
+    def _others(self, arm: str) -> list[str]:
+        return [other for other in self.plan.arms if other in self._near[arm] and other in self._parts]
+
+    def _blocked_times(self, path: AgentPath, time: float, others: Iterable[str]) -> BlockedTimes:
+        """When an arm must not be where on a path because of others."""
+        found = []
+        for other in others:
+            for part in self._parts[other]:
+                if part.end <= time:
+                    continue
+                blocked = self._diagram(path, part, time)
+                if blocked is not None:
+                    found.append((blocked, part.occupancy))
+        return blocked_times(path, found)
+
+    def _diagram(self, path: AgentPath, part: Part, time: float) -> Blocked | None:
+        """The diagram with the largest margin that the arm and the other one have where they rest."""
+        key = (path, part.path)
+        if key not in self._diagrams:
+            one, two = path.agent, part.path.agent
+            now = self.plan.configuration(two.arms[0], time)
+            pairs = [(path.start, now), (path.goal, part.path.goal)] if math.isinf(part.end) else [(path.start, now)]
+            placed = [(placed_configuration(one.bodies, a), placed_configuration(two.bodies, b)) for a, b in pairs]
+            margin = next((m for m in MARGINS if all(are_apart(one, a, two, b, m) for a, b in placed)), 0.0)
+            self._diagrams[key] = closed_diagram(path, part.path, margin)
+        return self._diagrams[key]
+
+    # ---- others yield --------------------------------------------------------------------------
+
+    def _by_yielding(self, arm: str, goal: _GoalLike, attempt: _Attempt) -> dict[str, _NewMotion] | None:
+        """Motions of the arm and of others that are timed again after it, or step aside for it and go on afterwards."""
+        in_the_way: dict[str, None] = {}
+        for stop, path in attempt.paths:
+            met = [o for o in self._others(arm) if len(self._blocked_times(path, stop.time, [o]).rows)]
+            in_the_way.update(dict.fromkeys(met))
+            moving = [o for o in met if self._moves(o)]
+            for victims in ([o] for o in moving) if len(moving) == 1 else [*([o] for o in moving), moving]:
+                if not victims or not self._has_time():
+                    continue
+                new = self._timed(arm, stop, path, [o for o in self._others(arm) if o not in victims])
+                changed = None if new is None else self._after(arm, new, victims)
+                if changed is not None:
+                    return changed
+        self._blockers.update(in_the_way)
+        for _ in range(_STEPS_ASIDE):
+            for victim in in_the_way:
+                if not self._has_time():
+                    return None
+                changed = self._stepping_aside(arm, goal, victim)
+                if changed is not None:
+                    return changed
+        return None
+
+    def _moves(self, arm: str) -> bool:
+        """Whether an arm is not where it ends when the change begins."""
+        return not np.array_equal(self.plan.configuration(arm, self.now), self.plan.goal(arm))
+
+    def _after(self, arm: str, new: _NewMotion, victims: list[str]) -> dict[str, _NewMotion] | None:
+        """Motions of others to their goals after a new one, one by one; None if one has none."""
+        with self._trying():
+            changed = {arm: new}
+            self._use(arm, new)
+            for victim in victims:
+                del self._parts[victim]
+            for victim in victims:
+                found = self._by_itself(victim, self.plan.goal(victim))
+                if not isinstance(found, _NewMotion):
+                    return None
+                changed[victim] = found
+                self._use(victim, found)
+            return changed
+
+    def _stepping_aside(self, arm: str, goal: _GoalLike, victim: str) -> dict[str, _NewMotion] | None:
+        """Another arm goes somewhere else, the arm goes to its goal, and the other one to its own."""
+        with self._trying():
+            stop = stops_of(self.plan, arm, self.now)[0]
+            self._parts[arm] = (stop.before.until(stop.time), self._rest_at(arm, stop))
+            aside = self._random_configuration(victim)
+            away = None if aside is None else self._by_itself(victim, aside)
+            if not isinstance(away, _NewMotion):
+                return None
+            self._use(victim, away)
+            new = self._by_itself(arm, goal)
+            if not isinstance(new, _NewMotion):
+                return None
+            self._use(arm, new)
+            attempt = _Attempt()
+            there = Stop(away.arrival, away.parts[-1].path.goal, away.parts[-1].until(away.arrival), None)
+            self._time_paths(victim, there, [self.plan.goal(victim)], attempt, math.inf)
+            if attempt.best is None:
+                return None
+            back = attempt.best
+            whole = _joined(away.trajectory, back.trajectory)
+            return {arm: new, victim: _NewMotion((*away.parts[:-1], *back.parts), whole, back.arrival)}
+
+    @contextmanager
+    def _trying(self) -> Iterator[None]:
+        """What others do is afterwards as it was before; only what is returned is kept."""
+        parts, blockers, reason = dict(self._parts), set(self._blockers), self._reason
+        try:
+            yield
+        finally:
+            self._parts, self._blockers, self._reason = parts, blockers, reason
+
+    def _use(self, arm: str, new: _NewMotion) -> None:
+        self._parts[arm] = tuple(part for part in new.parts if part.end > self.now)
+
+    def _rest_at(self, arm: str, stop: Stop) -> Part:
+        """An arm that stays where it stops."""
+        agent = self._agent(arm, stop.q, stop.q)
+        question = agent.question({}, 0.0)
+        with checker_from_pool(question.scene, question.arms) as checker:
+            path = AgentPath(agent, Path(agent.joint_names, np.array([stop.q, stop.q])), checker)
+        return part_of(Schedule(path, ()), stop.time)
+
+    def _random_configuration(self, arm: str) -> Array | None:
+        """A free configuration of an arm, nearer ones to where it is more often."""
+        q = self.plan.configuration(arm, self.now)
+        agent = self._agent(arm, q, q)
+        limits, question = agent.limits, agent.question({}, 0.0)
+        low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
+        high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
+        with checker_from_pool(question.scene, question.arms, MARGINS[0]) as checker:
+            for _ in range(_SAMPLES):
+                other = q + self._rng.random() * (self._rng.uniform(low, high) - q)
+                if checker.is_free(other):
+                    return np.asarray(other)
+        return None
+
+    # ---- the new plan --------------------------------------------------------------------------
+
+    def _result(self, arm: str, changed: Mapping[str, _NewMotion], stage: str) -> AddedMotion:
+        """The new plan, if the referee certifies it."""
+        plan = self.plan
+        start = plan.trajectory.start_time
+        trajectory = _joined(plan.trajectory.cut(start, self.now), self._rest(changed))
+        report = _report(trajectory.cut(max(start, self.now - _LEAD), trajectory.end_time), plan.scene)
+        yielding = tuple(sorted(set(changed) - {arm}))
+        if not report.certified:
+            said = "; ".join(map(str, report.violations[:2])) or "it cannot be decided"
+            reason = f"the referee does not certify the motion that was found: {said}"
+            return AddedMotion(plan, "", reason, yielding, seconds=self._watch.seconds)
+        parts = {name: new.parts for name, new in changed.items()}
+        parts = {name: (*self._over(name), *new) for name, new in parts.items()}
+        made = plan.with_parts(parts, trajectory, self.now)
+        return AddedMotion(made, stage, "", yielding, changed[arm].arrival, report, self._watch.seconds)
+
+    def _over(self, arm: str) -> tuple[Part, ...]:
+        """Parts of an arm that end before the change."""
+        return tuple(part for part in self.plan.parts[arm] if part.end <= self.now)
+
+    def _rest(self, changed: Mapping[str, _NewMotion]) -> Trajectory:
+        """The motion of all arms from the change on."""
+        old, names = self.plan.trajectory, self.plan.trajectory.joint_names
+        parts = [new.trajectory for new in changed.values()]
+        staying = [i for i, name in enumerate(names) if name.split("/", 1)[0] not in changed]
+        end = max([new.arrival for new in changed.values()] + [self.now])
+        if staying:
+            later = old.cut(self.now, max(self.now, old.end_time))
+            parts.append(Trajectory(tuple(names[i] for i in staying), later.breaks, later.coefficients[:, :, staying]))
+        merged = Trajectory.merge(*parts)
+        merged = merged.cut(self.now, max(end, merged.end_time))
+        columns = [merged.joint_names.index(name) for name in names]
+        return Trajectory(names, merged.breaks, merged.coefficients[:, :, columns])
+
+
+def _report(motion: Trajectory, scene: Scene) -> Report:
+    """What the referee says of a motion in whose first instant the arms may move."""
+    report = validate(motion, scene)
+    kept = tuple(v for v in report.violations if v.kind != "rest" or v.time != motion.start_time)
+    return replace(report, violations=kept)
+
+
+def _joined(one: Trajectory, two: Trajectory) -> Trajectory:
+    """One motion after the other; the second begins where and when the first ends."""
+    if one.duration == 0.0:
+        return two
+    if two.duration == 0.0:
+        return one
+    terms = max(one.coefficients.shape[1], two.coefficients.shape[1])
+    c = [np.pad(t.coefficients, ((0, 0), (0, terms - t.coefficients.shape[1]), (0, 0))) for t in (one, two)]
+    breaks = np.concatenate([one.breaks, two.breaks[1:]])
+    return Trajectory(one.joint_names, breaks, np.concatenate(c))

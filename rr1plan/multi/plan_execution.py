@@ -1,0 +1,233 @@
+"""Executing a plan of many arms with delays: who has to wait stops before the segment that is not free yet.
+
+Nobody knows what the others will do: an agent may go up to the first step for which it waits, and drives so that it can
+stop there. When what it waits for has happened it goes on, from whatever speed it has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from itertools import count
+from typing import NamedTuple
+
+from rr1plan.checks import Value, finite_number, items_of, known_name, of_kind, shown
+from rr1plan.errors import InputError
+from rr1plan.multi.route_motion import RouteMotion, slower
+from rr1plan.multi.temporal_plan_graph import PlanGraph
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class ArmDelay(Value):
+    """What delays an arm. Arms of one agent, which move as one, are delayed together.
+
+    Args:
+        start: It starts so much later [s].
+        slowdown: It takes this much longer for everything: 0.3 is 30 %.
+        pauses: Pairs of a time [s] at which it begins to stop, and of how long after that it does not go on [s].
+
+    Raises:
+        InputError: a number that is not finite, or below zero.
+    """
+
+    start: float = 0.0
+    slowdown: float = 0.0
+    pauses: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("start", "slowdown"):
+            object.__setattr__(self, name, _not_negative(name, getattr(self, name)))
+        pairs = []
+        for pair in items_of("pauses", self.pauses, "pairs of a time and a duration"):
+            both = items_of("a pause", pair, "a time and a duration")
+            if len(both) != 2:
+                raise InputError(f"a pause has {len(both)} numbers, expected a time and a duration")
+            pairs.append((_not_negative("time of a pause", both[0]), _not_negative("duration of a pause", both[1])))
+        object.__setattr__(self, "pauses", tuple(sorted(pairs)))
+
+
+def _not_negative(name: str, value: object) -> float:
+    number = finite_number(name, value)
+    if number < 0.0:
+        raise InputError(f"{name} is {number}, expected a time or a share >= 0")
+    return number
+
+
+@dataclass(frozen=True, eq=False)
+class PlanExecution(Value):
+    """How a plan was executed.
+
+    Args:
+        trajectory: All arms of the plan on one clock.
+        graph: The plan graph with the times of this execution, whose `skew_tolerance` is that of this trajectory.
+        waiting: How long each arm rested before its goal because of others, its delays not counted [s].
+    """
+
+    trajectory: Trajectory
+    graph: PlanGraph
+    waiting: Mapping[str, float]
+
+    @property
+    def makespan(self) -> float:
+        """When the last arm arrives [s]."""
+        return self.trajectory.end_time
+
+
+def execute_plan(
+    graph: PlanGraph, scene: Scene, delays: Mapping[str, ArmDelay] | None = None, *, gap: float = 0.0
+) -> PlanExecution:
+    """The motion of all arms of a plan when some are delayed and all dependencies are kept.
+
+    An agent goes as soon as its dependencies allow, so that it may be earlier than planned where it planned to wait.
+
+    Args:
+        graph: The plan graph.
+        scene: The scene of the plan; joint limits are those of its robots.
+        delays: The delay of each arm that has one.
+        gap: How long something has to be past until others go on [s]; the execution then tolerates that arms start
+            late by up to this without waiting for each other (`graph.skew_tolerance` of the result).
+
+    Raises:
+        UnknownNameError: a delay of an arm that is not in the plan.
+        InputError: joints that the scene does not have, or a gap below zero.
+    """
+    of_kind("graph", graph, PlanGraph)
+    of_kind("scene", scene, Scene)
+    gap = _not_negative("gap", gap)
+    given: dict[str, ArmDelay] = {}
+    if delays is not None and not isinstance(delays, Mapping):
+        raise InputError(f"delays is {shown(delays)}, expected a mapping from arm to ArmDelay")
+    for name, delay in (delays or {}).items():
+        of_kind(f"delay of {name!r}", delay, ArmDelay)
+        given[known_name("arm", name, graph.arms)] = delay
+    for route in graph.routes:
+        if scene.joint_names(route.arms) != route.joint_names:
+            raise InputError(f"the joints of {', '.join(route.arms)} are not those of the plan")
+    agents = [_together([given[arm] for arm in route.arms if arm in given]) for route in graph.routes]
+    return _Run(graph, scene, agents, gap).run()
+
+
+def _together(delays: list[ArmDelay]) -> ArmDelay:
+    """The delay of an agent: all delays of its arms."""
+    return ArmDelay(
+        max((d.start for d in delays), default=0.0),
+        max((d.slowdown for d in delays), default=0.0),
+        tuple(pause for d in delays for pause in d.pauses),
+    )
+
+
+class _Event(NamedTuple):
+    """Something that changes how far an agent may go.
+
+    Args:
+        time: When [s].
+        number: Events of one instant happen in this order.
+        agent: The agent.
+        pause: It does not go on before [s]; nothing where that is not later.
+        dependency: What it does not wait for any more; -1 for nothing.
+    """
+
+    time: float
+    number: int
+    agent: int
+    pause: float
+    dependency: int
+
+
+class _Run:
+    """One execution, from one event to the next: an agent leaves what others wait for, begins or ends a pause."""
+
+    def __init__(self, graph: PlanGraph, scene: Scene, delays: list[ArmDelay], gap: float) -> None:
+        self.graph, self.scene, self.delays, self.gap = graph, scene, delays, gap
+        self.motions = [
+            RouteMotion(route, slower(scene.limits(route.arms), 1.0 + delay.slowdown))
+            for route, delay in zip(graph.routes, delays, strict=True)
+        ]
+        dependencies = graph.dependencies
+        # Of each agent what it waits for and what others wait for, each in the order of its route.
+        self.waits = [
+            sorted((d.node.step, k) for k, d in enumerate(dependencies) if d.node.agent == i)
+            for i in range(len(graph.routes))
+        ]
+        self.causes = [
+            sorted((d.after.step, k) for k, d in enumerate(dependencies) if d.after.agent == i)
+            for i in range(len(graph.routes))
+        ]
+        self.released = [False] * len(dependencies)
+        self.paused_until = [0.0] * len(graph.routes)
+        self.numbers = count()
+        self.events: list[_Event] = []
+
+    def run(self) -> PlanExecution:
+        for i, delay in enumerate(self.delays):
+            self.motions[i].pause(0.0, delay.start)
+            self.motions[i].go_to(self._limit(i), 0.0)
+            for at, seconds in delay.pauses:
+                self._add(at, i, at + seconds)
+                self._add(at + seconds, i)
+        while True:
+            time, agent, cause = self._next_cause()
+            if self.events and self.events[0].time <= time:
+                self._handle(heappop(self.events))
+            elif cause >= 0:
+                self.causes[agent].pop(0)
+                self._add(time + self.gap, self.graph.dependencies[cause].node.agent, dependency=cause)
+            else:
+                break
+        return self._execution()
+
+    def _add(self, time: float, agent: int, pause: float = 0.0, dependency: int = -1) -> None:
+        heappush(self.events, _Event(time, next(self.numbers), agent, pause, dependency))
+
+    def _next_cause(self) -> tuple[float, int, int]:
+        """What others wait for and happens next: when, who does it, and which dependency it releases; -1 if nothing."""
+        first = (math.inf, -1, -1)
+        for i, causes in enumerate(self.causes):
+            if causes:
+                step, k = causes[0]
+                route, motion = self.graph.routes[i], self.motions[i]
+                at = int(route.begins[step])
+                rests = route.ends[step] == at
+                time = motion.pass_time(at) if rests else motion.leave_time(at)
+                first = min(first, (time, i, k))
+        return first if math.isfinite(first[0]) else (math.inf, -1, -1)
+
+    def _limit(self, agent: int) -> int:
+        """The gridpoint up to which an agent may go."""
+        waits = self.waits[agent]
+        while waits and self.released[waits[0][1]]:
+            waits.pop(0)
+        route = self.graph.routes[agent]
+        return int(route.begins[waits[0][0]]) if waits else len(route.pieces)
+
+    def _handle(self, event: _Event) -> None:
+        motion = self.motions[event.agent]
+        if event.dependency >= 0:
+            self.released[event.dependency] = True
+        if event.pause > event.time:
+            self.paused_until[event.agent] = max(self.paused_until[event.agent], event.pause)
+            motion.pause(event.time, self.paused_until[event.agent])
+        elif event.time >= self.paused_until[event.agent]:
+            limit = self._limit(event.agent)
+            if limit > motion.limit:
+                motion.go_to(limit, event.time)
+
+    def _execution(self) -> PlanExecution:
+        times, waiting = [], {}
+        parts = [motion.trajectory() for motion in self.motions]
+        for route, motion, part, delay in zip(self.graph.routes, self.motions, parts, self.delays, strict=True):
+            times.append(motion.steps_entered())
+            alone = RouteMotion(route, motion.limits)
+            alone.go_to(len(route.pieces), 0.0)
+            moved = len(route.pieces) > 0
+            late = part.end_time - alone.stop_time - delay.start - sum(seconds for _, seconds in delay.pauses)
+            waiting.update(dict.fromkeys(route.arms, max(0.0, late) if moved else 0.0))
+        merged = Trajectory.merge(*parts)
+        names = self.scene.joint_names(self.graph.arms)
+        columns = [merged.joint_names.index(name) for name in names]
+        trajectory = Trajectory(names, merged.breaks, merged.coefficients[:, :, columns])
+        return PlanExecution(trajectory, self.graph.with_times(times), waiting)

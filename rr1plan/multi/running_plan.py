@@ -1,0 +1,272 @@
+"""A plan of many arms while it runs: what each arm does from now on, in parts of one path each.
+
+Everything is stored by arm: the path of a meta-agent is projected to each of its arms, with the same times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array, Value, finite_number, known_name, of_kind
+from rr1plan.errors import InputError
+from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.portfolio import ManyArmsResult
+from rr1plan.multi.projected_path import path_of_arm
+from rr1plan.multi.route import Route, route_of
+from rr1plan.multi.route_motion import RouteMotion
+from rr1plan.multi.schedule import Occupancy, Schedule, rest_row
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+# Far above the rounding of configurations [rad or m].
+_ROUNDING = 1e-9
+# Slower than this is rest [rad/s or m/s].
+_REST = 1e-9
+_NEWTON_STEPS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Part(Value):
+    """An arm on one path for some time.
+
+    Args:
+        path: The path.
+        route: All that it passes, with the times of its steps.
+        rows: The row of extended diagrams of each step, shape (n,).
+        gridpoints: Of the path, at each gridpoint of the route, shape (m + 1,).
+        begin: Since when it is on this path [s]; -inf for the first part.
+        end: Until when [s]; inf for the last.
+    """
+
+    path: AgentPath
+    route: Route
+    rows: NDArray[np.int64]
+    gridpoints: NDArray[np.int64]
+    begin: float
+    end: float
+
+    @property
+    def occupancy(self) -> Occupancy:
+        """Which rows of extended diagrams it occupies, from `begin` to `end`."""
+        enter, leave = self.route.times.copy(), self.route.leave_times
+        enter[0], leave[-1] = -np.inf, np.inf
+        enter, leave = np.maximum(enter, self.begin), np.minimum(leave, self.end)
+        kept = leave > enter
+        if not kept.any():  # it is left as soon as it is reached
+            kept = np.arange(len(enter)) == int(np.searchsorted(enter, self.end, side="right")) - 1
+            leave = np.maximum(leave, enter)
+        return Occupancy(self.rows[kept], enter[kept], leave[kept])
+
+    @property
+    def row_at_the_end(self) -> int:
+        """The row that it occupies last."""
+        return int(self.occupancy.rows[-1])
+
+    def until(self, time: float) -> Part:
+        """The same part, left for another path at a time [s]."""
+        return replace(self, end=min(self.end, time))
+
+
+def part_of(schedule: Schedule, begin: float) -> Part:
+    """An arm that moves by a schedule from some time on, for good."""
+    return _part(schedule, schedule.path, route_of(schedule), begin)
+
+
+def _part(schedule: Schedule, path: AgentPath, route: Route, begin: float) -> Part:
+    visited = [0]
+    for leg in schedule.legs:
+        step = 1 if leg.end > leg.begin else -1
+        visited += list(range(leg.begin + step, leg.end + step, step))
+    return Part(path, route, schedule.occupancy.rows, np.array(visited), begin, np.inf)
+
+
+def _part_of_arm(schedule: Schedule, arm: str) -> Part:
+    """What one arm of an agent does."""
+    path, route = path_of_arm(schedule.path, arm), route_of(schedule)
+    if path is not schedule.path:
+        columns = [route.joint_names.index(name) for name in path.agent.joint_names]
+        route = replace(
+            route,
+            arms=(arm,),
+            joint_names=path.agent.joint_names,
+            start=route.start[columns],
+            coefficients=route.coefficients[:, :, columns],
+        )
+    return _part(schedule, path, route, -np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class RunningPlan(Value):
+    """A plan that may be changed while it runs, see `rr1plan.add_motion`.
+
+    Args:
+        scene: The scene.
+        trajectory: All arms of the plan on one clock.
+        parts: What each of them does, one path after the other; what is long over is not kept.
+    """
+
+    scene: Scene
+    trajectory: Trajectory
+    parts: Mapping[str, tuple[Part, ...]]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parts", MappingProxyType(dict(self.parts)))
+
+    def __repr__(self) -> str:
+        return f"RunningPlan({len(self.parts)} arms, {self.trajectory.end_time:.3f} s)"
+
+    @staticmethod
+    def of(result: ManyArmsResult) -> RunningPlan:
+        """The plan that `plan_many_arms` found.
+
+        Raises:
+            InputError: it found none.
+        """
+        of_kind("result", result, ManyArmsResult)
+        if result.trajectory is None:
+            raise InputError(f"there is no plan that could run: {result.reason}")
+        scene = result.schedules[0].path.agent.problem.scene
+        parts = {arm: (_part_of_arm(s, arm),) for s in result.schedules for arm in s.path.agent.arms}
+        return RunningPlan(scene, result.trajectory, {arm: parts[arm] for arm in result.trajectory.arms})
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """All arms of the plan."""
+        return tuple(self.parts)
+
+    def configuration(self, arm: str, time: float) -> Array:
+        """Where an arm is at a time [s], shape (nq,); within its limits, whatever the rounding.
+
+        Raises:
+            UnknownNameError: the plan has no such arm.
+        """
+        return self._within_limits(arm, self._columns(arm, time, 0))
+
+    def _within_limits(self, arm: str, q: Array) -> Array:
+        limits = self.scene.arms[arm].robot.limits
+        nearest = np.clip(q, limits.lower, limits.upper)
+        return np.asarray(np.where(np.abs(nearest - q) < _ROUNDING, nearest, q))
+
+    def velocity(self, arm: str, time: float) -> Array:
+        """How fast the joints of an arm are at a time [s], shape (nq,) [rad/s or m/s].
+
+        Raises:
+            UnknownNameError: the plan has no such arm.
+        """
+        return np.asarray(self._columns(arm, time, 1))
+
+    def goal(self, arm: str) -> Array:
+        """Where an arm ends, shape (nq,).
+
+        Raises:
+            UnknownNameError: the plan has no such arm.
+        """
+        known_name("arm", arm, self.parts)
+        return np.asarray(self.parts[arm][-1].path.goal)
+
+    def _columns(self, arm: str, time: float, derivative: int) -> Array:
+        known_name("arm", arm, self.parts)
+        names = self.trajectory.joint_names
+        columns = [names.index(name) for name in self.scene.joint_names([arm])]
+        return np.asarray(self.trajectory(finite_number("time", time), derivative)[columns])
+
+    def part_at(self, arm: str, time: float) -> Part:
+        """On which path an arm is."""
+        return next(part for part in self.parts[arm] if time <= part.end)
+
+    def with_parts(self, changed: Mapping[str, tuple[Part, ...]], trajectory: Trajectory, now: float) -> RunningPlan:
+        """The plan with other motions of some arms.
+
+        Args:
+            changed: What they do, from before `now` on.
+            trajectory: The motion of all arms.
+            now: What is over by then is not kept [s].
+        """
+        parts = {**self.parts, **changed}
+        kept = {arm: tuple(part for part in parts[arm] if part.end > now) for arm in self.parts}
+        return RunningPlan(self.scene, trajectory, kept)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where an arm can be at rest to begin something else.
+
+    Args:
+        time: Since when [s].
+        q: Where, shape (nq,).
+        before: What it does until then.
+        braking: Its motion from now to there; None if it rests already.
+    """
+
+    time: float
+    q: Array
+    before: Part
+    braking: Trajectory | None
+
+
+def stops_of(plan: RunningPlan, arm: str, now: float) -> list[Stop]:
+    """Where an arm can stop, soonest first: where it rests, or the first gridpoint, a later one, the planned stop."""
+    part = plan.part_at(arm, now)
+    q, rates = plan.configuration(arm, now), plan.velocity(arm, now)
+    if np.abs(rates).max(initial=0.0) <= _REST:
+        return [Stop(now, q, part.until(now), None)]
+    route = part.route
+    step = int(np.searchsorted(route.times, now, side="right")) - 1
+    while route.begins[step] == route.ends[step] and step > 0:
+        step -= 1  # rounding: it moves, so it is on a segment
+    segment = int(route.begins[step])
+    share, x = _state_on(route, segment, q, rates)
+    limits = part.path.agent.limits
+    moving = RouteMotion.moving(route, limits, now, segment, share, x)
+    rests = route.begins[(route.begins == route.ends) & (route.begins > segment)]
+    planned = min(int(rests[0]), moving.limit)
+    moving.limit = planned
+    first = moving.first_stop()
+    found = []
+    for gridpoint in dict.fromkeys([first, (2 * first + planned) // 3, planned]):
+        motion = RouteMotion.moving(route, limits, now, segment, share, x)
+        motion.go_to(gridpoint, now)
+        found.append(_stopped(part, motion, step, gridpoint))
+    return found
+
+
+def _state_on(route: Route, segment: int, q: Array, rates: Array) -> tuple[float, float]:
+    """How far on a segment an arm is [rad], and its squared path speed."""
+    c, offset = route.coefficients[route.pieces[segment]], route.offsets[segment]
+    s = float(offset + 0.5 * route.spans[segment])
+    for _ in range(_NEWTON_STEPS):
+        slope = c[1] + 2.0 * s * c[2]
+        s += float(slope @ (q - c[0] - s * (c[1] + s * c[2])) / (slope @ slope))
+    slope = c[1] + 2.0 * s * c[2]
+    share = min(max(s - float(offset), 0.0), float(route.spans[segment]) * (1.0 - 1e-9))
+    return share, float((slope @ rates / (slope @ slope)) ** 2)
+
+
+def _stopped(part: Part, motion: RouteMotion, step: int, gridpoint: int) -> Stop:
+    """The end of a motion, and the part up to there."""
+    route = part.route
+    trajectory = motion.trajectory()
+    entered = motion.steps_entered()
+    times = np.where(np.arange(len(route.times)) <= step, route.times, entered)
+    kept = (route.begins < gridpoint) & (route.ends <= gridpoint)
+    end = trajectory.end_time
+    cut = replace(
+        route,
+        pieces=route.pieces[:gridpoint],
+        offsets=route.offsets[:gridpoint],
+        spans=route.spans[:gridpoint],
+        stops=(*(k for k in route.stops if k < gridpoint), gridpoint),
+        begins=np.append(route.begins[kept], gridpoint),
+        ends=np.append(route.ends[kept], gridpoint),
+        times=np.append(times[kept], end),
+    )
+    rows = np.append(part.rows[kept], rest_row(part.path, int(part.gridpoints[gridpoint])))
+    before = Part(part.path, cut, rows, part.gridpoints[: gridpoint + 1], part.begin, end)
+    last = gridpoint - 1
+    q = route.at(route.pieces[[last]], route.offsets[[last]] + route.spans[[last]])[0]
+    return Stop(end, q, before, trajectory)

@@ -1,0 +1,192 @@
+"""New goals while a plan runs: the past stays, the rest is certified, and who is in the way is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker
+from rr1plan.planning import Budget
+
+_BUDGET = Budget(seconds=20.0)
+
+
+def _assert_same_before(one: rp.RunningPlan, two: rp.RunningPlan, time: float) -> None:
+    at = np.linspace(one.trajectory.start_time, time, 400)
+    np.testing.assert_allclose(two.trajectory(at), one.trajectory(at), atol=1e-11)
+    np.testing.assert_allclose(two.trajectory(at[:-1], 1), one.trajectory(at[:-1], 1), atol=1e-9)
+
+
+def _free_goal(plan: rp.RunningPlan, arm: str, rng: np.random.Generator) -> np.ndarray:
+    """A random configuration apart from where the others end."""
+    scene = plan.scene
+    for other in plan.arms:
+        scene = scene.with_configuration(other, plan.goal(other))
+    checker, limits = CollisionChecker(scene, [arm]), scene.arms[arm].robot.limits
+    while True:
+        q = rng.uniform(limits.lower, limits.upper)
+        if checker.is_free(q):
+            return q
+
+
+@pytest.mark.parametrize(("count", "spacing"), [(4, 0.6), (8, 0.65)])
+def test_goals_keep_coming(count: int, spacing: float, rr1: rp.Robot) -> None:
+    problem = rp.random_grid(rr1, count, spacing, 1)
+    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, rng=0, budget=_BUDGET))
+    rng = np.random.default_rng(1)
+    time, moving, found = 0.0, 0, 0
+    for k in range(16):
+        time += rng.uniform(0.1, 0.6)
+        arm = plan.arms[rng.integers(count)]
+        goal = _free_goal(plan, arm, rng)
+        added = rp.add_motion(plan, arm, goal, at=time, budget=_BUDGET, rng=k)
+        moving += bool(np.abs(plan.velocity(arm, time + 0.3)).max() > 1e-3)
+        if not added:
+            assert added.plan is plan
+            assert added.reason
+            assert added.blocked_by
+            continue
+        found += 1
+        assert added.report is not None
+        assert added.report.certified
+        assert added.stage in ("wait", "detour", "yield")
+        _assert_same_before(plan, added.plan, time + 0.3)
+        np.testing.assert_allclose(added.plan.goal(arm), goal, atol=1e-9)
+        np.testing.assert_allclose(added.plan.configuration(arm, added.arrival), goal, atol=1e-9)
+        for other in set(plan.arms) - {arm, *added.blocked_by}:
+            later = np.linspace(time, added.plan.trajectory.end_time, 50)
+            same = added.plan.trajectory.select(other)(later) - plan.trajectory.select(other)(later)
+            assert np.abs(same).max() < 1e-11
+        plan = added.plan
+    assert moving >= 2
+    assert found >= 14
+    report = rp.validate(plan.trajectory, plan.scene)
+    assert report.certified, report
+    assert not rp.simulate(plan.trajectory, plan.scene, mode="kinematic").contacts
+
+
+def test_arms_that_were_planned_as_one_get_goals_of_their_own(rr1: rp.Robot) -> None:
+    problem = rp.ring_swap(rr1, 8, 0.6, rng=1)
+    result = rp.plan_many_arms(problem, rng=0, budget=_BUDGET)
+    assert any(len(s.path.agent.arms) > 1 for s in result.schedules)
+    plan = rp.RunningPlan.of(result)
+    assert plan.arms == problem.arms
+    together = next(s.path.agent.arms for s in result.schedules if len(s.path.agent.arms) > 1)
+    start = problem.scene.split(problem.start, problem.arms)[together[0]]
+    added = rp.add_motion(result, together[0], [start, _free_goal(plan, together[0], np.random.default_rng(0))], at=0.1)
+    if added:
+        _assert_same_before(plan, added.plan, 0.4)
+        assert rp.validate(added.plan.trajectory, plan.scene).certified
+    else:
+        assert added.blocked_by
+
+
+def test_the_same_seed_gives_the_same_motion(rr1: rp.Robot) -> None:
+    problem = rp.random_grid(rr1, 4, 0.6, 1)
+    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, rng=0, budget=_BUDGET))
+    goal = _free_goal(plan, "arm02", np.random.default_rng(3))
+    one, two = (rp.add_motion(plan, "arm02", goal, at=0.2, budget=_BUDGET, rng=5) for _ in range(2))
+    assert one.plan.trajectory.coefficients.tobytes() == two.plan.trajectory.coefficients.tobytes()
+
+
+# ---- arms in a plane -------------------------------------------------------------------------
+
+
+def _facing(planar2r: rp.Robot) -> rp.Scene:
+    scene = rp.Scene().with_arm("left", planar2r, (-1.2, 0.0, 0.0))
+    return scene.with_arm("right", planar2r, (1.2, 0.0, 0.0))
+
+
+def _at_rest(scene: rp.Scene, start: dict[str, list[float]]) -> rp.RunningPlan:
+    return rp.RunningPlan.of(rp.plan_many_arms(rp.Problem(scene, start, dict(start)), rng=0))
+
+
+def test_an_arm_waits_for_one_that_leaves(planar2r: rp.Robot) -> None:
+    plan = _at_rest(_facing(planar2r), {"left": [1.2, 0.0], "right": [np.pi, 0.0]})
+    leaving = rp.add_motion(plan, "right", [np.pi + 1.5, 0.0], at=0.0, budget=_BUDGET, rng=0)
+    assert leaving.stage == "wait"
+    alone = rp.add_motion(
+        _at_rest(_facing(planar2r), {"left": [1.2, 0.0], "right": [np.pi + 1.5, 0.0]}), "left", [0.0, 0.0], at=0.0
+    )
+    coming = rp.add_motion(leaving.plan, "left", [0.0, 0.0], at=0.0, budget=_BUDGET, rng=0)
+    assert coming.found, coming.reason
+    assert coming.blocked_by == ()
+    assert coming.arrival > alone.arrival - 1e-6
+    assert rp.validate(coming.plan.trajectory, plan.scene).certified
+
+
+def test_an_arm_that_rests_in_the_way_yields_and_comes_back(planar2r: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("left", planar2r, (-1.2, 0.0, 0.0)).with_arm("idle", planar2r, (-0.6, 1.5, 0.0))
+    scene = scene.with_obstacle("wall", rp.Box((0.1, 3.0, 0.2)), (-1.5, 0.0, 0.0))
+    plan = _at_rest(scene, {"left": [1.3, 0.3], "idle": [-np.pi / 2, 0.0]})
+    added = rp.add_motion(plan, "left", [-0.9, 0.5], at=1.0, budget=_BUDGET, rng=1)
+    assert added.stage == "yield", added.reason
+    assert added.blocked_by == ("idle",)
+    np.testing.assert_allclose(added.plan.goal("idle"), [-np.pi / 2, 0.0])
+    assert rp.validate(added.plan.trajectory, scene).certified
+    _assert_same_before(plan, added.plan, 1.3)
+    idle = added.plan.trajectory.select("idle")
+    assert np.abs(idle(np.linspace(1.3, idle.end_time, 200)) - [-np.pi / 2, 0.0]).max() > 0.1
+
+
+def test_a_moving_arm_brakes_and_turns_back(planar2r: rp.Robot) -> None:
+    plan = _at_rest(_facing(planar2r), {"left": [1.5, 0.0], "right": [np.pi + 1.5, 0.0]})
+    there = rp.add_motion(plan, "left", [-1.2, 0.3], at=0.0, freeze=0.0, budget=_BUDGET, rng=0)
+    middle = 0.5 * there.arrival
+    assert np.abs(there.plan.velocity("left", middle)).max() > 0.1
+    back = rp.add_motion(there.plan, "left", [1.5, 0.0], at=middle - 0.3, budget=_BUDGET, rng=0)
+    assert back.found, back.reason
+    assert back.arrival > middle
+    _assert_same_before(there.plan, back.plan, middle)
+    assert rp.validate(back.plan.trajectory, plan.scene).certified
+    again = rp.add_motion(back.plan, "left", [-1.2, 0.3], at=middle - 0.25, freeze=0.3, budget=_BUDGET, rng=0)
+    assert again.found, again.reason
+    assert rp.validate(again.plan.trajectory, plan.scene).certified
+
+
+def test_a_goal_where_another_arm_ends_names_it(planar2r: rp.Robot) -> None:
+    plan = _at_rest(_facing(planar2r), {"left": [1.5, 0.0], "right": [np.pi, 0.0]})
+    added = rp.add_motion(plan, "left", [0.0, 0.0], at=0.5)
+    assert not added
+    assert added.plan is plan
+    assert added.blocked_by == ("right",)
+    assert "where others end" in added.reason
+    assert "right" in added.reason
+
+
+def test_a_goal_that_cannot_be_is_said(planar2r: rp.Robot, rr1: rp.Robot) -> None:
+    plan = _at_rest(_facing(planar2r), {"left": [1.5, 0.0], "right": [np.pi, 0.0]})
+    blocked = rp.RunningPlan(
+        plan.scene.with_obstacle("post", rp.Cylinder(0.05, 0.2), (-1.2, -0.5, 0.0)), plan.trajectory, plan.parts
+    )
+    added = rp.add_motion(blocked, "left", [-np.pi / 2, 0.0], at=0.0)
+    assert not added
+    assert "post" in added.reason
+    scene = rp.place_grid(rr1, 1, 2, spacing=0.8)
+    far = rp.add_motion(
+        rp.plan_many_arms(rp.Problem(scene, None, {arm: scene.arms[arm].q for arm in scene.arms})),
+        "arm01",
+        rp.PoseGoal("tool", (4.0, 0.0, 0.3)),
+        at=0.0,
+    )
+    assert not far
+    assert far.reason.startswith("arm01")
+
+
+def test_bad_input_is_refused(planar2r: rp.Robot) -> None:
+    plan = _at_rest(_facing(planar2r), {"left": [1.5, 0.0], "right": [np.pi, 0.0]})
+    with pytest.raises(rp.UnknownNameError, match="middle"):
+        rp.add_motion(plan, "middle", [0.0, 0.0], at=0.0)
+    with pytest.raises(rp.InputError, match="at is -1"):
+        rp.add_motion(plan, "left", [0.0, 0.0], at=-1.0)
+    with pytest.raises(rp.InputError, match=r"freeze is -0\.3"):
+        rp.add_motion(plan, "left", [0.0, 0.0], at=0.0, freeze=-0.3)
+    with pytest.raises(rp.InputError, match="plan is"):
+        rp.add_motion("plan", "left", [0.0, 0.0], at=0.0)  # type: ignore[arg-type]
+    with pytest.raises(rp.InputError, match="goal of 'left'"):
+        rp.add_motion(plan, "left", [0.0, 0.0, 0.0], at=0.0)
+    touching = {"left": [0.0, 0.0], "right": [np.pi, 0.0]}
+    nothing = rp.plan_many_arms(rp.Problem(_facing(planar2r), touching, {"left": [1.0, 0.0], "right": [2.0, 0.0]}))
+    with pytest.raises(rp.InputError, match="no plan that could run"):
+        rp.add_motion(nothing, "left", [0.0, 0.0], at=0.0)

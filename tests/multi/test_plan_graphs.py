@@ -1,0 +1,391 @@
+"""Temporal plan graphs: complete, minimal, acyclic; safe whatever is delayed; what a file holds is what was saved."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.multi.coordination import coordination_diagram
+from rr1plan.multi.temporal_plan_graph import agreeing_diagram, pairs_in_reach
+from rr1plan.planning import Budget
+from rr1plan.retiming.path_speed import Grid, fastest_speeds
+
+_BUDGET = Budget(seconds=60.0)
+Plan = tuple[rp.Problem, rp.ManyArmsResult, rp.PlanGraph]
+Step = tuple[int, int]
+
+
+def _problem(name: str, rr1: rp.Robot) -> rp.Problem:
+    if name == "ring-3":
+        return rp.ring_swap(rr1, 3, 0.5, rng=1)
+    if name == "ring-8":
+        return rp.ring_swap(rr1, 8, 0.6, rng=1)
+    if name == "grid-9":
+        return rp.random_grid(rr1, 9, 0.5, 1)
+    return rp.dual_arm_shelf(rr1, 0.5, 1)
+
+
+@pytest.fixture(scope="module", params=["ring-3", "ring-8", "grid-9", "shelf-2"])
+def plan(request: pytest.FixtureRequest, rr1: rp.Robot) -> Plan:
+    problem = _problem(request.param, rr1)
+    result = rp.plan_many_arms(problem, rng=0, budget=_BUDGET)
+    assert result.found, result.reason
+    return problem, result, rp.plan_graph(result)
+
+
+@pytest.fixture(scope="module")
+def ring(rr1: rp.Robot) -> Plan:
+    problem = _problem("ring-3", rr1)
+    result = rp.plan_many_arms(problem, rng=0, budget=_BUDGET)
+    return problem, result, rp.plan_graph(result)
+
+
+def _reachable(
+    graph: rp.PlanGraph, without: rp.Dependency | None = None
+) -> dict[tuple[int, int], set[tuple[int, int]]]:
+    """All that has to happen before each node, by plain search backward."""
+    before: dict[Step, list[Step]] = {}
+    for agent, route in enumerate(graph.routes):
+        for step in range(1, len(route.begins)):
+            before[agent, step] = [(agent, step - 1)]
+    for dependency in graph.dependencies:
+        if dependency is not without:
+            node, after = dependency
+            before[node.agent, node.step].append((after.agent, after.step))
+    found = {}
+    for node in before:
+        seen: set[Step] = set()
+        open_ = [node]
+        while open_:
+            for other in before.get(open_.pop(), ()):
+                if other not in seen:
+                    seen.add(other)
+                    open_.append(other)
+        found[node] = seen
+    return found
+
+
+def test_every_blocked_cell_is_in_an_order_that_cannot_change(plan: Plan) -> None:
+    _, result, graph = plan
+    known = _reachable(graph)
+    pairs = 0
+    for i, j in pairs_in_reach(result.schedules):
+        blocked = agreeing_diagram(result.schedules[i], result.schedules[j])
+        if blocked is None:
+            continue
+        one, two = result.schedules[i].occupancy.rows, result.schedules[j].occupancy.rows
+        for a, b in product(range(len(one)), range(len(two))):
+            if not blocked[one[a], two[b]]:
+                continue
+            pairs += 1
+            i_first = a + 1 < len(one) and b > 0 and (i, a + 1) in known[j, b]
+            j_first = b + 1 < len(two) and a > 0 and (j, b + 1) in known[i, a]
+            assert i_first != j_first, (i, a, j, b)
+    assert pairs or not graph.dependencies
+
+
+def test_the_diagrams_of_a_graph_hold_what_is_proven_without_a_margin(plan: Plan) -> None:
+    _, result, _ = plan
+    for i, j in pairs_in_reach(result.schedules):
+        one, two = result.schedules[i].path, result.schedules[j].path
+        least, taken = coordination_diagram(one, two), agreeing_diagram(result.schedules[i], result.schedules[j])
+        if least is not None:
+            inner = least[1:-1, 1:-1]
+            assert taken is not None
+            assert (taken[1 : one.segments + 1, 1 : two.segments + 1] >= inner).all()
+
+
+def test_no_node_comes_before_itself_and_no_dependency_follows_from_others(plan: Plan) -> None:
+    _, _, graph = plan
+    assert all(node not in before for node, before in _reachable(graph).items())
+    for dependency in graph.dependencies[::3]:
+        node, after = dependency
+        assert node.time > after.time
+        assert (after.agent, after.step) not in _reachable(graph, dependency)[node.agent, node.step]
+
+
+def test_the_graph_says_who_waits_for_whom(ring: Plan) -> None:
+    _, _, graph = ring
+    assert set(graph.arms) == {"arm01", "arm02", "arm03"}
+    assert graph.dependencies
+    waiting = [d for arm in graph.arms for d in graph.waits_for(arm)]
+    assert sorted(map(str, waiting)) == sorted(map(str, graph.dependencies))
+    for node, after in waiting:
+        assert node in graph.nodes
+        assert after in graph.nodes
+        assert node.arms != after.arms
+    assert "does not go beyond where the plan has it at" in str(waiting[0])
+    with pytest.raises(rp.UnknownNameError, match="arm07"):
+        graph.waits_for("arm07")
+
+
+def test_arms_that_do_not_move_have_a_graph_too(rr1: rp.Robot) -> None:
+    scene = rp.place_grid(rr1, 1, 3, spacing=0.8)
+    result = rp.plan_many_arms(rp.Problem(scene, None, {arm: scene.arms[arm].q for arm in scene.arms}), rng=0)
+    graph = rp.plan_graph(result)
+    assert graph.dependencies == ()
+    assert graph.skew_tolerance == np.inf
+    assert rp.execute_plan(graph, scene).makespan == 0.0
+
+
+def test_a_problem_without_a_plan_has_no_graph(planar2r: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("left", planar2r).with_arm("right", planar2r, (0.5, 0.0, 0.0))
+    result = rp.plan_many_arms(rp.Problem(scene, None, {"left": [0.0, 0.0], "right": [0.1, 0.0]}))
+    with pytest.raises(rp.InputError, match="no plan"):
+        rp.plan_graph(result)
+    with pytest.raises(rp.InputError, match="result is"):
+        rp.plan_graph("plan")
+
+
+# ---- execution -------------------------------------------------------------------------------
+
+
+def _random_delays(graph: rp.PlanGraph, rng: np.random.Generator) -> dict[str, rp.ArmDelay]:
+    return {
+        arm: rp.ArmDelay(rng.uniform(0.0, 0.3), rng.uniform(0.0, 0.3), _random_pauses(rng))
+        for arm in graph.arms
+        if rng.random() < 0.8
+    }
+
+
+def _random_pauses(rng: np.random.Generator) -> list[tuple[float, float]]:
+    return [(rng.uniform(0.0, 1.5), rng.uniform(0.0, 1.0)) for _ in range(rng.integers(3))]
+
+
+def test_delayed_executions_are_certified_and_keep_the_order(plan: Plan) -> None:
+    problem, result, graph = plan
+    rng = np.random.default_rng(3)
+    for _ in range(12):
+        delays = _random_delays(graph, rng)
+        done = rp.execute_plan(graph, problem.scene, delays)
+        report = rp.validate(done.trajectory, problem.scene, problem)
+        assert report.certified, report
+        assert done.trajectory.joint_names == problem.joint_names
+        for arm, delay in delays.items():
+            alone = done.trajectory.select(arm)
+            at = np.linspace(0.0, delay.start, 5)
+            np.testing.assert_array_equal(alone(at), np.broadcast_to(alone(0.0), (5, alone.coefficients.shape[2])))
+        for node, after in done.graph.dependencies:
+            assert node.time >= after.time - 1e-9
+    assert result.trajectory is not None
+
+
+def test_a_graph_without_dependencies_is_not_safe(ring: Plan) -> None:
+    problem, _, graph = ring
+    blind = rp.PlanGraph(graph.routes, ())
+    late = {d.after.arms[0] for d in graph.dependencies}
+    reports = [
+        rp.validate(rp.execute_plan(blind, problem.scene, {arm: rp.ArmDelay(0.3)}).trajectory, problem.scene)
+        for arm in late
+    ]
+    assert any(not report.valid for report in reports)
+    assert {v.kind for report in reports for v in report.violations} == {"collision"}
+
+
+def test_an_execution_without_delays_is_about_as_fast_as_the_plan(plan: Plan) -> None:
+    problem, result, graph = plan
+    done = rp.execute_plan(graph, problem.scene)
+    assert rp.validate(done.trajectory, problem.scene, problem).certified
+    assert 0.8 * result.makespan < done.makespan < 1.5 * result.makespan
+    assert all(waiting >= 0.0 for waiting in done.waiting.values())
+
+
+def test_a_slower_arm_takes_as_much_longer(rr1: rp.Robot) -> None:
+    scene = rp.place_grid(rr1, 1, 1)
+    problem = rp.Problem(scene, None, {"arm01": [0.4, 0.1, 0.3, 0.2, 1.2, 0.3]})
+    graph = rp.plan_graph(rp.plan_many_arms(problem, rng=0))
+    plain = rp.execute_plan(graph, scene)
+    slow = rp.execute_plan(graph, scene, {"arm01": rp.ArmDelay(slowdown=0.3)})
+    assert slow.makespan == pytest.approx(1.3 * plain.makespan)
+    late = rp.execute_plan(graph, scene, {"arm01": rp.ArmDelay(start=0.25)})
+    assert late.makespan == pytest.approx(0.25 + plain.makespan)
+    at = 0.4 * plain.makespan
+    paused = rp.execute_plan(graph, scene, {"arm01": rp.ArmDelay(pauses=[(at, 2.0)])})
+    assert plain.makespan + 1.5 < paused.makespan < plain.makespan + 2.5
+    assert rp.validate(paused.trajectory, scene, problem).certified
+    before, rest = np.linspace(0.0, at, 50), np.linspace(at + 1.0, at + 2.0, 20)
+    np.testing.assert_allclose(paused.trajectory(before), plain.trajectory(before), atol=1e-9)
+    assert np.abs(paused.trajectory(rest, 1)).max() == 0.0
+
+
+def test_an_arm_that_waits_stops_before_what_is_not_free(ring: Plan) -> None:
+    problem, _, graph = ring
+    node, after = graph.dependencies[0]
+    (first,), (second,) = after.arms, node.arms
+    done = rp.execute_plan(graph, problem.scene, {first: rp.ArmDelay(start=3.0)})
+    assert rp.validate(done.trajectory, problem.scene, problem).certified
+    assert done.waiting[second] > 1.0
+    route = graph.routes[node.agent]
+    where = route.at(route.pieces[[route.begins[node.step]]], route.offsets[[route.begins[node.step]]])[0]
+    rest = done.trajectory.select(second)(2.9)
+    assert np.abs(done.trajectory.select(second)(2.9, 1)).max() == 0.0
+    np.testing.assert_allclose(rest, where, atol=1e-9)
+
+
+def test_mujoco_sees_no_contact_in_a_delayed_execution(ring: Plan) -> None:
+    problem, _, graph = ring
+    rng = np.random.default_rng(5)
+    for _ in range(3):
+        done = rp.execute_plan(graph, problem.scene, _random_delays(graph, rng))
+        assert not rp.simulate(done.trajectory, problem.scene).contacts
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"start": -0.1}, "start is -0.1"),
+        ({"slowdown": float("nan")}, "slowdown"),
+        ({"pauses": [(1.0,)]}, "a pause has 1 numbers"),
+        ({"pauses": 3.0}, "expected a list of pairs"),
+    ],
+)
+def test_bad_delays_are_refused(wrong: dict[str, object], said: str) -> None:
+    with pytest.raises(rp.InputError, match=said):
+        rp.ArmDelay(**wrong)  # type: ignore[arg-type]
+
+
+def test_executions_of_what_is_not_there_are_refused(ring: Plan, rr1: rp.Robot) -> None:
+    problem, _, graph = ring
+    with pytest.raises(rp.UnknownNameError, match="arm09"):
+        rp.execute_plan(graph, problem.scene, {"arm09": rp.ArmDelay(1.0)})
+    with pytest.raises(rp.InputError, match="gap is -1"):
+        rp.execute_plan(graph, problem.scene, gap=-1.0)
+    with pytest.raises(rp.UnknownNameError, match="arm03"):
+        rp.execute_plan(graph, rp.place_grid(rr1, 1, 2))
+
+
+def test_a_profile_that_goes_on_from_a_gridpoint_is_the_rest_of_the_whole(ring: Plan) -> None:
+    problem, _, graph = ring
+    for route in graph.routes:
+        limits, count = problem.scene.limits(route.arms), route.stops[0]
+        grid = Grid(route.pieces[:count], route.offsets[:count], route.spans[:count])
+        whole = fastest_speeds(route.curve, grid, limits)
+        for k in range(1, count - 1, 5):
+            later = Grid(*(part[k:] for part in grid))
+            np.testing.assert_allclose(fastest_speeds(route.curve, later, limits, whole[k]), whole[k:], rtol=1e-9)
+            assert fastest_speeds(route.curve, later, limits, 1e6)[0] < 1e6
+
+
+# ---- skew tolerance --------------------------------------------------------------------------
+
+
+def _skewed(trajectory: rp.Trajectory, late: dict[str, float]) -> rp.Trajectory:
+    return rp.Trajectory.merge(*(trajectory.select(arm).shifted(late[arm]) for arm in trajectory.arms))
+
+
+def test_arms_may_start_late_by_the_skew_tolerance_one_by_one(plan: Plan) -> None:
+    problem, _, graph = plan
+    done = rp.execute_plan(graph, problem.scene, gap=0.2)
+    tolerance = done.graph.skew_tolerance
+    assert rp.validate(done.trajectory, problem.scene, problem).certified
+    if not graph.together:
+        assert tolerance >= 0.2 - 1e-6
+    limit = min(tolerance, 1.0)
+    rng = np.random.default_rng(4)
+    for k in range(12):
+        shifts = rng.uniform(0.0, limit, len(graph.arms)) if k % 2 else rng.choice([0.0, limit], len(graph.arms))
+        late = dict(zip(done.trajectory.arms, shifts.tolist(), strict=True))
+        assert rp.validate(_skewed(done.trajectory, late), problem.scene).certified
+
+
+def test_more_than_the_skew_tolerance_may_collide(ring: Plan) -> None:
+    problem, _, graph = ring
+    done = rp.execute_plan(graph, problem.scene, gap=0.02)
+    tolerance = done.graph.skew_tolerance
+    assert 0.02 - 1e-6 <= tolerance < 0.3
+    blamed = False
+    for arm in done.trajectory.arms:
+        late = {name: 1.0 if name == arm else 0.0 for name in done.trajectory.arms}
+        blamed = blamed or not rp.validate(_skewed(done.trajectory, late), problem.scene).valid
+    assert blamed
+
+
+# ---- files -----------------------------------------------------------------------------------
+
+
+def _saved(plan: Plan, file: Path) -> Path:
+    problem, result, graph = plan
+    assert result.trajectory is not None
+    return rp.save_plan_graph(file, graph, result.trajectory, problem.scene, problem)
+
+
+def test_a_graph_comes_back_from_its_file(plan: Plan, tmp_path: Path) -> None:
+    problem, _, graph = plan
+    file = _saved(plan, tmp_path / "plan.json")
+    again = rp.load_plan_graph(file)
+    assert again.dependencies == graph.dependencies
+    assert again.together == graph.together
+    assert again.skew_tolerance == graph.skew_tolerance
+    delays = _random_delays(graph, np.random.default_rng(0))
+    one, two = (rp.execute_plan(g, problem.scene, delays).trajectory for g in (graph, again))
+    assert one.coefficients.tobytes() == two.coefficients.tobytes()
+    assert rp.load_motion(file).valid
+
+
+def test_a_graph_is_saved_with_its_own_trajectory_only(ring: Plan, tmp_path: Path) -> None:
+    problem, result, graph = ring
+    assert result.trajectory is not None
+    with pytest.raises(rp.InputError, match="with the trajectory"):
+        rp.save_motion(tmp_path / "a.json", problem.scene, plan_graph=graph.to_dict())
+    other = result.trajectory.stretched(2.0)
+    with pytest.raises(rp.InputError, match="another trajectory"):
+        rp.save_plan_graph(tmp_path / "b.json", graph, other, problem.scene)
+    file = rp.save_motion(tmp_path / "b.json", problem.scene, trajectory=other, plan_graph=graph.to_dict())
+    with pytest.raises(rp.FormatError, match="another trajectory"):
+        rp.load_plan_graph(file)
+    plain = rp.save_motion(tmp_path / "c.json", problem.scene, trajectory=other)
+    with pytest.raises(rp.FormatError, match="no plan graph"):
+        rp.load_plan_graph(plain)
+
+
+_DAMAGE = {
+    "a step that is not there": lambda graph: graph["dependencies"][0].update(step=9999),
+    "an agent that is not there": lambda graph: graph["dependencies"][0].update(after_agent=7),
+    "a circle": lambda graph: graph["dependencies"].append(
+        {
+            "agent": graph["dependencies"][0]["after_agent"],
+            "step": 1,
+            "after_agent": graph["dependencies"][0]["agent"],
+            "after_step": graph["dependencies"][0]["step"],
+        }
+    ),
+    "a missing segment": lambda graph: [graph["routes"][0][k].pop(3) for k in ("pieces", "offsets", "spans")],
+    "a jump": lambda graph: graph["routes"][0]["start"].__setitem__(0, 0.1),
+    "a piece that is not there": lambda graph: graph["routes"][0]["pieces"].__setitem__(0, 99),
+    "no last stop": lambda graph: graph["routes"][0]["stops"].clear(),
+    "another arm": lambda graph: graph["routes"][0].update(arms=["arm02"]),
+    "a twin": lambda graph: graph["routes"].append(graph["routes"][0]),
+    "an unknown key": lambda graph: graph["routes"][0].update(speed=1.0),
+    "a text": lambda graph: graph["routes"][0].update(times=["soon"]),
+    "times that decrease": lambda graph: graph["routes"][0]["times"].__setitem__(-1, 0.0),
+}
+
+
+@pytest.mark.parametrize("damage", list(_DAMAGE))
+def test_damaged_graphs_are_refused_by_name(damage: str, ring: Plan, tmp_path: Path) -> None:
+    from rr1plan.export import plan_files
+
+    file = _saved(ring, tmp_path / "plan.json")
+    document = json.loads(file.read_text())
+    _DAMAGE[damage](document["content"]["plan_graph"])
+    file.write_text(json.dumps(document))
+    with pytest.raises(rp.FormatError, match="altered"):
+        rp.load_plan_graph(file)
+    document["sha256"] = plan_files._digest(document["content"])
+    file.write_text(json.dumps(document))
+    with pytest.raises(rp.FormatError):
+        rp.load_plan_graph(file)
+
+
+def test_routes_refuse_arrays_that_do_not_fit(ring: Plan) -> None:
+    _, _, graph = ring
+    route = graph.routes[0]
+    for wrong in ({"lengths": route.lengths[:-1]}, {"start": route.start[:-1]}, {"ends": route.ends - 1}):
+        with pytest.raises(rp.InputError):
+            replace(route, **wrong)

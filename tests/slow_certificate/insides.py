@@ -1,0 +1,99 @@
+"""What meshes that are not convex enclose.
+
+A part of a mesh, triangles that hang together by edges which no third one shares, is closed when each of its edges
+belongs to an even number of its triangles. Only closed parts have an inside.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.shapes import Mesh
+from slow_certificate.polynomial_bounds import Mask
+
+# Rays that decide where faces disagree about the outside.
+_RAYS = ((0.5257, 0.3141, 0.7905), (-0.7071, 0.6612, 0.2503), (0.1732, -0.8660, -0.4691))
+
+
+class Inside:
+    """The inside of a mesh.
+
+    Args:
+        mesh: The mesh.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._corners = mesh.vertices[mesh.faces]
+        _, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
+        self._faces = welded.ravel()[mesh.faces].astype(np.int64)
+
+    @cached_property
+    def _closed(self) -> Mask:
+        """The triangles of closed parts, shape (n,)."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        count = len(self._faces)
+        ends = np.sort(np.stack([self._faces, np.roll(self._faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        triangle = np.repeat(np.arange(count), 3)
+        _, edge, sharing = np.unique(
+            ends[:, 0] * (1 + self._faces.max()) + ends[:, 1], return_inverse=True, return_counts=True
+        )
+        pairs = triangle[np.argsort(edge, kind="stable")][np.repeat(sharing == 2, sharing)].reshape(-1, 2)
+        graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+        number, part = connected_components(graph, directed=False)
+        # How often each edge occurs in each part, but for edges without a length.
+        long = ends[:, 0] != ends[:, 1]
+        own, times = np.unique((part[triangle] * len(sharing) + edge)[long], return_counts=True)
+        is_open = np.bincount(own[times % 2 == 1] // len(sharing), minlength=number) > 0
+        return np.asarray(~is_open[part])
+
+    @cached_property
+    def _winds(self) -> bool:
+        """Faces of closed parts agree about the outside: each edge is run along as often to and fro."""
+        faces = self._faces[self._closed]
+        begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+        _, edge = np.unique(
+            np.minimum(begin, end) * (1 + self._faces.max()) + np.maximum(begin, end), return_inverse=True
+        )
+        return bool((np.bincount(edge, weights=np.sign(end - begin)) == 0).all())
+
+    def holds(self, point: Array) -> bool:
+        """Whether a point (3,) that is not on the surface is inside."""
+        corners, low, high = self._closed_corners
+        if (point < low).any() or (point > high).any():
+            return False
+        a, b, c = corners - point
+        return _winds_around(a, b, c) if self._winds else _crosses_oddly(a, b, c)
+
+    @cached_property
+    def _closed_corners(self) -> tuple[Array, Array, Array]:
+        """First, second and third corners of closed parts, shape (3, m, 3), and the ends of the box around them [m]."""
+        corners = np.ascontiguousarray(self._corners[self._closed].swapaxes(0, 1))
+        return corners, corners.min(axis=(0, 1), initial=np.inf), corners.max(axis=(0, 1), initial=-np.inf)
+
+
+def _winds_around(a: Array, b: Array, c: Array) -> bool:
+    """Whether oriented triangles (m, 3) each wind around the origin.
+
+    Van Oosterom, Strackee (1983), The solid angle of a plane triangle.
+    """
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    base = la * lb * lc + np.einsum("ij,ij->i", a, b) * lc
+    base += np.einsum("ij,ij->i", b, c) * la + np.einsum("ij,ij->i", c, a) * lb
+    return bool(abs(np.arctan2(volume, base).sum()) > np.pi)
+
+
+def _crosses_oddly(a: Array, b: Array, c: Array) -> bool:
+    """Whether any of three rays from the origin crosses triangles (m, 3) each an odd number of times."""
+    for ray in _RAYS:
+        sides = np.stack([np.cross(u, v) @ np.array(ray) for u, v in ((a, b), (b, c), (c, a))])
+        pierced = (sides > 0.0).all(axis=0) | (sides < 0.0).all(axis=0)
+        ahead = np.einsum("ij,ij->i", a, np.cross(b, c)) * sides.sum(axis=0) > 0.0
+        if np.count_nonzero(pierced & ahead) % 2:
+            return True
+    return False
